@@ -1,0 +1,142 @@
+"""The total potential as a function of the unknowns: the list of terms, and nothing else.
+
+Unknowns q (m, 3): per component of strain the coefficients of an orthonormal basis (Ritz), or one
+value per element (local), scaled so that the elastic energy is |q|^2 / 2 (in J).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from dlo_planner.energy.elastic import add_elastic
+from dlo_planner.energy.loads import dead_load
+from dlo_planner.ritz.kinematics import add_gradient, march, second_order
+
+
+class System(NamedTuple):
+    """A discretised DLO in a gripper: plain arrays, as the kernels want them.
+
+    Attributes:
+        lengths: (N,) of the elements, m
+        natural: (N, 3) stress-free strains, 1/m
+        stiffness: (3,) GJ, EI_n, EI_b, N m^2
+        scale: (N, 3) strain = natural + scale * (basis @ q, or q itself)
+        basis: (N, N_c) orthonormal basis at the elements; (N, 0) = local
+        pull: (N + 1, 3) derivative of the dead loads' potential by the node positions, N
+        base: (3, 3) the gripper's rotation
+    """
+
+    lengths: np.ndarray
+    natural: np.ndarray
+    stiffness: np.ndarray
+    scale: np.ndarray
+    basis: np.ndarray
+    pull: np.ndarray
+    base: np.ndarray
+
+
+class State(NamedTuple):
+    """Everything known at one value of the unknowns (arrays, refilled in place).
+
+    Attributes:
+        q, gradient: (m, 3) unknowns and derivative of the potential by them
+        strains: (N, 3); rotations: (N + 1, 3, 3); positions: (N + 1, 3), relative to the gripper
+        slope: (N, 3) derivative of the potential by the strains
+        base_moment: (3,) derivative of the potential by a rotation of the gripper
+    """
+
+    q: np.ndarray
+    gradient: np.ndarray
+    strains: np.ndarray
+    rotations: np.ndarray
+    positions: np.ndarray
+    slope: np.ndarray
+    base_moment: np.ndarray
+
+
+@njit(cache=True)
+def unknown_count(system):
+    """Return m, the number of unknowns per strain component."""
+    if system.basis.shape[1] == 0:
+        return system.lengths.size
+    return system.basis.shape[1]
+
+
+@njit(cache=True)
+def new_state(system):
+    """Return an empty State of the right sizes."""
+    n = system.lengths.size
+    m = unknown_count(system)
+    return State(np.zeros((m, 3)), np.zeros((m, 3)), np.empty((n, 3)), np.empty((n + 1, 3, 3)),
+                 np.empty((n + 1, 3)), np.empty((n, 3)), np.empty(3))
+
+
+@njit(cache=True)
+def unknowns_of(system, strains, q):
+    """Fill q (m, 3) with the unknowns whose strains are nearest to `strains` (N, 3)."""
+    n, terms = system.basis.shape
+    q[:] = 0.0
+    for e in range(n):
+        for i in range(3):
+            value = (strains[e, i] - system.natural[e, i]) / system.scale[e, i]
+            if terms == 0:
+                q[e, i] = value
+            else:
+                for j in range(terms):
+                    q[j, i] += system.lengths[e] * system.basis[e, j] * value
+
+
+@njit(cache=True)
+def _strains_of(system, q, strains):
+    n, terms = system.basis.shape
+    for e in range(n):
+        for i in range(3):
+            if terms == 0:
+                value = q[e, i]
+            else:
+                value = 0.0
+                for j in range(terms):
+                    value += system.basis[e, j] * q[j, i]
+            strains[e, i] = system.natural[e, i] + system.scale[e, i] * value
+
+
+@njit(cache=True)
+def evaluate(system, state):
+    """Refill `state` for its q; return the potential and the size of its rounding errors, in J.
+
+    A new effect (a file of this folder) adds its energy and its derivatives here.
+    """
+    n, terms = system.basis.shape
+    _strains_of(system, state.q, state.strains)
+    march(system.lengths, state.strains, system.base, state.rotations, state.positions)
+    state.slope[:] = 0.0
+    elastic = add_elastic(system.lengths, state.strains, system.natural, system.stiffness,
+                          state.slope)
+    load, size = dead_load(system.pull, state.positions)
+    _, state.base_moment[:] = add_gradient(system.lengths, state.strains, state.rotations,
+                                           state.positions, system.pull, state.slope)
+    state.gradient[:] = 0.0
+    for e in range(n):
+        for i in range(3):
+            value = system.scale[e, i] * state.slope[e, i]
+            if terms == 0:
+                state.gradient[e, i] = value
+            else:
+                for j in range(terms):
+                    state.gradient[j, i] += system.basis[e, j] * value
+    return elastic + load, 2e-16 * (elastic + size)
+
+
+@njit(cache=True)
+def element_hessian(system, state, turning, cross, diagonal):
+    """Fill the semi-separable Hessian by the scaled strains (see `ritz.kinematics`).
+
+    Returns the (3, 3) change of the moment on the gripper per rotation of it.
+    """
+    base = second_order(system.lengths, state.strains, system.scale, state.rotations,
+                        state.positions, system.pull, turning, cross, diagonal)
+    for e in range(system.lengths.size):
+        for i in range(3):
+            diagonal[e, i, i] += system.lengths[e] * system.stiffness[i] * system.scale[e, i] ** 2
+    return base

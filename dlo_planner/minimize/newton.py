@@ -1,0 +1,160 @@
+"""Newton's method that can only end in a minimum, or say that it did not.
+
+Three guards around the plain method (Nocedal and Wright, Numerical Optimization, ch. 3):
+a shift of the Hessian until all its pivots are positive, a cap on how far any node may turn in
+one step (without it a heavily loaded wire winds extra turns into itself), and a decrease of the
+potential in every step. Where the gradient vanishes but a pivot is negative, the shape is a
+saddle: it is kicked along its lowest mode and goes on falling.
+"""
+
+import numpy as np
+from numba import njit
+
+from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.minimize.linear import (
+    assemble,
+    factorise,
+    largest_turn,
+    new_hessian,
+    solve,
+)
+from dlo_planner.minimize.spectrum import lowest_mode
+
+LARGEST_TURN = 0.8  # rad per step, of any node
+KICK_TURN = 0.3     # rad, of a saddle along its lowest mode
+NEUTRAL = 1e-7      # eigenvalues nearer to zero than this count as zero
+
+
+@njit(cache=True)
+def residual_of(system, state):
+    """Return the gradient's size, relative to the elastic energy and that of a 1 rad bend."""
+    stiffness = min(system.stiffness[1], system.stiffness[2])
+    bend = stiffness / np.sum(system.lengths)
+    return np.sqrt(np.sum(state.gradient**2) / (np.sum(state.q**2) + bend))
+
+
+@njit(cache=True)
+def newton(system, q, tolerance, max_iterations, check):
+    """Descend from q (m, 3) to a minimum of the potential.
+
+    Args:
+        q: start, scaled unknowns; not changed
+        tolerance: of the residual
+        max_iterations: Newton steps at most
+        check: whether to find the smallest eigenvalue at the end (and leave a saddle)
+
+    Returns:
+        state: at the end; hessian: there, factorised with `shift`
+        shift: 0 at a strict minimum
+        residual: scaled gradient; stability: smallest eigenvalue (nan if not `check`)
+        iterations: Newton steps made; kicks: how often a saddle was left
+    """
+    state = new_state(system)
+    trial = new_state(system)
+    hessian = new_hessian(system)
+    step = np.empty_like(state.q)
+    state.q[:] = q
+    energy, noise = evaluate(system, state)
+    shift = 0.0
+    kicks = 0
+    iterations = 0
+    stability = np.nan
+    stalled = False
+    while True:
+        residual = residual_of(system, state)
+        assemble(system, state, hessian)
+        arrived = residual < tolerance or stalled or iterations >= max_iterations
+        if arrived and not check:
+            break
+        if arrived or factorise(system, hessian, shift) > 0:
+            shift = _safe_shift(system, hessian, 0.0 if arrived else shift)
+        if arrived:
+            stability, mode = lowest_mode(system, hessian, shift, 1e-4)
+            if stability > -NEUTRAL or iterations >= max_iterations or kicks >= 10:
+                break
+            energy, noise, fell = _kick(system, hessian, state, trial, mode, energy, noise)
+            if not fell:
+                break
+            kicks += 1
+            stalled = False
+            continue
+        solve(system, hessian, -state.gradient, step)
+        turn = largest_turn(system, hessian, step)
+        if turn > LARGEST_TURN:
+            step *= LARGEST_TURN / turn
+        energy, noise, moved = _descend(system, state, trial, step, energy, noise)
+        iterations += 1
+        if moved:
+            shift = 0.0 if shift < 1e-3 else 0.1 * shift
+        else:
+            stalled = shift == 0.0 or shift > 1e6
+            shift = max(1e-2, 10.0 * shift)
+    return state, hessian, shift, residual, stability, iterations, kicks
+
+
+@njit(cache=True)
+def _safe_shift(system, hessian, shift):
+    """Factorise with the first shift in a growing row that leaves no negative pivot."""
+    while factorise(system, hessian, shift) > 0:
+        shift = max(1e-3, 4.0 * shift)
+        if shift > 1e12:
+            break
+    return shift
+
+
+@njit(cache=True)
+def _descend(system, state, trial, step, energy, noise):
+    """Go along `step` until the potential falls; return energy, noise and whether it moved."""
+    slope = np.sum(state.gradient * step)
+    size = np.sum(state.gradient**2)
+    fraction = 1.0
+    for _ in range(30):
+        trial.q[:] = state.q + fraction * step
+        new, new_noise = evaluate(system, trial)
+        # Where the gain drowns in rounding errors the gradient has to tell.
+        within_noise = abs(fraction * slope) < 100 * noise
+        if (new <= energy + 1e-4 * fraction * slope
+                or (within_noise and np.sum(trial.gradient**2) < 0.9 * size)):
+            _copy(trial, state)
+            return new, new_noise, True
+        if within_noise:
+            break
+        fraction *= 0.5
+    return energy, noise, False
+
+
+@njit(cache=True)
+def _kick(system, hessian, state, trial, mode, energy, noise):
+    """Leave a saddle along its lowest mode to the lower side (the positive one if both are)."""
+    first = 0
+    while first < mode.size - 1 and abs(mode.flat[first]) < 1e-3 * np.max(np.abs(mode)):
+        first += 1
+    if mode.flat[first] < 0:
+        mode = -mode
+    mode = mode * (KICK_TURN / max(largest_turn(system, hessian, mode), 1e-12))
+    for _ in range(20):
+        trial.q[:] = state.q + mode
+        plus, plus_noise = evaluate(system, trial)
+        trial.q[:] = state.q - mode
+        minus, minus_noise = evaluate(system, trial)
+        if min(plus, minus) < energy - 10 * noise:
+            if plus <= minus + 10 * noise:
+                trial.q[:] = state.q + mode
+                plus, plus_noise = evaluate(system, trial)
+                _copy(trial, state)
+                return plus, plus_noise, True
+            _copy(trial, state)
+            return minus, minus_noise, True
+        mode = 0.5 * mode
+    return energy, noise, False
+
+
+@njit(cache=True)
+def _copy(source, target):
+    target.q[:] = source.q
+    target.gradient[:] = source.gradient
+    target.strains[:] = source.strains
+    target.rotations[:] = source.rotations
+    target.positions[:] = source.positions
+    target.slope[:] = source.slope
+    target.base_moment[:] = source.base_moment

@@ -1,0 +1,48 @@
+"""The hole a DLO is threaded through."""
+
+from dataclasses import dataclass
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import number
+from dlo_planner.model.pose import Pose
+
+
+@dataclass(frozen=True)
+class CutOut:
+    """A round or rectangular hole in a thin sheet; without a size, just its centre and normal.
+
+    Attributes:
+        pose: origin = centre P_goal (m), x axis = normal n_goal, the way the free end travels
+        radius: of a round hole, metres; None if rectangular or unspecified
+        width: along the pose's y axis, metres; None if round or unspecified
+        height: along the pose's z axis, metres; None if round or unspecified
+
+    Raises:
+        InvalidTask: sizes contradict each other or are not positive
+    """
+
+    pose: Pose
+    radius: float | None = None
+    width: float | None = None
+    height: float | None = None
+
+    def __post_init__(self):
+        if not isinstance(self.pose, Pose):
+            raise InvalidTask(f'CutOut.pose = {self.pose!r}: expected a Pose')
+        if self.radius is not None and (self.width is not None or self.height is not None):
+            raise InvalidTask('CutOut: give radius (round) or width and height (rectangular), not both')
+        if (self.width is None) != (self.height is None):
+            raise InvalidTask('CutOut: a rectangular cut-out needs both width and height')
+        for name in ('radius', 'width', 'height'):
+            if getattr(self, name) is not None:
+                number(f'CutOut.{name}', getattr(self, name), above=0)
+
+    @property
+    def centre(self):
+        """(3,) P_goal, metres, world frame."""
+        return self.pose.position
+
+    @property
+    def normal(self):
+        """(3,) n_goal, unit vector, world frame."""
+        return self.pose.direction
