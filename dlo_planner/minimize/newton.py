@@ -75,6 +75,7 @@ def newton(system, q, tolerance, max_iterations, check):
             energy, noise, fell = _kick(system, hessian, state, trial, mode, energy, noise)
             if not fell:
                 break
+            state, trial = trial, state
             kicks += 1
             stalled = False
             continue
@@ -85,6 +86,7 @@ def newton(system, q, tolerance, max_iterations, check):
         energy, noise, moved = _descend(system, state, trial, step, energy, noise)
         iterations += 1
         if moved:
+            state, trial = trial, state
             shift = 0.0 if shift < 1e-3 else 0.1 * shift
         else:
             stalled = shift == 0.0 or shift > 1e6
@@ -104,7 +106,10 @@ def _safe_shift(system, hessian, shift):
 
 @njit(cache=True)
 def _descend(system, state, trial, step, energy, noise):
-    """Go along `step` until the potential falls; return energy, noise and whether it moved."""
+    """Fill `trial` on the way along `step` where the potential has fallen enough.
+
+    Returns its energy, noise, and whether there is such a point.
+    """
     slope = np.sum(state.gradient * step)
     size = np.sum(state.gradient**2)
     fraction = 1.0
@@ -115,7 +120,6 @@ def _descend(system, state, trial, step, energy, noise):
         within_noise = abs(fraction * slope) < 100 * noise
         if (new <= energy + 1e-4 * fraction * slope
                 or (within_noise and np.sum(trial.gradient**2) < 0.9 * size)):
-            _copy(trial, state)
             return new, new_noise, True
         if within_noise:
             break
@@ -125,7 +129,10 @@ def _descend(system, state, trial, step, energy, noise):
 
 @njit(cache=True)
 def _kick(system, hessian, state, trial, mode, energy, noise):
-    """Leave a saddle along its lowest mode to the lower side (the positive one if both are)."""
+    """Fill `trial` beside a saddle, along its lowest mode, on the lower side (both low: plus).
+
+    Returns its energy, noise, and whether it is lower.
+    """
     first = 0
     while first < mode.size - 1 and abs(mode.flat[first]) < 1e-3 * np.max(np.abs(mode)):
         first += 1
@@ -141,20 +148,7 @@ def _kick(system, hessian, state, trial, mode, energy, noise):
             if plus <= minus + 10 * noise:
                 trial.q[:] = state.q + mode
                 plus, plus_noise = evaluate(system, trial)
-                _copy(trial, state)
                 return plus, plus_noise, True
-            _copy(trial, state)
             return minus, minus_noise, True
         mode = 0.5 * mode
     return energy, noise, False
-
-
-@njit(cache=True)
-def _copy(source, target):
-    target.q[:] = source.q
-    target.gradient[:] = source.gradient
-    target.strains[:] = source.strains
-    target.rotations[:] = source.rotations
-    target.positions[:] = source.positions
-    target.slope[:] = source.slope
-    target.base_moment[:] = source.base_moment

@@ -8,6 +8,7 @@ shape that is neutral, a negative value one that falls over.
 import numpy as np
 from numba import njit
 
+from dlo_planner.energy.potential import unknown_count
 from dlo_planner.minimize.linear import solve
 
 _STEPS = 40
@@ -22,32 +23,28 @@ def lowest_mode(system, hessian, shift, tolerance):
         shift: of that factorisation
         tolerance: relative accuracy of the eigenvalue of the inverse
     """
-    m = system.lengths.size if system.basis.shape[1] == 0 else system.basis.shape[1]
+    m = unknown_count(system)
     steps = min(_STEPS, 3 * m)
     vectors = np.empty((steps + 1, m, 3))
     diagonal = np.empty(steps)
     side = np.empty(steps)
-    # A fixed start without symmetry: it must have a part along every mode.
-    seed = 12345
-    for e in range(m):
-        for i in range(3):
-            seed = (1103515245 * seed + 12345) % 2147483648
-            vectors[0, e, i] = (0.5 + seed / 2147483648.0) / (1.0 + 0.1 * e)
-    vectors[0] /= np.sqrt(np.sum(vectors[0] ** 2))
-    image = np.empty((m, 3))
+    _smooth_start(system, vectors[0])
     previous = 0.0
     used = steps
     for k in range(steps):
+        image = vectors[k + 1]
         solve(system, hessian, vectors[k], image)
-        diagonal[k] = np.sum(image * vectors[k])
-        for j in range(k + 1):
-            image -= np.sum(image * vectors[j]) * vectors[j]
-        side[k] = np.sqrt(np.sum(image * image))
+        diagonal[k] = _dot(image, vectors[k])
+        for j in range(k, -1, -1):
+            _subtract(image, _dot(image, vectors[j]), vectors[j])
+        side[k] = np.sqrt(_dot(image, image))
         if side[k] < 1e-13 * abs(diagonal[k]):
             used = k + 1
             break
-        vectors[k + 1] = image / side[k]
-        if k % 4 == 3:
+        for e in range(m):
+            for i in range(3):
+                image[e, i] /= side[k]
+        if k % 3 == 2:
             top = np.linalg.eigvalsh(_tridiagonal(diagonal, side, k + 1))[-1]
             if abs(top - previous) < tolerance * top:
                 used = k + 1
@@ -56,9 +53,44 @@ def lowest_mode(system, hessian, shift, tolerance):
     values, modes = np.linalg.eigh(_tridiagonal(diagonal, side, used))
     mode = np.zeros((m, 3))
     for k in range(used):
-        mode += modes[k, used - 1] * vectors[k]
-    mode /= np.sqrt(np.sum(mode * mode))
+        _subtract(mode, -modes[k, used - 1], vectors[k])
+    mode /= np.sqrt(_dot(mode, mode))
     return 1.0 / values[used - 1] - shift, mode
+
+
+@njit(cache=True)
+def _smooth_start(system, vector):
+    """Fill a unit vector near the smooth low modes, with a part along every mode."""
+    m = vector.shape[0]
+    local = system.basis.shape[1] == 0
+    seed = 12345
+    where = 0.0
+    total = np.sum(system.lengths)
+    for e in range(m):
+        if local:
+            smooth = np.sqrt(system.lengths[e] / total) * (1.2 - where / total)
+            where += system.lengths[e]
+        else:
+            smooth = 1.0 / (1.0 + e * e)
+        for i in range(3):
+            seed = (1103515245 * seed + 12345) % 2147483648
+            vector[e, i] = smooth * (0.9 + 0.2 * seed / 2147483648.0)
+    vector /= np.sqrt(_dot(vector, vector))
+
+
+@njit(cache=True)
+def _dot(a, b):
+    total = 0.0
+    for e in range(a.shape[0]):
+        total += a[e, 0] * b[e, 0] + a[e, 1] * b[e, 1] + a[e, 2] * b[e, 2]
+    return total
+
+
+@njit(cache=True)
+def _subtract(a, factor, b):
+    for e in range(a.shape[0]):
+        for i in range(3):
+            a[e, i] -= factor * b[e, i]
 
 
 @njit(cache=True)

@@ -1,0 +1,83 @@
+"""Choosing the discretisation that meets an accuracy: mesh graded to the bend, terms as needed."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.statics import equilibrium
+
+_FIRST_ELEMENTS, _MOST_ELEMENTS = 48, 8192
+_FIRST_TERMS, _MOST_TERMS = 12, 48
+_MARGIN = 0.5  # the estimate has to stay below this part of the accuracy
+
+
+def accurate_equilibrium(rod, basis, gravity, accuracy, gripper, initial):
+    """Return the Shape whose error estimate is within `accuracy` (m), and the number of kicks.
+
+    Starts on the mesh of `initial` (a Shape or None), so that a motion pays for grading once.
+    A shape that misses the accuracy on the largest mesh says so: `converged` is False.
+    """
+    if initial is not None and initial._discretisation.basis == basis:
+        discretisation = initial._discretisation
+    else:
+        s = np.linspace(0, rod.length, _FIRST_ELEMENTS + 1)
+        discretisation = Discretisation(rod, s, basis, _FIRST_TERMS, gravity)
+    s, strains = ((initial.s, initial.element_strains) if initial is not None
+                  else (discretisation.s, discretisation.natural))
+    kicks = 0
+    while True:
+        shape, kicked = equilibrium(discretisation, gripper,
+                                    discretisation.strains_from(s, strains))
+        kicks += kicked
+        if not shape.converged or shape.error_estimate <= _MARGIN * accuracy:
+            return shape, kicks
+        better = _refined(discretisation, shape, accuracy)
+        if better is None:
+            return replace(shape, converged=shape.error_estimate <= accuracy), kicks
+        discretisation, s, strains = better, shape.s, shape.element_strains
+
+
+def _refined(discretisation, shape, accuracy):
+    """Return a finer Discretisation, or None at the limits."""
+    elements, terms = len(shape.element_strains), discretisation.n_terms
+    from_mesh = shape.error_estimate
+    if discretisation.basis != 'local':
+        free = Discretisation(discretisation.rod, discretisation.s, 'local', 0,
+                              discretisation.gravity)
+        from_mesh = equilibrium(free, shape.gripper, shape.element_strains)[0].error_estimate
+        if shape.error_estimate > 1.5 * from_mesh or from_mesh < 0.3 * _MARGIN * accuracy:
+            terms = min(terms + max(2, terms // 4), _MOST_TERMS)
+    s = discretisation.s
+    if from_mesh > 0.8 * _MARGIN * accuracy:
+        growth = np.clip(np.sqrt(from_mesh / (0.5 * _MARGIN * accuracy)), 1.2, 6.0)
+        wanted = min(int(np.ceil(growth * elements)), _MOST_ELEMENTS)
+        s = graded_mesh(shape.s, shape.element_strains, wanted)
+    if terms == discretisation.n_terms and s.size == discretisation.s.size:
+        return None
+    return Discretisation(discretisation.rod, s, discretisation.basis, terms,
+                          discretisation.gravity)
+
+
+def graded_mesh(s, strains, elements):
+    """Return nodes (elements + 1,) that share out evenly the error of arcs of constant strain.
+
+    An arc whose strain should change at the rate u' misplaces its far end by about h^3 |u'|, so
+    the best density of elements goes with the cube root of |u'|; a floor keeps a third of the
+    elements for where nothing seems to happen.
+
+    Args:
+        s: (N + 1,) nodes of a known shape
+        strains: (N, 3) its strains
+        elements: how many are wanted
+    """
+    middle = 0.5 * (s[1:] + s[:-1])
+    rate = np.linalg.norm(np.diff(strains, axis=0), axis=1) / np.diff(middle)
+    density = np.cbrt(np.interp(middle, s[1:-1], rate))
+    h = np.diff(s)
+    mean = np.sum(density * h) / s[-1]
+    share = np.cumsum((density / mean if mean > 0 else 0.0) * h + 0.5 * h)
+    share = np.concatenate([[0.0], share]) / share[-1]
+    nodes = np.interp(np.linspace(0, 1, elements + 1), share, s)
+    nodes[0], nodes[-1] = 0.0, s[-1]
+    return nodes

@@ -1,0 +1,50 @@
+"""Following one shape through a motion of the gripper, and noticing where it lets go."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.model.pose import Pose
+
+_HALVINGS = 7    # a step is cut into 2^7 parts at most before a leap counts as a jump
+_LEAP = 0.1      # rad: change of shape that a vanishing step of the gripper cannot cause
+_FOLLOWING = 3.0  # rad of shape per rad of the gripper: more is looked at in smaller steps
+
+
+def follow(equilibrium, previous, gripper, halvings=_HALVINGS):
+    """Return the Shape at `gripper` that continues `previous`; its `jumped` says if none does.
+
+    Args:
+        equilibrium: function (gripper, initial) -> (Shape, kicks)
+        previous: Shape at the pose where the step starts
+        gripper: Pose where it ends
+        halvings: how often the step may still be cut in two
+    """
+    shape, _ = equilibrium(gripper, previous)
+    turn = Rotation.from_matrix(gripper.rotation @ previous.gripper.rotation.T).magnitude()
+    if shape.converged and shape_change(previous, shape) <= _LEAP + _FOLLOWING * turn:
+        return shape
+    if halvings == 0:
+        return replace(shape, jumped=True)
+    middle = follow(equilibrium, previous, halfway(previous.gripper, gripper), halvings - 1)
+    if not middle.converged:
+        return replace(shape, jumped=True)
+    shape = follow(equilibrium, middle, gripper, halvings - 1)
+    return replace(shape, jumped=shape.jumped or middle.jumped)
+
+
+def shape_change(one, other):
+    """Return the largest change of a node's rotation relative to the gripper, in rad."""
+    s = np.linspace(0, one.s[-1], 33)
+    frames = [shape.gripper.rotation.T @ shape.frames[np.searchsorted(shape.s, s[1:-1])]
+              for shape in (one, other)]
+    cosine = (np.einsum('kij,kij->k', *frames) - 1) / 2
+    return float(np.arccos(np.clip(cosine.min(), -1, 1)))
+
+
+def halfway(one, other):
+    """Return the Pose half way: position linear, rotation about one fixed axis."""
+    turn = Rotation.from_matrix(other.rotation @ one.rotation.T).as_rotvec()
+    rotation = Rotation.from_rotvec(turn / 2).as_matrix() @ one.rotation
+    return Pose.from_rotation((one.position + other.position) / 2, rotation)

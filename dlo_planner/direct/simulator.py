@@ -1,0 +1,125 @@
+"""The direct simulator: from gripper poses to shapes."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from dlo_planner.direct.accuracy import accurate_equilibrium
+from dlo_planner.direct.continuation import follow
+from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.statics import equilibrium
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import choice, integer, number, vector
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
+from dlo_planner.ritz.series import BASES
+
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+
+
+class DirectSimulator:
+    """Predicts the static shape of a DLO for a gripper pose, by minimising its potential.
+
+    Args:
+        rod: what is held
+        n_elements: N_L, elements of equal length (default 64)
+        n_terms: N_c, terms of the Ritz series per strain component (default 10)
+        basis: 'chebyshev' (default), 'fourier', or 'local' (one unknown strain per element)
+        method: 'newton'
+        accuracy: in m; picks mesh and terms instead of n_elements and n_terms. The basis is then
+            'local' unless one is named.
+        gravity: (3,) m/s^2, any direction, may be zero
+
+    Raises:
+        InvalidTask: an argument makes no sense; the message names it
+    """
+
+    def __init__(self, rod, *, n_elements=None, n_terms=None, basis=None, method='newton',
+                 accuracy=None, gravity=STANDARD_GRAVITY):
+        if not isinstance(rod, Rod):
+            raise InvalidTask(f'rod = {rod!r}: expected a Rod')
+        self.rod = rod
+        self.gravity = vector('gravity', gravity, 3)
+        self.method = choice('method', method, ('newton',))
+        self.accuracy = accuracy
+        self.basis = choice('basis', basis or ('chebyshev' if accuracy is None else 'local'),
+                            BASES)
+        self._discretisation = None
+        if accuracy is not None:
+            if n_elements is not None or n_terms is not None:
+                raise InvalidTask('accuracy picks n_elements and n_terms: give it or them, not both')
+            self.accuracy = number('accuracy', accuracy, minimum=1e-9 * rod.length)
+            return
+        n_elements = integer('n_elements', 64 if n_elements is None else n_elements,
+                             minimum=2, maximum=100_000)
+        n_terms = integer('n_terms', min(10, n_elements) if n_terms is None else n_terms,
+                          minimum=1, maximum=200)
+        if self.basis != 'local' and n_terms > n_elements:
+            raise InvalidTask(f'n_terms = {n_terms}: expected at most n_elements = {n_elements}')
+        s = np.arange(n_elements + 1) * (rod.length / n_elements)
+        s[-1] = rod.length
+        self._discretisation = Discretisation(rod, s, self.basis, n_terms, self.gravity)
+
+    def solve(self, gripper, initial=None):
+        """Return the stable Shape that the DLO falls into.
+
+        Args:
+            gripper: Pose of the gripper; x axis = tangent of the DLO where it leaves
+            initial: a Shape to start from (its strains are kept, it is carried to the new
+                pose); None starts from the natural, stress-free shape
+
+        Returns:
+            Shape; `converged` False, never an exception, if no equilibrium was found
+        """
+        self._check(gripper, initial)
+        shape, kicks = self._equilibrium(gripper, initial)
+        if kicks and initial is not None:
+            return replace(shape, jumped=True)
+        return shape
+
+    def track(self, grippers, progress=None, initial=None):
+        """Return the shapes along a slow motion, each the continuation of the one before.
+
+        Between poses the motion is taken as straight (position linear, rotation about one axis).
+        Where the shape cannot follow continuously, it falls into the next minimum, and
+        `Shape.jumped` says so.
+
+        Args:
+            grippers: list of Pose
+            progress: called as progress(done, total) after each shape
+            initial: Shape before the first pose; None starts from the natural shape
+        """
+        grippers = list(grippers)
+        shapes = []
+        for gripper in grippers:
+            self._check(gripper, initial)
+            if initial is None:
+                shape, _ = self._equilibrium(gripper, None)
+            else:
+                shape = follow(self._equilibrium, initial, gripper)
+            shapes.append(shape)
+            if shape.converged:  # a failure is reported, not carried on
+                initial = shape
+            if progress is not None:
+                progress(len(shapes), len(grippers))
+        return shapes
+
+    def _equilibrium(self, gripper, initial):
+        """Return (Shape, kicks)."""
+        if self.accuracy is not None:
+            return accurate_equilibrium(self.rod, self.basis, self.gravity, self.accuracy,
+                                        gripper, initial)
+        here = self._discretisation
+        strains = here.natural if initial is None else here.strains_from(
+            initial.s, initial.element_strains)
+        return equilibrium(here, gripper, strains)
+
+    def _check(self, gripper, initial):
+        if not isinstance(gripper, Pose):
+            raise InvalidTask(f'gripper = {gripper!r}: expected a Pose')
+        if initial is not None and not isinstance(initial, Shape):
+            raise InvalidTask(f'initial = {initial!r}: expected a Shape or None')
+        if initial is not None and abs(initial.s[-1] - self.rod.length) > 1e-9 * self.rod.length:
+            raise InvalidTask(f'initial has length {initial.s[-1]:g} m: '
+                              f'expected the rod\'s {self.rod.length:g} m')
