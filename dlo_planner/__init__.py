@@ -9,9 +9,12 @@ from dlo_planner.errors import (
     InvalidTask,
     NotConverged,
 )
+from dlo_planner.inverse.plan import Plan, PlanStatus
+from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 
 __all__ = ['CutOut', 'DirectSimulator', 'DloPlannerError', 'Infeasible', 'InvalidRod',
-           'InvalidTask', 'NotConverged', 'Pose', 'Rod', 'Shape']
+           'InvalidTask', 'InverseSimulator', 'NotConverged', 'Plan', 'PlanStatus', 'Pose', 'Rod',
+           'Shape']

@@ -31,7 +31,7 @@ class Discretisation:
 
     def system(self, rotation):
         """Return the kernel's System for a gripper turned by `rotation` (3, 3)."""
-        return self._system._replace(base=np.ascontiguousarray(rotation))
+        return self._system._replace(base=np.array(rotation, dtype=float, order='C'))
 
     @property
     def n_unknowns(self):
@@ -52,9 +52,9 @@ class Discretisation:
         return Discretisation(self.rod, s, 'local', 0, self.gravity)
 
     def strains_from(self, s, strains):
-        """Return (N, 3): strains given on another mesh `s`, averaged over this one's elements."""
+        """Return (N, 3), new: strains given on a mesh `s`, averaged over this one's elements."""
         if s is self.s or np.array_equal(s, self.s):
-            return strains
+            return np.array(strains)
         total = np.vstack([np.zeros(3), np.cumsum(strains * np.diff(s)[:, None], axis=0)])
         at_nodes = np.column_stack([np.interp(self.s, s, column) for column in total.T])
         return np.diff(at_nodes, axis=0) / np.diff(self.s)[:, None]

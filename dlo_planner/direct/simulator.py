@@ -105,6 +105,20 @@ class DirectSimulator:
                 progress(len(shapes), len(grippers))
         return shapes
 
+    def discretisation(self, gripper, shape):
+        """Return the Discretisation that this simulator uses at a gripper's pose.
+
+        Args:
+            gripper: Pose
+            shape: Shape found there, None if there is none yet; with `accuracy`, its mesh is
+                returned if it is good enough, and else the one that is
+        """
+        if self._discretisation is not None:
+            return self._discretisation
+        if shape is not None and shape.error_estimate <= self.accuracy:
+            return shape._discretisation
+        return self._equilibrium(gripper, shape)[0]._discretisation
+
     def _equilibrium(self, gripper, initial):
         """Return (Shape, kicks)."""
         if self.accuracy is not None:

@@ -56,6 +56,13 @@ class State(NamedTuple):
 
 
 @njit(cache=True)
+def turned_system(system, base):
+    """Return the same system in a gripper with rotation `base` (3, 3)."""
+    return System(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
+                  system.pull, base)
+
+
+@njit(cache=True)
 def unknown_count(system):
     """Return m, the number of unknowns per strain component."""
     if system.basis.shape[1] == 0:

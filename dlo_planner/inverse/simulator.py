@@ -1,0 +1,80 @@
+"""The inverse simulator: from a task to gripper poses."""
+
+import numpy as np
+
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.threading import thread
+from dlo_planner.model.checks import choice, number
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose
+
+_WAYPOINTS = 40
+_DEEPEST = 0.95  # of the length, where no depths are given
+
+
+class InverseSimulator:
+    """Finds the gripper poses that make the DLO's shape do a task.
+
+    Args:
+        simulator: the DirectSimulator whose rod, gravity and discretisation are used
+    """
+
+    def __init__(self, simulator):
+        if not isinstance(simulator, DirectSimulator):
+            raise InvalidTask(f'simulator = {simulator!r}: expected a DirectSimulator')
+        self.simulator = simulator
+
+    def thread(self, cutout, *, start=None, depths=None, method='coupled', linear_speed=0.1,
+               angular_speed=0.5, progress=None):
+        """Plan the threading through one cut-out, anywhere and in any direction in 3-D.
+
+        At each depth the DLO passes the centre P_goal along the normal n_goal (paper, section
+        5.2). One rotation of the gripper is free (a round straight DLO may roll): the first
+        waypoint turns as little as it can against `start`, each other one against the one before
+        (about the mean of the gripper's axis and the normal it does not turn at all).
+
+        Args:
+            cutout: CutOut
+            start: Pose of the gripper before, for its roll; None: as upright as it can be
+            depths: (n,) arc lengths that have gone through, m, not decreasing, in [0, L]; None:
+                40 of them from 0 to 0.95 L
+            method: 'coupled' solves equilibrium and alignment as one Newton system; 'nested' is
+                the paper's minimisation of c arccos(t . n)^2 around the direct simulation
+            linear_speed: m/s, angular_speed: rad/s: limits for the plan's times
+            progress: called as progress(done, total) after each waypoint
+
+        Returns:
+            Plan
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            Infeasible: a waypoint has no stable solution; carries the plan up to it
+        """
+        if not isinstance(cutout, CutOut):
+            raise InvalidTask(f'cutout = {cutout!r}: expected a CutOut')
+        if start is not None and not isinstance(start, Pose):
+            raise InvalidTask(f'start = {start!r}: expected a Pose or None')
+        speeds = (number('linear_speed', linear_speed, above=0),
+                  number('angular_speed', angular_speed, above=0))
+        return thread(self.simulator, cutout, self._checked(depths), start,
+                      choice('method', method, ('coupled', 'nested')), speeds, progress)
+
+    def _checked(self, depths):
+        length = self.simulator.rod.length
+        if depths is None:
+            return np.linspace(0, _DEEPEST * length, _WAYPOINTS)
+        try:
+            depths = np.atleast_1d(np.asarray(depths, dtype=float))
+        except (TypeError, ValueError):
+            raise InvalidTask(f'depths = {depths!r}: expected numbers in m') from None
+        if depths.ndim != 1 or depths.size == 0:
+            raise InvalidTask(f'depths has shape {depths.shape}: expected (n,), n > 0')
+        inside = np.isfinite(depths) & (depths >= 0) & (depths <= length)
+        if not inside.all():
+            bad = int(np.argmin(inside))
+            raise InvalidTask(f'depths[{bad}] = {depths[bad]}: expected 0 to the length {length:g} m')
+        if (np.diff(depths) < 0).any():
+            bad = int(np.argmax(np.diff(depths) < 0)) + 1
+            raise InvalidTask(f'depths[{bad}] = {depths[bad]}: expected not less than the one before')
+        return depths

@@ -1,0 +1,22 @@
+"""When the gripper is where: the shortest times under a linear and an angular speed limit."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+
+def times_at_speed(grippers, linear_speed, angular_speed):
+    """Return (n,) times in s: each leg takes as long as the slower of its two motions.
+
+    Args:
+        grippers: n Pose
+        linear_speed: m/s
+        angular_speed: rad/s
+    """
+    if len(grippers) < 2:
+        return np.zeros(len(grippers))
+    positions = np.array([pose.position for pose in grippers])
+    rotations = Rotation.from_quat([pose.quaternion for pose in grippers])
+    distance = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    angle = (rotations[1:] * rotations[:-1].inv()).magnitude()
+    legs = np.maximum(distance / linear_speed, angle / angular_speed)
+    return np.concatenate([[0.0], np.cumsum(legs)])
