@@ -1,0 +1,153 @@
+"""The node seen from the other side: ask it over DDS and wait for the answers."""
+
+import queue
+import threading
+from time import monotonic
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Path
+from nav_msgs.srv import GetPlan
+from geometry_msgs.msg import PoseStamped
+from rcl_interfaces.srv import SetParameters
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_sensor_data
+from std_srvs.srv import Trigger
+
+from dlo_planner.ros.planner_node import LATCHED, REQUEST
+from msg_helpers.poses import pose_stamped_msg
+
+
+class PlannerClient:
+    """Talks to a running planner node; a thread of its own receives what comes.
+
+    Args:
+        planner: full name of the node, e.g. '/dlo_planner'
+        frame_id: of the poses that are sent
+        timeout: s to wait for any one answer
+    """
+
+    def __init__(self, planner='/dlo_planner', frame_id='world', timeout=10.0):
+        self.planner, self.frame_id, self.timeout = planner, frame_id, timeout
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.node = Node('dlo_planner_client', context=self.context)
+        self.shapes, self.trajectories = queue.Queue(), queue.Queue()
+        self.diagnostics = queue.Queue()
+        self.node.create_subscription(Path, f'{planner}/predicted_shape', self.shapes.put, LATCHED)
+        self.node.create_subscription(Path, f'{planner}/gripper_trajectory',
+                                      self.trajectories.put, LATCHED)
+        self.node.create_subscription(DiagnosticArray, '/diagnostics', self.diagnostics.put,
+                                      REQUEST)
+        self._pose_out = self.node.create_publisher(PoseStamped, f'{planner}/gripper_pose',
+                                                    qos_profile_sensor_data)
+        self._goal_out = self.node.create_publisher(PoseStamped, f'{planner}/task_goal', REQUEST)
+        self._clients = {}
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def _spin(self):
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            pass
+
+    def close(self):
+        """Stop receiving and leave the ROS graph."""
+        self._executor.shutdown()
+        self._thread.join(timeout=5.0)
+        self.node.destroy_node()
+        rclpy.try_shutdown(context=self.context)
+
+    def wait_until_ready(self, timeout, alive=lambda: True):
+        """Return whether the node answers within `timeout` s; stop early when not `alive()`."""
+        end = monotonic() + timeout
+        while monotonic() < end and alive():
+            # The publishers have to be matched too: a pose sent before that is lost.
+            if (self._client(GetPlan, 'plan_threading').wait_for_service(0.1)
+                    and self._pose_out.get_subscription_count()
+                    and self._goal_out.get_subscription_count()):
+                return True
+        return False
+
+    def send_pose(self, pose, frame_id=None):
+        """Publish a Pose as the gripper's; return its stamp."""
+        return self._send(self._pose_out, pose, frame_id)
+
+    def send_goal(self, pose, frame_id=None):
+        """Publish a Pose as the cut-out; return its stamp."""
+        return self._send(self._goal_out, pose, frame_id)
+
+    def _send(self, publisher, pose, frame_id):
+        stamp = self.node.get_clock().now().to_msg()
+        publisher.publish(pose_stamped_msg(pose, frame_id or self.frame_id, stamp))
+        return stamp
+
+    def shape_for(self, pose):
+        """Publish a gripper Pose and return the shape (Path) that answers it, and the s it took.
+
+        Raises:
+            TimeoutError: nothing came, though poses are sent again as a robot would do
+        """
+        started = monotonic()
+        stamps = []
+        while monotonic() - started < self.timeout:
+            stamps.append(self.send_pose(pose))
+            sent = monotonic()
+            while monotonic() - sent < 1.0:
+                try:
+                    path = self.shapes.get(timeout=0.05)
+                except queue.Empty:
+                    continue
+                if path.header.stamp in stamps:
+                    return path, monotonic() - sent
+        raise TimeoutError(f'no shape came within {self.timeout} s')
+
+    def predict_shape(self, pose):
+        """Return the Path that the service predict_shape answers for a gripper Pose, and the s."""
+        request = GetPlan.Request(start=pose_stamped_msg(pose, self.frame_id))
+        response, seconds = self._call(GetPlan, 'predict_shape', request)
+        return response.plan, seconds
+
+    def plan_threading(self, start, goal):
+        """Return the Path that the service plan_threading answers, and the s it took.
+
+        Args:
+            start: Pose of the gripper now; goal: Pose of the cut-out
+        """
+        request = GetPlan.Request(start=pose_stamped_msg(start, self.frame_id),
+                                  goal=pose_stamped_msg(goal, self.frame_id))
+        response, seconds = self._call(GetPlan, 'plan_threading', request)
+        return response.plan, seconds
+
+    def trigger(self, name):
+        """Return the std_srvs/Trigger response of the node's service `name`."""
+        return self._call(Trigger, name, Trigger.Request())[0]
+
+    def set_parameters(self, **values):
+        """Set parameters ('__' stands for '.'); return the list of SetParametersResult."""
+        request = SetParameters.Request(parameters=[
+            Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
+            for name, value in values.items()])
+        return self._call(SetParameters, 'set_parameters', request)[0].results
+
+    def _client(self, kind, name):
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(kind, f'{self.planner}/{name}')
+        return self._clients[name]
+
+    def _call(self, kind, name, request):
+        client = self._client(kind, name)
+        if not client.wait_for_service(self.timeout):
+            raise TimeoutError(f'service {name} did not appear within {self.timeout} s')
+        done = threading.Event()
+        started = monotonic()
+        future = client.call_async(request)
+        future.add_done_callback(lambda _: done.set())
+        if not done.wait(self.timeout):
+            raise TimeoutError(f'service {name} did not answer within {self.timeout} s')
+        return future.result(), monotonic() - started

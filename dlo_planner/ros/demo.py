@@ -1,0 +1,213 @@
+"""The demo: starts the node as a process of its own and has it do the main job over DDS."""
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
+from dlo_planner.minimize.newton import residual_of
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
+from dlo_planner.ros.client import PlannerClient
+from dlo_planner.ros.demo_figures import save_threading, save_turning
+from msg_helpers.paths import poses_from_path
+
+# Benchmark C of the paper: 180 degrees in 10-degree steps and back, 36 positions after the first.
+ANGLES = [*range(0, 181, 10), *range(170, -1, -10)]
+JUMPS = [100, 80]
+# Fig. 13: one cut-out, three bending rigidities, decreasing.
+DIAMETERS = (2.0e-3, 1.5e-3, 1.15e-3)
+TOO_SOFT = 1.0e-3  # falls sideways before its end is level
+GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+WAYPOINTS, DEEPEST = 40, 0.95
+_DOMAINS = 100
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the closing table."""
+
+    task: str
+    asked: str
+    came: str
+    latency: float
+    residual: float
+    figures: str
+    held: bool
+
+
+def wire(diameter):
+    """Return the paper's copper wire, 1 m, with another diameter in m."""
+    return Rod.circular(1.0, diameter, 8960.0, 110e9, 0.34)
+
+
+@contextmanager
+def planner_process(domain, directory):
+    """Run the planner node as a process in a ROS domain of its own; yield the Popen."""
+    environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain), 'ROS_LOG_DIR': str(directory)}
+    command = [sys.executable, '-m', 'dlo_planner.ros.planner_node', '--ros-args', '-p',
+               f'threading.waypoints:={WAYPOINTS}', '-p', f'threading.deepest:={DEEPEST}']
+    process = subprocess.Popen(command, env=environment)
+    try:
+        yield process
+    finally:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(timeout=10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+
+
+def received_residual(simulator, gripper, poses):
+    """Return the scaled gradient of the potential at a shape that came as a message.
+
+    The strains are taken from the received orientations alone, so this judges what a user gets.
+    """
+    frames = Rotation.from_quat([pose.quaternion for pose in poses])
+    discretisation = simulator.discretisation(gripper, None)
+    system = discretisation.system(gripper.rotation)
+    turns = (frames[:-1].inv() * frames[1:]).as_rotvec()
+    state = new_state(system)
+    unknowns_of(system, turns / system.lengths[:, None], state.q)
+    evaluate(system, state)
+    return float(residual_of(system, state))
+
+
+def gripper_at(degrees):
+    """Return the gripper of benchmark C, turned up from level by an angle."""
+    turn = Rotation.from_euler('y', -degrees, degrees=True)
+    return Pose((0.0, 0.0, 1.0), turn.as_quat())
+
+
+def turn_gripper(client, folder):
+    """Benchmark C: return its Row, having saved its picture."""
+    here = DirectSimulator(wire(1e-3))
+    reference = DirectSimulator(wire(1e-3), basis='local', n_elements=512)
+    grippers = [gripper_at(angle) for angle in ANGLES]
+    truth = reference.track(grippers)
+    shapes, latencies, residuals, errors, jumps = [], [], [], [], []
+    for number, (gripper, true, angle) in enumerate(zip(grippers, truth, ANGLES, strict=True)):
+        path, seconds = client.shape_for(gripper)
+        poses = poses_from_path(path)
+        points = np.array([pose.position for pose in poses])
+        if shapes and np.linalg.norm(points[-1] - shapes[-1][-1]) > 0.5:
+            jumps.append(angle)
+        shapes.append(points)
+        latencies.append(seconds)
+        residuals.append(received_residual(here, gripper, poses))
+        if true.stability > 1e-3:  # a neutral shape is one of many: there is nothing to compare
+            errors.append(np.linalg.norm(points - true.positions[::8], axis=1).max())
+        progress('gripper turned', number + 1, len(grippers))
+    save_turning(folder / 'benchmark_c.png', ANGLES, shapes)
+    held = (max(errors) < 1e-3 and max(residuals) < 1e-8 and jumps == JUMPS)
+    return Row('benchmark C', f'{len(grippers)} gripper poses', f'{len(shapes)} shapes',
+               float(np.median(latencies)), max(residuals),
+               f'off {1e3 * max(errors):.2f} mm at most, jumps at {jumps} deg', held)
+
+
+def thread_wire(client, folder, diameter):
+    """Fig. 13 for one rigidity: return its Row, having saved its picture."""
+    rod = wire(diameter)
+    results = client.set_parameters(rod__diameter=diameter)
+    if not all(result.successful for result in results):
+        raise RuntimeError(f'rod.diameter = {diameter} was refused: {results[0].reason}')
+    path, seconds = client.plan_threading(Pose.looking_along((-1.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
+                                          GOAL)
+    grippers = poses_from_path(path)
+    depths = np.linspace(0.0, DEEPEST * rod.length, WAYPOINTS)
+    simulator = DirectSimulator(rod)
+    shapes, misses, angles, residuals = [], [], [], []
+    for number, (gripper, depth) in enumerate(zip(grippers, depths, strict=True)):
+        answer, _ = client.predict_shape(gripper)
+        poses = poses_from_path(answer)
+        shapes.append(np.array([pose.position for pose in poses]))
+        residuals.append(received_residual(simulator, gripper, poses))
+        # Independent of the plan: where does the directly simulated wire pass the cut-out?
+        pierced = simulator.solve(gripper).at(rod.length - depth)
+        misses.append(np.linalg.norm(pierced.position - GOAL.position))
+        angles.append(np.linalg.norm(np.cross(pierced.direction, GOAL.direction)))
+        progress(f'd = {1e3 * diameter:.2f} mm replayed', number + 1, len(grippers))
+    stiffness = rod.bending_stiffness[0]
+    save_threading(folder / f'threading_EI_{1e3 * stiffness:.0f}_mNm2.png', stiffness, GOAL,
+                   grippers, shapes)
+    held = bool(max(misses) < 1e-6 and max(angles) < 1e-6 and max(residuals) < 1e-8)
+    return Row(f'thread, EI {1e3 * stiffness:.1f} mN m2', f'{WAYPOINTS} waypoints',
+               f'{len(grippers)} gripper poses', seconds, max(residuals),
+               f'miss {max(misses):.0e} m, {max(angles):.0e} rad', held)
+
+
+def refuse_soft_wire(client):
+    """Ask for what cannot be: a wire so soft that it falls sideways; return its Row."""
+    client.set_parameters(rod__diameter=TOO_SOFT)
+    path, seconds = client.plan_threading(Pose.looking_along((-1.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
+                                          GOAL)
+    stiffness = wire(TOO_SOFT).bending_stiffness[0]
+    return Row(f'thread, EI {1e3 * stiffness:.1f} mN m2', 'a refusal: unstable',
+               'refused' if not path.poses else f'{len(path.poses)} gripper poses', seconds,
+               float('nan'), 'reason: see the warning above', not path.poses)
+
+
+def progress(what, done, total):
+    """Show on one line how far a task is."""
+    end = '\n' if done == total else '\r'
+    if sys.stdout.isatty() or done == total:
+        print(f'  {what}: {done}/{total}', end=end, flush=True)
+
+
+def print_table(rows):
+    """Print what was asked, what came, latency and residual of every task."""
+    head = ('task', 'asked', 'came', 'latency', 'residual', 'figures', 'held')
+    lines = [(row.task, row.asked, row.came, f'{1e3 * row.latency:.1f} ms',
+              '-' if np.isnan(row.residual) else f'{row.residual:.0e}', row.figures,
+              'yes' if row.held else 'NO') for row in rows]
+    widths = [max(len(line[i]) for line in [head, *lines]) for i in range(len(head))]
+    for line in [head, tuple('-' * width for width in widths), *lines]:
+        print('  '.join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)))
+
+
+def main(args=None):
+    """Run the demo; return 0 if everything held."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--output', type=Path, default=Path('demo_output'),
+                        help='folder for the pictures (default: %(default)s)')
+    # `ros2 launch` adds --ros-args, which are not for us
+    folder = parser.parse_known_args(args)[0].output
+    folder.mkdir(parents=True, exist_ok=True)
+    domain = int(os.environ.get('ROS_DOMAIN_ID', 1 + os.getpid() % _DOMAINS))
+    os.environ['ROS_DOMAIN_ID'] = str(domain)
+    print(f'Starting the planner node as a process of its own (ROS domain {domain}) ...')
+    print('The very first start compiles the solver, which takes about a minute.')
+    with (tempfile.TemporaryDirectory() as logs, planner_process(domain, logs) as process):
+        client = PlannerClient()
+        try:
+            if not client.wait_until_ready(300.0, lambda: process.poll() is None):
+                print('The planner node did not come up.')
+                return 1
+            rows = [turn_gripper(client, folder)]
+            rows += [thread_wire(client, folder, diameter) for diameter in DIAMETERS]
+            rows.append(refuse_soft_wire(client))
+        except TimeoutError as error:
+            print(f'The planner node went silent: {error}')
+            return 1
+        finally:
+            client.close()
+    print()
+    print_table(rows)
+    print(f'\nPictures in {folder}: {", ".join(sorted(p.name for p in folder.glob("*.png")))}')
+    held = all(row.held for row in rows)
+    print('All of it held.' if held else 'Not all of it held.')
+    return 0 if held else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())

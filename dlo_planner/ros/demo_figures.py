@@ -1,0 +1,86 @@
+"""The demo's pictures: side views in the x-z plane, as in the paper's Fig. 7 and Fig. 13."""
+
+import matplotlib
+import numpy as np
+
+matplotlib.use('Agg')
+from matplotlib import pyplot as plt  # noqa: E402  the backend has to be chosen first
+
+_TICK = 0.05  # m
+_SHOWN = 9    # wires drawn in a threading
+
+
+def save_turning(path, angles, shapes):
+    """Save benchmark C: the wire for every gripper angle, on the way there and on the way back.
+
+    Args:
+        path: of the PNG
+        angles: n gripper angles in degrees, up to the largest and back
+        shapes: n (N + 1, 3) positions, m
+    """
+    turn = int(np.argmax(angles)) + 1
+    figure, axes = plt.subplots(1, 2, figsize=(11, 5.2), sharex=True, sharey=True,
+                                layout='constrained')
+    colours = plt.get_cmap('viridis')
+    legs = [(slice(0, turn), 'turned up and over'), (slice(turn - 1, None), 'turned back')]
+    for axis, (part, title) in zip(axes, legs, strict=True):
+        for angle, points in zip(angles[part], shapes[part], strict=True):
+            axis.plot(points[:, 0], points[:, 2], color=colours(angle / max(angles)), lw=1.4)
+        axis.plot(0, 1, 'ks', ms=7, label='gripper')
+        _finish(axis, title)
+    axes[0].legend(loc='lower center', fontsize=9)
+    bar = plt.cm.ScalarMappable(plt.Normalize(min(angles), max(angles)), colours)
+    figure.colorbar(bar, ax=axes, label='gripper angle [deg]')
+    figure.suptitle('Benchmark C: copper wire, d = 1 mm, L = 1 m, as received from the node')
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def save_threading(path, stiffness, goal, grippers, shapes):
+    """Save one row of Fig. 13: left the wire while it is threaded, right the gripper's way.
+
+    Args:
+        path: of the PNG
+        stiffness: EI, N m^2
+        goal: Pose of the cut-out
+        grippers: n Pose; shapes: n (N + 1, 3) positions, m
+    """
+    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.8), sharey=True,
+                                         layout='constrained')
+    colours = plt.get_cmap('viridis')
+    for number in np.linspace(0, len(shapes) - 1, _SHOWN).round().astype(int):
+        points = shapes[number]
+        left.plot(points[:, 0], points[:, 2], color=colours(number / len(shapes)), lw=1.4)
+        left.plot(*points[0, [0, 2]], 's', color=colours(number / len(shapes)), ms=5)
+    _draw_sheet(left, goal)
+    _finish(left, 'wire during threading (squares: gripper)')
+    way = np.array([pose.position for pose in grippers])
+    right.plot(shapes[0][:, 0], shapes[0][:, 2], color='tab:blue', lw=1.6,
+               label='initial shape (insertion into a bore)')
+    right.plot(way[:, 0], way[:, 2], color='tab:red', lw=1.6, label='gripper trajectory')
+    for pose in grippers:
+        ends = np.array([pose.position, pose.position + _TICK * pose.direction])
+        right.plot(ends[:, 0], ends[:, 2], color='tab:red', lw=0.8)
+    _draw_sheet(right, goal)
+    _finish(right, 'initial shape and gripper trajectory')
+    right.legend(loc='lower left', fontsize=9)
+    figure.suptitle(f'Threading a wire of 1 m, EI = {1e3 * stiffness:.1f} mN m$^2$')
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def _draw_sheet(axis, goal):
+    """Draw the sheet as a line across the normal with a gap where the cut-out is."""
+    along = np.array([-goal.direction[2], goal.direction[0]])
+    centre = goal.position[[0, 2]]
+    for side in (-1, 1):
+        ends = np.array([centre + side * 0.03 * along, centre + side * 0.15 * along])
+        axis.plot(ends[:, 0], ends[:, 1], color='k', lw=3)
+
+
+def _finish(axis, title):
+    axis.set_aspect('equal')
+    axis.set_xlabel('x [m]')
+    axis.set_ylabel('z [m]')
+    axis.grid(alpha=0.3)
+    axis.set_title(title, fontsize=10)

@@ -1,0 +1,79 @@
+"""What the node knows of its own work, for /diagnostics."""
+
+from collections import deque
+from threading import Lock
+from time import monotonic
+
+import numpy as np
+
+from msg_helpers.diagnostics import ERROR, OK, WARN
+
+_RECENT = 50      # shapes that rates and latencies speak of
+_STALE = 30.0     # s that an error stays the headline
+
+
+class Health:
+    """Counters, rates, latencies and the last error; safe to use from several threads."""
+
+    def __init__(self):
+        self._lock = Lock()
+        self._counts = {'poses received': 0, 'shapes published': 0, 'poses refused': 0,
+                        'plans made': 0, 'plans refused': 0, 'jumps': 0}
+        self._arrivals = deque(maxlen=_RECENT)
+        self._latencies = deque(maxlen=_RECENT)
+        self._values = {}
+        self._error = None
+        self._error_time = -np.inf
+
+    def count(self, name):
+        """Add one to the counter `name`."""
+        with self._lock:
+            self._counts[name] += 1
+            if name == 'poses received':
+                self._arrivals.append(monotonic())
+
+    def shape_done(self, shape, seconds):
+        """Take the figures of a published Shape that took `seconds`."""
+        with self._lock:
+            self._counts['shapes published'] += 1
+            self._counts['jumps'] += shape.jumped
+            self._latencies.append(seconds)
+            self._values.update({'shape residual': shape.residual,
+                                 'shape stability': shape.stability,
+                                 'shape error estimate [m]': shape.error_estimate,
+                                 'shape iterations': shape.iterations})
+
+    def plan_done(self, plan, seconds):
+        """Take the figures of a Plan that took `seconds`."""
+        with self._lock:
+            self._counts['plans made'] += 1
+            self._values.update({'plan waypoints': len(plan),
+                                 'plan time [ms]': 1e3 * seconds,
+                                 'plan largest miss [m]': float(plan.miss.max()),
+                                 'plan largest residual': float(plan.residual.max()),
+                                 'plan smallest stability': float(plan.stability.min())})
+
+    def failed(self, reason):
+        """Take the reason of a refusal or failure."""
+        with self._lock:
+            self._error = reason
+            self._error_time = monotonic()
+
+    def report(self):
+        """Return level, message and values for `msg_helpers.diagnostics.diagnostics_msg`."""
+        with self._lock:
+            values = dict(self._counts)
+            if len(self._arrivals) > 1:
+                span = self._arrivals[-1] - self._arrivals[0]
+                values['pose rate [Hz]'] = (len(self._arrivals) - 1) / max(span, 1e-9)
+            if self._latencies:
+                values['latency median [ms]'] = 1e3 * float(np.median(self._latencies))
+                values['latency largest [ms]'] = 1e3 * max(self._latencies)
+            values.update(self._values)
+            values['last error'] = self._error or 'none'
+            if self._error and monotonic() - self._error_time < _STALE:
+                return WARN, self._error, values
+            residual = values.get('shape residual', 0.0)
+            if not residual < 1e-8:
+                return ERROR, f'last shape did not converge: residual {residual:.3g}', values
+            return OK, 'ready', values

@@ -1,0 +1,163 @@
+"""The node's parameters: one table of them, and the immutable scene they describe."""
+
+from dataclasses import dataclass
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
+
+SECTIONS = ('round', 'tube', 'rectangular', 'stiffness')
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One parameter: its default (which fixes the type), meaning, limits, and if it may change."""
+
+    default: object
+    description: str
+    lowest: float | None = None
+    highest: float | None = None
+    read_only: bool = False
+
+    def descriptor(self):
+        """Return the rcl_interfaces/ParameterDescriptor."""
+        descriptor = ParameterDescriptor(description=self.description, read_only=self.read_only)
+        if self.lowest is not None and isinstance(self.default, float):
+            descriptor.floating_point_range = [FloatingPointRange(
+                from_value=float(self.lowest), to_value=float(self.highest), step=0.0)]
+        elif self.lowest is not None:
+            descriptor.integer_range = [IntegerRange(
+                from_value=int(self.lowest), to_value=int(self.highest), step=1)]
+        return descriptor
+
+
+ENTRIES = {
+    'frame_id': Entry('world', 'Frame of all poses in and out, z up.', read_only=True),
+    'diagnostics_period': Entry(1.0, 'Seconds between messages on /diagnostics.', 0.05, 60.0,
+                                read_only=True),
+    'rod.name': Entry('copper wire', 'Name of the DLO, for people.'),
+    'rod.section': Entry('round', 'Section: round | tube | rectangular (density, youngs_modulus, '
+                         'poisson_ratio and sizes are used) | stiffness (mass_per_length, '
+                         'bending_stiffness, torsional_stiffness are used).'),
+    'rod.length': Entry(1.0, 'Length between gripper and free end, m.', 1e-3, 100.0),
+    'rod.diameter': Entry(1e-3, 'Outer diameter (round, tube; elsewhere for pictures), m.',
+                          1e-5, 1.0),
+    'rod.inner_diameter': Entry(0.0, 'Inner diameter of a tube, m.', 0.0, 1.0),
+    'rod.width': Entry(0.01, 'Width along the n axis (rectangular), m.', 1e-5, 1.0),
+    'rod.thickness': Entry(0.001, 'Thickness along the b axis (rectangular), m.', 1e-5, 1.0),
+    'rod.density': Entry(8960.0, 'Density, kg/m^3.', 0.0, 3e4),
+    'rod.youngs_modulus': Entry(110e9, 'Young\'s modulus, Pa.', 1e3, 1e13),
+    'rod.poisson_ratio': Entry(0.34, 'Poisson ratio.', -0.99, 0.5),
+    'rod.mass_per_length': Entry(0.007, 'Mass per length (section: stiffness), kg/m.', 0.0, 1e3),
+    'rod.bending_stiffness': Entry([0.0054, 0.0054], 'EI_n, EI_b (section: stiffness), N m^2.'),
+    'rod.torsional_stiffness': Entry(0.004, 'GJ (section: stiffness), N m^2.', 1e-12, 1e9),
+    'rod.natural_curvature': Entry([0.0, 0.0], 'Stress-free curvature k_n, k_b, 1/m.'),
+    'rod.natural_twist': Entry(0.0, 'Stress-free torsion, 1/m.', -1e4, 1e4),
+    'rod.tip_mass': Entry(0.0, 'Mass at the free end, kg.', 0.0, 1e3),
+    'gravity': Entry([0.0, 0.0, -9.81], 'Gravity in the world frame, m/s^2.'),
+    'simulator.basis': Entry('chebyshev', 'How a shape is written: chebyshev | fourier | local.'),
+    'simulator.n_elements': Entry(64, 'Elements (unused with an accuracy).', 2, 100_000),
+    'simulator.n_terms': Entry(10, 'Terms of the series (unused by local and with an accuracy).',
+                               1, 200),
+    'simulator.accuracy': Entry(0.0, 'Wanted accuracy, m; 0 = use n_elements and n_terms.',
+                                0.0, 1.0),
+    'tool.position': Entry([0.0, 0.0, 0.0], 'Where the DLO leaves the gripper, in the tool frame '
+                           'that gripper poses refer to, m.'),
+    'tool.orientation': Entry([0.0, 0.0, 0.0, 1.0], 'Quaternion x, y, z, w there; its x axis is '
+                              'the DLO\'s tangent.'),
+    'threading.waypoints': Entry(40, 'Poses in a plan.', 2, 10_000),
+    'threading.deepest': Entry(0.95, 'Part of the length that is threaded through.', 0.0, 1.0),
+    'threading.linear_speed': Entry(0.1, 'Limit for the plan\'s times, m/s.', 1e-4, 10.0),
+    'threading.angular_speed': Entry(0.5, 'Limit for the plan\'s times, rad/s.', 1e-4, 100.0),
+}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What the node works on; replaced as a whole when a parameter changes."""
+
+    frame_id: str
+    name: str
+    direct: DirectSimulator
+    inverse: InverseSimulator
+    tool: Pose
+    waypoints: int
+    deepest: float
+    linear_speed: float
+    angular_speed: float
+
+
+def declare(node):
+    """Declare all parameters; whole numbers in YAML are taken for doubles where doubles are due."""
+    for name, entry in ENTRIES.items():
+        # YAML's `length: 1` is an integer, which a parameter declared as double refuses by ending
+        # the node; declared dynamically for a moment, the value can be read and made a double.
+        value = node.declare_parameter(name, entry.default,
+                                       ParameterDescriptor(dynamic_typing=True)).value
+        node.undeclare_parameter(name)
+        node.declare_parameter(name, _as_declared(name, value, entry.default),
+                               entry.descriptor(), ignore_override=True)
+
+
+def _as_declared(name, value, default):
+    """Return `value` with whole numbers made floats where `default` has floats."""
+    def number(item):
+        return isinstance(item, int | float) and not isinstance(item, bool)
+
+    if isinstance(default, float) and number(value):
+        return float(value)
+    if isinstance(default, list):
+        items = list(value) if not isinstance(value, str) and hasattr(value, '__iter__') else None
+        if items is None or not all(number(item) for item in items):
+            raise InvalidTask(f'parameter {name} = {value!r}: expected a list of numbers')
+        return [float(item) for item in items]
+    if type(value) is not type(default):
+        raise InvalidTask(f'parameter {name} = {value!r}: expected a {type(default).__name__}')
+    return value
+
+
+def build_scene(values):
+    """Return the Scene of parameter values.
+
+    Args:
+        values: dict of all names in ENTRIES -> value
+
+    Raises:
+        DloPlannerError: a value, or their combination, makes no sense
+    """
+    rod = _rod(values)
+    options = {'accuracy': values['simulator.accuracy']}
+    if not options['accuracy']:
+        options = {'n_elements': values['simulator.n_elements']}
+        if values['simulator.basis'] != 'local':
+            options['n_terms'] = values['simulator.n_terms']
+    direct = DirectSimulator(rod, basis=values['simulator.basis'], gravity=values['gravity'],
+                             **options)
+    return Scene(values['frame_id'], values['rod.name'], direct, InverseSimulator(direct),
+                 Pose(values['tool.position'], values['tool.orientation']),
+                 values['threading.waypoints'], values['threading.deepest'],
+                 values['threading.linear_speed'], values['threading.angular_speed'])
+
+
+def _rod(values):
+    section = values['rod.section']
+    more = {name: values[f'rod.{name}']
+            for name in ('natural_curvature', 'natural_twist', 'tip_mass')}
+    material = [values[f'rod.{name}'] for name in ('density', 'youngs_modulus', 'poisson_ratio')]
+    length, diameter = values['rod.length'], values['rod.diameter']
+    if section == 'round':
+        return Rod.circular(length, diameter, *material, **more)
+    if section == 'tube':
+        return Rod.tube(length, diameter, values['rod.inner_diameter'], *material, **more)
+    if section == 'rectangular':
+        return Rod.rectangular(length, values['rod.width'], values['rod.thickness'], *material,
+                               **more)
+    if section == 'stiffness':
+        return Rod(length, values['rod.mass_per_length'], tuple(values['rod.bending_stiffness']),
+                   values['rod.torsional_stiffness'], radius=diameter / 2, **more)
+    raise InvalidTask(f'parameter rod.section = {section!r}: expected one of '
+                      f'{", ".join(SECTIONS)}')

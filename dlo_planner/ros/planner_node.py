@@ -1,0 +1,274 @@
+"""The node: gripper poses in, shapes out; cut-outs in, gripper trajectories out."""
+
+import sys
+import traceback
+from contextlib import contextmanager
+from time import monotonic
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from nav_msgs.srv import GetPlan
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.exceptions import ParameterException
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
+
+from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose
+from dlo_planner.ros.health import Health
+from dlo_planner.ros.parameters import ENTRIES, build_scene, declare
+from msg_helpers.diagnostics import diagnostics_msg
+from msg_helpers.markers import plan_markers, shape_markers
+from msg_helpers.paths import plan_path, shape_path
+from msg_helpers.poses import pose_from_stamped
+
+# Sensor data, but one deep: a pose that was overtaken by a newer one is of no use to anybody.
+LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+REQUEST = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                     durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_QUIET = 1.0  # s between warnings about the same thing
+_THREADS = 4  # one for each callback group below
+
+
+class PlannerNode(Node):
+    """Predicts the DLO's shape live and plans the gripper's trajectory; see docs/ros_interface.md.
+
+    Each callback works on the Scene it finds when it starts, which nobody changes. Planning has
+    a callback group (and so a thread) of its own: shapes go on while a plan is made.
+    """
+
+    def __init__(self, **options):
+        super().__init__('dlo_planner', **options)
+        declare(self)
+        self._scene = build_scene(self._values())
+        self._health = Health()
+        self._warned = {}
+        self._latest = None   # (scene, Shape) of the last pose
+        self._goal = None     # CutOut of the last goal
+        self._drawn = {}      # name -> markers of the last shape, of the last plan
+        self.add_on_set_parameters_callback(self._judge_parameters)
+        self.add_post_set_parameters_callback(self._apply_parameters)
+
+        live, planning, asking, health = (MutuallyExclusiveCallbackGroup() for _ in range(_THREADS))
+        self._shape_out = self.create_publisher(Path, '~/predicted_shape', LATCHED)
+        self._plan_out = self.create_publisher(Path, '~/gripper_trajectory', LATCHED)
+        self._markers_out = self.create_publisher(MarkerArray, '~/markers', LATCHED)
+        self._health_out = self.create_publisher(DiagnosticArray, '/diagnostics', REQUEST)
+        self.create_subscription(PoseStamped, '~/gripper_pose', self._on_pose, LATEST,
+                                 callback_group=live)
+        self.create_subscription(PoseStamped, '~/task_goal', self._on_goal, REQUEST,
+                                 callback_group=planning)
+        self.create_service(GetPlan, '~/plan_threading', self._on_plan_threading,
+                            callback_group=planning)
+        self.create_service(Trigger, '~/replan', self._on_replan, callback_group=planning)
+        self.create_service(GetPlan, '~/predict_shape', self._on_predict_shape,
+                            callback_group=asking)
+        self.create_service(Trigger, '~/reset', self._on_reset, callback_group=live)
+        self.create_timer(self.get_parameter('diagnostics_period').value, self._report,
+                          callback_group=health)
+
+    def warm_up(self):
+        """Load the compiled kernels (or compile them: the first start only) before work comes."""
+        self.get_logger().info('loading the solver; the very first start compiles it (a minute)')
+        started = monotonic()
+        scene = self._scene
+        pose = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, -0.5))
+        scene.direct.track([pose, Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))])
+        with_error = scene.direct.solve(pose)
+        with_error.error_estimate  # noqa: B018  computed when read
+        try:
+            scene.inverse.thread(CutOut(Pose.looking_along((0.0, 0.0, 0.0), -_up(scene))),
+                                 depths=[0.0])
+        except DloPlannerError:
+            pass  # some DLOs cannot do this; the kernels are loaded all the same
+        self.get_logger().info(f'ready after {monotonic() - started:.1f} s: {scene.name}, '
+                               f'{scene.direct.rod.length:g} m')
+
+    # ---- parameters -----------------------------------------------------------------------------
+
+    def _values(self):
+        return {name: self.get_parameter(name).value for name in ENTRIES}
+
+    def _judge_parameters(self, parameters):
+        changed = {p.name: p.value for p in parameters if p.name in ENTRIES}
+        try:
+            build_scene({**self._values(), **changed})
+        except Exception as error:  # whatever it is, it must not end the node
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply_parameters(self, _):
+        with self._answering('parameters'):
+            self._scene = build_scene(self._values())
+            self._latest = None
+
+    # ---- shapes ---------------------------------------------------------------------------------
+
+    def _on_pose(self, msg):
+        with self._answering('gripper_pose', 'poses refused'):
+            self._health.count('poses received')
+            started, scene = monotonic(), self._scene
+            gripper = self._gripper(scene, msg, 'gripper_pose')
+            known = self._latest
+            initial = known[1] if known is not None and known[0] is scene else None
+            shape = _believable(scene.direct.track([gripper], initial=initial)[0])
+            self._latest = (scene, shape)
+            if shape.jumped:
+                self._warn('jump', 'the DLO jumped into another shape on the way to this pose')
+            self._shape_out.publish(shape_path(shape, scene.frame_id, msg.header.stamp))
+            self._health.shape_done(shape, monotonic() - started)
+            self._draw('shape', shape_markers(shape, scene.direct.rod.radius, scene.frame_id,
+                                              msg.header.stamp))
+
+    def _on_predict_shape(self, request, response):
+        with self._answering('predict_shape'):
+            scene = self._scene
+            gripper = self._gripper(scene, request.start, 'predict_shape.start')
+            shape = _believable(scene.direct.solve(gripper))
+            response.plan = shape_path(shape, scene.frame_id, request.start.header.stamp)
+        return response
+
+    def _on_reset(self, _, response):
+        self._latest = None
+        response.success = True
+        response.message = 'the next pose starts from the natural shape'
+        return response
+
+    # ---- plans ----------------------------------------------------------------------------------
+
+    def _on_goal(self, msg):
+        with self._answering('task_goal', 'plans refused'):
+            scene = self._scene
+            goal = CutOut(pose_from_stamped(msg, scene.frame_id, 'task_goal'))
+            self._plan(scene, goal, self._gripper_now())
+
+    def _on_plan_threading(self, request, response):
+        with self._answering('plan_threading', 'plans refused'):
+            scene = self._scene
+            start = self._gripper(scene, request.start, 'plan_threading.start')
+            goal = CutOut(pose_from_stamped(request.goal, scene.frame_id, 'plan_threading.goal'))
+            response.plan = self._plan(scene, goal, start)
+        return response
+
+    def _on_replan(self, _, response):
+        response.message = 'planning failed; see the log and /diagnostics'
+        with self._answering('replan', 'plans refused'):
+            if self._goal is None:
+                response.message = 'there is no goal yet'
+                raise InvalidTask('there is no goal yet: send one to ~/task_goal')
+            path = self._plan(self._scene, self._goal, self._gripper_now())
+            response.success = True
+            response.message = f'{len(path.poses)} gripper poses'
+        return response
+
+    def _plan(self, scene, cutout, start):
+        """Plan, publish and return the trajectory of the tool frame as a Path."""
+        self._goal = cutout
+        started = monotonic()
+        depths = np.linspace(0.0, scene.deepest * scene.direct.rod.length, scene.waypoints)
+        plan = scene.inverse.thread(cutout, start=start, depths=depths,
+                                    linear_speed=scene.linear_speed,
+                                    angular_speed=scene.angular_speed)
+        seconds = monotonic() - started
+        stamp = self.get_clock().now().to_msg()
+        back = scene.tool.inverse()
+        path = plan_path([pose.compose(back) for pose in plan.grippers], plan.times,
+                         scene.frame_id, stamp)
+        self._plan_out.publish(path)
+        self._draw('plan', plan_markers(cutout, plan.grippers, scene.frame_id, stamp))
+        self._health.plan_done(plan, seconds)
+        self.get_logger().info(f'planned {len(plan)} gripper poses in {1e3 * seconds:.0f} ms, '
+                               f'largest miss {plan.miss.max():.1e} m, '
+                               f'smallest stability {plan.stability.min():.2f}')
+        return path
+
+    # ---- common ---------------------------------------------------------------------------------
+
+    def _draw(self, what, markers):
+        """Publish all markers: whoever comes late gets one latched message and must see it all."""
+        self._drawn = {**self._drawn, what: markers.markers}
+        self._markers_out.publish(MarkerArray(markers=sum(self._drawn.values(), [])))
+
+    def _gripper(self, scene, msg, name):
+        return pose_from_stamped(msg, scene.frame_id, name).compose(scene.tool)
+
+    def _gripper_now(self):
+        known = self._latest
+        return known[1].gripper if known is not None else None
+
+    @contextmanager
+    def _answering(self, what, counter=None):
+        """Let no exception out of a callback: refuse with a reason, keep the last good output."""
+        try:
+            yield
+        except DloPlannerError as error:
+            self._refuse(what, f'{what} refused: {error}', counter)
+        except Exception as error:  # an exception that leaves a callback ends the node
+            self.get_logger().error(traceback.format_exc())
+            self._refuse(what, f'{what} failed: {type(error).__name__}: {error}', counter)
+
+    def _refuse(self, what, reason, counter):
+        if counter is not None:
+            self._health.count(counter)
+        self._health.failed(reason)
+        self._warn(what, reason)
+
+    def _warn(self, key, text):
+        now = monotonic()
+        if now - self._warned.get(key, -np.inf) >= _QUIET:
+            self._warned[key] = now
+            self.get_logger().warning(text)
+
+    def _report(self):
+        level, message, values = self._health.report()
+        self._health_out.publish(diagnostics_msg(
+            f'{self.get_name()}: solver', self._scene.name, level, message, values,
+            self.get_clock().now().to_msg()))
+
+
+def _believable(shape):
+    if not shape.converged:
+        raise NotConverged(f'no stable shape found: residual {shape.residual:.3g}, stability '
+                           f'{shape.stability:.3g} after {shape.iterations} iterations', shape)
+    return shape
+
+
+def _up(scene):
+    """Return the direction (3,) against gravity, or z without gravity."""
+    size = np.linalg.norm(scene.direct.gravity)
+    return -scene.direct.gravity / size if size > 0 else np.array([0.0, 0.0, 1.0])
+
+
+def main(args=None):
+    """Run the node until SIGINT; return the exit status."""
+    rclpy.init(args=args)
+    node = None
+    try:
+        node = PlannerNode()
+        node.warm_up()
+        executor = MultiThreadedExecutor(num_threads=_THREADS)
+        executor.add_node(node)
+        executor.spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except (DloPlannerError, ParameterException) as error:
+        print(f'dlo_planner: cannot start: {error}', file=sys.stderr)
+        return 1
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,62 @@
+"""Pose <-> geometry_msgs."""
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point, PoseStamped, Quaternion
+from geometry_msgs.msg import Pose as PoseMsg
+from std_msgs.msg import Header
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.pose import Pose
+
+
+def header(frame_id, stamp=None):
+    """Return a std_msgs/Header; `stamp` a builtin_interfaces/Time, None for zero."""
+    return Header(frame_id=frame_id, stamp=stamp if stamp is not None else Time())
+
+
+def point_msg(position):
+    """Return geometry_msgs/Point of (3,) m; each field a true float, or it arrives as garbage."""
+    x, y, z = (float(value) for value in position)
+    return Point(x=x, y=y, z=z)
+
+
+def pose_msg(pose):
+    """Return geometry_msgs/Pose of a Pose."""
+    x, y, z, w = (float(value) for value in pose.quaternion)
+    return PoseMsg(position=point_msg(pose.position),
+                   orientation=Quaternion(x=x, y=y, z=z, w=w))
+
+
+def pose_stamped_msg(pose, frame_id, stamp=None):
+    """Return geometry_msgs/PoseStamped of a Pose given in `frame_id`."""
+    return PoseStamped(header=header(frame_id, stamp), pose=pose_msg(pose))
+
+
+def pose_from_msg(msg):
+    """Return the Pose of a geometry_msgs/Pose.
+
+    Raises:
+        InvalidTask: a component is not finite, or the quaternion is zero
+    """
+    p, q = msg.position, msg.orientation
+    return Pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+
+
+def pose_from_stamped(msg, frame_id, name):
+    """Return the Pose of a geometry_msgs/PoseStamped that must be given in `frame_id`.
+
+    Args:
+        msg: PoseStamped
+        frame_id: the only frame that is understood
+        name: how the sender knows the field, for the message
+
+    Raises:
+        InvalidTask: naming the field and its value
+    """
+    if msg.header.frame_id != frame_id:
+        raise InvalidTask(f'{name}.header.frame_id = {msg.header.frame_id!r}: '
+                          f'expected {frame_id!r}')
+    try:
+        return pose_from_msg(msg.pose)
+    except InvalidTask as error:
+        raise InvalidTask(f'{name}: {error}') from None
