@@ -15,7 +15,7 @@ _ORANGE, _GREY = (1.0, 0.6, 0.0), (0.6, 0.6, 0.6)
 
 
 def shape_markers(shape, radius, frame_id, stamp):
-    """Return MarkerArray: the DLO as a tube, blue (straight) to red (sharpest bend), and its gripper.
+    """Return MarkerArray: the DLO as a tube, blue (straight) to red (sharpest bend); its gripper.
 
     Args:
         shape: Shape
@@ -23,10 +23,10 @@ def shape_markers(shape, radius, frame_id, stamp):
         frame_id: of the world; stamp: builtin_interfaces/Time
     """
     tube = _line('dlo', 0, frame_id, stamp, 2 * radius if radius else _THIN, _GREY)
-    tube.points = [point_msg(position) for position in shape.positions]
+    tube.points = [point_msg(position) for position in shape.positions.tolist()]
     curvature = np.linalg.norm(shape.strains[:, 1:], axis=1)
     share = curvature / max(curvature.max(), 1e-12)
-    tube.colors = [_colour((value, 0.2, 1 - value)) for value in share]
+    tube.colors = [_colour((value, 0.2, 1 - value)) for value in share.tolist()]
     return MarkerArray(markers=[tube, *_axes('gripper', shape.gripper, frame_id, stamp)])
 
 

@@ -1,11 +1,11 @@
 """Shapes and plans -> nav_msgs/Path, and back to poses."""
 
 import numpy as np
+from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.model.pose import Pose
-from msg_helpers.poses import header, pose_from_msg, pose_stamped_msg
+from msg_helpers.poses import header, pose_from_msg, pose_msg_of, pose_stamped_msg
 
 _NANOSECONDS = 10**9
 
@@ -18,10 +18,12 @@ def shape_path(shape, frame_id, stamp):
         frame_id: of the world
         stamp: builtin_interfaces/Time of the gripper pose that it belongs to
     """
+    top = header(frame_id, stamp)
     quaternions = Rotation.from_matrix(shape.frames).as_quat()
-    poses = [pose_stamped_msg(Pose(position, quaternion), frame_id, stamp)
-             for position, quaternion in zip(shape.positions, quaternions, strict=True)]
-    return Path(header=header(frame_id, stamp), poses=poses)
+    # Sixty nodes at pose rate: no Pose objects in between, and one header that all share.
+    nodes = zip(shape.positions.tolist(), quaternions.tolist(), strict=True)
+    poses = [PoseStamped(header=top, pose=pose_msg_of(*node)) for node in nodes]
+    return Path(header=top, poses=poses)
 
 
 def plan_path(grippers, times, frame_id, stamp):

@@ -16,15 +16,19 @@ def header(frame_id, stamp=None):
 
 def point_msg(position):
     """Return geometry_msgs/Point of (3,) m; each field a true float, or it arrives as garbage."""
-    x, y, z = (float(value) for value in position)
+    x, y, z = map(float, position)
     return Point(x=x, y=y, z=z)
+
+
+def pose_msg_of(position, quaternion):
+    """Return geometry_msgs/Pose of (3,) m and (4,) x, y, z, w."""
+    x, y, z, w = map(float, quaternion)
+    return PoseMsg(position=point_msg(position), orientation=Quaternion(x=x, y=y, z=z, w=w))
 
 
 def pose_msg(pose):
     """Return geometry_msgs/Pose of a Pose."""
-    x, y, z, w = (float(value) for value in pose.quaternion)
-    return PoseMsg(position=point_msg(pose.position),
-                   orientation=Quaternion(x=x, y=y, z=z, w=w))
+    return pose_msg_of(pose.position, pose.quaternion)
 
 
 def pose_stamped_msg(pose, frame_id, stamp=None):

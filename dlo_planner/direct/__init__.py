@@ -1,0 +1,1 @@
+"""From gripper poses to shapes."""

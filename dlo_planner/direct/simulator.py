@@ -48,7 +48,8 @@ class DirectSimulator:
         self._discretisation = None
         if accuracy is not None:
             if n_elements is not None or n_terms is not None:
-                raise InvalidTask('accuracy picks n_elements and n_terms: give it or them, not both')
+                raise InvalidTask(
+                    'accuracy picks n_elements and n_terms: give it or them, not both')
             self.accuracy = number('accuracy', accuracy, minimum=1e-9 * rod.length)
             return
         n_elements = integer('n_elements', 64 if n_elements is None else n_elements,

@@ -1,0 +1,1 @@
+"""What a shape costs: elastic energy and loads."""

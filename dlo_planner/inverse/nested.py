@@ -15,8 +15,8 @@ from dlo_planner.model.pose import Pose
 def nested_alignment(simulator, initial, s, normal, reference, penalty=1.0):
     """Return the Shape whose tangent at `s` is `normal`, minimising c arccos(t . n)^2.
 
-    The outer variables are two rotations of the gripper since `reference`, across `free_axis`. The penalty is written as a sum of two squares, c |angle vector|^2, and left to
-    a least-squares method.
+    The outer variables are two rotations of the gripper since `reference`, across `free_axis`. The penalty
+    is written as a sum of squares, c |angle vector|^2, and left to a least-squares method.
 
     Args:
         simulator: DirectSimulator

@@ -73,8 +73,10 @@ class InverseSimulator:
         inside = np.isfinite(depths) & (depths >= 0) & (depths <= length)
         if not inside.all():
             bad = int(np.argmin(inside))
-            raise InvalidTask(f'depths[{bad}] = {depths[bad]}: expected 0 to the length {length:g} m')
+            raise InvalidTask(
+                f'depths[{bad}] = {depths[bad]}: expected 0 to the length {length:g} m')
         if (np.diff(depths) < 0).any():
             bad = int(np.argmax(np.diff(depths) < 0)) + 1
-            raise InvalidTask(f'depths[{bad}] = {depths[bad]}: expected not less than the one before')
+            raise InvalidTask(
+                f'depths[{bad}] = {depths[bad]}: expected not less than the one before')
         return depths

@@ -98,7 +98,7 @@ def _first(simulator, cutout, roll):
     if roll is not None:
         upright = _least_turn(roll.direction, cutout.normal) @ roll.rotation
     discretisation = simulator.discretisation(Pose.from_rotation((0, 0, 0), upright), None)
-    strains, base = march_from_end(discretisation.system(upright), upright)
+    strains, base = march_from_end(discretisation.system(upright), np.array(upright, order='C'))
     shape = _shape_at(discretisation, strains, base)
     # The end's roll was a guess: give the gripper the roll of the reference instead.
     return shape, _least_turn(upright[:, 0], base[:, 0]) @ upright

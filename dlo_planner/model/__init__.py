@@ -1,0 +1,1 @@
+"""What is given: rod, pose, cut-out (frozen values, SI units)."""

@@ -30,7 +30,8 @@ class CutOut:
         if not isinstance(self.pose, Pose):
             raise InvalidTask(f'CutOut.pose = {self.pose!r}: expected a Pose')
         if self.radius is not None and (self.width is not None or self.height is not None):
-            raise InvalidTask('CutOut: give radius (round) or width and height (rectangular), not both')
+            raise InvalidTask(
+                'CutOut: give radius (round) or width and height (rectangular), not both')
         if (self.width is None) != (self.height is None):
             raise InvalidTask('CutOut: a rectangular cut-out needs both width and height')
         for name in ('radius', 'width', 'height'):

@@ -108,7 +108,8 @@ class Pose:
         direction = vector('direction', direction, 3)
         length = np.linalg.norm(direction)
         if length < 1e-9:
-            raise InvalidTask(f'direction = {direction.tolist()}: expected a vector that is not zero')
+            raise InvalidTask(
+                f'direction = {direction.tolist()}: expected a vector that is not zero')
         x = direction / length
         y = np.cross(WORLD_UP, x)
         # Near the vertical the cross product is noise; world y is then the stable choice.

@@ -131,7 +131,8 @@ class Rod:
         outer = number('outer_diameter', outer_diameter, InvalidRod, above=0)
         inner = number('inner_diameter', inner_diameter, InvalidRod, minimum=0)
         if inner >= outer:
-            raise InvalidRod(f'inner_diameter = {inner!r}: expected less than outer_diameter {outer!r}')
+            raise InvalidRod(
+                f'inner_diameter = {inner!r}: expected less than outer_diameter {outer!r}')
         rho = number('density', density, InvalidRod, minimum=0)
         modulus, shear = _moduli(youngs_modulus, poisson_ratio)
         fourth = outer**4 - inner**4

@@ -1,0 +1,1 @@
+"""How a shape is written: arcs, kinematics, basis series."""

@@ -186,7 +186,7 @@ def second_order(lengths, strains, scale, rotations, positions, pull, turning, c
     trace = first[0, 0] + first[1, 1] + first[2, 2]
     for i in range(3):
         first[i, i] -= trace
-    return first
+    return first.T.copy()
 
 
 @njit(cache=True)

@@ -8,6 +8,7 @@ from matplotlib import pyplot as plt  # noqa: E402  the backend has to be chosen
 
 _TICK = 0.05  # m
 _SHOWN = 9    # wires drawn in a threading
+_LEFT, _RIGHT, _HEIGHT = (-1.05, 1.0), (-1.05, 0.1), (0.35, 1.2)  # m
 
 
 def save_turning(path, angles, shapes):
@@ -19,7 +20,7 @@ def save_turning(path, angles, shapes):
         shapes: n (N + 1, 3) positions, m
     """
     turn = int(np.argmax(angles)) + 1
-    figure, axes = plt.subplots(1, 2, figsize=(11, 5.2), sharex=True, sharey=True,
+    figure, axes = plt.subplots(1, 2, figsize=(11, 3.9), sharex=True, sharey=True,
                                 layout='constrained')
     colours = plt.get_cmap('viridis')
     legs = [(slice(0, turn), 'turned up and over'), (slice(turn - 1, None), 'turned back')]
@@ -45,7 +46,8 @@ def save_threading(path, stiffness, goal, grippers, shapes):
         goal: Pose of the cut-out
         grippers: n Pose; shapes: n (N + 1, 3) positions, m
     """
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.8), sharey=True,
+    widths = [high - low for low, high in (_LEFT, _RIGHT)]
+    figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.4), sharey=True, width_ratios=widths,
                                          layout='constrained')
     colours = plt.get_cmap('viridis')
     for number in np.linspace(0, len(shapes) - 1, _SHOWN).round().astype(int):
@@ -64,6 +66,10 @@ def save_threading(path, stiffness, goal, grippers, shapes):
     _draw_sheet(right, goal)
     _finish(right, 'initial shape and gripper trajectory')
     right.legend(loc='lower left', fontsize=9)
+    # The same window for every stiffness, so that the pictures can be compared.
+    left.set(xlim=_LEFT, ylim=_HEIGHT)
+    right.set(xlim=_RIGHT)
+    right.tick_params(labelleft=True)
     figure.suptitle(f'Threading a wire of 1 m, EI = {1e3 * stiffness:.1f} mN m$^2$')
     figure.savefig(path, dpi=110)
     plt.close(figure)

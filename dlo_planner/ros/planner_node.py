@@ -2,15 +2,15 @@
 
 import sys
 import traceback
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from time import monotonic
 
 import numpy as np
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
-from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.exceptions import ParameterException
@@ -83,13 +83,10 @@ class PlannerNode(Node):
         scene = self._scene
         pose = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, -0.5))
         scene.direct.track([pose, Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))])
-        with_error = scene.direct.solve(pose)
-        with_error.error_estimate  # noqa: B018  computed when read
-        try:
+        _ = scene.direct.solve(pose).error_estimate
+        with suppress(DloPlannerError):  # a DLO that cannot do this loads the kernels all the same
             scene.inverse.thread(CutOut(Pose.looking_along((0.0, 0.0, 0.0), -_up(scene))),
                                  depths=[0.0])
-        except DloPlannerError:
-            pass  # some DLOs cannot do this; the kernels are loaded all the same
         self.get_logger().info(f'ready after {monotonic() - started:.1f} s: {scene.name}, '
                                f'{scene.direct.rod.length:g} m')
 

@@ -1,0 +1,34 @@
+"""Build of the ROS 2 package; the Python packages are `dlo_planner` and `msg_helpers`."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = 'dlo_planner'
+
+setup(
+    name=NAME,
+    version='0.1.0',
+    description='Direct and inverse simulation of deformable linear objects in a gripper',
+    license='Apache-2.0',
+    packages=find_packages(include=['dlo_planner*', 'msg_helpers*']),
+    python_requires='>=3.11',
+    install_requires=['numpy>=1.26', 'scipy>=1.11', 'numba>=0.59'],
+    extras_require={
+        'figures': ['matplotlib'],
+        'test': ['pytest', 'hypothesis', 'import-linter', 'ros-domain-coordinator'],
+    },
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        (f'share/{NAME}/config', glob('config/*')),
+        (f'share/{NAME}/launch', glob('launch/*.py')),
+    ],
+    entry_points={
+        'console_scripts': [
+            'planner_node = dlo_planner.ros.planner_node:main',
+            'demo = dlo_planner.ros.demo:main',
+        ],
+    },
+    zip_safe=False,
+)

@@ -1,0 +1,61 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dlo_planner import CutOut, InvalidTask, Pose
+
+numbers = st.floats(-10, 10).filter(lambda x: abs(x) > 1e-3)
+vectors = st.tuples(numbers, numbers, numbers)
+quaternions = st.tuples(numbers, numbers, numbers, numbers)
+
+
+@given(vectors, quaternions)
+def test_matrix_round_trip(position, quaternion):
+    pose = Pose(position, quaternion)
+    again = Pose.from_matrix(pose.matrix)
+    np.testing.assert_allclose(again.matrix, pose.matrix, atol=1e-12)
+
+
+@given(vectors, quaternions)
+def test_inverse_composes_to_identity(position, quaternion):
+    pose = Pose(position, quaternion)
+    np.testing.assert_allclose(pose.compose(pose.inverse()).matrix, np.eye(4), atol=1e-12)
+
+
+@given(vectors)
+def test_looking_along_is_upright(direction):
+    pose = Pose.looking_along((0, 0, 0), direction)
+    np.testing.assert_allclose(pose.direction, direction / np.linalg.norm(direction), atol=1e-12)
+    assert abs(pose.rotation[2, 1]) < 1e-12  # the y axis is level
+    assert pose.rotation[2, 2] >= -1e-12     # the z axis points up
+
+
+@pytest.mark.parametrize('z', [1.0, -1.0])
+def test_looking_along_the_vertical_is_defined(z):
+    pose = Pose.looking_along((0, 0, 0), (0, 0, z))
+    np.testing.assert_allclose(pose.direction, (0, 0, z), atol=1e-15)
+    np.testing.assert_allclose(pose.rotation[:, 1], (0, 1, 0), atol=1e-15)
+
+
+def test_values_are_frozen():
+    pose = Pose.identity()
+    with pytest.raises(ValueError, match='read-only'):
+        pose.position[0] = 1.0
+
+
+@pytest.mark.parametrize(('make', 'named'), [
+    (lambda: Pose((0, 0, np.nan), (0, 0, 0, 1)), 'Pose.position'),
+    (lambda: Pose((0, 0), (0, 0, 0, 1)), 'Pose.position has shape (2,)'),
+    (lambda: Pose((0, 0, 0), (0, 0, 0, 0)), 'Pose.quaternion = [0.0, 0.0, 0.0, 0.0]'),
+    (lambda: Pose.looking_along((0, 0, 0), (0, 0, 0)), 'direction'),
+    (lambda: Pose.from_matrix(2 * np.eye(4)), 'rigid'),
+    (lambda: CutOut('hole'), "CutOut.pose = 'hole'"),
+    (lambda: CutOut(Pose.identity(), radius=0.0), 'CutOut.radius = 0.0'),
+    (lambda: CutOut(Pose.identity(), width=1.0), 'both width and height'),
+    (lambda: CutOut(Pose.identity(), 1.0, 1.0, 1.0), 'not both'),
+])
+def test_bad_values_are_named(make, named):
+    with pytest.raises(InvalidTask) as caught:
+        make()
+    assert named in str(caught.value)
