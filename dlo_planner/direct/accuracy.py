@@ -50,7 +50,7 @@ def _refined(discretisation, shape, accuracy):
             terms = min(terms + max(2, terms // 4), _MOST_TERMS)
     s = discretisation.s
     if from_mesh > 0.8 * _MARGIN * accuracy:
-        growth = np.clip(np.sqrt(from_mesh / (0.5 * _MARGIN * accuracy)), 1.2, 6.0)
+        growth = np.clip(np.sqrt(from_mesh / (0.5 * _MARGIN * accuracy)), 1.2, 2.5)
         wanted = min(int(np.ceil(growth * elements)), _MOST_ELEMENTS)
         s = graded_mesh(shape.s, shape.element_strains, wanted)
     if terms == discretisation.n_terms and s.size == discretisation.s.size:

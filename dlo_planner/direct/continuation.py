@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.model.pose import Pose
 
+_LONGEST_TURN = 0.25  # rad: longer steps of the gripper are cut in any case
 _HALVINGS = 7    # a step is cut into 2^7 parts at most before a leap counts as a jump
 _LEAP = 0.1      # rad: change of shape that a vanishing step of the gripper cannot cause
 _FOLLOWING = 3.0  # rad of shape per rad of the gripper: more is looked at in smaller steps
@@ -21,12 +22,13 @@ def follow(equilibrium, previous, gripper, halvings=_HALVINGS):
         gripper: Pose where it ends
         halvings: how often the step may still be cut in two
     """
-    shape, _ = equilibrium(gripper, previous)
     turn = Rotation.from_matrix(gripper.rotation @ previous.gripper.rotation.T).magnitude()
-    if shape.converged and shape_change(previous, shape) <= _LEAP + _FOLLOWING * turn:
-        return shape
-    if halvings == 0:
-        return replace(shape, jumped=True)
+    if turn <= _LONGEST_TURN or halvings == 0:
+        shape, _ = equilibrium(gripper, previous)
+        if shape.converged and shape_change(previous, shape) <= _LEAP + _FOLLOWING * turn:
+            return shape
+        if halvings == 0:
+            return replace(shape, jumped=True)
     middle = follow(equilibrium, previous, halfway(previous.gripper, gripper), halvings - 1)
     if not middle.converged:
         return replace(shape, jumped=True)

@@ -16,6 +16,8 @@ from dlo_planner.ritz.kinematics import point_inside
 class Shape:
     """A static shape of a DLO held by a gripper; N_L elements, N_L + 1 nodes, world frame, SI.
 
+    Its arrays are shared with whatever was computed from it: copy one before changing it.
+
     Attributes:
         gripper: the pose for which it was computed
         s: (N_L + 1,) arc lengths of the nodes, m, 0 at the gripper
@@ -51,10 +53,6 @@ class Shape:
     contacts: tuple = ()
     _estimate: Callable = field(default=lambda: np.nan, repr=False)
     _discretisation: object = field(default=None, repr=False)
-
-    def __post_init__(self):
-        for name in ('s', 'positions', 'frames', 'element_strains', 'gripper_wrench'):
-            getattr(self, name).flags.writeable = False
 
     @property
     def tangents(self):

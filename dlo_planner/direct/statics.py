@@ -23,7 +23,7 @@ def equilibrium(discretisation, gripper, strains):
     """
     system = discretisation.system(gripper.rotation)
     q = np.empty((discretisation.n_unknowns, 3))
-    unknowns_of(system, np.array(strains), q)  # a copy: read-only arrays are another numba type
+    unknowns_of(system, strains, q)
     state, _, _, residual, stability, iterations, kicks = newton(
         system, q, TOLERANCE, _MAX_ITERATIONS, True)
     shape = shape_of(discretisation, gripper, system, state, residual, stability, iterations)

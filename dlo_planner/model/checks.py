@@ -35,7 +35,7 @@ def number(name, value, error=InvalidTask, *, minimum=None, above=None, maximum=
 
 
 def vector(name, value, size, error=InvalidTask):
-    """Return `value` as a read-only float array of shape (size,), all finite, or raise `error`."""
+    """Return `value` as a new float array of shape (size,), all finite, or raise `error`."""
     try:
         result = np.array(value, dtype=float)
     except (TypeError, ValueError):
@@ -44,7 +44,6 @@ def vector(name, value, size, error=InvalidTask):
         raise error(f'{name} has shape {result.shape}: expected {size} numbers')
     if not np.isfinite(result).all():
         raise error(f'{name} = {result.tolist()}: expected {size} finite numbers')
-    result.flags.writeable = False
     return result
 
 

@@ -16,7 +16,7 @@ class Pose:
     """A right-handed frame in the world.
 
     The gripper's x axis is the DLO's tangent where it leaves the gripper; a cut-out's x axis is
-    the direction in which the free end travels through it.
+    the direction in which the free end travels through it. Copy an array before changing it.
 
     Attributes:
         position: (3,) origin, metres, world frame
@@ -42,7 +42,6 @@ class Pose:
         rotation = Rotation.from_quat(quaternion).as_matrix()
         for name, value in (('position', position), ('quaternion', quaternion),
                             ('rotation', rotation)):
-            value.flags.writeable = False
             object.__setattr__(self, name, value)
 
     def __eq__(self, other):

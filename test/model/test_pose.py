@@ -40,8 +40,15 @@ def test_looking_along_the_vertical_is_defined(z):
 
 def test_values_are_frozen():
     pose = Pose.identity()
-    with pytest.raises(ValueError, match='read-only'):
-        pose.position[0] = 1.0
+    with pytest.raises(AttributeError):
+        pose.position = np.zeros(3)
+
+
+def test_pose_does_not_share_what_it_was_made_of():
+    position = np.zeros(3)
+    pose = Pose(position, (0, 0, 0, 1))
+    position[0] = 1.0
+    assert pose.position[0] == 0.0
 
 
 @pytest.mark.parametrize(('make', 'named'), [
