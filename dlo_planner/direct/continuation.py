@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.model.pose import Pose
 
 _LONGEST_TURN = 0.25  # rad: longer steps of the gripper are cut in any case
+_SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length
 _HALVINGS = 7    # a step is cut into 2^7 parts at most before a leap counts as a jump
 _LEAP = 0.1      # rad: change of shape that a vanishing step of the gripper cannot cause
 _FOLLOWING = 3.0  # rad of shape per rad of the gripper: more is looked at in smaller steps
@@ -38,11 +39,11 @@ def follow(equilibrium, previous, gripper, halvings=_HALVINGS):
 
 def shape_change(one, other):
     """Return the largest change of a node's rotation relative to the gripper, in rad."""
-    s = np.linspace(0, one.s[-1], 33)
-    frames = [shape.gripper.rotation.T @ shape.frames[np.searchsorted(shape.s, s[1:-1])]
-              for shape in (one, other)]
-    cosine = (np.einsum('kij,kij->k', *frames) - 1) / 2
-    return float(np.arccos(np.clip(cosine.min(), -1, 1)))
+    samples = _SAMPLES * one.s[-1]
+    here, there = (shape.frames[np.searchsorted(shape.s, samples)] for shape in (one, other))
+    between = one.gripper.rotation @ other.gripper.rotation.T
+    smallest = (here * (between @ there)).sum(axis=(1, 2)).min()  # traces of the rotations
+    return float(np.arccos(np.clip((smallest - 1) / 2, -1, 1)))
 
 
 def halfway(one, other):

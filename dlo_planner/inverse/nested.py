@@ -15,8 +15,8 @@ from dlo_planner.model.pose import Pose
 def nested_alignment(simulator, initial, s, normal, reference, penalty=1.0):
     """Return the Shape whose tangent at `s` is `normal`, minimising c arccos(t . n)^2.
 
-    The outer variables are two rotations of the gripper since `reference`, across `free_axis`. The penalty
-    is written as a sum of squares, c |angle vector|^2, and left to a least-squares method.
+    The outer variables are two rotations of the gripper since `reference`, across `free_axis`.
+    The penalty is written as a sum of squares, c |angle vector|^2, and left to least squares.
 
     Args:
         simulator: DirectSimulator
@@ -47,6 +47,6 @@ def nested_alignment(simulator, initial, s, normal, reference, penalty=1.0):
         return np.sqrt(penalty) * vector
 
     start = across.T @ Rotation.from_matrix(initial.gripper.rotation @ reference.T).as_rotvec()
-    found = least_squares(root_penalty, start, jac='3-point', xtol=1e-15, ftol=1e-15, gtol=1e-15,
-                          diff_step=1e-5, max_nfev=100)
+    found = least_squares(root_penalty, start, jac='3-point', method='lm', xtol=1e-14, ftol=1e-14,
+                          gtol=1e-14, diff_step=1e-5, max_nfev=500)
     return simulator.solve(gripper(found.x), latest)

@@ -1,11 +1,13 @@
 """Threading through one cut-out: at every depth the DLO passes the centre along the normal."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.continuation import shape_change
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import TOLERANCE, equilibrium, shape_of
 from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
 from dlo_planner.errors import Infeasible
@@ -21,87 +23,160 @@ _MAX_ITERATIONS = 60
 _LONGEST_STEP = 1 / 16   # of the length: depth steps of the continuation
 _SHORTEST_STEP = 1 / 4096
 _RECOVERIES = 12
+_ROLLS = 24              # of the free end, tried for the start
 _LEAP = 1.0              # rad: a change of shape between waypoints that is no continuation
 
 
-def thread(simulator, cutout, depths, roll, method, speeds, progress):
+def thread(simulator, cutout, depths, start, method, speeds, progress):
     """Return the Plan; see `InverseSimulator.thread` for what the arguments mean.
 
-    The shape is continued from depth 0, where the free end alone is prescribed, through all
-    depths; between waypoints in steps short enough to stay on one branch.
+    Which roll of the DLO the threading begins with is free. If the plan that begins with the
+    first choice is refused, others are tried, unless all rolls are alike (round and straight).
+    """
+    refused = None
+    for first, reference in _starts(simulator, cutout, start):
+        try:
+            return _thread_from(first, reference, simulator, cutout, depths, method, speeds,
+                                progress)
+        except Infeasible as error:
+            if refused is None or error.waypoint > refused.waypoint:
+                refused = error
+    raise refused
+
+
+def _thread_from(shape, reference, simulator, cutout, depths, method, speeds, progress):
+    """Continue `shape` from depth 0, where the free end alone is prescribed, through all depths.
+
+    Between waypoints in steps short enough to stay on one branch.
     """
     length = simulator.rod.length
-    grippers, shapes, misaligned, missed = [], [], [], []
+    waypoints = []
     align = {'coupled': _coupled, 'nested': _nested}[method]
-
-    def plan(status):
-        reached = len(grippers)
-        return Plan(np.array(depths[:reached]), grippers, shapes, np.array(misaligned),
-                    np.array(missed), times_at_speed(grippers, *speeds), reached / len(depths),
-                    status)
-
-    shape, reference = _first(simulator, cutout, roll)
     depth = 0.0
     for index, wanted in enumerate(depths):
-        step = _LONGEST_STEP * length
-        found = None
-        while True:
-            target = min(wanted, depth + step)
-            # Steps between waypoints are guesses only, so the quick method makes them all.
-            way = align if target == wanted else _coupled
-            found = way(simulator, shape, length - target, cutout.normal, reference)
-            if found is not None:
-                shape, depth = found, target
-                if depth == wanted:
-                    break
-            elif step > _SHORTEST_STEP * length and target > depth:
-                step /= 2
-            else:
-                found = recover(simulator, shape, length - wanted, cutout.normal, reference)
-                if found is None or shapes and shape_change(shapes[-1], found) > _LEAP:
-                    raise Infeasible(
-                        f'waypoint {index} (depth {wanted:g} m): no equilibrium with the tangent '
-                        f'along the normal was found beyond depth {depth:g} m', index,
-                        'equilibrium', wanted - depth, plan(PlanStatus.PARTIAL))
-                shape, depth = found, wanted
-                break
+
+        def refuse(constraint, amount, why, index=index, wanted=wanted):
+            return Infeasible(f'waypoint {index} (depth {wanted:g} m): {why}', index, constraint,
+                              amount, _plan(waypoints, depths, speeds, PlanStatus.PARTIAL))
+
+        shape, depth = _reach(simulator, shape, depth, wanted, align, cutout.normal, reference)
+        if shape is None:
+            raise refuse('equilibrium', wanted - depth, 'no equilibrium with the tangent along '
+                         f'the normal was found beyond depth {depth:g} m')
         if shape.stability < -NEUTRAL:
-            stable = recover(simulator, shape, length - wanted, cutout.normal, reference)
-            if stable is not None and shapes and shape_change(shapes[-1], stable) > _LEAP:
-                stable = None  # it exists, but the DLO would have to leap there
-            if stable is None:
-                raise Infeasible(
-                    f'waypoint {index} (depth {wanted:g} m): the DLO would not stay in the shape '
-                    f'that passes the cut-out; stability {shape.stability:.3g} < 0', index,
-                    'stability', -shape.stability, plan(PlanStatus.PARTIAL))
+            stable = _recovered(simulator, shape, length - wanted, cutout.normal, reference)
+            if stable is None or waypoints and _leaps(waypoints[-1].shape, stable):
+                raise refuse('stability', -shape.stability, 'the DLO would not stay in the shape '
+                             f'that passes the cut-out; stability {shape.stability:.3g} < 0')
             shape = stable
-        pierced = shape.at(length - wanted)
-        placed = shape.moved(cutout.centre - pierced.position)
-        grippers.append(placed.gripper)
-        shapes.append(placed)
-        pierced = placed.at(length - wanted)
-        misaligned.append(_angle(pierced.direction, cutout.normal))
-        missed.append(float(np.linalg.norm(pierced.position - cutout.centre)))
-        reference = placed.gripper.rotation
+        elif waypoints and _leaps(waypoints[-1].shape, shape):
+            raise refuse('equilibrium', shape_change(waypoints[-1].shape, shape), 'the DLO would '
+                         'have to leap into another shape; closer waypoints may help')
+        waypoints.append(_waypoint(shape, cutout, length - wanted))
+        reference = shape.gripper.rotation
         if progress is not None:
             progress(index + 1, len(depths))
-    return plan(PlanStatus.COMPLETE)
+    return _plan(waypoints, depths, speeds, PlanStatus.COMPLETE)
+
+
+def _reach(simulator, shape, depth, wanted, align, normal, reference):
+    """Return the aligned Shape at depth `wanted` and that depth; None and how far it came."""
+    length = simulator.rod.length
+    step = _LONGEST_STEP * length
+    while True:
+        target = min(wanted, depth + step)
+        # Steps between waypoints are guesses only, so the quick method makes them all.
+        way = align if target == wanted else _coupled
+        found = way(simulator, shape, length - target, normal, reference)
+        if found is not None:
+            shape, depth = found, target
+            if depth == wanted:
+                return shape, depth
+        elif step > _SHORTEST_STEP * length and target > depth:
+            step /= 2
+        else:
+            found = _recovered(simulator, shape, length - wanted, normal, reference)
+            return (found, wanted) if found is not None else (None, depth)
+
+
+@dataclass(frozen=True)
+class _Waypoint:
+    shape: Shape
+    misalignment: float
+    miss: float
+
+
+def _waypoint(shape, cutout, s):
+    """Carry the shape so that it passes the centre at arc length `s`: paper, section 5.2."""
+    placed = shape.moved(cutout.centre - shape.at(s).position)
+    pierced = placed.at(s)
+    return _Waypoint(placed, _angle(pierced.direction, cutout.normal),
+                     float(np.linalg.norm(pierced.position - cutout.centre)))
+
+
+def _plan(waypoints, depths, speeds, status):
+    grippers = [waypoint.shape.gripper for waypoint in waypoints]
+    return Plan(np.array(depths[:len(waypoints)]), grippers,
+                [waypoint.shape for waypoint in waypoints],
+                np.array([waypoint.misalignment for waypoint in waypoints]),
+                np.array([waypoint.miss for waypoint in waypoints]),
+                times_at_speed(grippers, *speeds), len(waypoints) / len(depths), status)
+
+
+def _leaps(one, other):
+    """Whether the shape changes more from one waypoint to the next than continuity allows."""
+    return shape_change(one, other) > _LEAP
 
 
 def _angle(one, other):
     return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
 
 
-def _first(simulator, cutout, roll):
-    """Return a Shape whose free end points along the normal, and the roll reference."""
+def _starts(simulator, cutout, start):
+    """Yield Shapes whose free end points along the normal, and the reference for their roll.
+
+    The free end's roll about the normal is a choice. The first one is made so that the gripper is
+    not rolled: seen along its own axis it stands as `start` does (or upright, without one). A
+    curved DLO may have several such rolls; the one that turns the gripper least comes first. All
+    others follow in steps, unless the DLO is round and straight and one roll is like another.
+    """
     upright = Pose.looking_along((0.0, 0.0, 0.0), cutout.normal).rotation
-    if roll is not None:
-        upright = _least_turn(roll.direction, cutout.normal) @ roll.rotation
+    wanted = upright
+    if start is not None:
+        wanted = _least_turn(start.direction, cutout.normal) @ start.rotation
     discretisation = simulator.discretisation(Pose.from_rotation((0, 0, 0), upright), None)
-    strains, base = march_from_end(discretisation.system(upright), np.array(upright, order='C'))
-    shape = _shape_at(discretisation, strains, base)
-    # The end's roll was a guess: give the gripper the roll of the reference instead.
-    return shape, _least_turn(upright[:, 0], base[:, 0]) @ upright
+    system = discretisation.system(upright)
+
+    def end_rolled(angle):
+        """Return strains, gripper rotation, its reference and its roll against that, rad."""
+        turn = Rotation.from_rotvec(angle * cutout.normal).as_matrix()
+        strains, base = march_from_end(system, turn @ wanted)
+        reference = _least_turn(wanted[:, 0], base[:, 0]) @ wanted
+        across = reference.T @ base[:, 1]
+        return strains, base, reference, np.arctan2(across[2], across[1])
+
+    def roll(angle):
+        return end_rolled(angle)[3]
+
+    def turn_against_start(angle):
+        return Rotation.from_matrix(end_rolled(angle)[1] @ wanted.T).magnitude()
+
+    angles = np.linspace(-np.pi, np.pi, _ROLLS + 1)
+    rolls = [roll(angle) for angle in angles]
+    roots = [brentq(roll, angles[k], angles[k + 1], xtol=1e-12) for k in range(_ROLLS)
+             if rolls[k] * rolls[k + 1] <= 0 and abs(rolls[k] - rolls[k + 1]) < np.pi]
+    for root in sorted(roots, key=turn_against_start):
+        strains, base, reference, _ = end_rolled(root)
+        yield _shape_at(discretisation, strains, base), reference
+    if not roots or not _rolls_are_alike(simulator.rod, discretisation):
+        for angle in sorted(angles[:-1:2], key=turn_against_start):
+            strains, base, _, _ = end_rolled(angle)
+            yield _shape_at(discretisation, strains, base), base
+
+
+def _rolls_are_alike(rod, discretisation):
+    return rod.bending_stiffness[0] == rod.bending_stiffness[1] and not np.any(
+        discretisation.natural)
 
 
 def _least_turn(one, other):
@@ -169,7 +244,7 @@ def _nested(simulator, guess, s, normal, reference):
     return shape if shape.converged and aligned else None
 
 
-def recover(simulator, shape, s, normal, reference):
+def _recovered(simulator, shape, s, normal, reference):
     """Look for a stable aligned Shape near an unstable one; None if there is none to be found.
 
     Lets the DLO fall into its minimum, turns the gripper so that the tangent fits again, and

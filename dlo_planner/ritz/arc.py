@@ -16,8 +16,8 @@ from numba import njit
 
 # Below this angle^2 the closed forms lose digits (up to eight of them in the second derivatives);
 # ten terms of the power series in a^2 are exact to 1e-17 there, and need no sine.
-_SMALL = 1.0
-_TERMS = 10
+_SMALL, _TERMS = 1.0, 10
+_TINY, _TERMS_OF_TINY = 4e-3, 5  # the usual element: a few degrees
 
 
 def _series():
@@ -34,8 +34,9 @@ _SERIES = _series()
 
 @njit(cache=True)
 def _power_series(row, a2):
-    total = _SERIES[row, _TERMS - 1]
-    for k in range(_TERMS - 2, -1, -1):
+    last = _TERMS_OF_TINY - 1 if a2 < _TINY else _TERMS - 1
+    total = _SERIES[row, last]
+    for k in range(last - 1, -1, -1):
         total = total * a2 + _SERIES[row, k]
     return total
 
@@ -51,18 +52,20 @@ def coefficients(a2):
 
 
 @njit(cache=True)
-def slopes(a2, c0, c1, c2):
-    """Return d1, d2, dd1, dd2: first and second derivatives of c1 and c2 divided by the angle.
-
-    With D = (1 / a) d/da: d1 = D c1, d2 = D c2, dd1 = D d1, dd2 = D d2.
-    """
+def first_slopes(a2, c0, c1, c2):
+    """Return d1 = D c1 and d2 = D c2, with D = (1 / a) d/da."""
     if a2 < _SMALL:
-        return (_power_series(3, a2), _power_series(4, a2),
-                _power_series(5, a2), _power_series(6, a2))
-    d1 = (c0 - 2 * c1) / a2
-    d2 = (c1 - 3 * c2) / a2
-    # D c0 = c2 - c1 follows from c0 = 1 - a^2 c2 and the two lines above
-    return d1, d2, (c2 - c1 - 4 * d1) / a2, (d1 - 5 * d2) / a2
+        return _power_series(3, a2), _power_series(4, a2)
+    return (c0 - 2 * c1) / a2, (c1 - 3 * c2) / a2
+
+
+@njit(cache=True)
+def second_slopes(a2, c1, c2, d1, d2):
+    """Return D d1 and D d2, with D = (1 / a) d/da."""
+    if a2 < _SMALL:
+        return _power_series(5, a2), _power_series(6, a2)
+    # D c0 = c2 - c1 follows from c0 = 1 - a^2 c2 and the lines above
+    return (c2 - c1 - 4 * d1) / a2, (d1 - 5 * d2) / a2
 
 
 @njit(cache=True)
@@ -91,7 +94,7 @@ def jacobians(phi, h, turning, shifting):
     x, y, z = phi[0], phi[1], phi[2]
     a2 = x * x + y * y + z * z
     c0, c1, c2 = coefficients(a2)
-    d1, d2, _, _ = slopes(a2, c0, c1, c2)
+    d1, d2 = first_slopes(a2, c0, c1, c2)
     diagonal = 1 - c2 * a2
     turning[0, 0] = diagonal + c2 * x * x
     turning[1, 1] = diagonal + c2 * y * y
@@ -129,7 +132,8 @@ def add_second_derivatives(phi, h, force, moment, out):
     x, y, z = phi[0], phi[1], phi[2]
     a2 = x * x + y * y + z * z
     c0, c1, c2 = coefficients(a2)
-    d1, d2, dd1, dd2 = slopes(a2, c0, c1, c2)
+    d1, d2 = first_slopes(a2, c0, c1, c2)
+    dd1, dd2 = second_slopes(a2, c1, c2, d1, d2)
     b0, b1, b2 = h * force[0], h * force[1], h * force[2]
     # b . J e1 = b0 + c1 alpha + c2 beta
     alpha = b1 * z - b2 * y

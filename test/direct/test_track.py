@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import DirectSimulator, InvalidTask, Pose
+from dlo_planner import DirectSimulator, InvalidTask, Pose, Rod
 
 ANGLES = [*range(0, 181, 10), *range(170, -1, -10)]
 
@@ -45,7 +45,6 @@ def test_jump_is_found_inside_a_large_step(wire):
 
 def test_leaf_spring_snaps_once():
     # a strip on edge bends sideways and snaps through when rolled under its load
-    from dlo_planner import Rod
     rod = Rod(1.0, 3.0, (1.0, 40.0), 0.5, natural_curvature=(-4.0, 0.0))
     rolls = np.linspace(0, 2 * np.pi, 49)
     grippers = [Pose((0, 0, 0), Rotation.from_rotvec([a, 0, 0]).as_quat()) for a in rolls]

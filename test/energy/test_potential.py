@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import evaluate, new_state
 from dlo_planner.minimize.linear import assemble, multiply, new_hessian
-from scipy.spatial.transform import Rotation
 
 GRAVITY = np.array([1.0, -2.0, -9.0])
 BASE = Rotation.from_rotvec([0.3, -1.0, 2.0]).as_matrix()

@@ -1,0 +1,34 @@
+"""Each kernel is compiled for one set of types: another one would compile at run time."""
+
+import numpy as np
+import pytest
+
+from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
+from dlo_planner.energy.potential import evaluate, unknowns_of
+from dlo_planner.inverse.aligned import aligned_newton
+from dlo_planner.inverse.marching import march_from_end
+from dlo_planner.minimize.newton import newton
+from dlo_planner.ritz.kinematics import point_inside
+
+KERNELS = [newton, unknowns_of, aligned_newton, march_from_end, point_inside]
+
+
+@pytest.mark.parametrize('kernel', KERNELS, ids=lambda kernel: kernel.__name__)
+def test_one_signature(kernel):
+    rod = Rod(1.0, 0.1, (1.0, 2.0), 0.7, natural_curvature=(0.1, 0.2))
+    start = Pose.looking_along((0, 0, 0), (1, 0.2, 0))
+    goal = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)))
+    for options in ({}, {'basis': 'local'}, {'accuracy': 1e-4}, {'gravity': [0, 0, -1]}):
+        direct = DirectSimulator(rod, **options)
+        shape = direct.solve(start)
+        direct.solve(start, shape.moved((1, 2, 3)))
+        direct.track([start, goal.pose])
+        assert shape.error_estimate > 0
+        shape.at(np.float32(0.5))
+        for first in (None, start):
+            InverseSimulator(direct).thread(goal, start=first, depths=[0, 0.5])
+    assert len(kernel.signatures) == 1
+
+
+def test_evaluate_takes_one_system_type():
+    assert len(evaluate.signatures) <= 1

@@ -1,0 +1,18 @@
+"""The house: imports go one way down, kernels are compiled once."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+from importlinter.cli import lint_imports
+
+ROOT = Path(__file__).parent.parent
+
+
+def test_imports_go_down_the_layers():
+    assert lint_imports(config_filename=str(ROOT / 'pyproject.toml'), no_cache=True) == 0
+
+
+def test_core_does_not_import_ros():
+    code = 'import dlo_planner, sys; sys.exit(any(m.startswith("rclpy") for m in sys.modules))'
+    assert subprocess.run([sys.executable, '-c', code], cwd=ROOT, check=False).returncode == 0
