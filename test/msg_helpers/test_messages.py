@@ -1,0 +1,85 @@
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from rclpy.serialization import deserialize_message, serialize_message
+from visualization_msgs.msg import Marker
+
+from dlo_planner import CutOut, DirectSimulator, InvalidTask, Pose, Rod
+from msg_helpers.diagnostics import WARN, diagnostics_msg
+from msg_helpers.markers import plan_markers, shape_markers
+from msg_helpers.paths import later, plan_path, poses_from_path, shape_path, times_from_path
+from msg_helpers.poses import pose_from_msg, pose_from_stamped, pose_msg, pose_stamped_msg
+
+POSE = Pose((1.0, -2.0, 3.5), (0.1, -0.2, 0.3, 0.9))
+STAMP = Time(sec=7, nanosec=999_999_999)
+
+
+@pytest.fixture(scope='module')
+def shape():
+    rod = Rod(1.0, 0.1, 1.0, 1.0, radius=0.004)
+    return DirectSimulator(rod, n_elements=12).solve(Pose.identity())
+
+
+def over_the_wire(message):
+    return deserialize_message(serialize_message(message), type(message))
+
+
+def test_pose_round_trip():
+    again = pose_from_msg(over_the_wire(pose_msg(POSE)))
+    np.testing.assert_array_equal(again.position, POSE.position)
+    np.testing.assert_array_equal(again.quaternion, POSE.quaternion)
+
+
+def test_frame_is_checked_by_name():
+    message = pose_stamped_msg(POSE, 'map')
+    with pytest.raises(InvalidTask, match="goal.header.frame_id = 'map': expected 'world'"):
+        pose_from_stamped(message, 'world', 'goal')
+    message = pose_stamped_msg(POSE, 'world')
+    message.pose.position.y = float('inf')
+    with pytest.raises(InvalidTask, match=r'goal: Pose\.position'):
+        pose_from_stamped(message, 'world', 'goal')
+
+
+def test_shape_path(shape):
+    path = over_the_wire(shape_path(shape, 'world', STAMP))
+    assert path.header.stamp == STAMP
+    assert all(pose.header == path.header for pose in path.poses)
+    poses = poses_from_path(path)
+    np.testing.assert_array_equal([pose.position for pose in poses], shape.positions)
+    np.testing.assert_allclose([pose.rotation for pose in poses], shape.frames, atol=1e-14)
+
+
+def test_plan_path_is_stamped():
+    path = over_the_wire(plan_path([POSE, POSE, POSE], [0.0, 0.25, 2.5], 'world', STAMP))
+    np.testing.assert_allclose(times_from_path(path), [0.0, 0.25, 2.5], atol=1e-9)
+    assert path.poses[1].header.stamp == Time(sec=8, nanosec=249_999_999)
+
+
+def test_seconds_carry_over():
+    assert later(Time(sec=1, nanosec=600_000_000), 0.5) == Time(sec=2, nanosec=100_000_000)
+
+
+@pytest.mark.parametrize('cutout', [
+    CutOut(POSE), CutOut(POSE, radius=0.01), CutOut(POSE, width=0.02, height=0.01)])
+def test_markers_are_complete(shape, cutout):
+    tube, *axes = over_the_wire(shape_markers(shape, 0.004, 'world', STAMP)).markers
+    assert tube.scale.x == pytest.approx(0.008)
+    assert [marker.type for marker in axes] == [Marker.ARROW] * 3
+    # the sharpest bend, at the gripper, is red, the free end blue
+    assert tube.colors[0].r == pytest.approx(1.0)
+    assert tube.colors[-1].b > 0.9
+    markers = over_the_wire(plan_markers(cutout, [POSE, POSE], 'world', STAMP)).markers
+    rim = np.array([(p.x, p.y, p.z) for p in markers[0].points])
+    np.testing.assert_allclose(rim[0], rim[-1], atol=1e-15)
+    sizes = (cutout.radius, cutout.radius) if cutout.radius else (
+        (0.01, 0.005) if cutout.width else (0.02, 0.02))
+    np.testing.assert_allclose(np.abs(rim).max(axis=0), (0, *sizes), atol=1e-12)
+    assert all(np.isfinite(marker.pose.position.x) for marker in markers)
+
+
+def test_diagnostics():
+    message = over_the_wire(diagnostics_msg('a: b', 'wire', WARN, 'look', {'x': 0.25, 'n': 3},
+                                            STAMP))
+    status = message.status[0]
+    assert (status.level, status.message, status.hardware_id) == (WARN, 'look', 'wire')
+    assert [(v.key, v.value) for v in status.values] == [('x', '0.25'), ('n', '3')]

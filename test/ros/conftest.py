@@ -1,0 +1,32 @@
+"""A ROS domain for this run, a planner in it, and its client."""
+
+import os
+
+import pytest
+from domain_coordinator import domain_id
+from planner_process import ROOT, connected_client, running_planner
+
+
+@pytest.fixture(scope='session')
+def domain():
+    """Reserve a ROS domain that no other test run on this machine uses."""
+    with domain_id() as number:
+        os.environ['ROS_DOMAIN_ID'] = str(number)
+        yield number
+
+
+@pytest.fixture(scope='module')
+def planner(domain, tmp_path_factory):
+    """Yield a planner with the copper wire of the paper, reports ten times a second."""
+    with running_planner(tmp_path_factory.mktemp('planner'), '--params-file',
+                         str(ROOT / 'config' / 'copper_wire.yaml'),
+                         '-p', 'diagnostics_period:=0.1', '-p', 'rod.diameter:=0.0015',
+                         '-p', 'threading.waypoints:=25') as running:
+        yield running
+
+
+@pytest.fixture(scope='module')
+def client(planner):
+    """Yield a client of `planner`."""
+    with connected_client(planner) as connected:
+        yield connected

@@ -1,0 +1,250 @@
+"""The node as its users meet it: a process of its own, reached over DDS."""
+
+import queue
+import time
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from planner_process import drain, newest
+from rclpy.qos import QoSProfile
+from visualization_msgs.msg import MarkerArray
+
+from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
+from dlo_planner.ros.planner_node import LATCHED
+from msg_helpers.paths import poses_from_path, times_from_path
+
+WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+GRIPPER = Pose.looking_along((0.1, -0.2, 1.0), (1.0, 0.3, 0.2))
+GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+
+
+def test_pose_in_shape_out(client):
+    path, _ = client.shape_for(GRIPPER)
+    expected = DirectSimulator(WIRE).solve(GRIPPER)
+    poses = poses_from_path(path)
+    assert path.header.frame_id == 'world'
+    assert {pose.header.frame_id for pose in path.poses} == {'world'}
+    np.testing.assert_allclose([pose.position for pose in poses], expected.positions, atol=1e-8)
+    np.testing.assert_allclose([pose.direction for pose in poses], expected.tangents, atol=1e-8)
+
+
+def test_service_gives_the_same_shape(client):
+    path, _ = client.predict_shape(GRIPPER)
+    expected = DirectSimulator(WIRE).solve(GRIPPER)
+    np.testing.assert_allclose([pose.position for pose in poses_from_path(path)],
+                               expected.positions, atol=1e-8)
+
+
+def test_plan_by_service_is_published_and_stamped(client):
+    drain(client.trajectories)
+    path, _ = client.plan_threading(GRIPPER, GOAL)
+    grippers = poses_from_path(path)
+    expected = InverseSimulator(DirectSimulator(WIRE)).thread(
+        CutOut(GOAL), start=GRIPPER, depths=np.linspace(0, 0.95, 25))
+    np.testing.assert_allclose([pose.matrix for pose in grippers],
+                               [pose.matrix for pose in expected.grippers], atol=1e-8)
+    np.testing.assert_allclose(times_from_path(path), expected.times, atol=1e-6)
+    assert newest(client.trajectories) == path
+
+
+def test_goal_in_plan_out_and_replan(client):
+    client.shape_for(GRIPPER)
+    drain(client.trajectories)
+    client.send_goal(GOAL)
+    first = client.trajectories.get(timeout=10)
+    assert len(first.poses) == 25
+    answer = client.trigger('replan')
+    assert answer.success
+    assert answer.message == '25 gripper poses'
+    again = client.trajectories.get(timeout=10)
+    assert [pose.pose for pose in again.poses] == [pose.pose for pose in first.poses]
+
+
+def test_shapes_go_on_during_a_plan(client):
+    # a long plan is asked for; shapes must come while it is made, not only before and after
+    client.set_parameters(threading__waypoints=2000)
+    try:
+        drain(client.trajectories)
+        client.send_goal(GOAL)
+        came = 0
+        while client.trajectories.empty() and came < 1000:
+            client.shape_for(GRIPPER)
+            came += client.trajectories.empty()
+        assert came >= 5
+    finally:
+        client.trajectories.get(timeout=30)
+        client.set_parameters(threading__waypoints=25)
+
+
+def test_latest_pose_wins_without_a_backlog(client):
+    drain(client.shapes)
+    for k in range(500):
+        client.send_pose(Pose((0.001 * k, 0, 1), (0, 0, 0, 1)))
+    last = Pose((9.0, 0, 1), (0, 0, 0, 1))
+    client.shape_for(last)
+    time.sleep(0.3)
+    left = drain(client.shapes)
+    assert len(left) < 20  # what had not been overtaken
+    assert client.shape_for(GRIPPER)[1] < 1.0
+
+
+def test_late_comers_get_shape_plan_and_markers(client):
+    client.shape_for(GRIPPER)
+    client.plan_threading(GRIPPER, GOAL)
+    received = queue.Queue()
+    subscriptions = [client.node.create_subscription(kind, f'/dlo_planner/{name}', received.put,
+                                                     LATCHED)
+                     for kind, name in ((Path, 'predicted_shape'), (Path, 'gripper_trajectory'),
+                                        (MarkerArray, 'markers'))]
+    messages = [received.get(timeout=10) for _ in subscriptions]
+    for subscription in subscriptions:
+        client.node.destroy_subscription(subscription)
+    markers = next(message for message in messages if isinstance(message, MarkerArray)).markers
+    kinds = {(marker.ns, marker.id) for marker in markers}
+    assert {('dlo', 0), ('cutout', 0), ('trajectory', 0), ('gripper', 0)} <= kinds
+    assert all(marker.pose.orientation.w == 1.0 or marker.ns == 'cutout' for marker in markers)
+    tube = next(marker for marker in markers if marker.ns == 'dlo')
+    assert len(tube.points) == len(tube.colors) == 65
+    assert tube.scale.x == pytest.approx(1.5e-3)
+
+
+def test_ordinary_publishers_of_goals_are_heard(client):
+    # reliable and volatile, as `ros2 topic pub` and RViz are by default
+    publisher = client.node.create_publisher(PoseStamped, '/dlo_planner/task_goal',
+                                             QoSProfile(depth=1))
+    end = time.monotonic() + 10
+    while not publisher.get_subscription_count() and time.monotonic() < end:
+        time.sleep(0.01)
+    assert publisher.get_subscription_count() == 1
+    client.node.destroy_publisher(publisher)
+
+
+def diagnostics(client, wanted=lambda status: True):
+    """Return the first report that satisfies `wanted`, as (level, message, dict)."""
+    drain(client.diagnostics)
+    for _ in range(40):
+        status = client.diagnostics.get(timeout=5).status[0]
+        if wanted(status):
+            return status.level, status.message, {v.key: v.value for v in status.values}
+    raise AssertionError(f'no such report; the last one said {status.message!r}')
+
+
+def test_diagnostics_tell_rates_latencies_and_proof(client):
+    for _ in range(3):
+        client.shape_for(GRIPPER)
+    client.plan_threading(GRIPPER, GOAL)
+    _, _, values = diagnostics(client)
+    assert float(values['shape residual']) < 1e-8
+    assert float(values['shape stability']) > 0
+    assert 0 < float(values['shape error estimate [m]']) < 1e-3
+    assert float(values['latency median [ms]']) > 0
+    assert float(values['plan largest miss [m]']) < 1e-8
+    assert int(values['plans made']) >= 1
+
+
+BAD_POSES = {
+    'nan': (lambda msg: setattr(msg.pose.position, 'x', float('nan')), 'Pose.position = [nan'),
+    'zero quaternion': (lambda msg: setattr(msg.pose.orientation, 'w', 0.0),
+                        'Pose.quaternion = [0.0, 0.0, 0.0, 0.0]'),
+    'frame': (lambda msg: setattr(msg.header, 'frame_id', 'tool0'),
+              "header.frame_id = 'tool0': expected 'world'"),
+    'no frame': (lambda msg: setattr(msg.header, 'frame_id', ''), "header.frame_id = ''"),
+}
+
+
+@pytest.mark.parametrize('name', BAD_POSES)
+@pytest.mark.parametrize('topic', ['gripper_pose', 'task_goal'])
+def test_bad_messages_are_refused_by_name(client, planner, topic, name):
+    spoil, named = BAD_POSES[name]
+    client.shape_for(GRIPPER)
+    drain(client.shapes)
+    drain(client.trajectories)
+    message = PoseStamped()
+    message.header.frame_id = 'world'
+    message.pose.orientation.w = 1.0
+    spoil(message)
+    sender = client._pose_out if topic == 'gripper_pose' else client._goal_out
+    sender.publish(message)
+    level, text, _ = diagnostics(client, lambda status: named in status.message)
+    assert level == b'\x01'
+    assert text.startswith(f'{topic} refused: {topic}')
+    assert client.shapes.empty()
+    assert client.trajectories.empty()
+    assert planner.alive()
+    assert len(client.shape_for(GRIPPER)[0].poses) == 65
+
+
+def test_unreachable_goal_is_an_empty_plan_with_a_reason(client, planner):
+    client.plan_threading(GRIPPER, GOAL)
+    drain(client.trajectories)
+    client.set_parameters(rod__diameter=1e-3)
+    path, _ = client.plan_threading(GRIPPER, GOAL)
+    assert path.poses == []
+    _, text, _ = diagnostics(client, lambda status: 'stability' in status.message)
+    assert 'waypoint 0' in text
+    assert client.trajectories.empty()  # the last good plan stays
+    assert 'plan_threading refused' in planner.log
+    answer = client.trigger('replan')
+    assert not answer.success
+    client.set_parameters(rod__diameter=1.5e-3)
+
+
+def test_bad_requests_are_answered(client):
+    bad = Pose.identity()
+    bad.quaternion[:] = 0.0
+    for call in (lambda: client.predict_shape(bad), lambda: client.plan_threading(bad, GOAL),
+                 lambda: client.plan_threading(GRIPPER, bad)):
+        path, _ = call()
+        assert path.poses == []
+
+
+def test_parameters_change_at_run_time(client):
+    before, _ = client.predict_shape(GRIPPER)
+    assert client.set_parameters(rod__tip_mass=0.05)[0].successful
+    after, _ = client.predict_shape(GRIPPER)
+    assert after.poses[-1].pose.position.z < before.poses[-1].pose.position.z - 0.05
+    assert client.set_parameters(rod__tip_mass=0.0)[0].successful
+    again, _ = client.predict_shape(GRIPPER)
+    assert again.poses[-1].pose == before.poses[-1].pose
+
+
+@pytest.mark.parametrize(('name', 'value', 'reason'), [
+    ('rod__length', -1.0, 'rod.length'),
+    ('rod__poisson_ratio', 0.9, 'rod.poisson_ratio'),
+    ('rod__section', 'oval', "rod.section = 'oval'"),
+    ('rod__bending_stiffness', [1.0, 2.0, 3.0], None),  # unused by a round section: accepted
+    ('simulator__n_terms', 100, 'n_terms = 100'),
+    ('simulator__basis', 'splines', "basis = 'splines'"),
+    ('gravity', [0.0, float('nan'), 0.0], 'gravity'),
+    ('tool__orientation', [0.0, 0.0, 0.0, 0.0], 'Pose.quaternion'),
+    ('frame_id', 'map', 'read-only'),
+])
+def test_absurd_parameters_are_refused_with_a_reason(client, name, value, reason):
+    result = client.set_parameters(**{name: value})[0]
+    assert result.successful == (reason is None)
+    if reason is not None:
+        assert reason in result.reason
+    assert len(client.shape_for(GRIPPER)[0].poses) == 65
+
+
+def test_tool_frame_is_taken_off_and_put_on(client):
+    tool = Pose((0.0, 0.0, 0.1), (0, -np.sin(np.pi / 4), 0, np.cos(np.pi / 4)))  # x along tool z
+    client.set_parameters(tool__position=list(tool.position),
+                          tool__orientation=list(tool.quaternion))
+    try:
+        path, _ = client.predict_shape(GRIPPER)
+        root = poses_from_path(path)[0]
+        np.testing.assert_allclose(root.matrix, GRIPPER.compose(tool).matrix, atol=1e-9)
+        plan, _ = client.plan_threading(GRIPPER, GOAL)
+        ends = [pose.compose(tool) for pose in poses_from_path(plan)]
+    finally:
+        client.set_parameters(tool__position=[0.0] * 3, tool__orientation=[0.0, 0.0, 0.0, 1.0])
+    shape = DirectSimulator(WIRE).solve(ends[0])
+    np.testing.assert_allclose(shape.positions[-1], GOAL.position, atol=1e-8)
+
+
+def test_reset_forgets_the_shape(client):
+    assert client.trigger('reset').success
+    assert len(client.shape_for(GRIPPER)[0].poses) == 65
