@@ -14,7 +14,7 @@ from nav_msgs.srv import GetPlan
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
@@ -23,6 +23,7 @@ from visualization_msgs.msg import MarkerArray
 from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.ros.executor import PatientExecutor
 from dlo_planner.ros.health import Health
 from dlo_planner.ros.parameters import ENTRIES, build_scene, declare
 from msg_helpers.diagnostics import diagnostics_msg
@@ -252,7 +253,7 @@ def main(args=None):
     try:
         node = PlannerNode()
         node.warm_up()
-        executor = MultiThreadedExecutor(num_threads=_THREADS)
+        executor = PatientExecutor(num_threads=_THREADS)
         executor.add_node(node)
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
