@@ -23,6 +23,8 @@ from dlo_planner.minimize.spectrum import lowest_mode
 LARGEST_TURN = 0.8  # rad per step, of any node
 KICK_TURN = 0.3     # rad, of a saddle along its lowest mode
 NEUTRAL = 1e-7      # eigenvalues nearer to zero than this count as zero
+_HARDLY = 1e-4       # rad: a step that changes the Hessian by about as little
+_WELL_STABLE = 0.01  # an eigenvalue that such a step cannot make doubtful
 
 
 @njit(cache=True)
@@ -44,7 +46,7 @@ def newton(system, q, tolerance, max_iterations, check):
         check: whether to find the smallest eigenvalue at the end (and leave a saddle)
 
     Returns:
-        state: at the end; hessian: there, factorised with `shift`
+        state: at the end; hessian: factorised with `shift`, there or a tiny step before
         shift: 0 at a strict minimum
         residual: scaled gradient; stability: smallest eigenvalue (nan if not `check`)
         iterations: Newton steps made; kicks: how often a saddle was left
@@ -60,12 +62,19 @@ def newton(system, q, tolerance, max_iterations, check):
     iterations = 0
     stability = np.nan
     stalled = False
+    turn = np.inf  # rad, of the last step
+    shifted = 0.0  # shift of the factorisation that it was made with
     while True:
         residual = residual_of(system, state)
-        assemble(system, state, hessian)
         arrived = residual < tolerance or stalled or iterations >= max_iterations
         if arrived and not check:
             break
+        if arrived and shifted == 0.0 and turn < _HARDLY:
+            # After so small a step the factorisation before it tells a stable shape as well.
+            stability, mode = lowest_mode(system, hessian, 0.0, 1e-4)
+            if stability > _WELL_STABLE:
+                break
+        assemble(system, state, hessian)
         if arrived or factorise(system, hessian, shift) > 0:
             shift = _safe_shift(system, hessian, 0.0 if arrived else shift)
         if arrived:
@@ -78,9 +87,11 @@ def newton(system, q, tolerance, max_iterations, check):
             state, trial = trial, state
             kicks += 1
             stalled = False
+            turn = np.inf
             continue
         solve(system, hessian, -state.gradient, step)
         turn = largest_turn(system, hessian, step)
+        shifted = shift
         if turn > LARGEST_TURN:
             step *= LARGEST_TURN / turn
         energy, noise, moved = _descend(system, state, trial, step, energy, noise)

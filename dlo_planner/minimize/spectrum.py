@@ -12,11 +12,12 @@ from dlo_planner.energy.potential import unknown_count
 from dlo_planner.minimize.linear import solve
 
 _STEPS = 40
+_MODE_BELOW = 1e-3  # nobody asks for the mode of a shape that is well stable
 
 
 @njit(cache=True)
 def lowest_mode(system, hessian, shift, tolerance):
-    """Return the smallest eigenvalue of H and its unit mode (m, 3).
+    """Return the smallest eigenvalue of H and its unit mode (m, 3), zero if well stable.
 
     Args:
         hessian: factorised with `shift`, without negative pivots
@@ -45,17 +46,20 @@ def lowest_mode(system, hessian, shift, tolerance):
             for i in range(3):
                 image[e, i] /= side[k]
         if k % 3 == 2:
-            top = np.linalg.eigvalsh(_tridiagonal(diagonal, side, k + 1))[-1]
+            top = _largest_eigenvalue(diagonal, side, k + 1)
             if abs(top - previous) < tolerance * top:
                 used = k + 1
                 break
             previous = top
-    values, modes = np.linalg.eigh(_tridiagonal(diagonal, side, used))
+    top = _largest_eigenvalue(diagonal, side, used)
     mode = np.zeros((m, 3))
-    for k in range(used):
-        _subtract(mode, -modes[k, used - 1], vectors[k])
-    mode /= np.sqrt(_dot(mode, mode))
-    return 1.0 / values[used - 1] - shift, mode
+    value = 1.0 / top - shift
+    if value < _MODE_BELOW:
+        _, modes = np.linalg.eigh(_tridiagonal(diagonal, side, used))
+        for k in range(used):
+            _subtract(mode, -modes[k, used - 1], vectors[k])
+        mode /= np.sqrt(_dot(mode, mode))
+    return value, mode
 
 
 @njit(cache=True)
@@ -91,6 +95,33 @@ def _subtract(a, factor, b):
     for e in range(a.shape[0]):
         for i in range(3):
             a[e, i] -= factor * b[e, i]
+
+
+@njit(cache=True)
+def _largest_eigenvalue(diagonal, side, size):
+    """Return the largest eigenvalue of a symmetric tridiagonal matrix, by bisection."""
+    low = high = diagonal[0]
+    for k in range(size):
+        low = max(low, diagonal[k])
+        radius = (side[k - 1] if k else 0.0) + (side[k] if k < size - 1 else 0.0)
+        high = max(high, diagonal[k] + radius)
+    while high - low > 1e-13 * abs(high):
+        middle = 0.5 * (low + high)
+        # one positive pivot of the matrix minus the middle: the eigenvalue lies above it
+        above = False
+        pivot = 1.0
+        for k in range(size):
+            pivot = diagonal[k] - middle - (side[k - 1] ** 2 / pivot if k else 0.0)
+            if pivot > 0:
+                above = True
+                break
+            if pivot == 0:
+                pivot = -1e-300
+        if above:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
 
 
 @njit(cache=True)

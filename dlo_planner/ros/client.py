@@ -66,7 +66,8 @@ class PlannerClient:
         """Return whether the node answers within `timeout` s; stop early when not `alive()`."""
         end = monotonic() + timeout
         while monotonic() < end and alive():
-            # The publishers have to be matched too: a pose sent before that is lost.
+            # The node is ready when it can be seen. The publishers have to be matched too: a pose
+            # that is sent before that is lost.
             if (self._client(GetPlan, 'plan_threading').wait_for_service(0.1)
                     and self._pose_out.get_subscription_count()
                     and self._goal_out.get_subscription_count()):

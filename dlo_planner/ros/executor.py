@@ -13,8 +13,8 @@ class PatientExecutor(MultiThreadedExecutor):
     The original submits a callback to its pool and returns at once to the wait, which finds the
     same callback still not started and returns it again, and so on: a busy loop that starves the
     very thread it waits for (ros2/rclpy issue 1452, in Jazzy's 7.1.6). A pause of 0.1 ms, in which
-    the interpreter is free, ends it. Measured on two cores: 4 ms instead of 11 ms from a pose to its
-    shape, and a plan that is made meanwhile takes 3 s instead of 18 s.
+    the interpreter is free, ends it. Measured on two cores: 4 ms instead of 11 ms from a pose to
+    its shape, and a plan that is made meanwhile takes 3 s instead of 18 s.
     """
 
     def spin_once(self, timeout_sec=None):

@@ -51,6 +51,7 @@ class PlannerNode(Node):
         super().__init__('dlo_planner', **options)
         declare(self)
         self._scene = build_scene(self._values())
+        self._warm_up()  # before there is anything to be called: what can be seen is ready
         self._health = Health()
         self._warned = {}
         self._latest = None   # (scene, Shape) of the last pose
@@ -77,8 +78,8 @@ class PlannerNode(Node):
         self.create_timer(self.get_parameter('diagnostics_period').value, self._report,
                           callback_group=health)
 
-    def warm_up(self):
-        """Load the compiled kernels (or compile them: the first start only) before work comes."""
+    def _warm_up(self):
+        """Load the compiled kernels, or compile them: the first start only."""
         self.get_logger().info('loading the solver; the very first start compiles it (a minute)')
         started = monotonic()
         scene = self._scene
@@ -252,7 +253,6 @@ def main(args=None):
     node = None
     try:
         node = PlannerNode()
-        node.warm_up()
         executor = PatientExecutor(num_threads=_THREADS)
         executor.add_node(node)
         executor.spin()
