@@ -10,7 +10,7 @@ from dlo_planner.minimize.newton import NEUTRAL, newton
 
 TOLERANCE = 1e-10  # of the residual; the last step of a quadratic method overshoots it
 CONVERGED = 1e-8   # what is promised
-_MAX_ITERATIONS = 200
+_MAX_ITERATIONS = 1000
 
 
 def equilibrium(discretisation, gripper, strains):
