@@ -1,5 +1,6 @@
 """Direct and inverse simulation of deformable linear objects in a gripper; no ROS in here."""
 
+from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import (
@@ -16,5 +17,5 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 
 __all__ = ['CutOut', 'DirectSimulator', 'DloPlannerError', 'Infeasible', 'InvalidRod',
-           'InvalidTask', 'InverseSimulator', 'NotConverged', 'Plan', 'PlanStatus', 'Pose', 'Rod',
-           'Shape']
+           'InvalidTask', 'InverseSimulator', 'Motion', 'NotConverged', 'Plan', 'PlanStatus',
+           'Pose', 'Rod', 'Shape']

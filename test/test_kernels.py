@@ -23,6 +23,7 @@ def test_one_signature(kernel):
         shape = direct.solve(start)
         direct.solve(start, shape.moved((1, 2, 3)))
         direct.track([start, goal.pose])
+        direct.simulate([start, start], 0.01)
         assert shape.error_estimate > 0
         shape.at(np.float32(0.5))
         for first in (None, start):

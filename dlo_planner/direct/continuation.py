@@ -30,7 +30,8 @@ def follow(equilibrium, previous, gripper, halvings=_HALVINGS):
             return shape
         if halvings == 0:
             return replace(shape, jumped=True)
-    middle = follow(equilibrium, previous, halfway(previous.gripper, gripper), halvings - 1)
+    halfway = between(previous.gripper, gripper, 0.5)
+    middle = follow(equilibrium, previous, halfway, halvings - 1)
     if not middle.converged:
         return replace(shape, jumped=True)
     shape = follow(equilibrium, middle, gripper, halvings - 1)
@@ -46,8 +47,8 @@ def shape_change(one, other):
     return float(np.arccos(np.clip((smallest - 1) / 2, -1, 1)))
 
 
-def halfway(one, other):
-    """Return the Pose half way: position linear, rotation about one fixed axis."""
+def between(one, other, fraction):
+    """Return the Pose at `fraction` of the way: position linear, rotation about one fixed axis."""
     turn = Rotation.from_matrix(other.rotation @ one.rotation.T).as_rotvec()
-    rotation = Rotation.from_rotvec(turn / 2).as_matrix() @ one.rotation
-    return Pose.from_rotation((one.position + other.position) / 2, rotation)
+    rotation = Rotation.from_rotvec(fraction * turn).as_matrix() @ one.rotation
+    return Pose.from_rotation(one.position + fraction * (other.position - one.position), rotation)

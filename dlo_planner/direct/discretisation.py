@@ -27,7 +27,8 @@ class Discretisation:
         pull = -node_masses(rod, s)[:, None] * gravity
         middle = 0.5 * (s[1:] + s[:-1])
         self._system = System(lengths, rod.natural_strains(middle), rod.stiffness, scale,
-                              orthonormal_basis(basis, n_terms, s), pull, np.eye(3))
+                              orthonormal_basis(basis, n_terms, s), pull, np.eye(3),
+                              np.zeros((0, 3)), np.zeros(0))
 
     def system(self, rotation):
         """Return the kernel's System for a gripper turned by `rotation` (3, 3)."""

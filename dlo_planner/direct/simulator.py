@@ -7,6 +7,8 @@ import numpy as np
 from dlo_planner.direct.accuracy import accurate_equilibrium
 from dlo_planner.direct.continuation import follow
 from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.dynamics import simulate
+from dlo_planner.direct.integrator import INTEGRATORS
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.errors import InvalidTask
@@ -105,6 +107,35 @@ class DirectSimulator:
             if progress is not None:
                 progress(len(shapes), len(grippers))
         return shapes
+
+    def simulate(self, grippers, dt, initial=None, *, integrator='generalized_alpha',
+                 progress=None):
+        """Return the Motion of the DLO under a moving gripper, with inertia and damping.
+
+        Args:
+            grippers: n Pose at the times 0, dt, 2 dt, ...: a prescribed motion
+            dt: step, s
+            initial: Shape at time 0, at rest, in equilibrium or not; None: the static shape
+            integrator: 'generalized_alpha' (second order) or 'paper' (Eq. 8 to 10: first order,
+                damps), see `direct.integrator`
+            progress: called as progress(done, total) after each step
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+
+        A step that cannot be solved ends the motion: `Motion.converged` is False then.
+        """
+        grippers = list(grippers)
+        if not grippers:
+            raise InvalidTask('grippers = []: expected at least one Pose')
+        for gripper in grippers:
+            self._check(gripper, initial)
+        dt = number('dt', dt, above=0)
+        choice('integrator', integrator, INTEGRATORS)
+        if initial is None:
+            initial, _ = self._equilibrium(grippers[0], None)
+        return simulate(self.discretisation(grippers[0], initial), grippers, dt, initial,
+                        integrator, progress)
 
     def discretisation(self, gripper, shape):
         """Return the Discretisation that this simulator uses at a gripper's pose.

@@ -10,8 +10,14 @@ import numpy as np
 from numba import njit
 
 from dlo_planner.energy.elastic import add_elastic
+from dlo_planner.energy.inertia import add_anchor
 from dlo_planner.energy.loads import dead_load
-from dlo_planner.ritz.kinematics import add_gradient, march, second_order
+from dlo_planner.ritz.kinematics import (
+    add_gradient,
+    add_node_stiffness,
+    march,
+    second_order,
+)
 
 
 class System(NamedTuple):
@@ -25,6 +31,8 @@ class System(NamedTuple):
         basis: (N, N_c) orthonormal basis at the elements; (N, 0) = local
         pull: (N + 1, 3) derivative of the dead loads' potential by the node positions, N
         base: (3, 3) the gripper's rotation
+        anchor: (N + 1, 3) relative to the gripper, m, and anchor_weight: (N + 1,) N/m: see
+            `energy.inertia`; both empty in statics
     """
 
     lengths: np.ndarray
@@ -34,6 +42,8 @@ class System(NamedTuple):
     basis: np.ndarray
     pull: np.ndarray
     base: np.ndarray
+    anchor: np.ndarray
+    anchor_weight: np.ndarray
 
 
 class State(NamedTuple):
@@ -42,7 +52,8 @@ class State(NamedTuple):
     Attributes:
         q, gradient: (m, 3) unknowns and derivative of the potential by them
         strains: (N, 3); rotations: (N + 1, 3, 3); positions: (N + 1, 3), relative to the gripper
-        slope: (N, 3) derivative of the potential by the strains
+        slope: (N, 3) derivative of the potential by the scaled strains
+        pull: (N + 1, 3) derivative of the potential by the node positions
         base_moment: (3,) derivative of the potential by a rotation of the gripper
     """
 
@@ -52,6 +63,7 @@ class State(NamedTuple):
     rotations: np.ndarray
     positions: np.ndarray
     slope: np.ndarray
+    pull: np.ndarray
     base_moment: np.ndarray
 
 
@@ -59,7 +71,7 @@ class State(NamedTuple):
 def turned_system(system, base):
     """Return the same system in a gripper with rotation `base` (3, 3)."""
     return System(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
-                  system.pull, base)
+                  system.pull, base, system.anchor, system.anchor_weight)
 
 
 @njit(cache=True)
@@ -76,22 +88,17 @@ def new_state(system):
     n = system.lengths.size
     m = unknown_count(system)
     return State(np.zeros((m, 3)), np.zeros((m, 3)), np.empty((n, 3)), np.empty((n + 1, 3, 3)),
-                 np.empty((n + 1, 3)), np.empty((n, 3)), np.empty(3))
+                 np.empty((n + 1, 3)), np.empty((n, 3)), np.empty((n + 1, 3)), np.empty(3))
 
 
 @njit(cache=True)
 def unknowns_of(system, strains, q):
     """Fill q (m, 3) with the unknowns whose strains are nearest to `strains` (N, 3)."""
-    n, terms = system.basis.shape
-    q[:] = 0.0
-    for e in range(n):
-        for i in range(3):
-            value = (strains[e, i] - system.natural[e, i]) / system.scale[e, i]
-            if terms == 0:
-                q[e, i] = value
-            else:
-                for j in range(terms):
-                    q[j, i] += system.lengths[e] * system.basis[e, j] * value
+    values = (strains - system.natural) / system.scale
+    if system.basis.shape[1] > 0:
+        for e in range(system.lengths.size):
+            values[e] *= system.lengths[e]
+    project(system.basis, values, q)
 
 
 @njit(cache=True)
@@ -114,35 +121,52 @@ def evaluate(system, state):
 
     A new effect (a file of this folder) adds its energy and its derivatives here.
     """
-    n, terms = system.basis.shape
+    n = system.lengths.size
     _strains_of(system, state.q, state.strains)
     march(system.lengths, state.strains, system.base, state.rotations, state.positions)
     state.slope[:] = 0.0
     elastic = add_elastic(system.lengths, state.strains, system.natural, system.stiffness,
                           state.slope)
+    state.pull[:] = system.pull
     load, size = dead_load(system.pull, state.positions)
+    inertial = add_anchor(system.anchor, system.anchor_weight, state.positions, state.pull)
     _, state.base_moment[:] = add_gradient(system.lengths, state.strains, state.rotations,
-                                           state.positions, system.pull, state.slope)
-    state.gradient[:] = 0.0
+                                           state.positions, state.pull, state.slope)
     for e in range(n):
         for i in range(3):
-            value = system.scale[e, i] * state.slope[e, i]
-            if terms == 0:
-                state.gradient[e, i] = value
-            else:
-                for j in range(terms):
-                    state.gradient[j, i] += system.basis[e, j] * value
-    return elastic + load, 2e-16 * (elastic + size)
+            state.slope[e, i] *= system.scale[e, i]
+    project(system.basis, state.slope, state.gradient)
+    return elastic + load + inertial, 2e-16 * (elastic + size + inertial)
+
+
+@njit(cache=True)
+def project(basis, values, out):
+    """Fill out (m, 3) with the sum over the elements of basis times values (N, 3)."""
+    n, terms = basis.shape
+    if terms == 0:
+        out[:] = values
+        return
+    out[:] = 0.0
+    for e in range(n):
+        for j in range(terms):
+            for i in range(3):
+                out[j, i] += basis[e, j] * values[e, i]
 
 
 @njit(cache=True)
 def element_hessian(system, state, turning, cross, diagonal):
     """Fill the semi-separable Hessian by the scaled strains (see `ritz.kinematics`).
 
-    Returns the (3, 3) change of the moment on the gripper per rotation of it.
+    The blocks have 3 rows (columns) in statics, where only the rotation of what lies beyond
+    counts, and 6 with anchors, to which its displacement matters as well.
+
+    Returns the (3, 3) change of the dead loads' moment on the gripper per rotation of it.
     """
     base = second_order(system.lengths, state.strains, system.scale, state.rotations,
-                        state.positions, system.pull, turning, cross, diagonal)
+                        state.positions, state.pull, turning, cross, diagonal)
+    if system.anchor_weight.size:
+        add_node_stiffness(system.lengths, state.strains, system.scale, state.rotations,
+                           state.positions, system.anchor_weight, turning, cross, diagonal)
     for e in range(system.lengths.size):
         for i in range(3):
             diagonal[e, i, i] += system.lengths[e] * system.stiffness[i] * system.scale[e, i] ** 2

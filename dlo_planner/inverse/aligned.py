@@ -11,7 +11,7 @@ Hessian is the direct simulator's, so an inverse solve costs about as much as a 
 import numpy as np
 from numba import njit
 
-from dlo_planner.energy.potential import evaluate, new_state, turned_system
+from dlo_planner.energy.potential import evaluate, new_state, project, turned_system
 from dlo_planner.minimize.linear import assemble, factorise, largest_turn, new_hessian, solve
 from dlo_planner.minimize.newton import residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
@@ -167,18 +167,10 @@ def _merit(system, state, miss):
 @njit(cache=True)
 def _right_side(system, state, hessian, column, load):
     """Fill -(change of the gradient per gripper rotation about axis `column`); 3: -gradient."""
-    n, terms = system.basis.shape
     if column == 3:
         load[:] = -state.gradient
         return
-    load[:] = 0.0
-    for e in range(n):
-        for i in range(3):
-            if terms == 0:
-                load[e, i] = -hessian.cross[e, i, column]
-            else:
-                for j in range(terms):
-                    load[j, i] -= system.basis[e, j] * hessian.cross[e, i, column]
+    project(system.basis, -hessian.cross[:, :, column], load)
 
 
 @njit(cache=True)

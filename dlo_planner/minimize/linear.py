@@ -20,9 +20,10 @@ class Hessian(NamedTuple):
     """The Hessian at one state and its factorisation (arrays, refilled in place).
 
     Attributes:
-        turning, cross, diagonal: (N, 3, 3) per element, see `ritz.kinematics.second_order`
+        turning: (N, w, 3), cross: (N, 3, w), diagonal: (N, 3, 3), see `ritz.kinematics`; w is 3
+            for rotations alone, 6 for twists
         base: (3, 3) change of the moment on the gripper per rotation of it
-        gain, inverse: (N, 3, 3) of the Riccati sweep; (0, 3, 3) for Ritz
+        gain: (N, 3, w), inverse: (N, 3, 3) of the Riccati sweep; empty for Ritz
         dense, factor: (3 m, 3 m) for Ritz; (0, 0) for local
     """
 
@@ -42,8 +43,9 @@ def new_hessian(system):
     n = system.lengths.size
     local = n if system.basis.shape[1] == 0 else 0
     size = 0 if local else 3 * unknown_count(system)
-    return Hessian(np.empty((n, 3, 3)), np.empty((n, 3, 3)), np.empty((n, 3, 3)),
-                   np.empty((3, 3)), np.empty((local, 3, 3)), np.empty((local, 3, 3)),
+    wide = 6 if system.anchor_weight.size else 3
+    return Hessian(np.empty((n, wide, 3)), np.empty((n, 3, wide)), np.empty((n, 3, 3)),
+                   np.empty((3, 3)), np.empty((local, 3, wide)), np.empty((local, 3, 3)),
                    np.empty((size, size)), np.empty((size, size)))
 
 
@@ -53,14 +55,21 @@ def assemble(system, state, hessian):
     hessian.base[:] = element_hessian(system, state, hessian.turning, hessian.cross,
                                       hessian.diagonal)
     if system.basis.shape[1] > 0:
-        _project(system.basis, hessian)
+        if hessian.turning.shape[1] == 3:
+            _project(system.basis, hessian, 3)
+        else:
+            _project(system.basis, hessian, 6)
 
 
-@njit(cache=True)
-def _project(basis, hessian):
+# The width of the blocks is written out in the calls below, so that the compiler, which inlines
+# these three functions, sees constant loops and unrolls them.
+
+
+@njit(cache=True, inline='always')
+def _project(basis, hessian, wide):
     """Fill hessian.dense (3 m, 3 m), unknown (j, i) at row 3 j + i, in O(N m^2)."""
     n, m = basis.shape
-    prefix = np.zeros((m, 3, 3))  # sum over e < f of basis_e turning_e
+    prefix = np.zeros((m, wide, 3))  # sum over e < f of basis_e turning_e
     rows = np.empty((n, 9 * m))
     for f in range(n):
         turning, cross, diagonal = hessian.turning[f], hessian.cross[f], hessian.diagonal[f]
@@ -68,12 +77,13 @@ def _project(basis, hessian):
             value = basis[f, j]
             for a in range(3):
                 for b in range(3):
-                    rows[f, 9 * j + 3 * a + b] = (
-                        cross[a, 0] * prefix[j, 0, b] + cross[a, 1] * prefix[j, 1, b]
-                        + cross[a, 2] * prefix[j, 2, b] + 0.5 * value * diagonal[a, b])
-            for a in range(3):
+                    total = 0.5 * value * diagonal[a, b]
+                    for k in range(wide):
+                        total += cross[a, k] * prefix[j, k, b]
+                    rows[f, 9 * j + 3 * a + b] = total
+            for k in range(wide):
                 for b in range(3):
-                    prefix[j, a, b] += value * turning[a, b]
+                    prefix[j, k, b] += value * turning[k, b]
     half = basis.T @ rows
     for k in range(m):
         for j in range(m):
@@ -87,7 +97,9 @@ def _project(basis, hessian):
 def factorise(system, hessian, shift):
     """Factorise H + shift I; return the number of pivots that are not positive."""
     if system.basis.shape[1] == 0:
-        return _factorise_sweep(hessian, shift)
+        if hessian.turning.shape[1] == 3:
+            return _factorise_sweep(hessian, shift, 3)
+        return _factorise_sweep(hessian, shift, 6)
     return _factorise_dense(hessian, shift)
 
 
@@ -95,7 +107,10 @@ def factorise(system, hessian, shift):
 def solve(system, hessian, right, out):
     """Fill out (m, 3) with the solution of (H + shift I) out = right (m, 3)."""
     if system.basis.shape[1] == 0:
-        _solve_sweep(hessian, right, out)
+        if hessian.turning.shape[1] == 3:
+            _solve_sweep(hessian, right, out, 3)
+        else:
+            _solve_sweep(hessian, right, out, 6)
     else:
         _solve_dense(hessian.factor, right, out)
 
@@ -130,64 +145,68 @@ def _inverse3(a, out):
     return (d0 <= 0) + (d1 <= 0) + (d2 <= 0)
 
 
-@njit(cache=True)
-def _factorise_sweep(hessian, shift):
+@njit(cache=True, inline='always')
+def _factorise_sweep(hessian, shift, wide):
     negative = 0
-    value = np.zeros((3, 3))  # second derivative of the cost to go by theta
+    value = np.zeros((wide, wide))  # second derivative of the cost to go by theta
     pivot = np.empty((3, 3))
-    coupling = np.empty((3, 3))
+    carried = np.empty((3, wide))
+    coupling = np.empty((3, wide))
     for e in range(hessian.turning.shape[0] - 1, -1, -1):
         turning, cross = hessian.turning[e], hessian.cross[e]
         diagonal, gain, inverse = hessian.diagonal[e], hessian.gain[e], hessian.inverse[e]
         for i in range(3):
-            v0 = (turning[0, i] * value[0, 0] + turning[1, i] * value[1, 0]
-                  + turning[2, i] * value[2, 0])
-            v1 = (turning[0, i] * value[0, 1] + turning[1, i] * value[1, 1]
-                  + turning[2, i] * value[2, 1])
-            v2 = (turning[0, i] * value[0, 2] + turning[1, i] * value[1, 2]
-                  + turning[2, i] * value[2, 2])
-            coupling[i, 0] = cross[i, 0] + v0
-            coupling[i, 1] = cross[i, 1] + v1
-            coupling[i, 2] = cross[i, 2] + v2
+            for k in range(wide):
+                total = 0.0
+                for j in range(wide):
+                    total += turning[j, i] * value[j, k]
+                carried[i, k] = total
+                coupling[i, k] = cross[i, k] + total
             for j in range(i + 1):
-                pivot[i, j] = (diagonal[i, j] + v0 * turning[0, j] + v1 * turning[1, j]
-                               + v2 * turning[2, j])
-                pivot[j, i] = pivot[i, j]
+                total = diagonal[i, j]
+                for k in range(wide):
+                    total += carried[i, k] * turning[k, j]
+                pivot[i, j] = total
+                pivot[j, i] = total
             pivot[i, i] += shift
         negative += _inverse3(pivot, inverse)
         for i in range(3):
-            for j in range(3):
-                gain[i, j] = (inverse[i, 0] * coupling[0, j] + inverse[i, 1] * coupling[1, j]
-                              + inverse[i, 2] * coupling[2, j])
-        for i in range(3):
-            for j in range(i + 1):
-                value[i, j] -= (coupling[0, i] * gain[0, j] + coupling[1, i] * gain[1, j]
-                                + coupling[2, i] * gain[2, j])
-                value[j, i] = value[i, j]
+            for k in range(wide):
+                gain[i, k] = (inverse[i, 0] * coupling[0, k] + inverse[i, 1] * coupling[1, k]
+                              + inverse[i, 2] * coupling[2, k])
+        for i in range(wide):
+            for k in range(i + 1):
+                value[i, k] -= (coupling[0, i] * gain[0, k] + coupling[1, i] * gain[1, k]
+                                + coupling[2, i] * gain[2, k])
+                value[k, i] = value[i, k]
     return negative
 
 
-@njit(cache=True)
-def _solve_sweep(hessian, right, out):
-    r0 = r1 = r2 = 0.0
+@njit(cache=True, inline='always')
+def _solve_sweep(hessian, right, out, wide):
+    slope = np.zeros(wide)  # of the cost to go by theta
+    own = np.empty(3)
     for e in range(hessian.turning.shape[0] - 1, -1, -1):
         turning, gain, inverse = hessian.turning[e], hessian.gain[e], hessian.inverse[e]
-        g0 = -right[e, 0] + turning[0, 0] * r0 + turning[1, 0] * r1 + turning[2, 0] * r2
-        g1 = -right[e, 1] + turning[0, 1] * r0 + turning[1, 1] * r1 + turning[2, 1] * r2
-        g2 = -right[e, 2] + turning[0, 2] * r0 + turning[1, 2] * r1 + turning[2, 2] * r2
         for i in range(3):
-            out[e, i] = inverse[i, 0] * g0 + inverse[i, 1] * g1 + inverse[i, 2] * g2
-        r0 -= gain[0, 0] * g0 + gain[1, 0] * g1 + gain[2, 0] * g2
-        r1 -= gain[0, 1] * g0 + gain[1, 1] * g1 + gain[2, 1] * g2
-        r2 -= gain[0, 2] * g0 + gain[1, 2] * g1 + gain[2, 2] * g2
-    t0 = t1 = t2 = 0.0
+            own[i] = -right[e, i]
+            for k in range(wide):
+                own[i] += turning[k, i] * slope[k]
+        for i in range(3):
+            out[e, i] = inverse[i, 0] * own[0] + inverse[i, 1] * own[1] + inverse[i, 2] * own[2]
+        for k in range(wide):
+            slope[k] -= gain[0, k] * own[0] + gain[1, k] * own[1] + gain[2, k] * own[2]
+    theta = np.zeros(wide)
     for e in range(hessian.turning.shape[0]):
         turning, gain = hessian.turning[e], hessian.gain[e]
         for i in range(3):
-            out[e, i] = -out[e, i] - (gain[i, 0] * t0 + gain[i, 1] * t1 + gain[i, 2] * t2)
-        t0 += turning[0, 0] * out[e, 0] + turning[0, 1] * out[e, 1] + turning[0, 2] * out[e, 2]
-        t1 += turning[1, 0] * out[e, 0] + turning[1, 1] * out[e, 1] + turning[1, 2] * out[e, 2]
-        t2 += turning[2, 0] * out[e, 0] + turning[2, 1] * out[e, 1] + turning[2, 2] * out[e, 2]
+            total = -out[e, i]
+            for k in range(wide):
+                total -= gain[i, k] * theta[k]
+            out[e, i] = total
+        for k in range(wide):
+            theta[k] += (turning[k, 0] * out[e, 0] + turning[k, 1] * out[e, 1]
+                         + turning[k, 2] * out[e, 2])
 
 
 @njit(cache=True)
@@ -244,8 +263,9 @@ def multiply(system, hessian, vector, out):
             out[i // 3, i % 3] = total
         return
     n = hessian.turning.shape[0]
-    theta = np.zeros(3)
-    after = np.zeros(3)  # sum over f > e of cross_f^T vector_f
+    wide = hessian.turning.shape[1]
+    theta = np.zeros(wide)
+    after = np.zeros(wide)  # sum over f > e of cross_f^T vector_f
     for e in range(n):
         out[e] = hessian.diagonal[e] @ vector[e] + hessian.cross[e] @ theta
         theta += hessian.turning[e] @ vector[e]

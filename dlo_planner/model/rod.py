@@ -25,6 +25,8 @@ class Rod:
         natural_twist: stress-free torsion in 1/m, or a callable of s
         point_masses: ((s in m, mass in kg), ...)
         tip_mass: kg at s = length
+        damping: (a, b) of Rayleigh: a in 1/s times mass, b in s times stiffness; one number is b;
+            it acts on motions and leaves statics alone
         radius: of the outside, metres, where contact and pictures need it; None = thin line
 
     Raises:
@@ -39,6 +41,7 @@ class Rod:
     natural_twist: float | Callable = 0.0
     point_masses: tuple[tuple[float, float], ...] = ()
     tip_mass: float = 0.0
+    damping: float | tuple[float, float] = 0.0
     radius: float | None = None
 
     def __post_init__(self):
@@ -59,6 +62,11 @@ class Rod:
         put('tip_mass', number('Rod.tip_mass', self.tip_mass, InvalidRod, minimum=0))
         if self.radius is not None:
             put('radius', number('Rod.radius', self.radius, InvalidRod, above=0))
+        pair = np.atleast_1d(np.asarray(self.damping, dtype=object))
+        if pair.size not in (1, 2):
+            raise InvalidRod(f'Rod.damping = {self.damping!r}: expected b or (a, b)')
+        pair = tuple(number('Rod.damping', v, InvalidRod, minimum=0) for v in pair)
+        put('damping', pair if len(pair) == 2 else (0.0, *pair))
         put('point_masses', self._checked_point_masses())
         if not callable(self.natural_curvature):
             put('natural_curvature', self._checked_pair(self.natural_curvature))

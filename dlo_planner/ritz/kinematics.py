@@ -97,9 +97,10 @@ def second_order(lengths, strains, scale, rotations, positions, pull, turning, c
     Args:
         scale: (N, 3)
         pull: (N + 1, 3) derivative of the potential by the node positions, constant
-        turning: (N, 3, 3) filled: world rotation of all that lies beyond, per scaled strain
-        cross: (N, 3, 3) filled: change of this element's gradient per world rotation of all
-            that lies between the gripper and it
+        turning: (N, 3 or 6, 3) filled (first three rows): world rotation of all that lies
+            beyond, per scaled strain
+        cross: (N, 3, 3 or 6) filled (first three columns): change of this element's gradient per
+            world rotation of all that lies between the gripper and it
         diagonal: (N, 3, 3) filled: second derivative by this element's own strain
 
     Returns:
@@ -187,6 +188,72 @@ def second_order(lengths, strains, scale, rotations, positions, pull, turning, c
     for i in range(3):
         first[i, i] -= trace
     return first.T.copy()
+
+
+@njit(cache=True)
+def add_node_stiffness(lengths, strains, scale, rotations, positions, weight, turning, cross,
+                       diagonal):
+    """Widen the blocks of `second_order` by springs of stiffness `weight` (N + 1,) on the nodes.
+
+    What lies beyond an element now moves by a twist (rotation, displacement at the gripper's
+    origin), so that node l moves by  displacement + rotation x position_l.
+
+    Args:
+        turning: (N, 6, 3), cross: (N, 3, 6), diagonal: (N, 3, 3): filled by `second_order` in
+            their first three rows (columns); completed here
+    """
+    near, shifting = np.empty((3, 3)), np.empty((3, 3))
+    phi = np.empty(3)
+    beyond = np.zeros((6, 6))  # of all nodes beyond: their springs as seen by a twist
+    rolled = np.empty((3, 6))
+    for e in range(lengths.size - 1, -1, -1):
+        h = lengths[e]
+        for i in range(3):
+            phi[i] = h * strains[e, i]
+        jacobians(phi, h, near, shifting)
+        rot, where, twist = rotations[e], positions[e + 1], turning[e]
+        for j in range(3):
+            factor = h * scale[e, j]
+            for i in range(3):
+                twist[3 + i, j] = factor * (rot[i, 0] * shifting[0, j] + rot[i, 1] * shifting[1, j]
+                                            + rot[i, 2] * shifting[2, j])
+            twist[3, j] -= twist[1, j] * where[2] - twist[2, j] * where[1]
+            twist[4, j] -= twist[2, j] * where[0] - twist[0, j] * where[2]
+            twist[5, j] -= twist[0, j] * where[1] - twist[1, j] * where[0]
+        _add_spring(beyond, where, weight[e + 1])
+        for i in range(3):
+            for k in range(6):
+                total = 0.0
+                for j in range(6):
+                    total += twist[j, i] * beyond[j, k]
+                rolled[i, k] = total
+                if k < 3:
+                    cross[e, i, k] += total
+                else:
+                    cross[e, i, k] = total
+            for j in range(3):
+                total = 0.0
+                for k in range(6):
+                    total += rolled[i, k] * twist[k, j]
+                diagonal[e, i, j] += total
+
+
+@njit(cache=True)
+def _add_spring(matrix, x, weight):
+    """Add weight J^T J, where a node at x moves by J (rotation, displacement), J = (-x^, I)."""
+    square = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
+    for i in range(3):
+        for j in range(3):
+            matrix[i, j] -= weight * x[i] * x[j]
+        matrix[i, i] += weight * square
+        matrix[3 + i, 3 + i] += weight
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        # x^ has x_i at (k, j) and -x_i at (j, k); the upper right block is x^
+        matrix[k, 3 + j] += weight * x[i]
+        matrix[j, 3 + k] -= weight * x[i]
+        matrix[3 + j, k] += weight * x[i]
+        matrix[3 + k, j] -= weight * x[i]
 
 
 @njit(cache=True)

@@ -7,12 +7,16 @@ from dlo_planner.minimize.linear import assemble, factorise, multiply, new_hessi
 from dlo_planner.minimize.spectrum import lowest_mode
 
 
-@pytest.fixture(params=['local', 'chebyshev'])
+@pytest.fixture(params=['local', 'chebyshev', 'local, anchored', 'chebyshev, anchored'])
 def problem(request, curly, rng):
+    basis, *anchored = request.param.split(', ')
     s = np.concatenate([[0.0], np.cumsum(rng.uniform(0.5, 1.5, 14))])
-    discretisation = Discretisation(curly, s * 1.3 / s[-1], request.param, 6,
+    discretisation = Discretisation(curly, s * 1.3 / s[-1], basis, 6,
                                     np.array([0.0, 3.0, -9.81]))
     system = discretisation.system(np.eye(3))
+    if anchored:
+        system = system._replace(anchor=rng.normal(size=(15, 3)),
+                                 anchor_weight=rng.uniform(0, 3, size=15))
     state = new_state(system)
     state.q[:] = rng.normal(size=state.q.shape)
     evaluate(system, state)

@@ -54,6 +54,8 @@ def test_callable_natural_strains():
      'natural_curvature(0) = nan'),
     ({'natural_twist': 'left'}, "natural_twist = 'left'"),
     ({'point_masses': ((2.0, 1.0),)}, 'point_masses s = 2.0'),
+    ({'damping': -0.1}, 'damping = -0.1'),
+    ({'damping': (1.0, 2.0, 3.0)}, 'damping'),
     ({'point_masses': (1.0,)}, 'point_masses = (1.0,)'),
 ])
 def test_bad_values_are_named(change, named):
