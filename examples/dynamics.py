@@ -1,6 +1,6 @@
 """Benchmark C in motion: the copper wire while its gripper turns by 180 degrees, fast to slow.
 
-    python examples/dynamics.py [folder]
+python examples/dynamics.py [folder]
 """
 
 import sys

@@ -10,7 +10,7 @@ from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.dynamics import simulate
 from dlo_planner.direct.integrator import INTEGRATORS
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import equilibrium
+from dlo_planner.direct.statics import METHODS, equilibrium
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import choice, integer, number, vector
 from dlo_planner.model.pose import Pose
@@ -28,7 +28,9 @@ class DirectSimulator:
         n_elements: N_L, elements of equal length (default 64)
         n_terms: N_c, terms of the Ritz series per strain component (default 10)
         basis: 'chebyshev' (default), 'fourier', or 'local' (one unknown strain per element)
-        method: 'newton'
+        method: 'newton' (default), or the paper's 'dfp' and 'downhill_simplex'; these two may end
+            in a saddle, and the last one is slow and sees its way only to about 1e-6 of the size
+            of q, so its shapes are seldom `converged`
         accuracy: in m; picks mesh and terms instead of n_elements and n_terms. The basis is then
             'local' unless one is named.
         gravity: (3,) m/s^2, any direction, may be zero
@@ -43,7 +45,7 @@ class DirectSimulator:
             raise InvalidTask(f'rod = {rod!r}: expected a Rod')
         self.rod = rod
         self.gravity = vector('gravity', gravity, 3)
-        self.method = choice('method', method, ('newton',))
+        self.method = choice('method', method, METHODS)
         self.accuracy = accuracy
         self.basis = choice('basis', basis or ('chebyshev' if accuracy is None else 'local'),
                             BASES)
@@ -52,6 +54,8 @@ class DirectSimulator:
             if n_elements is not None or n_terms is not None:
                 raise InvalidTask(
                     'accuracy picks n_elements and n_terms: give it or them, not both')
+            if method != 'newton':
+                raise InvalidTask(f'method = {method!r}: expected \'newton\' with an accuracy')
             self.accuracy = number('accuracy', accuracy, minimum=1e-9 * rod.length)
             return
         n_elements = integer('n_elements', 64 if n_elements is None else n_elements,
@@ -159,7 +163,7 @@ class DirectSimulator:
         here = self._discretisation
         strains = here.natural if initial is None else here.strains_from(
             initial.s, initial.element_strains)
-        return equilibrium(here, gripper, strains)
+        return equilibrium(here, gripper, strains, self.method)
 
     def _check(self, gripper, initial):
         if not isinstance(gripper, Pose):

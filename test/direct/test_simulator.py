@@ -14,6 +14,7 @@ from dlo_planner import DirectSimulator, InvalidTask, Pose, Rod
     ({'accuracy': 0.0}, 'accuracy = 0.0'),
     ({'accuracy': np.nan}, 'accuracy = nan'),
     ({'accuracy': 1e-3, 'n_elements': 10}, 'accuracy'),
+    ({'accuracy': 1e-3, 'method': 'dfp'}, "method = 'dfp'"),
     ({'gravity': (0, 0)}, 'gravity has shape (2,)'),
     ({'gravity': (0, 0, np.inf)}, 'gravity'),
 ])

@@ -1,0 +1,35 @@
+"""What every minimiser that sees nothing but a function takes and gives."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A function of unknowns q (n,), scaled so that its natural curvature is about 1.
+
+    Attributes:
+        value: q -> J
+        value_and_gradient: q -> (J, (n,))
+        scale: size of q that is neither small nor large, sqrt(J)
+    """
+
+    value: Callable
+    value_and_gradient: Callable
+    scale: float
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where a minimiser ended.
+
+    Attributes:
+        q: (n,)
+        iterations: steps made; evaluations: of the function, with or without its gradient
+    """
+
+    q: np.ndarray
+    iterations: int
+    evaluations: int
