@@ -1,3 +1,5 @@
+import pickle
+
 import numpy as np
 import pytest
 
@@ -95,3 +97,10 @@ def test_point_mass_between_nodes_acts_where_it_is(level):
     shape = DirectSimulator(rod, basis='local', n_elements=100).solve(level)
     drop = 1e-4 * 9.81 * 0.333**2 * (3 - 0.333) / 6
     assert 1 - shape.positions[-1, 2] == pytest.approx(drop, rel=1e-3)
+
+
+def test_shapes_travel_between_processes(wire, level):
+    shape = DirectSimulator(wire, n_elements=16).solve(level)
+    again = pickle.loads(pickle.dumps(shape))
+    np.testing.assert_array_equal(again.positions, shape.positions)
+    assert again.error_estimate == shape.error_estimate

@@ -7,6 +7,7 @@ from scipy.optimize import rosen, rosen_der
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.minimize.dfp import dfp
 from dlo_planner.minimize.downhill_simplex import downhill_simplex
+from dlo_planner.minimize.newton import newton
 from dlo_planner.minimize.protocol import Problem
 
 ROSENBROCK = Problem(rosen, lambda q: (rosen(q), rosen_der(q)), 1.0)
@@ -63,3 +64,17 @@ def test_a_saddle_is_not_called_a_shape():
     shape = DirectSimulator(rod, method='dfp').solve(Pose.looking_along((0, 0, 0), (0, 0, 1)))
     assert shape.stability < 0
     assert not shape.converged
+
+
+def test_every_newton_step_lowers_the_energy(wire_with_load):
+    discretisation = DirectSimulator(wire_with_load)._discretisation
+    system = discretisation.system(TILTED.rotation)
+    start = np.zeros((discretisation.n_unknowns, 3))
+    energies = []
+    for steps in range(12):
+        state, *_, iterations, _ = newton(system, start, 1e-10, steps, False)
+        if iterations < steps:
+            break
+        energies.append(0.5 * np.sum(state.q**2) + np.sum(system.pull * state.positions))
+    assert len(energies) > 6  # far from straight forward
+    assert (np.diff(energies) < 1e-15).all()
