@@ -60,8 +60,8 @@ def _step(discretisation, gripper, masses, nodes, bends, scheme):
                              anchor=anchor, anchor_weight=masses * strength)
     q = np.empty((discretisation.n_unknowns, 3))
     unknowns_of(system, bends.position + scheme.dt * bends.velocity, q)
-    state, _, _, residual, stability, iterations, _ = newton(system, q, TOLERANCE,
-                                                             _MAX_ITERATIONS, True)
+    state, residual, stability, iterations, _ = newton(system, q, TOLERANCE, _MAX_ITERATIONS,
+                                                       True)
     shape = shape_of(discretisation, gripper, system, state, residual, stability, iterations)
     # the nodes beyond the clamp pull with weight and inertia; the clamped one is the gripper's
     wrench = np.concatenate([state.pull.sum(axis=0), state.base_moment])

@@ -37,8 +37,7 @@ def equilibrium(discretisation, gripper, strains, method='newton'):
     if method != 'newton':
         learnt = _descend(system, q, {'dfp': dfp, 'downhill_simplex': downhill_simplex}[method])
         q, most = learnt.q.reshape(q.shape), 0  # Newton's part is only to judge the result
-    state, _, _, residual, stability, iterations, kicks = newton(
-        system, q, TOLERANCE, most, True)
+    state, residual, stability, iterations, kicks = newton(system, q, TOLERANCE, most, True)
     if learnt is not None:
         iterations = learnt.iterations
     shape = shape_of(discretisation, gripper, system, state, residual, stability, iterations)

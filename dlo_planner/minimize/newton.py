@@ -46,8 +46,7 @@ def newton(system, q, tolerance, max_iterations, check):
         check: whether to find the smallest eigenvalue at the end (and leave a saddle)
 
     Returns:
-        state: at the end; hessian: factorised with `shift`, there or a tiny step before
-        shift: 0 at a strict minimum
+        state: at the end
         residual: scaled gradient; stability: smallest eigenvalue (nan if not `check`)
         iterations: Newton steps made; kicks: how often a saddle was left
     """
@@ -102,7 +101,7 @@ def newton(system, q, tolerance, max_iterations, check):
         else:
             stalled = shift == 0.0 or shift > 1e6
             shift = max(1e-2, 10.0 * shift)
-    return state, hessian, shift, residual, stability, iterations, kicks
+    return state, residual, stability, iterations, kicks
 
 
 @njit(cache=True)

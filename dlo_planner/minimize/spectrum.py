@@ -1,6 +1,7 @@
 """The smallest eigenvalue of the Hessian and its mode: is it a minimum, and if not, which way down.
 
-Lanczos on the inverse of H + shift I (Golub and Van Loan, ch. 10), with full orthogonalisation.
+Lanczos on the inverse of H + shift I (Golub and Van Loan, ch. 10). The largest eigenvalue is found
+long before the vectors lose their orthogonality, so nothing is done to keep it.
 In the scaled unknowns the elastic part of H is the identity: 1 is a rod that feels no load, 0 a
 shape that is neutral, a negative value one that falls over.
 """
@@ -36,8 +37,9 @@ def lowest_mode(system, hessian, shift, tolerance):
         image = vectors[k + 1]
         solve(system, hessian, vectors[k], image)
         diagonal[k] = _dot(image, vectors[k])
-        for j in range(k, -1, -1):
-            _subtract(image, _dot(image, vectors[j]), vectors[j])
+        _subtract(image, diagonal[k], vectors[k])
+        if k:
+            _subtract(image, side[k - 1], vectors[k - 1])
         side[k] = np.sqrt(_dot(image, image))
         if side[k] < 1e-13 * abs(diagonal[k]):
             used = k + 1

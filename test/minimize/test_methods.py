@@ -72,7 +72,7 @@ def test_every_newton_step_lowers_the_energy(wire_with_load):
     start = np.zeros((discretisation.n_unknowns, 3))
     energies = []
     for steps in range(12):
-        state, *_, iterations, _ = newton(system, start, 1e-10, steps, False)
+        state, _, _, iterations, _ = newton(system, start, 1e-10, steps, False)
         if iterations < steps:
             break
         energies.append(0.5 * np.sum(state.q**2) + np.sum(system.pull * state.positions))
