@@ -21,8 +21,8 @@ from dlo_planner.model.pose import Pose
 
 _MAX_ITERATIONS = 60
 _LONGEST_STEP = 1 / 16   # of the length: depth steps of the continuation
-_SHORTEST_STEP = 1 / 4096
-_RECOVERIES = 12
+_SHORTEST_STEP = 1 / 1024
+_RECOVERIES = 6
 _ROLLS = 24              # of the free end, tried for the start
 _LEAP = 1.0              # rad: a change of shape between waypoints that is no continuation
 
@@ -36,15 +36,17 @@ def thread(simulator, cutout, depths, start, method, speeds, progress):
     refused = None
     for first, reference in _starts(simulator, cutout, start):
         try:
+            # Recovering is slow and seldom helps: done for the first choice only.
             return _thread_from(first, reference, simulator, cutout, depths, method, speeds,
-                                progress)
+                                progress, _RECOVERIES if refused is None else 0)
         except Infeasible as error:
             if refused is None or error.waypoint > refused.waypoint:
                 refused = error
     raise refused
 
 
-def _thread_from(shape, reference, simulator, cutout, depths, method, speeds, progress):
+def _thread_from(shape, reference, simulator, cutout, depths, method, speeds, progress,
+                 recoveries):
     """Continue `shape` from depth 0, where the free end alone is prescribed, through all depths.
 
     Between waypoints in steps short enough to stay on one branch.
@@ -59,12 +61,14 @@ def _thread_from(shape, reference, simulator, cutout, depths, method, speeds, pr
             return Infeasible(f'waypoint {index} (depth {wanted:g} m): {why}', index, constraint,
                               amount, _plan(waypoints, depths, speeds, PlanStatus.PARTIAL))
 
-        shape, depth = _reach(simulator, shape, depth, wanted, align, cutout.normal, reference)
+        shape, depth = _reach(simulator, shape, depth, wanted, align, cutout.normal, reference,
+                              recoveries)
         if shape is None:
             raise refuse('equilibrium', wanted - depth, 'no equilibrium with the tangent along '
                          f'the normal was found beyond depth {depth:g} m')
         if shape.stability < -NEUTRAL:
-            stable = _recovered(simulator, shape, length - wanted, cutout.normal, reference)
+            stable = _recovered(simulator, shape, length - wanted, cutout.normal, reference,
+                                recoveries)
             if stable is None or waypoints and _leaps(waypoints[-1].shape, stable):
                 raise refuse('stability', -shape.stability, 'the DLO would not stay in the shape '
                              f'that passes the cut-out; stability {shape.stability:.3g} < 0')
@@ -79,7 +83,7 @@ def _thread_from(shape, reference, simulator, cutout, depths, method, speeds, pr
     return _plan(waypoints, depths, speeds, PlanStatus.COMPLETE)
 
 
-def _reach(simulator, shape, depth, wanted, align, normal, reference):
+def _reach(simulator, shape, depth, wanted, align, normal, reference, recoveries):
     """Return the aligned Shape at depth `wanted` and that depth; None and how far it came."""
     length = simulator.rod.length
     step = _LONGEST_STEP * length
@@ -95,7 +99,7 @@ def _reach(simulator, shape, depth, wanted, align, normal, reference):
         elif step > _SHORTEST_STEP * length and target > depth:
             step /= 2
         else:
-            found = _recovered(simulator, shape, length - wanted, normal, reference)
+            found = _recovered(simulator, shape, length - wanted, normal, reference, recoveries)
             return (found, wanted) if found is not None else (None, depth)
 
 
@@ -244,13 +248,13 @@ def _nested(simulator, guess, s, normal, reference):
     return shape if shape.converged and aligned else None
 
 
-def _recovered(simulator, shape, s, normal, reference):
+def _recovered(simulator, shape, s, normal, reference, recoveries):
     """Look for a stable aligned Shape near an unstable one; None if there is none to be found.
 
     Lets the DLO fall into its minimum, turns the gripper so that the tangent fits again, and
     repeats that; what comes out is only believed if it is aligned, stable and in equilibrium.
     """
-    for _ in range(_RECOVERIES):
+    for _ in range(recoveries):
         fallen, _ = equilibrium(shape._discretisation, shape.gripper, shape.element_strains)
         if not fallen.converged:
             return None
