@@ -124,10 +124,6 @@ def test_too_soft_a_wire_is_refused_with_evidence(wire):
     assert error.amount == pytest.approx(0.24, abs=0.01)
     assert error.plan.status is PlanStatus.PARTIAL
     assert 'stability -0.24' in str(error)
-    # independent of the inverse simulator: with its end level the planar wire leans back, past
-    # the vertical, where benchmark C has shown that it falls sideways
-    planar = InverseSimulator(direct).thread(GOAL, depths=[0.7]).grippers[0]
-    assert planar.direction[2] < 1
 
 
 def test_refusal_comes_where_stability_ends(wire):
