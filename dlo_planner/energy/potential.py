@@ -103,16 +103,21 @@ def unknowns_of(system, strains, q):
 
 @njit(cache=True)
 def _strains_of(system, q, strains):
-    n, terms = system.basis.shape
-    for e in range(n):
+    for e in range(system.lengths.size):
         for i in range(3):
-            if terms == 0:
-                value = q[e, i]
-            else:
-                value = 0.0
-                for j in range(terms):
-                    value += system.basis[e, j] * q[j, i]
+            value = at_element(system.basis, q, e, i)
             strains[e, i] = system.natural[e, i] + system.scale[e, i] * value
+
+
+@njit(cache=True, inline='always')
+def at_element(basis, q, e, i):
+    """Return component i of the unknowns q (m, 3) at element e: the series' value there."""
+    if basis.shape[1] == 0:
+        return q[e, i]
+    value = 0.0
+    for j in range(basis.shape[1]):
+        value += basis[e, j] * q[j, i]
+    return value
 
 
 @njit(cache=True)

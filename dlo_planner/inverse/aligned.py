@@ -11,7 +11,13 @@ Hessian is the direct simulator's, so an inverse solve costs about as much as a 
 import numpy as np
 from numba import njit
 
-from dlo_planner.energy.potential import evaluate, new_state, project, turned_system
+from dlo_planner.energy.potential import (
+    at_element,
+    evaluate,
+    new_state,
+    project,
+    turned_system,
+)
 from dlo_planner.minimize.linear import assemble, factorise, largest_turn, new_hessian, solve
 from dlo_planner.minimize.newton import residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
@@ -176,17 +182,11 @@ def _right_side(system, state, hessian, column, load):
 @njit(cache=True)
 def _turn_at(system, hessian, part, element, step):
     """Return the rotation (3,) of the frame inside `element` that the step (m, 3) makes."""
-    terms = system.basis.shape[1]
     theta = np.zeros(3)
     for e in range(element + 1):
         turning = part if e == element else hessian.turning[e]
         for j in range(3):
-            if terms == 0:
-                value = step[e, j]
-            else:
-                value = 0.0
-                for k in range(terms):
-                    value += system.basis[e, k] * step[k, j]
+            value = at_element(system.basis, step, e, j)
             for i in range(3):
                 theta[i] += turning[i, j] * value
     return theta

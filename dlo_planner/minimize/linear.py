@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from dlo_planner.energy.potential import element_hessian, unknown_count
+from dlo_planner.energy.potential import at_element, element_hessian, unknown_count
 
 _TINY = 1e-300
 
@@ -277,18 +277,12 @@ def multiply(system, hessian, vector, out):
 @njit(cache=True)
 def largest_turn(system, hessian, step):
     """Return the largest rotation in rad of any node that the step (m, 3) makes, to first order."""
-    n, terms = system.basis.shape
     theta = np.zeros(3)
     largest = 0.0
     value = np.empty(3)
-    for e in range(n):
+    for e in range(system.lengths.size):
         for i in range(3):
-            if terms == 0:
-                value[i] = step[e, i]
-            else:
-                value[i] = 0.0
-                for j in range(terms):
-                    value[i] += system.basis[e, j] * step[j, i]
+            value[i] = at_element(system.basis, step, e, i)
         for i in range(3):
             theta[i] += (hessian.turning[e, i, 0] * value[0] + hessian.turning[e, i, 1] * value[1]
                          + hessian.turning[e, i, 2] * value[2])
