@@ -3,6 +3,9 @@
 import numpy as np
 from numba import njit
 
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import vector
+
 
 def node_masses(rod, s):
     """Return the masses (n,) in kg that stand for the rod on nodes at arc lengths `s` (n,).
@@ -10,7 +13,7 @@ def node_masses(rod, s):
     Each element's own mass goes half and half to its two nodes; a point mass goes to the two
     nodes around it in inverse proportion to its distances.
     """
-    half = 0.5 * rod.mass_per_length * np.diff(s)
+    half = 0.5 * rod.masses_per_length(0.5 * (s[1:] + s[:-1])) * np.diff(s)
     masses = np.zeros(s.size)
     masses[:-1] += half
     masses[1:] += half
@@ -21,6 +24,27 @@ def node_masses(rod, s):
         masses[e] += (1 - share) * mass
         masses[e + 1] += share * mass
     return masses
+
+
+def distributed(load, s):
+    """Return the forces (n, 3) in N on nodes at `s` (n,) of a force per length.
+
+    Args:
+        load: (3,) N/m, world axes, a callable of s (m) returning that, or None
+
+    Raises:
+        InvalidTask: the callable returns something else
+    """
+    forces = np.zeros((s.size, 3))
+    if load is None:
+        return forces
+    middle = 0.5 * (s[1:] + s[:-1])
+    density = np.array([vector(f'load({v:g})', load(v), 3, InvalidTask) if callable(load) else load
+                        for v in middle])
+    half = 0.5 * np.diff(s)[:, None] * density
+    forces[:-1] += half
+    forces[1:] += half
+    return forces
 
 
 @njit(cache=True)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.errors import InvalidRod
-from dlo_planner.model.checks import number
+from dlo_planner.model.checks import choice, number
+from dlo_planner.model.section import MODELS, Section
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,7 @@ class Rod:
 
     Attributes:
         length: metres
-        mass_per_length: kg/m
+        mass_per_length: kg/m, or a callable of s (m) returning it
         bending_stiffness: EI in N m^2; one number, or (EI_n, EI_b), where EI_n resists curvature
             about n; always stored as the pair
         torsional_stiffness: GJ in N m^2
@@ -28,13 +29,21 @@ class Rod:
         damping: (a, b) of Rayleigh: a in 1/s times mass, b in s times stiffness; one number is b;
             it acts on motions and leaves statics alone
         radius: of the outside, metres, where contact and pictures need it; None = thin line
+        yield_curvature: curvature since the stress-free shape beyond which bending is plastic,
+            1/m; one number, or (about n, about b); None: never
+        yield_torsion: the same for torsion, 1/m
+        section_model: how it goes on yielding: 'ideal' (the moment stays), or with an elastic
+            core, 'round' or 'rectangular'; see `model.section`
+        hardening: part of the stiffness that never yields, 0 <= hardening < 1
+        max_bend_curvature: curvature not to be exceeded, 1/m; None: any
+        section: Section, where strain and stress at the surface are asked for
 
     Raises:
         InvalidRod: naming the argument, its value and what would be right
     """
 
     length: float
-    mass_per_length: float
+    mass_per_length: float | Callable
     bending_stiffness: float | tuple[float, float]
     torsional_stiffness: float
     natural_curvature: tuple[float, float] | Callable = (0.0, 0.0)
@@ -43,36 +52,49 @@ class Rod:
     tip_mass: float = 0.0
     damping: float | tuple[float, float] = 0.0
     radius: float | None = None
+    yield_curvature: float | tuple[float, float] | None = None
+    yield_torsion: float | None = None
+    section_model: str = 'ideal'
+    hardening: float = 0.0
+    max_bend_curvature: float | None = None
+    section: Section | None = None
 
     def __post_init__(self):
         def put(name, value):
             object.__setattr__(self, name, value)
 
         put('length', number('Rod.length', self.length, InvalidRod, above=0))
-        put('mass_per_length',
-            number('Rod.mass_per_length', self.mass_per_length, InvalidRod, minimum=0))
-        pair = np.atleast_1d(np.asarray(self.bending_stiffness, dtype=object))
-        if pair.size not in (1, 2):
-            raise InvalidRod(f'Rod.bending_stiffness = {self.bending_stiffness!r}: '
-                             'expected EI or (EI_n, EI_b)')
-        pair = tuple(number('Rod.bending_stiffness', v, InvalidRod, above=0) for v in pair)
-        put('bending_stiffness', pair if len(pair) == 2 else pair * 2)
+        if not callable(self.mass_per_length):
+            put('mass_per_length',
+                number('Rod.mass_per_length', self.mass_per_length, InvalidRod, minimum=0))
+        put('bending_stiffness',
+            _pair('Rod.bending_stiffness', self.bending_stiffness, 'EI or (EI_n, EI_b)', above=0))
         put('torsional_stiffness',
             number('Rod.torsional_stiffness', self.torsional_stiffness, InvalidRod, above=0))
         put('tip_mass', number('Rod.tip_mass', self.tip_mass, InvalidRod, minimum=0))
-        if self.radius is not None:
-            put('radius', number('Rod.radius', self.radius, InvalidRod, above=0))
-        pair = np.atleast_1d(np.asarray(self.damping, dtype=object))
-        if pair.size not in (1, 2):
-            raise InvalidRod(f'Rod.damping = {self.damping!r}: expected b or (a, b)')
-        pair = tuple(number('Rod.damping', v, InvalidRod, minimum=0) for v in pair)
-        put('damping', pair if len(pair) == 2 else (0.0, *pair))
+        if np.size(self.damping) == 1:
+            put('damping', (0.0, np.ravel(np.asarray(self.damping, dtype=object))[0]))
+        put('damping', _pair('Rod.damping', self.damping, 'b or (a, b)', minimum=0))
         put('point_masses', self._checked_point_masses())
+        if self.yield_curvature is not None:
+            put('yield_curvature', _pair('Rod.yield_curvature', self.yield_curvature,
+                                         'a threshold or (about n, about b)', above=0))
+        for name in ('radius', 'yield_torsion', 'max_bend_curvature'):
+            if getattr(self, name) is not None:
+                put(name, number(f'Rod.{name}', getattr(self, name), InvalidRod, above=0))
+        choice('Rod.section_model', self.section_model, MODELS, InvalidRod)
+        put('hardening', number('Rod.hardening', self.hardening, InvalidRod, minimum=0))
+        if self.hardening >= 1:
+            raise InvalidRod(f'Rod.hardening = {self.hardening!r}: expected less than 1')
+        if self.section is not None and not isinstance(self.section, Section):
+            raise InvalidRod(f'Rod.section = {self.section!r}: expected a Section')
         if not callable(self.natural_curvature):
-            put('natural_curvature', self._checked_pair(self.natural_curvature))
+            put('natural_curvature', self._checked_curvature(self.natural_curvature))
         if not callable(self.natural_twist):
             put('natural_twist', number('Rod.natural_twist', self.natural_twist, InvalidRod))
-        self.natural_strains(np.linspace(0, self.length, 9))  # callables are judged now, not later
+        probes = np.linspace(0, self.length, 9)
+        self.natural_strains(probes)  # callables are judged now, not later
+        self.masses_per_length(probes)
 
     def _checked_point_masses(self):
         try:
@@ -84,7 +106,7 @@ class Rod:
                       number('Rod.point_masses kg', m, InvalidRod, minimum=0)) for s, m in masses)
 
     @staticmethod
-    def _checked_pair(value, where=''):
+    def _checked_curvature(value, where=''):
         try:
             first, second = value
         except (TypeError, ValueError):
@@ -98,6 +120,19 @@ class Rod:
         """(3,) GJ, EI_n, EI_b in N m^2, in the order of the strains."""
         return np.array([self.torsional_stiffness, *self.bending_stiffness])
 
+    @property
+    def yields(self):
+        """Whether there is a threshold beyond which the DLO is set for good."""
+        return self.yield_curvature is not None or self.yield_torsion is not None
+
+    def masses_per_length(self, s):
+        """Return the mass per length at arc lengths `s` (n,) as (n,), kg/m."""
+        s = np.asarray(s, dtype=float)
+        if not callable(self.mass_per_length):
+            return np.full(s.size, self.mass_per_length)
+        return np.array([number(f'Rod.mass_per_length({v:g})', self.mass_per_length(v), InvalidRod,
+                                minimum=0) for v in s])
+
     def natural_strains(self, s):
         """Return the stress-free strains at arc lengths `s` (n,) as (n, 3), 1/m."""
         s = np.asarray(s, dtype=float)
@@ -108,13 +143,15 @@ class Rod:
         else:
             strains[:, 0] = self.natural_twist
         if callable(self.natural_curvature):
-            strains[:, 1:] = [self._checked_pair(self.natural_curvature(v), f'({v:g})') for v in s]
+            strains[:, 1:] = [self._checked_curvature(self.natural_curvature(v), f'({v:g})')
+                              for v in s]
         else:
             strains[:, 1:] = self.natural_curvature
         return strains
 
     @classmethod
-    def circular(cls, length, diameter, density, youngs_modulus, poisson_ratio, **more):
+    def circular(cls, length, diameter, density, youngs_modulus, poisson_ratio, *,
+                 yield_stress=None, **more):
         """Return a rod of solid round section (wire).
 
         EI = E pi d^4 / 64, GJ = G pi d^4 / 32, G = E / (2 (1 + nu)).
@@ -124,60 +161,60 @@ class Rod:
             density: kg/m^3
             youngs_modulus: Pa
             poisson_ratio: -1 < nu <= 0.5
+            yield_stress: Pa; gives yield_curvature and yield_torsion (von Mises)
             more: any other argument of `Rod`
         """
         d = number('diameter', diameter, InvalidRod, above=0)
-        rho = number('density', density, InvalidRod, minimum=0)
-        modulus, shear = _moduli(youngs_modulus, poisson_ratio)
-        return cls(length, rho * np.pi * d**2 / 4, modulus * np.pi * d**4 / 64,
-                   shear * np.pi * d**4 / 32, **{'radius': d / 2, **more})
+        section = Section.of('round', d / 2, d / 2, youngs_modulus, poisson_ratio)
+        return cls._of_section(section, length, density, yield_stress, more)
 
     @classmethod
     def tube(cls, length, outer_diameter, inner_diameter, density, youngs_modulus, poisson_ratio,
-             **more):
+             *, yield_stress=None, **more):
         """Return a rod of annular section (hose); arguments as in `circular`."""
         outer = number('outer_diameter', outer_diameter, InvalidRod, above=0)
         inner = number('inner_diameter', inner_diameter, InvalidRod, minimum=0)
         if inner >= outer:
             raise InvalidRod(
                 f'inner_diameter = {inner!r}: expected less than outer_diameter {outer!r}')
-        rho = number('density', density, InvalidRod, minimum=0)
-        modulus, shear = _moduli(youngs_modulus, poisson_ratio)
-        fourth = outer**4 - inner**4
-        return cls(length, rho * np.pi * (outer**2 - inner**2) / 4, modulus * np.pi * fourth / 64,
-                   shear * np.pi * fourth / 32, **{'radius': outer / 2, **more})
+        section = Section.of('tube', outer / 2, outer / 2, youngs_modulus, poisson_ratio,
+                             inner / 2)
+        return cls._of_section(section, length, density, yield_stress, more)
 
     @classmethod
-    def rectangular(cls, length, width, thickness, density, youngs_modulus, poisson_ratio, **more):
+    def rectangular(cls, length, width, thickness, density, youngs_modulus, poisson_ratio, *,
+                    yield_stress=None, **more):
         """Return a rod of solid rectangular section (leaf spring), `width` along the n axis.
 
-        EI_n = E w t^3 / 12 (soft if t < w), EI_b = E t w^3 / 12; GJ from Saint-Venant's series
-        (Timoshenko and Goodier, Theory of Elasticity, art. 109).
+        EI_n = E w t^3 / 12 (soft if t < w), EI_b = E t w^3 / 12; GJ from Saint-Venant's series.
 
         Args:
             length, width, thickness: metres
             density: kg/m^3
             youngs_modulus: Pa
             poisson_ratio: -1 < nu <= 0.5
+            yield_stress: Pa; gives yield_curvature and yield_torsion
             more: any other argument of `Rod`
         """
         w = number('width', width, InvalidRod, above=0)
         t = number('thickness', thickness, InvalidRod, above=0)
+        section = Section.of('rectangular', w / 2, t / 2, youngs_modulus, poisson_ratio)
+        return cls._of_section(section, length, density, yield_stress, more)
+
+    @classmethod
+    def _of_section(cls, section, length, density, yield_stress, more):
+        given = {'radius': max(section.half_n, section.half_b), 'section': section}
+        if yield_stress is not None:
+            stress = number('yield_stress', yield_stress, InvalidRod, above=0)
+            given['yield_curvature'], given['yield_torsion'] = section.thresholds(stress)
         rho = number('density', density, InvalidRod, minimum=0)
-        modulus, shear = _moduli(youngs_modulus, poisson_ratio)
-        bending = (modulus * w * t**3 / 12, modulus * t * w**3 / 12)
-        return cls(length, rho * w * t, bending, shear * _rectangle_torsion_constant(w, t),
-                   **{'radius': max(w, t) / 2, **more})
+        return cls(length, rho * section.area, section.bending_stiffness,
+                   section.torsional_stiffness, **{**given, **more})
 
 
-def _moduli(youngs_modulus, poisson_ratio):
-    modulus = number('youngs_modulus', youngs_modulus, InvalidRod, above=0)
-    nu = number('poisson_ratio', poisson_ratio, InvalidRod, above=-1, maximum=0.5)
-    return modulus, modulus / (2 * (1 + nu))
-
-
-def _rectangle_torsion_constant(a, b):
-    long, short = max(a, b), min(a, b)
-    n = np.arange(1, 400, 2)
-    series = np.sum(np.tanh(np.pi * n * long / (2 * short)) / n**5)
-    return long * short**3 / 3 * (1 - 192 / np.pi**5 * short / long * series)
+def _pair(name, value, expected, **limits):
+    values = np.atleast_1d(np.asarray(value, dtype=object))
+    if values.size not in (1, 2):
+        raise InvalidRod(f'{name} = {value!r}: expected {expected}')
+    values = tuple(number(name, v, InvalidRod, **limits) for v in values)
+    return values if len(values) == 2 else values * 2

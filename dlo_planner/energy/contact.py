@@ -1,0 +1,198 @@
+"""Contact with obstacles: the DLO's surface stays outside, and friction resists its sliding.
+
+Every node is watched, and the nearest point inside an element wherever it comes nearer to an
+obstacle than the nodes do. Each such point has a gap g to each obstacle and a multiplier m >= 0:
+the augmented Lagrangian  (max(0, m - k g)^2 - m^2) / (2 k)  pushes with the force max(0, m - k g);
+the minimiser's outer loop moves m until the gaps under force are zero.
+
+The nearest point slides along the DLO as the shape changes, which the second derivative accounts
+for: d2g - (d(dg/ds))^2 / g_ss.
+
+Friction (Coulomb) is a spring from where the point last stuck; it gives with the force
+mu m of the contact, taken from the outer iteration before.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from dlo_planner.energy.distance import signed_distance
+from dlo_planner.ritz.kinematics import point_inside
+
+_END = 1e-12  # of an element: nearer to its end a point is the end
+
+
+class Contacts(NamedTuple):
+    """Points where the DLO may touch, and what is known of their forces.
+
+    Attributes:
+        stiffness: k, N/m
+        node: (M, N + 1) multipliers of nodes against obstacles, N
+        element: (C,) ascending, of points inside elements; obstacle: (C,) the one they are nearest
+            to, or -1 for a point of friction
+        multiplier: (C,) m, or the limit of the friction force, N
+        fraction: (C,) of the element, for points of friction
+        anchor: (C, 3) where a point of friction sticks, m, relative to the gripper
+        normal: (C, 3) of the obstacle there
+        grip: stiffness of friction, N/m
+    """
+
+    stiffness: float
+    node: np.ndarray
+    element: np.ndarray
+    obstacle: np.ndarray
+    multiplier: np.ndarray
+    fraction: np.ndarray
+    anchor: np.ndarray
+    normal: np.ndarray
+    grip: float
+
+
+@njit(cache=True)
+def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, attached):
+    """Add the forces of all contacts to `pull` and `attached`; return their potential in J."""
+    energy = 0.0
+    k = contacts.stiffness
+    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    frame = np.empty((3, 3))
+    attached.sprung[:] = False
+    for o in range(scene.kind.size):
+        for node in range(1, positions.shape[0]):
+            for i in range(3):
+                x[i] = scene.origin[i] + positions[node, i]
+            gap = signed_distance(scene, o, x, normal, bend) - scene.radius
+            force = contacts.node[o, node] - k * gap
+            if force > 0.0:
+                energy += 0.5 * force * force / k
+                if not attached.sprung[node]:
+                    attached.spring[node] = 0.0
+                    attached.sprung[node] = True
+                for i in range(3):
+                    pull[node, i] -= force * normal[i]
+                    for j in range(3):
+                        attached.spring[node, i, j] += (k * normal[i] * normal[j]
+                                                        - force * bend[i, j])
+            energy -= 0.5 * contacts.node[o, node] ** 2 / k
+    for c in range(contacts.element.size):
+        e, o = contacts.element[c], contacts.obstacle[c]
+        attached.force[c] = 0.0
+        attached.matrix[c] = 0.0
+        if o < 0:
+            energy += _friction(contacts, c, lengths, strains, rotations, positions, attached)
+            continue
+        gap, fraction = nearest_inside(scene, o, e, lengths, strains, rotations, positions,
+                                       normal, bend)
+        attached.fraction[c] = fraction
+        point_inside(lengths, strains, rotations, positions, e, fraction, frame, x)
+        force = contacts.multiplier[c] - k * gap
+        if force > 0.0:
+            energy += 0.5 * force * force / k
+            _push(c, force, k, strains[e], frame, normal, bend, attached)
+        energy -= 0.5 * contacts.multiplier[c] ** 2 / k
+    return energy
+
+
+@njit(cache=True)
+def nearest_inside(scene, o, e, lengths, strains, rotations, positions, normal, bend):
+    """Return gap and fraction of the point of element e that is nearest to obstacle o.
+
+    Fills normal (3,) and bend (3, 3) of the distance there. A safeguarded Newton iteration for
+    the zero of dg/ds; the nearest end of the element if there is none inside.
+    """
+    rotation, x = np.empty((3, 3)), np.empty(3)
+    low, high, fraction = 0.0, 1.0, 0.5
+    for iteration in range(60):
+        point_inside(lengths, strains, rotations, positions, e, fraction, rotation, x)
+        for i in range(3):
+            x[i] += scene.origin[i]
+        gap = signed_distance(scene, o, x, normal, bend) - scene.radius
+        slope, curve = along_the_dlo(normal, bend, rotation, strains[e])
+        if slope > 0.0:
+            high = fraction
+        else:
+            low = fraction
+        if high - low < 1e-15:
+            break
+        target = fraction - slope / (curve * lengths[e]) if curve > 0.0 else -1.0
+        if iteration == 0 and curve > 0.0 and not 0.0 < target < 1.0:
+            target = 0.0 if target <= 0.0 else 1.0  # look at the end itself
+        elif not low < target < high:
+            target = 0.5 * (low + high)
+        if abs(target - fraction) < 1e-15:
+            break
+        fraction = target
+    if fraction < _END or fraction > 1.0 - _END:
+        fraction = 0.0 if fraction < _END else 1.0
+    return gap, fraction
+
+
+@njit(cache=True)
+def along_the_dlo(normal, bend, rotation, strain):
+    """Return dg/ds and d2g/ds2 of the gap along the DLO, where its frame is `rotation`."""
+    slope = curve = 0.0
+    for i in range(3):
+        # t' = kappa_b n - kappa_n b
+        change = strain[2] * rotation[i, 1] - strain[1] * rotation[i, 2]
+        slope += normal[i] * rotation[i, 0]
+        curve += normal[i] * change
+        for j in range(3):
+            curve += rotation[i, 0] * bend[i, j] * rotation[j, 0]
+    return slope, curve
+
+
+@njit(cache=True)
+def _push(c, force, k, strain, rotation, normal, bend, attached):
+    """Write the force and the stiffness of a contact where the DLO's frame is `rotation`."""
+    matrix = attached.matrix[c]
+    for i in range(3):
+        attached.force[c, i] = -force * normal[i]
+        for j in range(3):
+            matrix[3 + i, 3 + j] = k * normal[i] * normal[j] - force * bend[i, j]
+    if not 0.0 < attached.fraction[c] < 1.0:
+        return  # at an end the point does not slide
+    _, curve = along_the_dlo(normal, bend, rotation, strain)
+    if curve <= 0.0:
+        return
+    lever = np.empty(6)  # change of dg/ds by rotation and displacement of the frame there
+    for i in range(3):
+        first, second = (i + 1) % 3, (i + 2) % 3
+        lever[i] = rotation[first, 0] * normal[second] - rotation[second, 0] * normal[first]
+        lever[3 + i] = (bend[i, 0] * rotation[0, 0] + bend[i, 1] * rotation[1, 0]
+                        + bend[i, 2] * rotation[2, 0])
+    for i in range(6):
+        for j in range(6):
+            matrix[i, j] += force / curve * lever[i] * lever[j]
+
+
+@njit(cache=True)
+def _friction(contacts, c, lengths, strains, rotations, positions, attached):
+    """Write the force and stiffness of a point of friction; return its potential in J."""
+    rotation, x = np.empty((3, 3)), np.empty(3)
+    e, limit, normal = contacts.element[c], contacts.multiplier[c], contacts.normal[c]
+    attached.fraction[c] = contacts.fraction[c]
+    point_inside(lengths, strains, rotations, positions, e, contacts.fraction[c], rotation, x)
+    away, out, square = np.empty(3), 0.0, 0.0
+    for i in range(3):
+        away[i] = x[i] - contacts.anchor[c, i]
+        out += away[i] * normal[i]
+    for i in range(3):
+        away[i] -= out * normal[i]
+        square += away[i] * away[i]
+    size = np.sqrt(square)
+    grip = contacts.grip
+    if size * grip <= limit:
+        for i in range(3):
+            attached.force[c, i] = grip * away[i]
+        for i in range(3):
+            for j in range(3):
+                attached.matrix[c, 3 + i, 3 + j] = grip * ((i == j) - normal[i] * normal[j])
+        return 0.5 * grip * size * size
+    for i in range(3):
+        away[i] /= size
+        attached.force[c, i] = limit * away[i]
+    for i in range(3):
+        for j in range(3):
+            attached.matrix[c, 3 + i, 3 + j] = limit / size * ((i == j) - normal[i] * normal[j]
+                                                                - away[i] * away[j])
+    return limit * (size - 0.5 * limit / grip)

@@ -1,0 +1,273 @@
+"""How far a point is from an obstacle: signed distance with its first and second derivatives."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from dlo_planner.model.obstacles import Box, Capsule, Plane, Sheet, Sphere
+from dlo_planner.model.pose import Pose
+
+PLANE, SPHERE, CAPSULE, BOX, SHEET = range(5)
+_MOST_FOILS = 5
+
+
+class Scene(NamedTuple):
+    """Obstacles as plain arrays; M bodies with H cut-outs in all.
+
+    A sheet is a stack of foils, its faces and, if it is thick, some between: at the rim of a hole a
+    DLO touches edges, and each edge needs a nearest point of its own.
+
+    Attributes:
+        source: (M,) index of the obstacle that a body is (part of)
+        kind: (M,) PLANE ... SHEET
+        axes: (M, 3, 3) columns x, y, z of the obstacle's frame; centre: (M, 3) m, world
+        size: (M, 3) half sizes along the axes; a sphere's or capsule's radius is the last one, a
+            capsule's half length the first
+        friction: (M,)
+        hole_of: (H,) index of its sheet; hole_centre: (H, 2) y, z there, m; hole_axis: (H, 2)
+            the hole's own first axis there; hole_size: (H, 2) half width and height, or the
+            radius and -1
+        radius: of the DLO, m
+        origin: (3,) the gripper's position: nodes are given relative to it
+    """
+
+    source: np.ndarray
+    kind: np.ndarray
+    axes: np.ndarray
+    centre: np.ndarray
+    size: np.ndarray
+    friction: np.ndarray
+    hole_of: np.ndarray
+    hole_centre: np.ndarray
+    hole_axis: np.ndarray
+    hole_size: np.ndarray
+    radius: float
+    origin: np.ndarray
+
+
+def build_scene(obstacles, radius):
+    """Return the Scene of a sequence of obstacles for a DLO of the given radius in m."""
+    source, kind, axes, centre, size, friction, holes = [], [], [], [], [], [], []
+    bodies = [(index, part) for index, obstacle in enumerate(obstacles)
+              for part in (_foils(obstacle, radius) if isinstance(obstacle, Sheet)
+                           else [obstacle])]
+    for index, (origin, obstacle) in enumerate(bodies):
+        source.append(origin)
+        friction.append(obstacle.friction)
+        if isinstance(obstacle, Plane):
+            kind.append(PLANE)
+            pose, half = Pose.looking_along(obstacle.point, obstacle.normal), (0, 0, 0)
+        elif isinstance(obstacle, Sphere):
+            kind.append(SPHERE)
+            pose, half = Pose(obstacle.centre, (0, 0, 0, 1)), (0, 0, obstacle.radius)
+        elif isinstance(obstacle, Capsule):
+            kind.append(CAPSULE)
+            along = obstacle.end - obstacle.start
+            pose = Pose.looking_along(0.5 * (obstacle.start + obstacle.end), along)
+            half = (0.5 * np.linalg.norm(along), 0, obstacle.radius)
+        elif isinstance(obstacle, Box):
+            kind.append(BOX)
+            pose, half = obstacle.pose, 0.5 * obstacle.size
+        else:
+            kind.append(SHEET)
+            pose = obstacle.pose
+            half = (0.5 * obstacle.thickness, 0.5 * obstacle.width, 0.5 * obstacle.height)
+            holes += [(index, *_hole(pose, cutout)) for cutout in obstacle.cutouts]
+        axes.append(pose.rotation)
+        centre.append(pose.position)
+        size.append(half)
+    return Scene(np.array(source, dtype=np.int64), np.array(kind, dtype=np.int64),
+                 np.array(axes, dtype=float).reshape(-1, 3, 3),
+                 np.array(centre, dtype=float).reshape(-1, 3),
+                 np.array(size, dtype=float).reshape(-1, 3), np.array(friction, dtype=float),
+                 np.array([hole[0] for hole in holes], dtype=np.int64),
+                 *(np.array([hole[k] for hole in holes], dtype=float).reshape(-1, 2)
+                   for k in (1, 2, 3)), float(radius), np.zeros(3))
+
+
+def _foils(sheet, radius):
+    """Return Sheets without thickness that stand for `sheet`."""
+    if sheet.thickness == 0:
+        return [sheet]
+    number = min(_MOST_FOILS, 2 + int(sheet.thickness / max(4 * radius, 1e-9)))
+    shifts = np.linspace(-0.5, 0.5, number) * sheet.thickness
+    return [_moved(sheet, shift) for shift in shifts]
+
+
+def _moved(sheet, shift):
+    def along(pose):
+        return Pose(pose.position + shift * sheet.pose.direction, pose.quaternion)
+
+    return replace(sheet, pose=along(sheet.pose), thickness=0.0,
+                   cutouts=tuple(replace(cutout, pose=along(cutout.pose))
+                                 for cutout in sheet.cutouts))
+
+
+def _hole(pose, cutout):
+    centre = pose.rotation.T @ (cutout.centre - pose.position)
+    axis = pose.rotation.T @ cutout.pose.rotation[:, 1]
+    size = ((cutout.radius, -1.0) if cutout.radius is not None
+            else (0.5 * cutout.width, 0.5 * cutout.height))
+    return centre[1:], axis[1:], size
+
+
+@njit(cache=True)
+def signed_distance(scene, o, x, normal, bend):
+    """Return the distance in m of the world point x (3,) from obstacle `o`, negative inside.
+
+    Fills normal (3,), its gradient, and bend (3, 3), its second derivative, in 1/m.
+    """
+    axes = scene.axes[o]
+    kind = scene.kind[o]
+    v = np.empty(3)
+    for i in range(3):
+        v[i] = x[i] - scene.centre[o, i]
+    p = np.empty(3)
+    for i in range(3):
+        p[i] = axes[0, i] * v[0] + axes[1, i] * v[1] + axes[2, i] * v[2]
+    local, curved = np.zeros(3), np.zeros((3, 3))
+    if kind == PLANE:
+        local[0] = 1.0
+        distance = p[0]
+    elif kind in (SPHERE, CAPSULE):
+        distance = _from_axis(p, scene.size[o, 0], scene.size[o, 2], local, curved)
+    elif kind == BOX:
+        distance = _from_box(p, scene.size[o], local, curved)
+    else:
+        distance = _from_sheet(scene, o, p, local, curved)
+    for i in range(3):
+        normal[i] = axes[i, 0] * local[0] + axes[i, 1] * local[1] + axes[i, 2] * local[2]
+    if kind == PLANE:
+        bend[:] = 0.0
+    else:
+        for i in range(3):
+            for k in range(3):
+                v[k] = axes[i, 0] * curved[0, k] + axes[i, 1] * curved[1, k] + (
+                    axes[i, 2] * curved[2, k])
+            for j in range(3):
+                bend[i, j] = axes[j, 0] * v[0] + axes[j, 1] * v[1] + axes[j, 2] * v[2]
+    return distance
+
+
+@njit(cache=True)
+def _from_axis(p, half, radius, normal, bend):
+    """Distance from a capsule along x (half = 0: a sphere)."""
+    beyond = abs(p[0]) - half
+    sign = 1.0 if p[0] >= 0 else -1.0
+    along = sign * beyond if beyond > 0 or half == 0.0 else 0.0
+    rho = np.sqrt(along * along + p[1] * p[1] + p[2] * p[2])
+    if rho < 1e-12:
+        normal[2] = 1.0
+        return -radius
+    normal[0], normal[1], normal[2] = along / rho, p[1] / rho, p[2] / rho
+    first = 0 if beyond > 0 or half == 0.0 else 1
+    for i in range(first, 3):
+        for j in range(first, 3):
+            bend[i, j] = ((i == j) - normal[i] * normal[j]) / rho
+    return rho - radius
+
+
+@njit(cache=True)
+def _from_box(p, half, normal, bend):
+    outside = 0.0
+    deepest = 0
+    for i in range(3):
+        if abs(p[i]) - half[i] > abs(p[deepest]) - half[deepest]:
+            deepest = i
+        if abs(p[i]) > half[i]:
+            outside += (abs(p[i]) - half[i]) ** 2
+    if outside == 0.0:
+        normal[deepest] = 1.0 if p[deepest] >= 0 else -1.0
+        return abs(p[deepest]) - half[deepest]
+    distance = np.sqrt(outside)
+    for i in range(3):
+        if abs(p[i]) > half[i]:
+            normal[i] = (abs(p[i]) - half[i]) / distance * (1.0 if p[i] >= 0 else -1.0)
+    for i in range(3):
+        for j in range(3):
+            if abs(p[i]) > half[i] and abs(p[j]) > half[j]:
+                bend[i, j] = ((i == j) - normal[i] * normal[j]) / distance
+    return distance
+
+
+@njit(cache=True)
+def _from_sheet(scene, o, p, normal, bend):
+    """Distance from a plate with holes: in the plane (a) and from the faces (b), then both."""
+    slope = np.zeros(2)
+    a, turn = in_plane(scene, o, p[1], p[2], slope)
+    side = 1.0 if p[0] >= 0 else -1.0
+    b = abs(p[0]) - scene.size[o, 0]
+    if a > 0 and b > 0:
+        d = np.sqrt(a * a + b * b)
+        normal[0], normal[1], normal[2] = side * b / d, a / d * slope[0], a / d * slope[1]
+        m0, m1, m2 = -side * a / d, b / d * slope[0], b / d * slope[1]
+        bend[0, 0] = m0 * m0 / d
+        bend[0, 1] = bend[1, 0] = m0 * m1 / d
+        bend[0, 2] = bend[2, 0] = m0 * m2 / d
+        _add_turn(bend, slope, turn * a / d)
+        bend[1, 1] += m1 * m1 / d
+        bend[1, 2] += m1 * m2 / d
+        bend[2, 1] += m1 * m2 / d
+        bend[2, 2] += m2 * m2 / d
+        return d
+    if b > 0 or (a <= 0 and b >= a):
+        normal[0] = side
+        return b
+    normal[1], normal[2] = slope[0], slope[1]
+    _add_turn(bend, slope, turn)
+    return a
+
+
+@njit(cache=True)
+def _add_turn(bend, slope, amount):
+    bend[1, 1] += amount * slope[1] * slope[1]
+    bend[2, 2] += amount * slope[0] * slope[0]
+    bend[1, 2] -= amount * slope[0] * slope[1]
+    bend[2, 1] -= amount * slope[0] * slope[1]
+
+
+@njit(cache=True)
+def in_plane(scene, o, y, z, slope):
+    """Return how far (y, z) is outside the sheet's material (in a hole, or beyond its border).
+
+    Fills slope (2,), the gradient; also returns the curvature of that distance, 1/m.
+    """
+    a, turn = _from_rectangle(y, z, scene.size[o, 1], scene.size[o, 2], slope)
+    other = np.empty(2)
+    for hole in range(scene.hole_of.size):
+        if scene.hole_of[hole] != o:
+            continue
+        away_y, away_z = y - scene.hole_centre[hole, 0], z - scene.hole_centre[hole, 1]
+        if scene.hole_size[hole, 1] < 0:
+            rho = max(np.sqrt(away_y * away_y + away_z * away_z), 1e-12)
+            inside = scene.hole_size[hole, 0] - rho
+            if inside > a:
+                a, turn = inside, -1.0 / rho
+                slope[0], slope[1] = -away_y / rho, -away_z / rho
+        else:
+            c, s = scene.hole_axis[hole, 0], scene.hole_axis[hole, 1]
+            outside, curved = _from_rectangle(c * away_y + s * away_z, c * away_z - s * away_y,
+                                              scene.hole_size[hole, 0], scene.hole_size[hole, 1],
+                                              other)
+            if -outside > a:
+                a, turn = -outside, -curved
+                slope[0], slope[1] = s * other[1] - c * other[0], -s * other[0] - c * other[1]
+    return a, turn
+
+
+@njit(cache=True)
+def _from_rectangle(y, z, half_y, half_z, slope):
+    b, c = abs(y) - half_y, abs(z) - half_z
+    sign_y = 1.0 if y >= 0 else -1.0
+    sign_z = 1.0 if z >= 0 else -1.0
+    if b > 0 and c > 0:
+        d = np.sqrt(b * b + c * c)
+        slope[0], slope[1] = sign_y * b / d, sign_z * c / d
+        return d, 1.0 / d
+    if b >= c:
+        slope[0], slope[1] = sign_y, 0.0
+        return b, 0.0
+    slope[0], slope[1] = 0.0, sign_z
+    return c, 0.0

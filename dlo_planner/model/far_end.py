@@ -1,0 +1,45 @@
+"""A second grip: how the free end may be held."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import choice, vector
+from dlo_planner.model.pose import Pose
+
+GRIPS = ('clamped', 'pinned', 'sleeve')
+
+
+@dataclass(frozen=True)
+class FarEnd:
+    """What holds the far end of a DLO.
+
+    Attributes:
+        pose: Pose where its frame has to be (x axis = tangent); where pinned only the position
+            counts
+        grip: 'clamped': position and orientation; 'pinned': position; 'sleeve': clamped, but free
+            to slide along the pose's x axis
+    """
+
+    pose: Pose
+    grip: str = 'clamped'
+
+    def __post_init__(self):
+        if not isinstance(self.pose, Pose):
+            raise InvalidTask(f'FarEnd.pose = {self.pose!r}: expected a Pose')
+        choice('FarEnd.grip', self.grip, GRIPS)
+
+    @classmethod
+    def of(cls, value):
+        """Return a FarEnd from one, a Pose (clamped), a position (3,) (pinned), or None."""
+        if value is None or isinstance(value, FarEnd):
+            return value
+        if isinstance(value, Pose):
+            return cls(value)
+        return cls(Pose(vector('far_end', value, 3), (0.0, 0.0, 0.0, 1.0)), 'pinned')
+
+    @property
+    def slide(self):
+        """(3,) unit vector of the free direction, or zero."""
+        return self.pose.direction if self.grip == 'sleeve' else np.zeros(3)

@@ -1,0 +1,151 @@
+"""The cross-section: its stiffness, its stress, and how it yields beyond the first fibre."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlo_planner.errors import InvalidRod
+from dlo_planner.model.checks import number
+
+MODELS = ('ideal', 'round', 'rectangular')
+_LAYERS = 24
+_TANGENTS = 400  # terms of Saint-Venant's series
+
+
+@dataclass(frozen=True)
+class Section:
+    """A solid or hollow cross-section of one material.
+
+    Attributes:
+        kind: 'round', 'tube' or 'rectangular'
+        half_n, half_b: from the axis to the surface along n and b, m (round: the radius twice)
+        youngs_modulus, shear_modulus: Pa
+        inner: radius of a tube's bore, m
+    """
+
+    kind: str
+    half_n: float
+    half_b: float
+    youngs_modulus: float
+    shear_modulus: float
+    inner: float = 0.0
+
+    @classmethod
+    def of(cls, kind, half_n, half_b, youngs_modulus, poisson_ratio, inner=0.0):
+        """Return the section, with its material judged (InvalidRod)."""
+        modulus = number('youngs_modulus', youngs_modulus, InvalidRod, above=0)
+        nu = number('poisson_ratio', poisson_ratio, InvalidRod, above=-1, maximum=0.5)
+        return cls(kind, half_n, half_b, modulus, modulus / (2 * (1 + nu)), inner)
+
+    @property
+    def area(self):
+        """Area in m^2."""
+        if self.kind == 'rectangular':
+            return 4 * self.half_n * self.half_b
+        return np.pi * (self.half_n**2 - self.inner**2)
+
+    @property
+    def bending_stiffness(self):
+        """(EI_n, EI_b) in N m^2."""
+        if self.kind == 'rectangular':
+            return (self.youngs_modulus * 4 / 3 * self.half_n * self.half_b**3,
+                    self.youngs_modulus * 4 / 3 * self.half_b * self.half_n**3)
+        return (self.youngs_modulus * np.pi / 4 * (self.half_n**4 - self.inner**4),) * 2
+
+    @property
+    def torsional_stiffness(self):
+        """GJ in N m^2; a rectangle's J from Saint-Venant's series.
+
+        Timoshenko and Goodier, Theory of Elasticity, art. 109.
+        """
+        if self.kind == 'rectangular':
+            return self.shear_modulus * self._rectangle()[0]
+        return self.shear_modulus * np.pi / 2 * (self.half_n**4 - self.inner**4)
+
+    def _rectangle(self):
+        """Return J in m^4 and the largest shear strain per torsion in m."""
+        long, short = 2 * max(self.half_n, self.half_b), 2 * min(self.half_n, self.half_b)
+        n = np.arange(1, _TANGENTS, 2)
+        angle = np.pi * n * long / (2 * short)
+        constant = long * short**3 / 3 * (
+            1 - 192 / np.pi**5 * short / long * np.sum(np.tanh(angle) / n**5))
+        shear = short * (1 - 8 / np.pi**2 * np.sum(1 / (n**2 * np.cosh(np.minimum(angle, 300)))))
+        return constant, shear
+
+    @property
+    def shear_arm(self):
+        """Largest shear strain at the surface per torsion, m."""
+        return self._rectangle()[1] if self.kind == 'rectangular' else self.half_n
+
+    def surface_strain(self, bend):
+        """Return the largest axial and the largest shear strain (n, 2) of (n, 3) strains.
+
+        Args:
+            bend: (n, 3) torsion and curvatures about n and b since the stress-free shape, 1/m
+        """
+        bend = np.asarray(bend, dtype=float)
+        if self.kind == 'rectangular':
+            axial = np.abs(bend[:, 1]) * self.half_b + np.abs(bend[:, 2]) * self.half_n
+        else:
+            axial = np.hypot(bend[:, 1], bend[:, 2]) * self.half_n
+        return np.column_stack([axial, np.abs(bend[:, 0]) * self.shear_arm])
+
+    def thresholds(self, yield_stress):
+        """Return ((k_n, k_b), torsion) in 1/m at which the outermost fibre yields.
+
+        Torsion by von Mises: shear yields at yield_stress / sqrt(3).
+        """
+        strain = yield_stress / self.youngs_modulus
+        shear = yield_stress / np.sqrt(3) / self.shear_modulus
+        return (strain / self.half_b, strain / self.half_n), shear / self.shear_arm
+
+
+def yielding_layers(model, hardening):
+    """Return how a section yields as layers side by side: see `energy.plastic`.
+
+    'ideal' is the paper's simplification: all of the section yields at once. 'round' and
+    'rectangular' follow the textbook curves of moment over curvature of a section whose fibres are
+    ideally plastic (piecewise linear, within 0.1 %); torsion of a rectangle as of a thin strip.
+
+    Args:
+        model: of MODELS
+        hardening: part of the stiffness that never yields, in [0, 1)
+
+    Returns:
+        share (J, 2) of the torsional and bending stiffness, limit (J, 2) in multiples of the
+        threshold of the first fibre
+    """
+    if model == 'ideal':
+        share, limit = np.ones((1, 2)), np.ones((1, 2))
+    else:
+        ratio = 1 / np.linspace(1, 0, _LAYERS, endpoint=False)  # curvature / threshold
+        curves = {'round': (4 / 3 - 1 / (3 * ratio**3), _round_moment(ratio)),
+                  'rectangular': (1.5 - 0.5 / ratio**2, 1.5 - 0.5 / ratio**2)}[model]
+        share = np.column_stack([_layers_of(ratio, curve) for curve in curves])
+        limit = np.column_stack([ratio, ratio])
+    if hardening:
+        share = np.vstack([(1 - hardening) * share, [[hardening, hardening]]])
+        limit = np.vstack([limit, [[np.inf, np.inf]]])
+    return share, limit
+
+
+def _layers_of(ratio, moment):
+    """Return the shares (J,) whose sum of ideally plastic layers runs through the curve."""
+    slope = np.diff(np.concatenate([[0.0], moment])) / np.diff(np.concatenate([[0.0], ratio]))
+    return slope - np.append(slope[1:], 0.0)
+
+
+def _round_moment(ratio):
+    """Return M / M_yield of a solid round section at multiples `ratio` (n,) of the threshold."""
+    points, weights = np.polynomial.legendre.leggauss(40)
+    moment = []
+    for x in ratio:
+        core = np.arcsin(1 / x)  # fibres at height sin(angle) yield beyond it
+        total = 0.0
+        for low, high in ((0.0, core), (core, np.pi / 2)):
+            angle = low + 0.5 * (high - low) * (points + 1)
+            height, width = np.sin(angle), np.cos(angle)
+            stress = np.minimum(x * height, 1.0)
+            total += 0.5 * (high - low) * np.sum(weights * stress * height * width**2)
+        moment.append(16 / np.pi * total)
+    return np.array(moment)
