@@ -9,15 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from dlo_planner.energy.contact import Contacts, add_contacts
+from dlo_planner.energy.distance import Scene
 from dlo_planner.energy.elastic import add_elastic
+from dlo_planner.energy.hold import Hold, add_hold
 from dlo_planner.energy.inertia import add_anchor
 from dlo_planner.energy.loads import dead_load
-from dlo_planner.ritz.kinematics import (
-    add_gradient,
-    add_node_stiffness,
-    march,
-    second_order,
-)
+from dlo_planner.energy.plastic import Layers, add_plastic, add_plastic_stiffness
+from dlo_planner.ritz.kinematics import Attached, add_gradient, march, nothing_attached
+from dlo_planner.ritz.second_order import add_stiffness, second_order
 
 
 class System(NamedTuple):
@@ -33,6 +33,10 @@ class System(NamedTuple):
         base: (3, 3) the gripper's rotation
         anchor: (N + 1, 3) relative to the gripper, m, and anchor_weight: (N + 1,) N/m: see
             `energy.inertia`; both empty in statics
+        layers: see `energy.plastic`; hold: `energy.hold`; scene: `energy.distance`; contacts:
+            `energy.contact`; each empty without its effect
+        near: (m, 3) unknowns to which a weak spring of strength `tie` keeps, tie |q - near|^2 / 2,
+            a device of the minimiser; (0, 3) without
     """
 
     lengths: np.ndarray
@@ -44,6 +48,12 @@ class System(NamedTuple):
     base: np.ndarray
     anchor: np.ndarray
     anchor_weight: np.ndarray
+    layers: Layers
+    hold: Hold
+    scene: Scene
+    contacts: Contacts
+    near: np.ndarray
+    tie: float
 
 
 class State(NamedTuple):
@@ -54,7 +64,9 @@ class State(NamedTuple):
         strains: (N, 3); rotations: (N + 1, 3, 3); positions: (N + 1, 3), relative to the gripper
         slope: (N, 3) derivative of the potential by the scaled strains
         pull: (N + 1, 3) derivative of the potential by the node positions
-        base_moment: (3,) derivative of the potential by a rotation of the gripper
+        base_force, base_moment: (3,) derivative of the potential by displacement and rotation of
+            the gripper
+        attached: what acts elsewhere than on the nodes
     """
 
     q: np.ndarray
@@ -64,14 +76,23 @@ class State(NamedTuple):
     positions: np.ndarray
     slope: np.ndarray
     pull: np.ndarray
+    base_force: np.ndarray
     base_moment: np.ndarray
+    attached: Attached
 
 
 @njit(cache=True)
 def turned_system(system, base):
     """Return the same system in a gripper with rotation `base` (3, 3)."""
     return System(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
-                  system.pull, base, system.anchor, system.anchor_weight)
+                  system.pull, base, system.anchor, system.anchor_weight, system.layers,
+                  system.hold, system.scene, system.contacts, system.near, system.tie)
+
+
+@njit(cache=True)
+def twists_count(system):
+    """Return whether displacements of what lies beyond an element matter, not only rotations."""
+    return (system.anchor_weight.size + system.hold.offset.size + system.scene.kind.size) > 0
 
 
 @njit(cache=True)
@@ -88,7 +109,9 @@ def new_state(system):
     n = system.lengths.size
     m = unknown_count(system)
     return State(np.zeros((m, 3)), np.zeros((m, 3)), np.empty((n, 3)), np.empty((n + 1, 3, 3)),
-                 np.empty((n + 1, 3)), np.empty((n, 3)), np.empty((n + 1, 3)), np.empty(3))
+                 np.empty((n + 1, 3)), np.empty((n, 3)), np.empty((n + 1, 3)), np.empty(3),
+                 np.empty(3), nothing_attached(n + 1 if system.scene.kind.size else 0,
+                                              system.contacts.element))
 
 
 @njit(cache=True)
@@ -130,18 +153,33 @@ def evaluate(system, state):
     _strains_of(system, state.q, state.strains)
     march(system.lengths, state.strains, system.base, state.rotations, state.positions)
     state.slope[:] = 0.0
-    elastic = add_elastic(system.lengths, state.strains, system.natural, system.stiffness,
-                          state.slope)
+    if system.layers.share.shape[0]:
+        elastic = add_plastic(system.lengths, state.strains, system.natural, system.stiffness,
+                              system.layers, state.slope)
+    else:
+        elastic = add_elastic(system.lengths, state.strains, system.natural, system.stiffness,
+                              state.slope)
     state.pull[:] = system.pull
     load, size = dead_load(system.pull, state.positions)
-    inertial = add_anchor(system.anchor, system.anchor_weight, state.positions, state.pull)
-    _, state.base_moment[:] = add_gradient(system.lengths, state.strains, state.rotations,
-                                           state.positions, state.pull, state.slope)
+    other = add_anchor(system.anchor, system.anchor_weight, state.positions, state.pull)
+    if system.hold.offset.shape[0]:
+        other += add_hold(system.hold, state.rotations[n], state.positions[n], state.attached)
+    if system.scene.kind.size:
+        other += add_contacts(system.scene, system.contacts, system.lengths, state.strains,
+                              state.rotations, state.positions, state.pull, state.attached)
+    state.base_force[:], state.base_moment[:] = add_gradient(
+        system.lengths, state.strains, state.rotations, state.positions, state.pull,
+        state.attached, state.slope)
     for e in range(n):
         for i in range(3):
             state.slope[e, i] *= system.scale[e, i]
     project(system.basis, state.slope, state.gradient)
-    return elastic + load + inertial, 2e-16 * (elastic + size + inertial)
+    for j in range(system.near.shape[0]):
+        for i in range(3):
+            away = state.q[j, i] - system.near[j, i]
+            state.gradient[j, i] += system.tie * away
+            other += 0.5 * system.tie * away * away
+    return elastic + load + other, 2e-16 * (elastic + size + abs(other))
 
 
 @njit(cache=True)
@@ -163,15 +201,20 @@ def element_hessian(system, state, turning, cross, diagonal):
     """Fill the semi-separable Hessian by the scaled strains (see `ritz.kinematics`).
 
     The blocks have 3 rows (columns) in statics, where only the rotation of what lies beyond
-    counts, and 6 with anchors, to which its displacement matters as well.
+    counts, and 6 where its displacement matters as well.
 
     Returns the (3, 3) change of the dead loads' moment on the gripper per rotation of it.
     """
     base = second_order(system.lengths, state.strains, system.scale, state.rotations,
-                        state.positions, state.pull, turning, cross, diagonal)
-    if system.anchor_weight.size:
-        add_node_stiffness(system.lengths, state.strains, system.scale, state.rotations,
-                           state.positions, system.anchor_weight, turning, cross, diagonal)
+                        state.positions, state.pull, state.attached, turning, cross, diagonal)
+    if turning.shape[1] > 3:
+        add_stiffness(system.lengths, state.strains, system.scale, state.rotations,
+                      state.positions, system.anchor_weight, state.attached, turning, cross,
+                      diagonal)
+    if system.layers.share.shape[0]:
+        add_plastic_stiffness(system.lengths, state.strains, system.natural, system.stiffness,
+                              system.layers, system.scale, diagonal)
+        return base
     for e in range(system.lengths.size):
         for i in range(3):
             diagonal[e, i, i] += system.lengths[e] * system.stiffness[i] * system.scale[e, i] ** 2

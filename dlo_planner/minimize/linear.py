@@ -11,7 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from dlo_planner.energy.potential import at_element, element_hessian, unknown_count
+from dlo_planner.energy.potential import (
+    at_element,
+    element_hessian,
+    twists_count,
+    unknown_count,
+)
 
 _TINY = 1e-300
 
@@ -43,7 +48,7 @@ def new_hessian(system):
     n = system.lengths.size
     local = n if system.basis.shape[1] == 0 else 0
     size = 0 if local else 3 * unknown_count(system)
-    wide = 6 if system.anchor_weight.size else 3
+    wide = 6 if twists_count(system) else 3
     return Hessian(np.empty((n, wide, 3)), np.empty((n, 3, wide)), np.empty((n, 3, 3)),
                    np.empty((3, 3)), np.empty((local, 3, wide)), np.empty((local, 3, 3)),
                    np.empty((size, size)), np.empty((size, size)))
@@ -59,6 +64,14 @@ def assemble(system, state, hessian):
             _project(system.basis, hessian, 3)
         else:
             _project(system.basis, hessian, 6)
+    if system.near.shape[0]:
+        if system.basis.shape[1] > 0:
+            for i in range(hessian.dense.shape[0]):
+                hessian.dense[i, i] += system.tie
+        else:
+            for e in range(system.lengths.size):
+                for i in range(3):
+                    hessian.diagonal[e, i, i] += system.tie
 
 
 # The width of the blocks is written out in the calls below, so that the compiler, which inlines

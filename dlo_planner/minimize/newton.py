@@ -10,6 +10,7 @@ saddle: it is kicked along its lowest mode and goes on falling.
 import numpy as np
 from numba import njit
 
+from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import evaluate, new_state
 from dlo_planner.minimize.linear import (
     assemble,
@@ -23,6 +24,8 @@ from dlo_planner.minimize.spectrum import lowest_mode
 LARGEST_TURN = 0.8  # rad per step, of any node
 KICK_TURN = 0.3     # rad, of a saddle along its lowest mode
 NEUTRAL = 1e-7      # eigenvalues nearer to zero than this count as zero
+_MOST_KICKS = 10
+_OFTEN = 3
 _HARDLY = 1e-4       # rad: a step that changes the Hessian by about as little
 _WELL_STABLE = 0.01  # an eigenvalue that such a step cannot make doubtful
 
@@ -35,8 +38,7 @@ def residual_of(system, state):
     return np.sqrt(np.sum(state.gradient**2) / (np.sum(state.q**2) + bend))
 
 
-@njit(cache=True)
-def newton(system, q, tolerance, max_iterations, check):
+def newton(system, q, tolerance, max_iterations, check, neutral=NEUTRAL):
     """Descend from q (m, 3) to a minimum of the potential.
 
     Args:
@@ -44,11 +46,34 @@ def newton(system, q, tolerance, max_iterations, check):
         tolerance: of the residual
         max_iterations: Newton steps at most
         check: whether to find the smallest eigenvalue at the end (and leave a saddle)
+        neutral: eigenvalues above minus this count as those of a minimum
 
     Returns:
         state: at the end
         residual: scaled gradient; stability: smallest eigenvalue (nan if not `check`)
         iterations: Newton steps made; kicks: how often a saddle was left
+    """
+    kicks = iterations = 0
+    while True:
+        state, residual, stability, made, mode = descend(system, q, tolerance,
+                                                         max_iterations - iterations, check)
+        iterations += made
+        steady = not check or stability > -neutral
+        if steady or iterations >= max_iterations or kicks >= _MOST_KICKS:
+            break
+        kicked = kick(system, state, mode)
+        if kicked is None:
+            break
+        kicks += 1
+        q = kicked
+    return state, residual, stability, iterations, kicks
+
+
+@njit(cache=True)
+def descend(system, q, tolerance, max_iterations, check):
+    """Descend from q (m, 3) to where the gradient vanishes, be it a minimum or a saddle.
+
+    Arguments and results as `newton`; the last result is the lowest mode (m, 3) in place of kicks.
     """
     state = new_state(system)
     trial = new_state(system)
@@ -56,11 +81,12 @@ def newton(system, q, tolerance, max_iterations, check):
     step = np.empty_like(state.q)
     state.q[:] = q
     energy, noise = evaluate(system, state)
+    mode = np.zeros_like(state.q)
     shift = 0.0
-    kicks = 0
     iterations = 0
     stability = np.nan
     stalled = False
+    obstructed = 0
     turn = np.inf  # rad, of the last step
     shifted = 0.0  # shift of the factorisation that it was made with
     while True:
@@ -78,30 +104,23 @@ def newton(system, q, tolerance, max_iterations, check):
             shift = _safe_shift(system, hessian, 0.0 if arrived else shift)
         if arrived:
             stability, mode = lowest_mode(system, hessian, shift, 1e-4)
-            if stability > -NEUTRAL or iterations >= max_iterations or kicks >= 10:
-                break
-            energy, noise, fell = _kick(system, hessian, state, trial, mode, energy, noise)
-            if not fell:
-                break
-            state, trial = trial, state
-            kicks += 1
-            stalled = False
-            turn = np.inf
-            continue
+            break
         solve(system, hessian, -state.gradient, step)
         turn = largest_turn(system, hessian, step)
         shifted = shift
         if turn > LARGEST_TURN:
             step *= LARGEST_TURN / turn
-        energy, noise, moved = _descend(system, state, trial, step, energy, noise)
+        energy, noise, moved, blocked = _descend(system, state, trial, step, energy, noise)
         iterations += 1
+        obstructed += blocked
         if moved:
             state, trial = trial, state
             shift = 0.0 if shift < 1e-3 else 0.1 * shift
+            stalled = obstructed > _OFTEN  # a contact there has to be known before it goes on
         else:
             stalled = shift == 0.0 or shift > 1e6
             shift = max(1e-2, 10.0 * shift)
-    return state, residual, stability, iterations, kicks
+    return state, residual, stability, iterations, mode
 
 
 @njit(cache=True)
@@ -118,47 +137,58 @@ def _safe_shift(system, hessian, shift):
 def _descend(system, state, trial, step, energy, noise):
     """Fill `trial` on the way along `step` where the potential has fallen enough.
 
-    Returns its energy, noise, and whether there is such a point.
+    Returns its energy, noise, whether there is such a point, and whether an obstacle was met.
     """
     slope = np.sum(state.gradient * step)
     size = np.sum(state.gradient**2)
     fraction = 1.0
+    blocked = False
     for _ in range(30):
         trial.q[:] = state.q + fraction * step
         new, new_noise = evaluate(system, trial)
+        if system.scene.kind.size and passes_through(
+                system.scene, system.lengths, state.strains, state.rotations, state.positions,
+                trial.positions):
+            fraction *= 0.5
+            blocked = True
+            continue
         # Where the gain drowns in rounding errors the gradient has to tell.
         within_noise = abs(fraction * slope) < 100 * noise
         if (new <= energy + 1e-4 * fraction * slope
                 or (within_noise and np.sum(trial.gradient**2) < 0.9 * size)):
-            return new, new_noise, True
+            return new, new_noise, True, blocked
         if within_noise:
             break
         fraction *= 0.5
-    return energy, noise, False
+    return energy, noise, False, blocked
 
 
-@njit(cache=True)
-def _kick(system, hessian, state, trial, mode, energy, noise):
-    """Fill `trial` beside a saddle, along its lowest mode, on the lower side (both low: plus).
+def kick(system, state, mode):
+    """Return unknowns beside a saddle, along its lowest mode, on the lower side; None if none is.
 
-    Returns its energy, noise, and whether it is lower.
+    Where both sides are as low, it is the one on which the mode's first large entry is positive.
     """
-    first = 0
-    while first < mode.size - 1 and abs(mode.flat[first]) < 1e-3 * np.max(np.abs(mode)):
-        first += 1
-    if mode.flat[first] < 0:
+    large = np.abs(mode.flat) > 1e-3 * np.max(np.abs(mode))
+    if mode.flat[np.argmax(large)] < 0:
         mode = -mode
+    hessian, trial = new_hessian(system), new_state(system)
+    assemble(system, state, hessian)
     mode = mode * (KICK_TURN / max(largest_turn(system, hessian, mode), 1e-12))
+    trial.q[:] = state.q
+    energy, noise = evaluate(system, trial)
+
+    def height(q):
+        trial.q[:] = q
+        high, its_noise = evaluate(system, trial)
+        blocked = system.scene.kind.size and passes_through(
+            system.scene, system.lengths, state.strains, state.rotations, state.positions,
+            trial.positions)
+        return (np.inf if blocked else high), its_noise
+
     for _ in range(20):
-        trial.q[:] = state.q + mode
-        plus, plus_noise = evaluate(system, trial)
-        trial.q[:] = state.q - mode
-        minus, minus_noise = evaluate(system, trial)
+        plus, plus_noise = height(state.q + mode)
+        minus, _ = height(state.q - mode)
         if min(plus, minus) < energy - 10 * noise:
-            if plus <= minus + 10 * noise:
-                trial.q[:] = state.q + mode
-                plus, plus_noise = evaluate(system, trial)
-                return plus, plus_noise, True
-            return minus, minus_noise, True
+            return state.q + mode if plus <= minus + 10 * plus_noise else state.q - mode
         mode = 0.5 * mode
-    return energy, noise, False
+    return None

@@ -8,14 +8,51 @@ for e < f,  d2V / du_f du_e = cross_f turning_e,  with 3 x 3 blocks that each de
 element only.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
-from dlo_planner.ritz.arc import (
-    add_second_derivatives,
-    jacobians,
-    rotation_and_chord,
-)
+from dlo_planner.ritz.arc import jacobians, rotation_and_chord
+
+
+class Attached(NamedTuple):
+    """What acts on the DLO elsewhere than as a force on a node: C points inside elements, the tip.
+
+    Attributes:
+        element: (C,) ascending; fraction: (C,) of its length
+        force: (C, 3) derivative of the potential by the point's position, N
+        matrix: (C, 6, 6) its second derivative by the twist (rotation, displacement) of the frame
+            there, the part that is not due to `force` being carried along
+        spring: (N + 1, 3, 3) second derivative by the node positions, N/m, where sprung (N + 1,)
+        tip_force, tip_moment: (3,) derivative by displacement and rotation of the free end
+        tip_first: (3, 3) sum of force r^T of what is fixed to the free end at offsets r
+        tip_matrix: (6, 6) as `matrix`
+    """
+
+    element: np.ndarray
+    fraction: np.ndarray
+    force: np.ndarray
+    matrix: np.ndarray
+    spring: np.ndarray
+    sprung: np.ndarray
+    tip_force: np.ndarray
+    tip_moment: np.ndarray
+    tip_first: np.ndarray
+    tip_matrix: np.ndarray
+
+
+@njit(cache=True)
+def nothing_attached(nodes, element):
+    """Return an empty Attached for points in the given elements (C,).
+
+    Args:
+        nodes: how many may be sprung, N + 1 or 0
+    """
+    c = element.size
+    return Attached(element, np.zeros(c), np.zeros((c, 3)), np.zeros((c, 6, 6)),
+                    np.zeros((nodes, 3, 3)), np.zeros(nodes, dtype=np.bool_), np.zeros(3),
+                    np.zeros(3), np.zeros((3, 3)), np.zeros((6, 6)))
 
 
 @njit(cache=True)
@@ -46,8 +83,10 @@ def march(lengths, strains, base, rotations, positions):
 
 
 @njit(cache=True)
-def add_gradient(lengths, strains, rotations, positions, pull, gradient):
+def add_gradient(lengths, strains, rotations, positions, pull, attached, gradient):
     """Add dV/du (N, 3) of a potential whose derivative by the node positions is `pull` (N + 1, 3).
+
+    `attached` adds what acts elsewhere.
 
     Returns the derivative by the gripper's displacement and by its rotation about its own
     origin, (3,) each, world frame.
@@ -60,9 +99,12 @@ def add_gradient(lengths, strains, rotations, positions, pull, gradient):
     near_force = np.empty(3)
     near_moment = np.empty(3)
     n = lengths.size
+    c = attached.element.size - 1
+    part = np.empty((6, 3))
+    arm = np.empty(3)
     for i in range(3):
-        force[i] = 0.0
-        moment[i] = 0.0
+        force[i] = attached.tip_force[i]
+        moment[i] = attached.tip_moment[i]
     for e in range(n - 1, -1, -1):
         h = lengths[e]
         for i in range(3):
@@ -85,175 +127,49 @@ def add_gradient(lengths, strains, rotations, positions, pull, gradient):
         moment[0] += d1 * force[2] - d2 * force[1]
         moment[1] += d2 * force[0] - d0 * force[2]
         moment[2] += d0 * force[1] - d1 * force[0]
+        while c >= 0 and attached.element[c] == e:
+            own = attached.force[c]
+            part_of_element(h, attached.fraction[c], strains[e], _UNSCALED, rotations[e], part,
+                             arm)
+            for j in range(3):
+                gradient[e, j] += part[3, j] * own[0] + part[4, j] * own[1] + part[5, j] * own[2]
+            moment[0] += arm[1] * own[2] - arm[2] * own[1]
+            moment[1] += arm[2] * own[0] - arm[0] * own[2]
+            moment[2] += arm[0] * own[1] - arm[1] * own[0]
+            for i in range(3):
+                force[i] += own[i]
+            c -= 1
     return force + pull[0], moment
 
 
-@njit(cache=True)
-def second_order(lengths, strains, scale, rotations, positions, pull, turning, cross, diagonal):
-    """Fill the three blocks per element of the Hessian of a potential of dead loads.
-
-    All derivatives are by the scaled strains, u = natural + scale * (unknown).
-
-    Args:
-        scale: (N, 3)
-        pull: (N + 1, 3) derivative of the potential by the node positions, constant
-        turning: (N, 3 or 6, 3) filled (first three rows): world rotation of all that lies
-            beyond, per scaled strain
-        cross: (N, 3, 3 or 6) filled (first three columns): change of this element's gradient per
-            world rotation of all that lies between the gripper and it
-        diagonal: (N, 3, 3) filled: second derivative by this element's own strain
-
-    Returns:
-        the (3, 3) change of the moment about the gripper's origin per rotation of the gripper
-    """
-    near = np.empty((3, 3))
-    shifting = np.empty((3, 3))
-    rolled = np.empty((3, 3))
-    own = np.empty((3, 3))
-    phi = np.empty(3)
-    near_force = np.empty(3)
-    near_moment = np.empty(3)
-    n = lengths.size
-    f0 = f1 = f2 = 0.0
-    m0 = m1 = m2 = 0.0
-    # first moment of the loads beyond: sum of pull r^T, r from the element's far end
-    first = np.zeros((3, 3))
-    stiff = np.empty((3, 3))
-    for e in range(n - 1, -1, -1):
-        h = lengths[e]
-        f0 += pull[e + 1, 0]
-        f1 += pull[e + 1, 1]
-        f2 += pull[e + 1, 2]
-        for i in range(3):
-            phi[i] = h * strains[e, i]
-        jacobians(phi, h, near, shifting)
-        rot = rotations[e]
-        for j in range(3):
-            near_force[j] = rot[0, j] * f0 + rot[1, j] * f1 + rot[2, j] * f2
-            near_moment[j] = rot[0, j] * m0 + rot[1, j] * m1 + rot[2, j] * m2
-        # stiff = sum of (pull r^T - (r . pull) I): the Hessian of a dead load by rotations
-        trace = first[0, 0] + first[1, 1] + first[2, 2]
-        for i in range(3):
-            for j in range(3):
-                stiff[i, j] = first[i, j]
-            stiff[i, i] -= trace
-        for i in range(3):
-            for j in range(3):
-                turning[e, i, j] = h * scale[e, j] * (
-                    rot[i, 0] * near[0, j] + rot[i, 1] * near[1, j] + rot[i, 2] * near[2, j])
-        # shifting, in the world, times the cross-product matrix of the force
-        for j in range(3):
-            weight = h * scale[e, j]
-            s0 = weight * (rot[0, 0] * shifting[0, j] + rot[0, 1] * shifting[1, j]
-                           + rot[0, 2] * shifting[2, j])
-            s1 = weight * (rot[1, 0] * shifting[0, j] + rot[1, 1] * shifting[1, j]
-                           + rot[1, 2] * shifting[2, j])
-            s2 = weight * (rot[2, 0] * shifting[0, j] + rot[2, 1] * shifting[1, j]
-                           + rot[2, 2] * shifting[2, j])
-            for i in range(3):
-                rolled[j, i] = (turning[e, 0, j] * stiff[0, i] + turning[e, 1, j] * stiff[1, i]
-                                + turning[e, 2, j] * stiff[2, i])
-            cross[e, j, 0] = rolled[j, 0] + s1 * f2 - s2 * f1
-            cross[e, j, 1] = rolled[j, 1] + s2 * f0 - s0 * f2
-            cross[e, j, 2] = rolled[j, 2] + s0 * f1 - s1 * f0
-        for i in range(3):
-            for j in range(3):
-                own[i, j] = 0.0
-        add_second_derivatives(phi, h, near_force, near_moment, own)
-        for i in range(3):
-            for j in range(3):
-                diagonal[e, i, j] = h * h * scale[e, i] * scale[e, j] * own[i, j]
-        for i in range(3):
-            for j in range(3):
-                both = (rolled[i, 0] * turning[e, 0, j] + rolled[i, 1] * turning[e, 1, j]
-                        + rolled[i, 2] * turning[e, 2, j])
-                diagonal[e, i, j] += 0.5 * both
-                diagonal[e, j, i] += 0.5 * both
-        d0 = positions[e + 1, 0] - positions[e, 0]
-        d1 = positions[e + 1, 1] - positions[e, 1]
-        d2 = positions[e + 1, 2] - positions[e, 2]
-        first[0, 0] += f0 * d0
-        first[0, 1] += f0 * d1
-        first[0, 2] += f0 * d2
-        first[1, 0] += f1 * d0
-        first[1, 1] += f1 * d1
-        first[1, 2] += f1 * d2
-        first[2, 0] += f2 * d0
-        first[2, 1] += f2 * d1
-        first[2, 2] += f2 * d2
-        m0 += d1 * f2 - d2 * f1
-        m1 += d2 * f0 - d0 * f2
-        m2 += d0 * f1 - d1 * f0
-    trace = first[0, 0] + first[1, 1] + first[2, 2]
-    for i in range(3):
-        first[i, i] -= trace
-    return first.T.copy()
+_UNSCALED = np.ones(3)
 
 
 @njit(cache=True)
-def add_node_stiffness(lengths, strains, scale, rotations, positions, weight, turning, cross,
-                       diagonal):
-    """Widen the blocks of `second_order` by springs of stiffness `weight` (N + 1,) on the nodes.
-
-    What lies beyond an element now moves by a twist (rotation, displacement at the gripper's
-    origin), so that node l moves by  displacement + rotation x position_l.
+def part_of_element(h, fraction, strain, scale, rotation, twist, arm):
+    """Fill what moves a point inside an element, at `fraction` of its length h.
 
     Args:
-        turning: (N, 6, 3), cross: (N, 3, 6), diagonal: (N, 3, 3): filled by `second_order` in
-            their first three rows (columns); completed here
+        strain, scale: (3,); rotation: (3, 3) at the element's beginning
+        twist: (6, 3) filled: rotation and displacement of the frame there per scaled strain
+        arm: (3,) filled: the point from the element's beginning
     """
     near, shifting = np.empty((3, 3)), np.empty((3, 3))
+    turn, chord = np.empty((3, 3)), np.empty(3)
+    length = fraction * h
     phi = np.empty(3)
-    beyond = np.zeros((6, 6))  # of all nodes beyond: their springs as seen by a twist
-    rolled = np.empty((3, 6))
-    for e in range(lengths.size - 1, -1, -1):
-        h = lengths[e]
-        for i in range(3):
-            phi[i] = h * strains[e, i]
-        jacobians(phi, h, near, shifting)
-        rot, where, twist = rotations[e], positions[e + 1], turning[e]
-        for j in range(3):
-            factor = h * scale[e, j]
-            for i in range(3):
-                twist[3 + i, j] = factor * (rot[i, 0] * shifting[0, j] + rot[i, 1] * shifting[1, j]
-                                            + rot[i, 2] * shifting[2, j])
-            twist[3, j] -= twist[1, j] * where[2] - twist[2, j] * where[1]
-            twist[4, j] -= twist[2, j] * where[0] - twist[0, j] * where[2]
-            twist[5, j] -= twist[0, j] * where[1] - twist[1, j] * where[0]
-        _add_spring(beyond, where, weight[e + 1])
-        for i in range(3):
-            for k in range(6):
-                total = 0.0
-                for j in range(6):
-                    total += twist[j, i] * beyond[j, k]
-                rolled[i, k] = total
-                if k < 3:
-                    cross[e, i, k] += total
-                else:
-                    cross[e, i, k] = total
-            for j in range(3):
-                total = 0.0
-                for k in range(6):
-                    total += rolled[i, k] * twist[k, j]
-                diagonal[e, i, j] += total
-
-
-@njit(cache=True)
-def _add_spring(matrix, x, weight):
-    """Add weight J^T J, where a node at x moves by J (rotation, displacement), J = (-x^, I)."""
-    square = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
     for i in range(3):
-        for j in range(3):
-            matrix[i, j] -= weight * x[i] * x[j]
-        matrix[i, i] += weight * square
-        matrix[3 + i, 3 + i] += weight
+        phi[i] = length * strain[i]
+    rotation_and_chord(phi[0], phi[1], phi[2], length, turn, chord)
+    jacobians(phi, length, near, shifting)
     for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        # x^ has x_i at (k, j) and -x_i at (j, k); the upper right block is x^
-        matrix[k, 3 + j] += weight * x[i]
-        matrix[j, 3 + k] -= weight * x[i]
-        matrix[3 + j, k] += weight * x[i]
-        matrix[3 + k, j] -= weight * x[i]
+        r0, r1, r2 = rotation[i, 0], rotation[i, 1], rotation[i, 2]
+        arm[i] = r0 * chord[0] + r1 * chord[1] + r2 * chord[2]
+        for j in range(3):
+            factor = length * scale[j]
+            twist[i, j] = factor * (r0 * near[0, j] + r1 * near[1, j] + r2 * near[2, j])
+            twist[3 + i, j] = factor * (r0 * shifting[0, j] + r1 * shifting[1, j]
+                                        + r2 * shifting[2, j])
 
 
 @njit(cache=True)

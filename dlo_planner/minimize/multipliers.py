@@ -1,0 +1,323 @@
+"""Constraints by multipliers: Newton's method inside, their update outside.
+
+The augmented Lagrangian method (Nocedal and Wright, ch. 17.4): minimise, move each multiplier by
+what its constraint is violated by, repeat until nothing is violated. A DLO held at both ends may
+be free to turn as a whole; there the multipliers alone would let it drift, so each round is tied
+weakly to where it begins (proximal method of multipliers, Rockafellar 1976). Between two
+minimisations the set of points that may touch is looked at anew. Friction comes last: its limits
+follow from the contact forces of the round before.
+"""
+
+import numpy as np
+from numba import njit
+
+from dlo_planner.energy.contact import Contacts, along_the_dlo, nearest_inside
+from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.hold import miss
+from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.minimize.newton import descend, kick, newton
+from dlo_planner.ritz.kinematics import point_inside
+
+_ROUNDS = 60
+_SLOW = 0.3         # a violation that falls less than this in a round needs a stiffer spring
+_STIFFER = 10.0
+_MOST_STIFFER = 1e2
+_SAG = 2e-6         # of the length: an element that comes no nearer than its nodes by more is flat
+_BUCKLED = 0.05     # an eigenvalue below minus this is no effect of soft springs
+_RIGID = 3e2        # times the stiffness of the far end's springs, to judge stability
+HELD_NEUTRAL = 1e-3  # as NEUTRAL, with constraints: a mesh splits what is neutral by about as much
+_MOST_KICKS = 10
+_TIE = 1e-4         # of the elastic stiffness: keeps a neutral shape where it is (proximal method)
+_FEW, _MANY = 6, 100  # Newton steps with each soft spring, on a step's way and after a push
+_COARSER = 10.0     # times the tolerance: the springs' rounding errors leave no more of it
+_FRICTION_SETTLED = 1e-6
+
+
+def constrained_newton(system, q, tolerance, max_iterations, check, exact, previous):
+    """Descend from q (m, 3) to a minimum that keeps all constraints; see `newton`.
+
+    Args:
+        exact: m, how far a constraint may be violated at the end
+        previous: (N + 1, 3) node positions before the step, relative to the gripper of this one,
+            from which friction counts; (0, 3) if there is no step before
+
+    Returns:
+        what `newton` returns, then the System at the end (with its multipliers) and the largest
+        violation in m
+    """
+    if system.hold.offset.shape[0] == 0 and system.scene.kind.size == 0:
+        state, residual, stability, iterations, kicks = newton(system, q, tolerance,
+                                                               max_iterations, check)
+        return state, residual, stability, iterations, kicks, system, 0.0
+    tolerance *= _COARSER
+    held = system.hold.offset.shape[0] > 0
+    slipping = bool(np.any(system.scene.friction > 0.0))
+    bend = min(system.stiffness[1:]) / np.sum(system.lengths)
+    iterations = kicks = 0
+    before = np.inf
+    stiffer = 1.0
+    stability = np.nan
+    pushed = None
+    if held:
+        q, iterations = _led(system, q, tolerance, _FEW)
+    for round_ in range(_ROUNDS):
+        tied = system._replace(near=q, tie=_TIE) if held else system
+        state, residual, _, made, _ = newton(tied, q, tolerance, max_iterations - iterations, False)
+        iterations += made
+        if check and round_ == 0:
+            # Held straight, a DLO may need a push before its constraints can be met at all.
+            _, _, stability, _, mode = descend(tied, state.q, tolerance, 0, True)
+            if stability < -_BUCKLED:
+                pushed = kick(tied, state, mode)
+        if pushed is None:
+            if held:
+                residual = max(residual, _TIE * np.linalg.norm(state.q - q)
+                               / np.sqrt(np.sum(q**2) + bend))
+            q = state.q
+            system, settled = _looking_again(system, state, previous,
+                                             slipping and before < 1e3 * exact)
+            violation = _update(system, state)
+            good = violation < exact and settled and residual < _COARSER * tolerance
+            if iterations >= max_iterations or good and not check:
+                break
+            if good:
+                stability, mode = _judged(system, state, tolerance)
+                if stability <= -HELD_NEUTRAL and kicks < _MOST_KICKS:
+                    pushed = kick(system, state, mode)
+                if pushed is None:
+                    break
+            elif violation > _SLOW * before and stiffer < _MOST_STIFFER:
+                stiffer *= _STIFFER
+                system = _stiffened(system, _STIFFER)
+            before = violation
+        if pushed is not None:
+            kicks += 1
+            q, before = pushed, np.inf
+            if held:
+                q, made = _led(system, q, tolerance, _MANY)
+                iterations += made
+            pushed = None
+    final = new_state(system)  # of the points that are watched at the end
+    final.q[:] = state.q
+    evaluate(system, final)
+    return final, residual, stability, iterations, kicks, system, violation
+
+
+def _led(system, q, tolerance, steps):
+    """Return unknowns (m, 3) nearer to where a far end is held, and the Newton steps made.
+
+    Springs that are soft first let the DLO find its way, which stiff ones make narrow.
+    """
+    total = 0
+    for softer in (1e-3, 1e-2, 1e-1):
+        soft = _stiffened(system, softer)._replace(near=q, tie=_TIE)
+        state, _, _, made, _ = newton(soft, q, tolerance, steps, False)
+        q = state.q
+        total += made
+    return q, total
+
+
+def _looking_again(system, state, previous, slipping):
+    """Return the System with the points that may touch now, and if its friction has settled."""
+    if not system.scene.kind.size:
+        return system, True
+    settled = True
+    following = system
+    if slipping:
+        contacts, settled = _with_friction(system, state, previous)
+        following = system._replace(contacts=contacts)
+    return system._replace(contacts=_watching(following, state)), settled
+
+
+def _judged(system, state, tolerance):
+    """Return the smallest eigenvalue and its mode where the far end's grip is as good as rigid.
+
+    Springs of finite stiffness k let a shape that is neutral look unstable by O(1 / k).
+    """
+    hold = system.hold._replace(stiffness=_RIGID * system.hold.stiffness)
+    _, _, stability, _, mode = descend(system._replace(hold=hold), state.q, tolerance, 0, True)
+    return stability, mode
+
+
+def _stiffened(system, factor):
+    hold, contacts = system.hold, system.contacts
+    return system._replace(
+        hold=hold._replace(stiffness=factor * hold.stiffness),
+        contacts=contacts._replace(stiffness=max(1.0, factor) * contacts.stiffness))
+
+
+@njit(cache=True)
+def _update(system, state):
+    """Move all multipliers; return the largest violation in m."""
+    violation = 0.0
+    last = system.lengths.size
+    away, arm = np.empty(3), np.empty(3)
+    for p in range(system.hold.offset.shape[0]):
+        miss(system.hold, p, state.rotations[last], state.positions[last], away, arm)
+        system.hold.multiplier[p] += system.hold.stiffness * away
+        violation = max(violation, np.sqrt(np.sum(away * away)))
+    scene, contacts = system.scene, system.contacts
+    k = contacts.stiffness
+    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    for o in range(scene.kind.size):
+        for node in range(1, last + 1):
+            for i in range(3):
+                x[i] = scene.origin[i] + state.positions[node, i]
+            gap = signed_distance(scene, o, x, normal, bend) - scene.radius
+            violation = max(violation, abs(min(gap, contacts.node[o, node] / k)))
+            contacts.node[o, node] = max(0.0, contacts.node[o, node] - k * gap)
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] < 0:
+            continue
+        gap, _ = nearest_inside(scene, contacts.obstacle[c], contacts.element[c], system.lengths,
+                                state.strains, state.rotations, state.positions, normal, bend)
+        violation = max(violation, abs(min(gap, contacts.multiplier[c] / k)))
+        contacts.multiplier[c] = max(0.0, contacts.multiplier[c] - k * gap)
+    return violation
+
+
+@njit(cache=True)
+def _watching(system, state):
+    """Return the Contacts that watch the points inside elements which matter now.
+
+    Points of friction are kept; multipliers go to the nearest new point on the same obstacle.
+    """
+    old = system.contacts
+    n = system.lengths.size
+    inside = _points_inside(system, state)
+    kept = np.sum(old.obstacle < 0)
+    total = inside.shape[0] + kept
+    element = np.empty(total, dtype=np.int64)
+    obstacle = np.empty(total, dtype=np.int64)
+    multiplier, fraction = np.zeros(total), np.zeros(total)
+    anchor, normal = np.zeros((total, 3)), np.zeros((total, 3))
+    taken = np.zeros(old.element.size, dtype=np.bool_)
+    c = 0
+    for e in range(n):
+        for k in range(inside.shape[0]):
+            if inside[k, 0] != e:
+                continue
+            element[c], obstacle[c] = e, inside[k, 1]
+            best = -1
+            for b in range(old.element.size):
+                if (old.obstacle[b] == obstacle[c] and not taken[b]
+                        and abs(old.element[b] - e) <= 1
+                        and (best < 0 or old.element[b] == e)):
+                    best = b
+            if best >= 0:
+                taken[best] = True
+                multiplier[c] = old.multiplier[best]
+            c += 1
+        for b in range(old.element.size):
+            if old.obstacle[b] < 0 and old.element[b] == e:
+                element[c], obstacle[c] = e, -1
+                multiplier[c], fraction[c] = old.multiplier[b], old.fraction[b]
+                anchor[c], normal[c] = old.anchor[b], old.normal[b]
+                c += 1
+    return Contacts(old.stiffness, old.node, element, obstacle, multiplier, fraction, anchor,
+                    normal, old.grip)
+
+
+@njit(cache=True)
+def _points_inside(system, state):
+    """Return (C, 2) element and obstacle where the DLO is nearest inside an element, sharply."""
+    scene = system.scene
+    n = system.lengths.size
+    total = np.sum(system.lengths)
+    found = np.empty((n * scene.kind.size, 2), dtype=np.int64)
+    count = 0
+    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    rotation = np.empty((3, 3))
+    gaps, slopes = np.empty(n + 1), np.empty(n + 1)
+    for o in range(scene.kind.size):
+        for k in range(n + 1):
+            for i in range(3):
+                x[i] = scene.origin[i] + state.positions[k, i]
+            gaps[k] = signed_distance(scene, o, x, normal, bend) - scene.radius
+            slopes[k] = np.sum(normal * state.rotations[k, :, 0])
+        for e in range(n):
+            near = min(gaps[e], gaps[e + 1])
+            if near > system.lengths[e] or slopes[e] >= 0.0 or slopes[e + 1] <= 0.0:
+                continue
+            gap, fraction = nearest_inside(scene, o, e, system.lengths, state.strains,
+                                           state.rotations, state.positions, normal, bend)
+            point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
+                         fraction, rotation, x)
+            _, curve = along_the_dlo(normal, bend, rotation, state.strains[e])
+            sharp = curve * system.lengths[e] ** 2 > 8 * _SAG * total
+            if (sharp or gap < near - _SAG * total) and gap < 0.5 * system.lengths[e]:
+                found[count, 0], found[count, 1] = e, o
+                count += 1
+    return found[:count]
+
+
+@njit(cache=True)
+def _with_friction(system, state, previous):
+    """Return the Contacts with the points of friction of now, and if these have settled.
+
+    A point sticks to where it was before the step, less what its spring was stretched by then.
+    """
+    scene = system.scene
+    n = system.lengths.size
+    old = system.contacts
+    most = (n + 1) * scene.kind.size + old.element.size
+    where = np.empty((most, 2))  # element, fraction
+    limits, anchors, normals = np.empty(most), np.empty((most, 3)), np.empty((most, 3))
+    count = 0
+    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    rotation = np.empty((3, 3))
+    settled = True
+    for o in range(scene.kind.size):
+        if scene.friction[o] == 0.0:
+            continue
+        for k in range(1, n + 1):
+            if old.node[o, k] > 0.0:
+                where[count, 0], where[count, 1] = k - 1, 1.0
+                limits[count] = scene.friction[o] * old.node[o, k]
+                x[:] = scene.origin + state.positions[k]
+                signed_distance(scene, o, x, normals[count], bend)
+                count += 1
+        for c in range(old.element.size):
+            if old.obstacle[c] == o and old.multiplier[c] > 0.0:
+                e = old.element[c]
+                _, fraction = nearest_inside(scene, o, e, system.lengths, state.strains,
+                                             state.rotations, state.positions, normal, bend)
+                where[count, 0], where[count, 1] = e, fraction
+                limits[count] = scene.friction[o] * old.multiplier[c]
+                normals[count] = normal
+                count += 1
+    for k in range(count):
+        e, fraction = int(where[k, 0]), where[k, 1]
+        best, nearest = -1, 1.0
+        for b in range(old.element.size):
+            away = abs(old.element[b] + old.fraction[b] - e - fraction)
+            if old.obstacle[b] < 0 and away < nearest:
+                best, nearest = b, away
+        if best < 0:
+            settled = False
+            if previous.shape[0]:
+                anchors[k] = (1 - fraction) * previous[e] + fraction * previous[e + 1]
+            else:
+                point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
+                             fraction, rotation, x)
+                anchors[k] = x
+        else:
+            anchors[k] = old.anchor[best]
+            if previous.shape[0]:  # another point of the DLO: its own way, the same stretch
+                was = old.element[best]
+                anchors[k] += ((1 - fraction) * previous[e] + fraction * previous[e + 1]
+                               - (1 - old.fraction[best]) * previous[was]
+                               - old.fraction[best] * previous[was + 1])
+            change = abs(old.multiplier[best] - limits[k])
+            settled = settled and change <= _FRICTION_SETTLED * (limits[k] + old.multiplier[best])
+    stripped = old.obstacle >= 0
+    element = np.concatenate((old.element[stripped], where[:count, 0].astype(np.int64)))
+    order = np.argsort(element, kind='mergesort')
+    obstacle = np.concatenate((old.obstacle[stripped], np.full(count, -1)))
+    multiplier = np.concatenate((old.multiplier[stripped], limits[:count]))
+    fraction = np.concatenate((old.fraction[stripped], where[:count, 1]))
+    anchor = np.concatenate((old.anchor[stripped], anchors[:count]))
+    normal_of = np.concatenate((old.normal[stripped], normals[:count]))
+    return Contacts(old.stiffness, old.node, element[order], obstacle[order],
+                    multiplier[order], fraction[order], anchor[order], normal_of[order],
+                    old.grip), settled
