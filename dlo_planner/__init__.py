@@ -1,5 +1,7 @@
 """Direct and inverse simulation of deformable linear objects in a gripper; no ROS in here."""
 
+from dlo_planner.direct.contacts import Contact
+from dlo_planner.direct.grasp import GraspedInside
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
@@ -10,12 +12,17 @@ from dlo_planner.errors import (
     InvalidTask,
     NotConverged,
 )
+from dlo_planner.inverse.fitting import Fit, Observation, fit_rod
 from dlo_planner.inverse.plan import Plan, PlanStatus
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.obstacles import Box, Capsule, Plane, Sheet, Sphere
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
+from dlo_planner.model.section import Section
 
-__all__ = ['CutOut', 'DirectSimulator', 'DloPlannerError', 'Infeasible', 'InvalidRod',
-           'InvalidTask', 'InverseSimulator', 'Motion', 'NotConverged', 'Plan', 'PlanStatus',
-           'Pose', 'Rod', 'Shape']
+__all__ = ['Box', 'Capsule', 'Contact', 'CutOut', 'DirectSimulator', 'DloPlannerError', 'FarEnd',
+           'Fit', 'GraspedInside', 'Infeasible', 'InvalidRod', 'InvalidTask', 'InverseSimulator',
+           'Motion', 'NotConverged', 'Observation', 'Plan', 'PlanStatus', 'Plane', 'Pose', 'Rod',
+           'Section', 'Shape', 'Sheet', 'Sphere', 'fit_rod']

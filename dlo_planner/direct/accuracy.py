@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from dlo_planner.direct.approach import approach
+from dlo_planner.direct.described import described_equilibrium
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.statics import equilibrium
 
@@ -12,30 +14,50 @@ _FIRST_TERMS, _MOST_TERMS = 12, 48
 _MARGIN = 0.5  # the estimate has to stay below this part of the accuracy
 
 
-def accurate_equilibrium(rod, basis, gravity, accuracy, gripper, initial):
+def step(discretisation, gripper, initial, history, far_end, method='newton',
+         unknowns='components'):
+    """Return the Shape that follows `initial` (a Shape or None) on a mesh, and the kicks.
+
+    Args:
+        history: History that the DLO starts with if there is no `initial`
+        method, unknowns: as `method` and `strains` of `DirectSimulator`
+    """
+    past = discretisation.past(initial._history if initial is not None else history)
+    if initial is None:
+        strains = discretisation.stress_free(past)
+    else:
+        strains = discretisation.strains_from(initial.s, initial.element_strains)
+    if unknowns == 'paper':
+        return described_equilibrium(discretisation, gripper, strains, method, past), 0
+    strains, clear = approach(discretisation, initial, strains, gripper, far_end, past)
+    shape, kicks = equilibrium(discretisation, gripper, strains, method, past, far_end)
+    return (shape if clear else replace(shape, converged=False, jumped=True)), kicks
+
+
+def accurate_equilibrium(surroundings, basis, accuracy, gripper, initial, history, far_end):
     """Return the Shape whose error estimate is within `accuracy` (m), and the number of kicks.
 
     Starts on the mesh of `initial` (a Shape or None), so that a motion pays for grading once.
     A shape that misses the accuracy on the largest mesh says so: `converged` is False.
     """
-    if initial is not None and initial._discretisation.basis == basis:
+    known = initial is not None and initial._discretisation is not None
+    if known and initial._discretisation.basis == basis:
         discretisation = initial._discretisation
     else:
-        s = np.linspace(0, rod.length, _FIRST_ELEMENTS + 1)
-        discretisation = Discretisation(rod, s, basis, _FIRST_TERMS, gravity)
-    s, strains = ((initial.s, initial.element_strains) if initial is not None
-                  else (discretisation.s, discretisation.natural))
+        s = np.linspace(0, surroundings.rod.length, _FIRST_ELEMENTS + 1)
+        discretisation = Discretisation(surroundings, s, basis, _FIRST_TERMS)
     kicks = 0
     while True:
-        shape, kicked = equilibrium(discretisation, gripper,
-                                    discretisation.strains_from(s, strains))
+        shape, kicked = step(discretisation, gripper, initial, history, far_end)
         kicks += kicked
         if not shape.converged or shape.error_estimate <= _MARGIN * accuracy:
             return shape, kicks
         better = _refined(discretisation, shape, accuracy)
         if better is None:
             return replace(shape, converged=shape.error_estimate <= accuracy), kicks
-        discretisation, s, strains = better, shape.s, shape.element_strains
+        discretisation = better
+        if not surroundings.rod.yields and not surroundings.obstacles and far_end is None:
+            initial = shape  # a better start; where the way counts, the step is made again
 
 
 def _refined(discretisation, shape, accuracy):
@@ -43,9 +65,9 @@ def _refined(discretisation, shape, accuracy):
     elements, terms = len(shape.element_strains), discretisation.n_terms
     from_mesh = shape.error_estimate
     if discretisation.basis != 'local':
-        free = Discretisation(discretisation.rod, discretisation.s, 'local', 0,
-                              discretisation.gravity)
-        from_mesh = equilibrium(free, shape.gripper, shape.element_strains)[0].error_estimate
+        free = Discretisation(discretisation.surroundings, discretisation.s, 'local', 0)
+        from_mesh = equilibrium(free, shape.gripper, shape.element_strains, 'newton',
+                                shape._history, shape.far_end)[0].error_estimate
         if shape.error_estimate > 1.5 * from_mesh or from_mesh < 0.3 * _MARGIN * accuracy:
             terms = min(terms + max(2, terms // 4), _MOST_TERMS)
     s = discretisation.s
@@ -55,8 +77,7 @@ def _refined(discretisation, shape, accuracy):
         s = graded_mesh(shape.s, shape.element_strains, wanted)
     if terms == discretisation.n_terms and s.size == discretisation.s.size:
         return None
-    return Discretisation(discretisation.rod, s, discretisation.basis, terms,
-                          discretisation.gravity)
+    return Discretisation(discretisation.surroundings, s, discretisation.basis, terms)
 
 
 def graded_mesh(s, strains, elements):

@@ -11,31 +11,65 @@ _LONGEST_TURN = 0.25  # rad: longer steps of the gripper are cut in any case
 _SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length
 _HALVINGS = 7    # a step is cut into 2^7 parts at most before a leap counts as a jump
 _LEAP = 0.1      # rad: change of shape that a vanishing step of the gripper cannot cause
+_LOST_OF_WORK, _LOST_OF_ELASTIC = 0.2, 0.05  # of energy, by more than which a held DLO has fallen
 _FOLLOWING = 3.0  # rad of shape per rad of the gripper: more is looked at in smaller steps
 
 
-def follow(equilibrium, previous, gripper, halvings=_HALVINGS):
+def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
     """Return the Shape at `gripper` that continues `previous`; its `jumped` says if none does.
 
     Args:
-        equilibrium: function (gripper, initial) -> (Shape, kicks)
+        equilibrium: function (gripper, initial, far_end) -> (Shape, kicks)
         previous: Shape at the pose where the step starts
         gripper: Pose where it ends
+        far_end: FarEnd where it ends, or None
         halvings: how often the step may still be cut in two
     """
-    turn = Rotation.from_matrix(gripper.rotation @ previous.gripper.rotation.T).magnitude()
+    turn = _turn(previous.gripper, gripper)
+    if far_end is not None:
+        # both ends go in small parts anyway; a fall shows as energy that no work accounts for
+        shape, kicks = equilibrium(gripper, previous, far_end)
+        return replace(shape, jumped=shape.jumped or kicks > 0 or _fell(previous, shape))
     if turn <= _LONGEST_TURN or halvings == 0:
-        shape, _ = equilibrium(gripper, previous)
-        if shape.converged and shape_change(previous, shape) <= _LEAP + _FOLLOWING * turn:
+        shape, _ = equilibrium(gripper, previous, None)
+        if shape.converged and shape_change(previous, shape) <= _allowed(previous, shape, turn):
             return shape
         if halvings == 0:
             return replace(shape, jumped=True)
     halfway = between(previous.gripper, gripper, 0.5)
-    middle = follow(equilibrium, previous, halfway, halvings - 1)
+    middle = follow(equilibrium, previous, halfway, None, halvings - 1)
     if not middle.converged:
-        return replace(shape, jumped=True)
-    shape = follow(equilibrium, middle, gripper, halvings - 1)
+        return replace(middle if turn > _LONGEST_TURN else shape, jumped=True)
+    shape = follow(equilibrium, middle, gripper, None, halvings - 1)
     return replace(shape, jumped=shape.jumped or middle.jumped)
+
+
+def _fell(previous, shape):
+    """Whether less energy is left than the work of both grips accounts for."""
+    work = 0.0
+    ends = [(previous.gripper, shape.gripper, previous.gripper_wrench, shape.gripper_wrench),
+            (previous.at(previous.s[-1]), shape.at(shape.s[-1]), previous.far_wrench,
+             shape.far_wrench)]
+    for one, other, first, last in ends:
+        turn = Rotation.from_matrix(other.rotation @ one.rotation.T).as_rotvec()
+        moved = np.concatenate([other.position - one.position, turn])
+        work += 0.5 * float((first + last) @ moved)
+    lost = previous.energy + work - shape.energy - (shape.dissipated - previous.dissipated)
+    return lost > _LOST_OF_WORK * abs(work) + _LOST_OF_ELASTIC * previous.elastic_energy
+
+
+def _turn(one, other):
+    return Rotation.from_matrix(other.rotation @ one.rotation.T).magnitude()
+
+
+def _allowed(previous, shape, turn):
+    """Return the change of shape in rad that a step of the grippers may cause."""
+    allowed = _LEAP + _FOLLOWING * turn
+    if previous.contacts or shape.contacts:
+        # where it touches, the gripper's displacement deforms the DLO as well
+        shift = np.linalg.norm(shape.gripper.position - previous.gripper.position)
+        allowed += 2 * _FOLLOWING * shift / previous.s[-1]
+    return allowed
 
 
 def shape_change(one, other):

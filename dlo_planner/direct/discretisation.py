@@ -1,38 +1,133 @@
 """A rod cut into elements: everything about it that does not depend on the gripper."""
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from dlo_planner.energy.loads import node_masses
+from dlo_planner.direct.history import History, mapped
+from dlo_planner.energy.contact import Contacts
+from dlo_planner.energy.distance import build_scene
+from dlo_planner.energy.hold import Hold
+from dlo_planner.energy.loads import distributed, node_masses
+from dlo_planner.energy.plastic import Layers
 from dlo_planner.energy.potential import System
+from dlo_planner.model.section import yielding_layers
 from dlo_planner.ritz.series import orthonormal_basis
+
+# Springs of constraints yield by 1 / these of the length under the DLO's own forces. Soft ones at
+# a held end would let a twisted DLO buckle too early; stiff ones at contacts cost iterations.
+_STIFF_CONTACT, _STIFF_HOLD = 1e5, 1e7
 
 
 class Discretisation:
-    """A rod on a mesh, in a basis, under gravity (immutable by convention).
+    """A rod on a mesh, in a basis, with all that acts on it but the grippers (immutable).
 
     Attributes:
-        rod: the Rod; gravity: (3,) m/s^2
+        surroundings: Surroundings, with the rod
         s: (N + 1,) arc lengths of the nodes, m
         basis: 'chebyshev', 'fourier' or 'local'; n_terms: N_c, unused by 'local'
     """
 
-    def __init__(self, rod, s, basis, n_terms, gravity):
-        self.rod, self.s, self.basis, self.n_terms, self.gravity = rod, s, basis, n_terms, gravity
+    def __init__(self, surroundings, s, basis, n_terms):
+        self.surroundings, self.s, self.basis, self.n_terms = surroundings, s, basis, n_terms
+        rod = surroundings.rod
         lengths = np.diff(s)
         scale = np.tile(1 / np.sqrt(rod.stiffness), (lengths.size, 1))
         if basis == 'local':
             scale /= np.sqrt(lengths)[:, None]
-        pull = -node_masses(rod, s)[:, None] * gravity
-        middle = 0.5 * (s[1:] + s[:-1])
-        self._system = System(lengths, rod.natural_strains(middle), rod.stiffness, scale,
-                              orthonormal_basis(basis, n_terms, s), pull, np.eye(3),
-                              np.zeros((0, 3)), np.zeros(0))
+        pull = (-node_masses(rod, s)[:, None] * surroundings.gravity
+                - distributed(surroundings.load, s))
+        share, limit = _layers(rod)
+        weight = np.linalg.norm(pull, axis=1).sum()
+        bend = min(rod.bending_stiffness) / rod.length**2
+        self.spring = _STIFF_CONTACT * (weight + bend) / rod.length
+        self._hold_spring = (_STIFF_CONTACT * weight + _STIFF_HOLD * bend) / rod.length
+        scene = build_scene(surroundings.obstacles, rod.radius or 0.0)
+        self._start = History.none(s, len(share), scene.kind.size)
+        self._system = System(
+            lengths, rod.natural_strains(0.5 * (s[1:] + s[:-1])), rod.stiffness, scale,
+            orthonormal_basis(basis, n_terms, s), pull, np.eye(3), np.zeros((0, 3)), np.zeros(0),
+            Layers(share, limit, self._start.set), self._free, scene,
+            self._contacts(self._start, np.zeros(3)), np.zeros((0, 3)), 0.0)
 
-    def system(self, rotation):
-        """Return the kernel's System for a gripper turned by `rotation` (3, 3)."""
-        return self._system._replace(base=np.array(rotation, dtype=float, order='C'))
+    @property
+    def rod(self):
+        """The Rod."""
+        return self.surroundings.rod
+
+    @property
+    def _free(self):
+        none = np.zeros((0, 3))
+        return Hold(none, none, np.zeros(3), none, self._hold_spring)
+
+    def _contacts(self, history, origin):
+        points = {name: values.copy() for name, values in history.points.items()}
+        points['anchor'] -= origin
+        return Contacts(self.spring, history.node_force.copy(), points['element'],
+                        points['obstacle'], points['multiplier'], points['fraction'],
+                        points['anchor'], points['normal'], self.spring)
+
+    def system(self, rotation, origin=None, history=None, far_end=None):
+        """Return the kernel's System, its multipliers fresh copies.
+
+        Args:
+            rotation: (3, 3) of the gripper
+            origin: (3,) its position; only obstacles and a far end need it
+            history: History on this mesh; None: no past
+            far_end: FarEnd or None
+        """
+        system = self._system._replace(base=np.array(rotation, dtype=float, order='C'))
+        if history is not None and system.layers.share.size:
+            system = system._replace(layers=system.layers._replace(set=history.set))
+        if origin is None or not (system.scene.kind.size or far_end is not None):
+            return system
+        origin = np.array(origin, dtype=float)
+        return system._replace(
+            scene=system.scene._replace(origin=origin),
+            contacts=self._contacts(history or self._start, origin),
+            hold=self._free if far_end is None else self._hold(far_end, origin, history))
+
+    def _hold(self, far_end, origin, history):
+        points = 1 if far_end.grip == 'pinned' else 3
+        offset = 0.1 * self.s[-1] * np.array([[0, 0, 0], [1, 0, 0], [0, 1.0, 0]])[:points]
+        target = far_end.pose.position - origin + offset @ far_end.pose.rotation.T
+        force = np.zeros((points, 3))
+        if history is not None and history.hold.shape == force.shape:
+            force = history.hold.copy()
+        return Hold(offset, target, np.array(far_end.slide), force, self._hold_spring)
+
+    @property
+    def static(self):
+        """The System without gripper, past and far end."""
+        return self._system
+
+    def unknowns(self, strains):
+        """Return q (m, 3) whose strains are nearest to `strains` (N, 3)."""
+        system = self._system
+        values = (strains - system.natural) / system.scale
+        if system.basis.shape[1]:
+            values = system.basis.T @ (values * system.lengths[:, None])
+        return values
+
+    @property
+    def start(self):
+        """The History of a DLO without a past, on this mesh."""
+        return self._start
+
+    def past(self, history):
+        """Return `history` (a History or None) on this mesh, as far as it belongs to this DLO.
+
+        A set of another DLO (other layers) and contacts with other obstacles are forgotten.
+        """
+        if history is None:
+            return self._start
+        history = history.on(self.s)
+        if history.set.shape != self._start.set.shape:
+            history = replace(history, set=self._start.set, lost=0.0)
+        if history.node_force.shape != self._start.node_force.shape:
+            history = history.without_contacts(self._system.scene.kind.size)
+        return history
 
     @property
     def n_unknowns(self):
@@ -50,12 +145,38 @@ class Discretisation:
         s = np.empty(2 * self.s.size - 1)
         s[::2] = self.s
         s[1::2] = 0.5 * (self.s[1:] + self.s[:-1])
-        return Discretisation(self.rod, s, 'local', 0, self.gravity)
+        return Discretisation(self.surroundings, s, 'local', 0)
 
     def strains_from(self, s, strains):
         """Return (N, 3), new: strains given on a mesh `s`, averaged over this one's elements."""
         if s is self.s or np.array_equal(s, self.s):
             return np.array(strains)
-        total = np.vstack([np.zeros(3), np.cumsum(strains * np.diff(s)[:, None], axis=0)])
-        at_nodes = np.column_stack([np.interp(self.s, s, column) for column in total.T])
-        return np.diff(at_nodes, axis=0) / np.diff(self.s)[:, None]
+        return mapped(s, strains, self.s)
+
+    def stress_free(self, history):
+        """Return (N, 3) the strains at which no moment acts, 1/m: natural ones plus the set."""
+        layers = self._system.layers
+        share = layers.share[:, [0, 1, 1]]
+        return self.natural + np.einsum('ejk,jk->ek', self.past(history).set, share)
+
+    def elastic(self, history):
+        """Return the same without yielding, stress-free where `history` has left it."""
+        rod = self.rod
+        if not rod.yields:
+            return self
+        plain = replace(rod, yield_curvature=None, yield_torsion=None)
+        other = Discretisation(replace(self.surroundings, rod=plain), self.s, self.basis,
+                               self.n_terms)
+        other._system = other._system._replace(natural=self.stress_free(history))
+        return other
+
+
+def _layers(rod):
+    """Return share (J, 2) and limit (J, 3) of a rod; J = 0 if it does not yield."""
+    if not rod.yields:
+        return np.zeros((0, 2)), np.zeros((0, 3))
+    share, multiples = yielding_layers(rod.section_model, rod.hardening)
+    bending = rod.yield_curvature or (np.inf, np.inf)
+    torsion = rod.yield_torsion or np.inf
+    return share, np.column_stack([multiples[:, 0] * torsion, multiples[:, 1] * bending[0],
+                                   multiples[:, 1] * bending[1]])

@@ -9,34 +9,41 @@ from dataclasses import replace
 
 import numpy as np
 
+from dlo_planner.direct.approach import approach
 from dlo_planner.direct.continuation import between
 from dlo_planner.direct.integrator import Course, Scheme
 from dlo_planner.direct.motion import Motion
-from dlo_planner.direct.statics import CONVERGED, TOLERANCE, shape_of
+from dlo_planner.direct.statics import elastic_energy, shape_of, solve
 from dlo_planner.energy.loads import node_masses
+from dlo_planner.energy.plastic import Layers
 from dlo_planner.energy.potential import unknowns_of
-from dlo_planner.minimize.newton import NEUTRAL, newton
+from dlo_planner.minimize.newton import newton
 
-_MAX_ITERATIONS = 1000
 _FIRST_INSTANT = 0.01  # of a step: how long the DLO is watched to find its first acceleration
 
 
-def simulate(discretisation, grippers, dt, initial, integrator, progress):
-    """Return the Motion that begins at rest with `initial`; see `DirectSimulator.simulate`."""
+def simulate(discretisation, grippers, dt, initial, history, integrator, progress):
+    """Return the Motion that begins at rest with `initial`; see `DirectSimulator.simulate`.
+
+    Args:
+        history: History of the DLO before
+    """
     scheme = Scheme.named(integrator, dt)
     masses = node_masses(discretisation.rod, discretisation.s)
     strains = discretisation.strains_from(initial.s, initial.element_strains)
-    nodes, bends = _let_go(discretisation, grippers, masses, strains, dt)
+    history = discretisation.past(history)
+    nodes, bends = _let_go(discretisation, grippers, masses, strains, history, dt)
     shapes = [replace(initial, _estimate=_unknown)]
     velocities = [nodes.velocity]
-    energies = [_energies(discretisation, shapes[0], masses, nodes.velocity)]
+    energies = [_energies(discretisation, shapes[0], history, masses, nodes.velocity)]
     for gripper in grippers[1:]:
-        shape = _step(discretisation, gripper, masses, nodes, bends, scheme)
+        shape = _step(discretisation, gripper, shapes[-1], history, masses, nodes, bends, scheme)
+        history = shape._history
         nodes = scheme.after(nodes, shape.positions)
         bends = scheme.after(bends, shape.element_strains)
         shapes.append(shape)
         velocities.append(nodes.velocity)
-        energies.append(_energies(discretisation, shape, masses, nodes.velocity))
+        energies.append(_energies(discretisation, shape, history, masses, nodes.velocity))
         if progress is not None:
             progress(len(shapes), len(grippers))
         if not shape.converged:
@@ -45,31 +52,46 @@ def simulate(discretisation, grippers, dt, initial, integrator, progress):
     return Motion(dt * np.arange(len(shapes)), shapes, np.array(velocities), kinetic, potential)
 
 
-def _step(discretisation, gripper, masses, nodes, bends, scheme):
+def _step(discretisation, gripper, before, history, masses, nodes, bends, scheme):
     """Return the Shape at the end of a step of `scheme` in which the gripper comes to `gripper`."""
+    system = _moving(discretisation, gripper, history, masses, nodes, bends, scheme)
+    guess, clear = bends.position + scheme.dt * bends.velocity, True
+    if discretisation.surroundings.obstacles:
+        # where obstacles are, the search begins where the DLO is known to be outside of them
+        guess, clear = approach(discretisation, before, bends.position, gripper, None, history)
+    q = np.empty((discretisation.n_unknowns, 3))
+    unknowns_of(system, guess, q)
+    shape = shape_of(discretisation, gripper,
+                     solve(discretisation, system, gripper, q, history), history)
+    return replace(shape, _estimate=_unknown, converged=shape.converged and clear)
+
+
+def _moving(discretisation, gripper, history, masses, nodes, bends, scheme):
+    """Return the System of a step: the static one, with inertia and damping."""
     drag, viscosity = discretisation.rod.damping
     where, velocity = scheme.anchor(nodes)
     strength = scheme.stiffness + drag * scheme.drag
     anchor = where - drag * velocity / strength - gripper.position
+    system = discretisation.system(gripper.rotation, gripper.position, history)
+    system = system._replace(anchor=anchor, anchor_weight=masses * strength)
+    if viscosity == 0.0:
+        return system
+    # K b u' with u' = rate + drag (u - bent): a spring of its own, drawn to where u' = 0
     bent, rate = scheme.anchor(bends)
-    # K (u - n) + K b u' with u' = rate + drag (u - bent): again a spring, stiffer, to elsewhere
-    stiffer = 1 + viscosity * scheme.drag
-    system = discretisation.system(gripper.rotation)
-    natural = (system.natural + viscosity * (scheme.drag * bent - rate)) / stiffer
-    system = system._replace(natural=natural, stiffness=system.stiffness * stiffer,
-                             anchor=anchor, anchor_weight=masses * strength)
-    q = np.empty((discretisation.n_unknowns, 3))
-    unknowns_of(system, bends.position + scheme.dt * bends.velocity, q)
-    state, residual, stability, iterations, _ = newton(system, q, TOLERANCE, _MAX_ITERATIONS,
-                                                       True)
-    shape = shape_of(discretisation, gripper, system, state, residual, stability, iterations)
-    # the nodes beyond the clamp pull with weight and inertia; the clamped one is the gripper's
-    wrench = np.concatenate([state.pull.sum(axis=0), state.base_moment])
-    return replace(shape, gripper_wrench=wrench, _estimate=_unknown,
-                   converged=bool(residual < CONVERGED and stability > -NEUTRAL))
+    firm = viscosity * scheme.drag
+    calm = bent - rate / scheme.drag
+    layers = system.layers
+    if not layers.share.size:  # two springs make one
+        natural = (system.natural + firm * calm) / (1 + firm)
+        return system._replace(natural=natural, stiffness=system.stiffness * (1 + firm))
+    own = (calm - system.natural)[:, None, :]
+    return system._replace(layers=Layers(
+        np.vstack([layers.share, [[firm, firm]]]),
+        np.vstack([layers.limit, np.full((1, 3), np.inf)]),
+        np.concatenate([layers.set, own], axis=1)))
 
 
-def _let_go(discretisation, grippers, masses, strains, dt):
+def _let_go(discretisation, grippers, masses, strains, history, dt):
     """Return the Courses of nodes and strains of a DLO at rest that is free to move from now on.
 
     Its acceleration is what a very short first step, of constant acceleration, finds; the gripper
@@ -85,17 +107,19 @@ def _let_go(discretisation, grippers, masses, strains, dt):
     nodes = Course.at_rest(positions, np.zeros_like(positions))
     bends = Course.at_rest(here.strains, np.zeros_like(here.strains))
     pulled = between(gripper, grippers[min(1, len(grippers) - 1)], _FIRST_INSTANT**2)
-    shape = _step(discretisation, pulled, masses, nodes, bends, brief)
-    return (Course.at_rest(positions, brief.after(nodes, shape.positions).acceleration),
-            Course.at_rest(here.strains, brief.after(bends, shape.element_strains).acceleration))
+    system = _moving(discretisation, pulled, history, masses, nodes, bends, brief)
+    unknowns_of(system, here.strains, q)
+    found = solve(discretisation, system, pulled, q, history)[0]
+    return (Course.at_rest(positions, brief.after(nodes, found.positions + pulled.position)
+                           .acceleration),
+            Course.at_rest(here.strains, brief.after(bends, found.strains).acceleration))
 
 
-def _energies(discretisation, shape, masses, velocity):
-    rod, lengths = discretisation.rod, np.diff(discretisation.s)
-    bent = shape.element_strains - discretisation.natural
-    elastic = 0.5 * float(np.sum(lengths[:, None] * rod.stiffness * bent**2))
-    height = -float(np.sum(masses[:, None] * shape.positions * discretisation.gravity))
-    return 0.5 * float(masses @ np.sum(velocity**2, axis=1)), elastic + height
+def _energies(discretisation, shape, history, masses, velocity):
+    elastic = elastic_energy(discretisation, shape.element_strains, history.set)
+    weight = discretisation.system(np.eye(3)).pull
+    return (0.5 * float(masses @ np.sum(velocity**2, axis=1)),
+            elastic + float(np.sum(weight * shape.positions)))
 
 
 def _unknown():

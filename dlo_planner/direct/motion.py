@@ -5,6 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.storage import load, pack, save, unpack
+from dlo_planner.errors import InvalidTask
+
+_ARRAYS = ('times', 'velocities', 'kinetic_energy', 'potential_energy')
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +28,31 @@ class Motion:
     velocities: np.ndarray
     kinetic_energy: np.ndarray
     potential_energy: np.ndarray
+
+    def save(self, path):
+        """Write the motion as npz: everything but the rod and its surroundings."""
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        for k, shape in enumerate(self.shapes):
+            arrays |= pack(shape, f'{k}/')
+        save(path, arrays)
+
+    @classmethod
+    def load(cls, path):
+        """Return the Motion saved at `path`.
+
+        Raises:
+            InvalidTask: not such a file
+        """
+        arrays = load(path)
+        if 'times' not in arrays:
+            raise InvalidTask(f'path = {str(path)!r}: expected a Motion, found a Shape')
+        shapes = []
+        for k in range(len(arrays['times'])):
+            mark = f'{k}/'
+            own = {key[len(mark):]: value for key, value in arrays.items()
+                   if key.startswith(mark)}
+            shapes.append(unpack(Shape, own))
+        return cls(shapes=shapes, **{name: arrays[name] for name in _ARRAYS})
 
     def __len__(self):
         return len(self.shapes)

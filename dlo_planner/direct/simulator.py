@@ -1,23 +1,24 @@
 """The direct simulator: from gripper poses to shapes."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
 
-from dlo_planner.direct.accuracy import accurate_equilibrium
+from dlo_planner.direct.accuracy import accurate_equilibrium, step
 from dlo_planner.direct.continuation import follow
+from dlo_planner.direct.described import STRAINS
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.dynamics import simulate
 from dlo_planner.direct.integrator import INTEGRATORS
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import METHODS, equilibrium
+from dlo_planner.direct.statics import METHODS
+from dlo_planner.direct.surroundings import STANDARD_GRAVITY, Surroundings
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import choice, integer, number, vector
+from dlo_planner.model.checks import choice, integer, number
+from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import Rod
 from dlo_planner.ritz.series import BASES
-
-STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 
 class DirectSimulator:
@@ -31,24 +32,36 @@ class DirectSimulator:
         method: 'newton' (default), or the paper's 'dfp' and 'downhill_simplex'; these two may end
             in a saddle, and the last one is slow and sees its way only to about 1e-6 of the size
             of q, so its shapes are seldom `converged`
+        strains: what the series describe: 'components' (torsion, curvature about n, about b) or
+            'paper' (q_d, q_kappa, q_tau), for study, with 'dfp' or 'downhill_simplex' only
         accuracy: in m; picks mesh and terms instead of n_elements and n_terms. The basis is then
             'local' unless one is named.
         gravity: (3,) m/s^2, any direction, may be zero
+        load: further force per length, N/m, world axes: (3,), or a callable of s (m)
+        obstacles: Plane, Sphere, Capsule, Box, Sheet, in any number
 
     Raises:
         InvalidTask: an argument makes no sense; the message names it
+
+    A DLO that yields remembers: the permanent set goes from a shape to the next by `initial`, and
+    through `track` and `simulate`. `with_set` and `reset` return simulators that start from it.
     """
 
     def __init__(self, rod, *, n_elements=None, n_terms=None, basis=None, method='newton',
-                 accuracy=None, gravity=STANDARD_GRAVITY):
-        if not isinstance(rod, Rod):
-            raise InvalidTask(f'rod = {rod!r}: expected a Rod')
-        self.rod = rod
-        self.gravity = vector('gravity', gravity, 3)
+                 strains='components', accuracy=None, gravity=STANDARD_GRAVITY, load=None,
+                 obstacles=()):
+        self.surroundings = Surroundings(rod, gravity, load, obstacles)
+        self._history = None
         self.method = choice('method', method, METHODS)
+        self.strains = choice('strains', strains, STRAINS)
         self.accuracy = accuracy
         self.basis = choice('basis', basis or ('chebyshev' if accuracy is None else 'local'),
                             BASES)
+        if strains == 'paper' and (method == 'newton' or self.basis == 'local'):
+            raise InvalidTask(f'strains = {strains!r}: expected a series as basis and \'dfp\' or '
+                              f'\'downhill_simplex\' as method, got {self.basis!r}, {method!r}')
+        if method != 'newton' and self.obstacles:
+            raise InvalidTask(f'method = {method!r}: expected \'newton\' with obstacles')
         self._discretisation = None
         if accuracy is not None:
             if n_elements is not None or n_terms is not None:
@@ -66,26 +79,57 @@ class DirectSimulator:
             raise InvalidTask(f'n_terms = {n_terms}: expected at most n_elements = {n_elements}')
         s = np.arange(n_elements + 1) * (rod.length / n_elements)
         s[-1] = rod.length
-        self._discretisation = Discretisation(rod, s, self.basis, n_terms, self.gravity)
+        self._discretisation = Discretisation(self.surroundings, s, self.basis, n_terms)
 
-    def solve(self, gripper, initial=None):
+    @property
+    def rod(self):
+        """The Rod."""
+        return self.surroundings.rod
+
+    @property
+    def gravity(self):
+        """(3,) m/s^2."""
+        return self.surroundings.gravity
+
+    @property
+    def obstacles(self):
+        """Tuple of obstacles."""
+        return self.surroundings.obstacles
+
+    def with_set(self, shape):
+        """Return a simulator of the DLO as `shape` leaves it, with its permanent set."""
+        self._check(shape.gripper, shape)
+        other = copy(self)
+        past = replace(shape._history, positions=np.zeros((0, 3)))
+        other._history = past.without_contacts(len(past.node_force))
+        return other
+
+    def reset(self):
+        """Return a simulator of the DLO as it was made, without any permanent set."""
+        other = copy(self)
+        other._history = None
+        return other
+
+    def solve(self, gripper, initial=None, *, far_end=None):
         """Return the stable Shape that the DLO falls into.
 
         Args:
             gripper: Pose of the gripper; x axis = tangent of the DLO where it leaves
-            initial: a Shape to start from (its strains are kept, it is carried to the new
-                pose); None starts from the natural, stress-free shape
+            initial: a Shape to start from: the gripper goes straight from its pose to the new
+                one, around no obstacle, and a permanent set is kept; None starts from the
+                stress-free shape, set down at the pose, wherever obstacles are
+            far_end: Pose that clamps the far end, position (3,) that pins it, FarEnd, or None
 
         Returns:
             Shape; `converged` False, never an exception, if no equilibrium was found
         """
         self._check(gripper, initial)
-        shape, kicks = self._equilibrium(gripper, initial)
+        shape, kicks = self._equilibrium(gripper, initial, FarEnd.of(far_end))
         if kicks and initial is not None:
             return replace(shape, jumped=True)
         return shape
 
-    def track(self, grippers, progress=None, initial=None):
+    def track(self, grippers, progress=None, initial=None, *, far_ends=None):
         """Return the shapes along a slow motion, each the continuation of the one before.
 
         Between poses the motion is taken as straight (position linear, rotation about one axis).
@@ -96,15 +140,20 @@ class DirectSimulator:
             grippers: list of Pose
             progress: called as progress(done, total) after each shape
             initial: Shape before the first pose; None starts from the natural shape
+            far_ends: one per gripper pose, as in `solve`; None: the far end is free
         """
         grippers = list(grippers)
+        ends = [None] * len(grippers) if far_ends is None else [FarEnd.of(e) for e in far_ends]
+        if len(ends) != len(grippers):
+            raise InvalidTask(f'far_ends has {len(ends)} entries: expected one per gripper pose, '
+                              f'{len(grippers)}')
         shapes = []
-        for gripper in grippers:
+        for gripper, end in zip(grippers, ends, strict=True):
             self._check(gripper, initial)
             if initial is None:
-                shape, _ = self._equilibrium(gripper, None)
+                shape, _ = self._equilibrium(gripper, None, end)
             else:
-                shape = follow(self._equilibrium, initial, gripper)
+                shape = follow(self._equilibrium, initial, gripper, end)
             shapes.append(shape)
             if shape.converged:  # a failure is reported, not carried on
                 initial = shape
@@ -137,9 +186,9 @@ class DirectSimulator:
         dt = number('dt', dt, above=0)
         choice('integrator', integrator, INTEGRATORS)
         if initial is None:
-            initial, _ = self._equilibrium(grippers[0], None)
+            initial, _ = self._equilibrium(grippers[0], None, None)
         return simulate(self.discretisation(grippers[0], initial), grippers, dt, initial,
-                        integrator, progress)
+                        initial._history or self._history, integrator, progress)
 
     def discretisation(self, gripper, shape):
         """Return the Discretisation that this simulator uses at a gripper's pose.
@@ -153,17 +202,17 @@ class DirectSimulator:
             return self._discretisation
         if shape is not None and shape.error_estimate <= self.accuracy:
             return shape._discretisation
-        return self._equilibrium(gripper, shape)[0]._discretisation
+        return self._equilibrium(gripper, shape, None)[0]._discretisation
 
-    def _equilibrium(self, gripper, initial):
+    def _equilibrium(self, gripper, initial, far_end):
         """Return (Shape, kicks)."""
         if self.accuracy is not None:
-            return accurate_equilibrium(self.rod, self.basis, self.gravity, self.accuracy,
-                                        gripper, initial)
-        here = self._discretisation
-        strains = here.natural if initial is None else here.strains_from(
-            initial.s, initial.element_strains)
-        return equilibrium(here, gripper, strains, self.method)
+            return accurate_equilibrium(self.surroundings, self.basis, self.accuracy, gripper,
+                                        initial, self._history, far_end)
+        if far_end is not None and self.method != 'newton':
+            raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with a far end')
+        return step(self._discretisation, gripper, initial, self._history, far_end, self.method,
+                    self.strains)
 
     def _check(self, gripper, initial):
         if not isinstance(gripper, Pose):

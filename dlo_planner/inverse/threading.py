@@ -208,7 +208,7 @@ def _shape_at(discretisation, strains, base):
     state = new_state(system)
     unknowns_of(system, strains, state.q)
     evaluate(system, state)
-    return shape_of(discretisation, gripper, system, state, np.inf, -np.inf, 0)
+    return shape_of(discretisation, gripper, (state, np.inf, -np.inf, 0, 0, system, 0.0))
 
 
 def _coupled(simulator, guess, s, normal, reference):
@@ -238,7 +238,8 @@ def _coupled_on(discretisation, guess, s, normal, reference):
     if not converged:
         return None
     gripper = Pose.from_rotation((0.0, 0.0, 0.0), base)
-    return shape_of(discretisation, gripper, system, state, residual, stability, iterations)
+    return shape_of(discretisation, gripper,
+                    (state, residual, stability, iterations, 0, system, 0.0))
 
 
 def _nested(simulator, guess, s, normal, reference):

@@ -1,0 +1,80 @@
+"""The paper's own unknowns: series of q_d, q_kappa and q_tau in place of the strain components.
+
+For study. Only the paper's minimisers work on them: where the DLO is straight the direction of
+curvature q_d has no effect, so the Hessian is singular there. The search therefore begins with a
+slight bend towards where gravity would bend the DLO.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.statics import TOLERANCE, shape_of
+from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.minimize.dfp import dfp
+from dlo_planner.minimize.downhill_simplex import downhill_simplex
+from dlo_planner.minimize.newton import descend
+from dlo_planner.minimize.protocol import Problem
+from dlo_planner.ritz.paper_strains import from_components, to_components
+from dlo_planner.ritz.series import orthonormal_basis
+
+STRAINS = ('components', 'paper')
+_SLIGHT = 1e-2  # rad over the length
+
+
+def described_equilibrium(discretisation, gripper, strains, method, history):
+    """Return the Shape whose (q_d, q_kappa, q_tau) are series.
+
+    `residual` is that of the series' coefficients; `stability` is the DLO's own, freed from them.
+
+    Args:
+        discretisation: its mesh, basis ('chebyshev' or 'fourier') and number of terms are used
+        strains: (N, 3) components where the search begins, 1/m
+        method: 'dfp' or 'downhill_simplex'
+        history: History
+    """
+    free = Discretisation(discretisation.surroundings, discretisation.s, 'local', 0)
+    system = free.system(gripper.rotation, gripper.position, history)
+    basis = orthonormal_basis(discretisation.basis, discretisation.n_terms, discretisation.s)
+    weighted = basis * system.lengths[:, None]
+    # angles count as much as the curvature they turn, so that all unknowns are roots of energies
+    stiffness, length = min(system.stiffness[1:]), system.lengths.sum()
+    unit = 1 / np.sqrt([stiffness / length**2, stiffness, system.stiffness[0]])
+    state = new_state(system)
+
+    def components(flat):
+        described = basis @ (flat.reshape(-1, 3) * unit)
+        return described, system.natural + to_components(described)
+
+    def value(flat):
+        state.q[:] = (components(flat)[1] - system.natural) / system.scale
+        return evaluate(system, state)[0]
+
+    def value_and_gradient(flat):
+        energy = value(flat)
+        direction, amount, _ = components(flat)[0].T
+        by_strain = state.gradient / system.scale
+        cosine, sine = np.cos(direction), np.sin(direction)
+        slope = np.column_stack([
+            amount * (cosine * by_strain[:, 2] - sine * by_strain[:, 1]),
+            cosine * by_strain[:, 1] + sine * by_strain[:, 2], by_strain[:, 0]])
+        return energy, (basis.T @ slope * unit).ravel()
+
+    start = from_components(strains - system.natural)
+    if np.abs(start[:, 1]).max() * length < _SLIGHT:
+        state.q[:] = 0.0
+        evaluate(system, state)
+        towards = from_components(-state.gradient / system.scale)
+        start[:, 0] = towards[np.argmax(towards[:, 1]), 0]
+        start[:, 1] = _SLIGHT / length
+    start[:, 0] = np.unwrap(start[:, 0])
+    bend = np.sqrt(stiffness / length)
+    found = {'dfp': dfp, 'downhill_simplex': downhill_simplex}[method](
+        Problem(value, value_and_gradient, bend), (weighted.T @ start / unit).ravel(), TOLERANCE)
+    _, gradient = value_and_gradient(found.q)
+    residual = np.linalg.norm(gradient) / np.hypot(np.linalg.norm(state.q), bend)
+    _, _, stability, _, _ = descend(system, state.q, TOLERANCE, 0, True)
+    shape = shape_of(free, gripper, (state, residual, stability, found.iterations, 0, system, 0.0),
+                     history)
+    return replace(shape, evaluations=found.evaluations)

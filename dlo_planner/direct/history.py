@@ -1,0 +1,67 @@
+"""What a DLO carries from one step to the next: its permanent set and its contacts."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """The past of a Shape, as far as the next step depends on it.
+
+    Attributes:
+        s: (N + 1,) the mesh it is given on, m
+        set: (N, J, 3) plastic strain of each layer, 1/m; (N, 0, 3) for an elastic DLO
+        lost: energy lost to plastic deformation so far, J
+        node_force: (M, N + 1) force of each obstacle on each node, N
+        points: dict of arrays, contacts inside elements and points of friction, world frame
+        hold: (P, 3) forces of the far end's grip, N
+        positions: (N + 1, 3) of the nodes, m, from which friction counts
+    """
+
+    s: np.ndarray
+    set: np.ndarray
+    lost: float
+    node_force: np.ndarray
+    points: dict
+    hold: np.ndarray
+    positions: np.ndarray
+
+    @classmethod
+    def none(cls, s, layers, obstacles):
+        """Return the past of a DLO that has none."""
+        n = s.size - 1
+        return cls(s, np.zeros((n, layers, 3)), 0.0, np.zeros((obstacles, n + 1)), no_points(),
+                   np.zeros((0, 3)), np.zeros((0, 3)))
+
+    def on(self, s):
+        """Return the same past on another mesh `s` (n + 1,); forces of contact are forgotten."""
+        if s is self.s or np.array_equal(s, self.s):
+            return self
+        n, layers = s.size - 1, self.set.shape[1]
+        moved = mapped(self.s, self.set.reshape(len(self.set), -1), s).reshape(n, layers, 3)
+        positions = self.positions
+        if len(positions):
+            positions = np.column_stack([np.interp(s, self.s, column) for column in positions.T])
+        return replace(self, s=s, set=moved, positions=positions).without_contacts(
+            self.node_force.shape[0])
+
+    def without_contacts(self, obstacles):
+        """Return the same past without forces of contact, for a number of obstacles."""
+        return replace(self, points=no_points(), node_force=np.zeros((obstacles, self.s.size)))
+
+
+def no_points():
+    """Return an empty `History.points`."""
+    return {'element': np.zeros(0, dtype=np.int64), 'obstacle': np.zeros(0, dtype=np.int64),
+            'multiplier': np.zeros(0), 'fraction': np.zeros(0), 'anchor': np.zeros((0, 3)),
+            'normal': np.zeros((0, 3))}
+
+
+def mapped(s, values, wanted):
+    """Return (n, k): `values` (N, k), constant on the elements of `s`, averaged over `wanted`'s."""
+    total = np.vstack([np.zeros(values.shape[1]),
+                       np.cumsum(values * np.diff(s)[:, None], axis=0)])
+    at_nodes = np.column_stack([np.interp(wanted, s, column) for column in total.T]
+                               or [np.zeros((wanted.size, 0))])
+    return np.diff(at_nodes, axis=0) / np.diff(wanted)[:, None]

@@ -1,0 +1,84 @@
+"""Shapes and motions as npz files."""
+
+from dataclasses import fields
+
+import numpy as np
+
+from dlo_planner.direct.contacts import Contact
+from dlo_planner.direct.history import History
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.pose import Pose
+
+_FORMAT = 1
+_ARRAYS = ('s', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
+_NUMBERS = ('energy', 'elastic_energy', 'residual', 'stability', 'iterations', 'converged',
+            'jumped', 'evaluations', 'violation', 'dissipated')
+
+
+def pack(shape, prefix=''):
+    """Return a dict of arrays that hold all of a Shape but the rod and its surroundings."""
+    packed = {name: getattr(shape, name) for name in _ARRAYS + _NUMBERS}
+    packed['gripper'] = np.concatenate([shape.gripper.position, shape.gripper.quaternion])
+    packed['error_estimate'] = shape.error_estimate
+    if shape.far_end is not None:
+        end = shape.far_end
+        packed['far_end'] = np.concatenate([end.pose.position, end.pose.quaternion])
+        packed['far_grip'] = end.grip
+    packed['contacts'] = np.array([[c.obstacle, c.s, *c.position, *c.normal, c.force, *c.friction,
+                                    c.penetration] for c in shape.contacts]).reshape(-1, 13)
+    if shape._history is not None:
+        for item in fields(History):
+            value = getattr(shape._history, item.name)
+            if item.name == 'points':
+                packed |= {f'past_point_{key}': array for key, array in value.items()}
+            else:
+                packed[f'past_{item.name}'] = value
+    return {prefix + key: np.asarray(value) for key, value in packed.items()}
+
+
+def unpack(shape_class, stored, prefix=''):
+    """Return the Shape whose arrays are in the mapping `stored` under `prefix`."""
+    def get(name):
+        return stored[prefix + name]
+
+    gripper = get('gripper')
+    far_end = None
+    if prefix + 'far_end' in stored:
+        end = get('far_end')
+        far_end = FarEnd(Pose(end[:3], end[3:]), str(get('far_grip')))
+    contacts = tuple(Contact(int(row[0]), row[1], row[2:5], row[5:8], row[8], row[9:12], row[12])
+                     for row in get('contacts'))
+    history = None
+    if prefix + 'past_set' in stored:
+        mark = prefix + 'past_point_'
+        points = {key[len(mark):]: stored[key] for key in stored if key.startswith(mark)}
+        history = History(get('past_s'), get('past_set'), float(get('past_lost')),
+                          get('past_node_force'), points, get('past_hold'), get('past_positions'))
+    estimate = float(get('error_estimate'))
+    values = {name: get(name) for name in _ARRAYS}
+    values |= {name: get(name).item() for name in _NUMBERS}
+    return shape_class(gripper=Pose(gripper[:3], gripper[3:]), contacts=contacts, far_end=far_end,
+                       _estimate=lambda: estimate, _history=history, **values)
+
+
+def save(path, arrays):
+    """Write a mapping of arrays as compressed npz."""
+    np.savez_compressed(path, format=_FORMAT, **arrays)
+
+
+def load(path):
+    """Return the mapping of arrays in an npz file written by `save`.
+
+    Raises:
+        InvalidTask: not such a file
+    """
+    try:
+        with np.load(path) as stored:
+            arrays = dict(stored)
+    except (OSError, ValueError) as error:
+        raise InvalidTask(f'path = {str(path)!r}: expected an npz file, {error}') from None
+    if int(arrays.pop('format', -1)) != _FORMAT:
+        raise InvalidTask(f'path = {str(path)!r}: expected a file saved by this package, format '
+                          f'{_FORMAT}')
+    return arrays
