@@ -7,7 +7,7 @@ README = Path(__file__).parent.parent / 'README.md'
 
 
 def test_library_example(capsys):
-    code = re.search(r'```python\n(.*?)```', README.read_text(), re.DOTALL).group(1)
+    code = '\n'.join(re.findall(r'```python\n(.*?)```', README.read_text(), re.DOTALL))
     exec(compile(code, str(README), 'exec'), {})
     assert 'Pose(' in capsys.readouterr().out
 

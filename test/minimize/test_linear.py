@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.potential import evaluate, new_state
 from dlo_planner.minimize.linear import assemble, factorise, multiply, new_hessian, solve
 from dlo_planner.minimize.spectrum import lowest_mode
@@ -11,8 +12,8 @@ from dlo_planner.minimize.spectrum import lowest_mode
 def problem(request, curly, rng):
     basis, *anchored = request.param.split(', ')
     s = np.concatenate([[0.0], np.cumsum(rng.uniform(0.5, 1.5, 14))])
-    discretisation = Discretisation(curly, s * 1.3 / s[-1], basis, 6,
-                                    np.array([0.0, 3.0, -9.81]))
+    around = Surroundings(curly, np.array([0.0, 3.0, -9.81]))
+    discretisation = Discretisation(around, s * 1.3 / s[-1], basis, 6)
     system = discretisation.system(np.eye(3))
     if anchored:
         system = system._replace(anchor=rng.normal(size=(15, 3)),

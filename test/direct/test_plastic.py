@@ -1,0 +1,173 @@
+"""Plastic bending and torsion: textbook curves, springback, energy, direction, mesh."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import DirectSimulator, InvalidRod, Pose, Rod
+from dlo_planner.energy.plastic import yielded
+
+HERE = Pose.identity()
+BENDING, TORSION = 1.3, 0.7
+
+
+def on_a_circle(curvature, axis=(0, 1, 0)):
+    """Return where the far end of a rod of length 1 is that is bent to a circle about `axis`."""
+    turn = Rotation.from_rotvec(curvature * np.asarray(axis, dtype=float))
+    s = np.linspace(0, 1, 4001)
+    middle = 0.5 * (s[1:] + s[:-1])
+    along = Rotation.from_rotvec(np.outer(middle * curvature, axis)).apply([1.0, 0, 0])
+    return Pose.from_rotation(along.mean(axis=0), turn.as_matrix())
+
+
+def bent(rod, curvatures, axis=(0, 1, 0), elements=8):
+    simulator = DirectSimulator(rod, basis='local', n_elements=elements, gravity=(0, 0, 0))
+    ends = [on_a_circle(k, axis) for k in curvatures]
+    return simulator, simulator.track([HERE] * len(ends), far_ends=ends)
+
+
+def section(model, **more):
+    return Rod(1.0, 0.0, BENDING, TORSION, yield_curvature=0.8, yield_torsion=0.6,
+               section_model=model, **more)
+
+
+def round_moment(x):
+    """Return M / M_y of a solid round section, from the integral over its fibres."""
+    y = (np.arange(200_000) + 0.5) / 200_000
+    weight = y * np.sqrt(1 - y**2)
+    return np.sum(weight * np.minimum(x * y, 1)) / np.sum(weight * y)
+
+
+@pytest.mark.parametrize(('model', 'moment'), [
+    ('ideal', lambda x: 1.0), ('rectangular', lambda x: 1.5 - 0.5 / x**2),
+    ('round', round_moment)])
+def test_moment_over_curvature(model, moment):
+    ratios = np.array([0.5, 1.0, 1.2, 1.7, 2.5, 4.0])
+    _, shapes = bent(section(model, hardening=0.0), 0.8 * ratios)
+    for ratio, shape in zip(ratios, shapes, strict=True):
+        wanted = ratio if ratio <= 1 else moment(ratio)
+        got = np.linalg.norm(shape.gripper_wrench[3:]) / (BENDING * 0.8)
+        assert got == pytest.approx(wanted, rel=1.5e-3)
+
+
+@pytest.mark.parametrize('model', ['rectangular', 'round'])
+def test_springback_is_moment_over_stiffness(model):
+    simulator, shapes = bent(section(model), [0.8, 1.6, 2.4])
+    moment = np.linalg.norm(shapes[-1].gripper_wrench[3:])
+    free = simulator.solve(HERE, shapes[-1])
+    assert free.converged
+    np.testing.assert_allclose(np.linalg.norm(free.element_strains, axis=1), 2.4 - moment / BENDING,
+                               rtol=1e-4)
+
+
+def test_torsion_of_a_round_section():
+    # elastic core: T / T_y = 4/3 - (T_y's twist / twist)^3 / 3
+    rod = section('round')
+    simulator = DirectSimulator(rod, basis='local', n_elements=8, gravity=(0, 0, 0))
+    for ratio in (0.7, 1.5, 3.0):
+        end = Pose((1.0, 0, 0), Rotation.from_rotvec([0.6 * ratio, 0, 0]).as_quat())
+        shape = simulator.solve(HERE, far_end=end)
+        wanted = ratio if ratio <= 1 else 4 / 3 - 1 / (3 * ratio**3)
+        assert abs(shape.gripper_wrench[3]) == pytest.approx(TORSION * 0.6 * wanted, rel=2e-3)
+
+
+@pytest.mark.parametrize('model', ['ideal', 'rectangular', 'round'])
+def test_energy_lost_is_the_work_done_less_what_is_stored(model):
+    # a full cycle of bending to and fro: the loop's area, never negative on the way
+    way = 2.0 * np.sin(np.linspace(0, 2.5 * np.pi, 81))[1:]
+    simulator, shapes = bent(section(model, hardening=0.02), way)
+    lost = np.array([shape.dissipated for shape in shapes])
+    assert (np.diff(lost) >= -1e-15).all()
+    assert lost[-1] > 0
+    moment = np.array([-shape.gripper_wrench[4] for shape in shapes])
+    work = np.sum(0.5 * (moment[1:] + moment[:-1]) * np.diff(way))
+    stored = np.array([shape.energy for shape in shapes])
+    assert work == pytest.approx(lost[-1] - lost[0] + stored[-1] - stored[0], rel=5e-3)
+    del simulator
+
+
+def test_yielding_knows_no_preferred_direction():
+    rod = section('round', hardening=0.05)
+    one = bent(rod, [0.8, 2.0])[1][-1]
+    for angle in (0.3, 1.1, 2.5):
+        axis = (0, np.cos(angle), np.sin(angle))
+        other = bent(rod, [0.8, 2.0], axis)[1][-1]
+        np.testing.assert_allclose(other.gripper_wrench[3:], -np.linalg.norm(
+            one.gripper_wrench[3:]) * np.array(axis), atol=1e-4)
+        assert other.dissipated == pytest.approx(one.dissipated, rel=1e-4)
+
+
+def test_projection_onto_an_ellipse_is_the_nearest_point(rng):
+    for _ in range(200):
+        k1, k2, l1, l2 = rng.uniform(0.1, 5, 4)
+        d1, d2 = rng.normal(size=2) * 5
+        e1, e2, multiplier = yielded(d1, d2, k1, k2, l1, l2)
+        if multiplier == 0:
+            assert (e1, e2) == (d1, d2)
+            continue
+        assert np.hypot(e1 / l1, e2 / l2) == pytest.approx(1, abs=1e-12)
+        angles = np.linspace(0, 2 * np.pi, 20_001)
+        away = k1 * (d1 - l1 * np.cos(angles)) ** 2 + k2 * (d2 - l2 * np.sin(angles)) ** 2
+        mine = k1 * (d1 - e1) ** 2 + k2 * (d2 - e2) ** 2
+        assert mine <= away.min() + 1e-12
+
+
+def test_plastic_set_is_carried_and_can_be_forgotten():
+    rod = Rod.circular(0.6, 2e-3, 8960.0, 110e9, 0.34, yield_stress=60e6, tip_mass=0.05,
+                       section_model='round', hardening=0.01)
+    simulator = DirectSimulator(rod)
+    level = Pose((0, 0, 1), (0, 0, 0, 1))
+    up = Pose((0, 0, 1), Rotation.from_euler('y', -90, degrees=True).as_quat())
+    loaded = simulator.solve(level)
+    assert loaded.dissipated > 0
+    stood, virgin = simulator.solve(up, loaded), simulator.solve(up)
+    assert np.hypot(*stood.positions[-1, :2]) > 0.02  # stays bent where a new one stands straight
+    assert np.hypot(*virgin.positions[-1, :2]) < 1e-6
+    later = simulator.with_set(loaded)
+    np.testing.assert_allclose(later.solve(up).positions, stood.positions, atol=1e-5)
+    np.testing.assert_allclose(later.reset().solve(up).positions, virgin.positions, atol=1e-12)
+    assert loaded.bent[0, 1] != pytest.approx(loaded.element_strains[0, 1])
+
+
+def test_a_plastic_hinge_shows_in_the_error_estimate_and_hardening_cures_it():
+    level = Pose((0, 0, 1), (0, 0, 0, 1))
+    heavy = {'length': 1.0, 'mass_per_length': 0.0, 'bending_stiffness': 1.0,
+             'torsional_stiffness': 0.7, 'tip_mass': 0.02, 'yield_curvature': 0.12}
+    soft, firm = Rod(**heavy), Rod(**heavy, hardening=0.05)
+    tips = {rod: [DirectSimulator(rod, basis='local', n_elements=n).solve(level)
+                  for n in (32, 64)] for rod in (soft, firm)}
+    hinge, spread = tips[soft], tips[firm]
+    assert all(shape.converged for shape in hinge + spread)
+    apart = np.linalg.norm(hinge[0].positions[-1] - hinge[1].positions[-1])
+    assert apart > 5e-3
+    assert hinge[0].error_estimate > 0.5 * apart
+    assert np.linalg.norm(spread[0].positions[-1] - spread[1].positions[-1]) < 5e-4
+
+
+def test_motion_with_plasticity_loses_energy(wire):
+    rod = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34, yield_stress=60e6, hardening=0.05,
+                       damping=0.01)
+    level = Pose((0, 0, 1), (0, 0, 0, 1))
+    straight = DirectSimulator(wire, gravity=(0, 0, 0)).solve(level)
+    motion = DirectSimulator(rod).simulate([level] * 60, 0.01, straight)
+    lost = [shape.dissipated for shape in motion.shapes]
+    assert motion.converged and lost[-1] > 1e-3
+    assert (np.diff(lost) >= 0).all()
+    total = motion.energy + lost
+    assert (np.diff(total) <= 1e-6 * abs(motion.energy[0])).all()  # the rest is the damping's
+
+
+@pytest.mark.parametrize(('name', 'value'), [
+    ('yield_curvature', 0.0), ('yield_torsion', -1), ('hardening', 1.0), ('section_model', 'oval'),
+    ('yield_curvature', (1.0, 2.0, 3.0)), ('max_bend_curvature', 'x')])
+def test_nonsense_is_named(name, value):
+    with pytest.raises(InvalidRod, match=name):
+        Rod(1.0, 0.1, 1.0, 1.0, **{name: value})
+
+
+def test_thresholds_from_yield_stress():
+    wire = Rod.circular(1.0, 2e-3, 8960.0, 100e9, 0.25, yield_stress=50e6)
+    assert wire.yield_curvature == pytest.approx((0.5, 0.5))  # strain 5e-4 at 1 mm
+    assert wire.yield_torsion == pytest.approx(50e6 / np.sqrt(3) / 40e9 / 1e-3)
+    spring = Rod.rectangular(1.0, 10e-3, 1e-3, 7800.0, 200e9, 0.25, yield_stress=1e9)
+    assert spring.yield_curvature == pytest.approx((10.0, 1.0))

@@ -1,0 +1,87 @@
+"""Distances against brute force and differences."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from dlo_planner import Box, Capsule, CutOut, Plane, Pose, Sheet, Sphere
+from dlo_planner.energy.distance import build_scene, signed_distance
+
+POSE = Pose((0.1, -0.2, 0.3), (0.2, -0.1, 0.4, 0.8))
+ROUND = CutOut(Pose.from_rotation(POSE.position + POSE.rotation @ [0, 0.1, 0.05], POSE.rotation),
+               radius=0.08)
+TURNED = POSE.rotation @ np.array([[-1, 0, 0], [0, -0.8, 0.6], [0, 0.6, 0.8]])
+SQUARE = CutOut(Pose.from_rotation(POSE.position + POSE.rotation @ [0, -0.12, 0], TURNED),
+                width=0.1, height=0.06)
+OBSTACLES = [Plane((0, 0, 0.2), (1, 2, 3)), Sphere((0.3, 0.1, 0.2), 0.15),
+             Capsule((0.3, 0, 0), (0.1, 0.4, 0.3), 0.05), Box(POSE, (0.1, 0.3, 0.5)),
+             Sheet(POSE, 0.5, 0.6, 0.0, [ROUND, SQUARE]), Sheet(POSE, 0.5, 0.4, 0.0, SQUARE)]
+SCENE = build_scene(OBSTACLES, 0.0)
+SCENE.size[4, 0] = 0.01  # the kernel knows thickness; scenes are built of foils
+
+
+def distance(index, x):
+    normal, bend = np.empty(3), np.empty((3, 3))
+    return signed_distance(SCENE, index, np.asarray(x, dtype=float), normal, bend), normal, bend
+
+
+def points(rng, number=200):
+    return POSE.position + rng.uniform(-0.5, 0.5, size=(number, 3))
+
+
+@pytest.mark.parametrize('index', range(len(OBSTACLES)))
+def test_derivatives_against_differences(index, rng):
+    step = 1e-6
+    for x in points(rng):
+        _, normal, bend = distance(index, x)
+        assert np.linalg.norm(normal) == pytest.approx(1)
+        near = [[distance(index, x + sign * step * e) for sign in (1, -1)] for e in np.eye(3)]
+        if any(a[1] @ b[1] < 0.99 for a, b in near):
+            continue  # a ridge, where the nearest feature changes
+        slope = [(a[0] - b[0]) / (2 * step) for a, b in near]
+        np.testing.assert_allclose(normal, slope, atol=1e-6)
+        curved = np.column_stack([(a[1] - b[1]) / (2 * step) for a, b in near])
+        np.testing.assert_allclose(bend, curved, atol=2e-4 * max(1, np.abs(bend).max()))
+
+
+def inside_sheet(x, thickness, holes):
+    local = (np.asarray(x) - POSE.position) @ POSE.rotation
+    if abs(local[0]) > thickness / 2 + 1e-12 or abs(local[1]) > 0.25 or abs(local[2]) > 0.3:
+        return False
+    for hole in holes:
+        own = (np.asarray(x) - hole.centre) @ hole.pose.rotation
+        if hole.radius is not None and np.hypot(*own[1:]) < hole.radius:
+            return False
+        if hole.radius is None and abs(own[1]) < hole.width / 2 and abs(own[2]) < hole.height / 2:
+            return False
+    return True
+
+
+def test_sheet_is_where_it_should_be(rng):
+    for x in points(rng, 2000):
+        assert (distance(4, x)[0] <= 0) == inside_sheet(x, 0.02, [ROUND, SQUARE])
+
+
+def test_walking_back_along_the_normal_meets_the_surface(rng):
+    for index in range(len(OBSTACLES)):
+        for x in points(rng):
+            far, normal, _ = distance(index, x)
+            if far > 0:
+                assert distance(index, x - far * normal)[0] == pytest.approx(0, abs=1e-12)
+
+
+def test_capsule_against_a_search(rng):
+    bar = OBSTACLES[2]
+    for x in points(rng, 20):
+        found = minimize(lambda t, x=x: np.linalg.norm(
+            x - bar.start - t[0] * (bar.end - bar.start)), [0.5], bounds=[(0, 1)], tol=1e-14)
+        assert distance(2, x)[0] == pytest.approx(found.fun - bar.radius, abs=1e-7)
+
+
+def test_a_sheet_with_thickness_is_a_stack_of_foils():
+    thin, thick = (build_scene([Sheet(POSE, 0.5, 0.6, t, ROUND)], 1e-3) for t in (2e-3, 1.0))
+    assert thin.kind.size == 2 and thick.kind.size == 5
+    assert set(thick.source) == {0}
+    ends = (thick.centre - POSE.position) @ POSE.direction
+    np.testing.assert_allclose(ends, [-0.5, -0.25, 0, 0.25, 0.5], atol=1e-12)
+    np.testing.assert_allclose(thick.hole_centre - thick.hole_centre[0], 0, atol=1e-12)
