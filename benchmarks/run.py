@@ -12,7 +12,14 @@ from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod  # noqa: E402
+from dlo_planner import (  # noqa: E402
+    Capsule,
+    CutOut,
+    DirectSimulator,
+    InverseSimulator,
+    Pose,
+    Rod,
+)
 
 ANGLES = [*range(0, 181, 10), *range(170, -1, -10)]
 
@@ -25,6 +32,11 @@ def wire(**more):
 def gripper(degrees):
     """Return the gripper of benchmark C, turned up by an angle."""
     return Pose((0, 0, 1), Rotation.from_euler('y', -degrees, degrees=True).as_quat())
+
+
+def level(height):
+    """Return a level gripper at a height."""
+    return Pose((0, 0, height), (0, 0, 0, 1))
 
 
 def median_time(function, repeats):
@@ -66,6 +78,18 @@ def rows():
             yield (f'accuracy {accuracy:g} m, cold solve of {name}',
                    median_time(lambda s=simulator: s.solve(gripper(0)), 20),
                    f'{len(shape.s) - 1} elements')
+    bar = Capsule((0.3, -0.5, 0.7), (0.3, 0.5, 0.7), 0.02)
+    touching = DirectSimulator(wire(), obstacles=[bar])
+    known = touching.track([level(0.95), level(0.8)])[-1]
+    yield ('chebyshev: contact step, gripper lowered by 10 mm onto a bar',
+           median_time(lambda: touching.solve(level(0.79), known), 100), '')
+    moving = DirectSimulator(wire())
+    yield ('chebyshev: dynamic step, gripper turning, of 50',
+           median_time(lambda: moving.simulate([gripper(k) for k in range(51)], 0.02), 5) / 50, '')
+    yielding = DirectSimulator(wire(yield_stress=60e6, section_model='round', hardening=0.01))
+    known = yielding.solve(gripper(10))
+    yield ('chebyshev: plastic step after 10 deg, 25 layers',
+           median_time(lambda: yielding.solve(gripper(20), known), 100), '')
     goal = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)))
     stiffer = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
     for basis in ('local', 'chebyshev'):
@@ -73,6 +97,10 @@ def rows():
         depths = np.linspace(0, 0.95, 100)
         yield (f'{basis}: threading, 100 waypoints',
                median_time(lambda i=inverse, d=depths: i.thread(goal, depths=d), 10), '')
+        second = CutOut(Pose.looking_along((0.3, 0.05, 0.95), (1, 0, 0)))
+        yield (f'{basis}: two cut-outs, 100 waypoints',
+               median_time(lambda i=inverse, d=depths, b=second: i.thread_two(goal, b, depths=d),
+                           5), '')
         few = depths[::10]
         yield (f'{basis}: threading, 10 waypoints, the paper\'s nested method',
                median_time(lambda i=inverse, d=few: i.thread(goal, depths=d, method='nested'), 3),

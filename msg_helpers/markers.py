@@ -30,25 +30,34 @@ def shape_markers(shape, radius, frame_id, stamp):
     return MarkerArray(markers=[tube, *_axes('gripper', shape.gripper, frame_id, stamp)])
 
 
-def plan_markers(cutout, grippers, frame_id, stamp):
-    """Return MarkerArray: the cut-out's rim and normal, and the gripper's way with its directions.
+def plan_markers(cutouts, grippers, frame_id, stamp):
+    """Return MarkerArray: the cut-outs' rims and normals, the gripper's way with its directions.
 
     Args:
-        cutout: CutOut; grippers: n Pose
+        cutouts: CutOuts; grippers: n Pose
         frame_id: of the world; stamp: builtin_interfaces/Time
     """
-    rim = _line('cutout', 0, frame_id, stamp, _THIN, _ORANGE)
-    rim.pose = pose_msg(cutout.pose)
-    rim.points = [point_msg(point) for point in _rim(cutout)]
-    normal = _arrow('cutout', 1, frame_id, stamp, _ORANGE)
-    normal.points = [point_msg(cutout.centre), point_msg(cutout.centre + _AXIS * cutout.normal)]
+    holes = []
+    for number, cutout in enumerate(cutouts):
+        rim = _line('cutout', 2 * number, frame_id, stamp, _THIN, _ORANGE)
+        rim.pose = pose_msg(cutout.pose)
+        rim.points = [point_msg(point) for point in _rim(cutout)]
+        normal = _arrow('cutout', 2 * number + 1, frame_id, stamp, _ORANGE)
+        normal.points = [point_msg(cutout.centre),
+                         point_msg(cutout.centre + _AXIS * cutout.normal)]
+        holes += [rim, normal]
+    if len(cutouts) == 1:  # the plan before may have had two
+        for number in (2, 3):
+            gone = _marker('cutout', number, frame_id, stamp, _ORANGE)
+            gone.action = Marker.DELETE
+            holes.append(gone)
     way = _line('trajectory', 0, frame_id, stamp, _THIN, _GREEN)
     way.points = [point_msg(pose.position) for pose in grippers]
     ticks = _line('trajectory', 1, frame_id, stamp, _THIN / 2, _GREEN)
     ticks.type = Marker.LINE_LIST
     ticks.points = [point_msg(end) for pose in grippers
                     for end in (pose.position, pose.position + _AXIS * pose.direction)]
-    return MarkerArray(markers=[rim, normal, way, ticks])
+    return MarkerArray(markers=[*holes, way, ticks])
 
 
 def _rim(cutout):

@@ -46,6 +46,27 @@ def pose_from_msg(msg):
     return Pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
 
+def poses_from_goals(msg, frame_id, name):
+    """Return the Poses of a nav_msgs/Goals that must be given in `frame_id`.
+
+    A goal's own header may be empty; then the outer one counts.
+
+    Args:
+        msg: Goals
+        frame_id: the only frame that is understood
+        name: how the sender knows the field, for the message
+
+    Raises:
+        InvalidTask: naming the field and its value
+    """
+    poses = []
+    for index, goal in enumerate(msg.goals):
+        given = goal.header.frame_id or msg.header.frame_id
+        stamped = PoseStamped(header=header(given), pose=goal.pose)
+        poses.append(pose_from_stamped(stamped, frame_id, f'{name}.goals[{index}]'))
+    return poses
+
+
 def pose_from_stamped(msg, frame_id, name):
     """Return the Pose of a geometry_msgs/PoseStamped that must be given in `frame_id`.
 

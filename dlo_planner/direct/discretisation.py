@@ -97,6 +97,11 @@ class Discretisation:
             force = history.hold.copy()
         return Hold(offset, target, np.array(far_end.slide), force, self._hold_spring)
 
+    @cached_property
+    def load(self):
+        """(3,) sum of the dead loads' `pull`, N."""
+        return self._system.pull.sum(axis=0)
+
     @property
     def static(self):
         """The System without gripper, past and far end."""

@@ -121,4 +121,4 @@ def _joined(gripper, back, on):
         contacts=tuple(contacts), violation=max(back.violation, on.violation),
         dissipated=back.dissipated + on.dissipated, parts=(back, on),
         _estimate=lambda: max(back.error_estimate, on.error_estimate), _discretisation=None,
-        _history=None)
+        _history=None, _before=None)

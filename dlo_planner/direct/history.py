@@ -46,6 +46,10 @@ class History:
         return replace(self, s=s, set=moved, positions=positions).without_contacts(
             self.node_force.shape[0])
 
+    def holding(self, later):
+        """Return the same past with the forces of contacts and grips of a `later` one."""
+        return replace(self, node_force=later.node_force, points=later.points, hold=later.hold)
+
     def without_contacts(self, obstacles):
         """Return the same past without forces of contact, for a number of obstacles."""
         return replace(self, points=no_points(), node_force=np.zeros((obstacles, self.s.size)))

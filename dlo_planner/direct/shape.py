@@ -69,7 +69,8 @@ class Shape:
     parts: tuple | None = None
     _estimate: Callable = field(default=lambda: np.nan, repr=False)
     _discretisation: object = field(default=None, repr=False)
-    _history: object = field(default=None, repr=False)
+    _history: object = field(default=None, repr=False)  # what it leaves to the next step
+    _before: object = field(default=None, repr=False)   # what the step began with
 
     @property
     def tangents(self):
@@ -104,7 +105,7 @@ class Shape:
             InvalidTask: s outside [0, L]
         """
         s = number('s', s, minimum=0, maximum=self.s[-1])
-        rotation, position = self._inside(s)
+        rotation, position = self.frame_at(s)
         return Pose.from_rotation(position, rotation)
 
     def positions_at(self, s):
@@ -114,9 +115,10 @@ class Shape:
             InvalidTask: one is outside [0, L]
         """
         s = [number('s', value, minimum=0, maximum=self.s[-1]) for value in np.ravel(s)]
-        return np.array([self._inside(value)[1] for value in s]).reshape(-1, 3)
+        return np.array([self.frame_at(value)[1] for value in s]).reshape(-1, 3)
 
-    def _inside(self, s):
+    def frame_at(self, s):
+        """Return axes (3, 3) and position (3,) at `s` in m within [0, L]: `at` for inner loops."""
         element = min(int(np.searchsorted(self.s, s, side='right')) - 1, self.s.size - 2)
         lengths = np.diff(self.s)
         rotation, position = np.empty((3, 3)), np.empty(3)
@@ -211,6 +213,6 @@ class Shape:
         displacement = np.asarray(displacement, dtype=float)
         if displacement.shape != (3,) or not np.isfinite(displacement).all():
             raise InvalidTask(f'displacement = {displacement!r}: expected 3 finite numbers')
-        gripper = Pose(self.gripper.position + displacement, self.gripper.quaternion)
+        gripper = Pose.from_rotation(self.gripper.position + displacement, self.gripper.rotation)
         return replace(self, gripper=gripper, positions=self.positions + displacement,
                        energy=self.energy + float(displacement @ self.gripper_wrench[:3]))

@@ -90,14 +90,17 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None):
     """
     state, residual, stability, iterations, _, system, violation = found
     history = history or discretisation.start
-    load = system.pull.sum(axis=0)
+    load = discretisation.load
     new_set, lost = history.set, 0.0
     if system.layers.share.size:
         new_set, lost = settled(system.lengths, state.strains, system.natural, system.stiffness,
                                 system.layers)
         # a damper among the layers has no set
         new_set = new_set[:, :history.set.shape[1]].copy()
-    stored = elastic_energy(discretisation, state.strains, new_set)
+    if system.natural is discretisation.natural and not system.layers.share.size:
+        stored = 0.5 * float(np.vdot(state.q, state.q))  # what the unknowns are scaled for
+    else:
+        stored = elastic_energy(discretisation, state.strains, new_set)
     energy = (stored + float(np.vdot(system.pull, state.positions))
               + float(load @ gripper.position))
     positions = state.positions + gripper.position
@@ -113,10 +116,10 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None):
                  stored, np.concatenate([state.base_force, state.base_moment]), float(residual),
                  float(stability), int(iterations), converged, contacts=touching,
                  violation=float(violation), far_end=far_end,
-                 far_wrench=_far_wrench(system, state), dissipated=past.lost,
+                 far_wrench=_NOTHING if far_end is None else _far_wrench(state), dissipated=past.lost,
                  _estimate=partial(_estimate, discretisation, gripper, state.strains,
                                    state.positions, history, far_end),
-                 _discretisation=discretisation, _history=past)
+                 _discretisation=discretisation, _history=past, _before=history)
 
 
 def elastic_energy(discretisation, strains, plastic_set):
@@ -131,7 +134,10 @@ def elastic_energy(discretisation, strains, plastic_set):
     return 0.5 * float(np.sum(lengths[:, :, None] * system.stiffness * share * away**2))
 
 
-def _far_wrench(system, state):
+_NOTHING = np.zeros(6)
+
+
+def _far_wrench(state):
     """Return force and moment (6,) on the DLO at its far end, about that end."""
     return -np.concatenate([state.attached.tip_force, state.attached.tip_moment])
 

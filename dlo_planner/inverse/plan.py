@@ -1,11 +1,13 @@
 """The answer of the inverse simulation: gripper poses, the shapes they make, and their proof."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.inverse.timing import times_at_speed
 from dlo_planner.model.pose import Pose
 
 
@@ -44,6 +46,25 @@ class Plan:
         return len(self.grippers)
 
     @property
+    def velocities(self):
+        """(n, 6) linear (m/s) and angular (rad/s) velocity of the gripper, world axes.
+
+        Of the straight way to the next waypoint at even speed; zero at the end.
+        """
+        velocities = np.zeros((len(self), 6))
+        for k, (one, other) in enumerate(zip(self.grippers, self.grippers[1:], strict=False)):
+            seconds = self.times[k + 1] - self.times[k]
+            if seconds > 0:
+                turn = Rotation.from_matrix(other.rotation @ one.rotation.T).as_rotvec()
+                velocities[k] = np.concatenate([other.position - one.position, turn]) / seconds
+        return velocities
+
+    @property
+    def bend_margin(self):
+        """(n,) `Shape.bend_margin` of each waypoint, 1/m."""
+        return np.array([shape.bend_margin for shape in self.shapes])
+
+    @property
     def residual(self):
         """(n,) `Shape.residual` of each waypoint."""
         return np.array([shape.residual for shape in self.shapes])
@@ -52,3 +73,41 @@ class Plan:
     def stability(self):
         """(n,) `Shape.stability` of each waypoint."""
         return np.array([shape.stability for shape in self.shapes])
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """A Shape in its place, and how well it passes a centre."""
+
+    shape: Shape
+    misalignment: float
+    miss: float
+
+    def also(self, centre, s):
+        """Return the same waypoint, its miss that of the worse of this and another centre."""
+        other = float(np.linalg.norm(self.shape.frame_at(s)[1] - centre))
+        return replace(self, miss=max(self.miss, other))
+
+
+def waypoint_of(shape, centre, s, normal):
+    """Return the Waypoint of a Shape carried so that it passes `centre` at `s`: section 5.2.
+
+    Args:
+        normal: (3,) along which it should pass; None: along any
+    """
+    placed = shape.moved(centre - shape.frame_at(s)[1])
+    axes, position = placed.frame_at(s)
+    angle = 0.0
+    if normal is not None:
+        angle = np.arctan2(np.linalg.norm(np.cross(axes[:, 0], normal)), axes[:, 0] @ normal)
+    return Waypoint(placed, float(angle), float(np.linalg.norm(position - centre)))
+
+
+def build_plan(waypoints, depths, speeds, status):
+    """Return the Plan of Waypoints at the first of the `depths`; speeds: m/s, rad/s."""
+    grippers = [waypoint.shape.gripper for waypoint in waypoints]
+    return Plan(np.array(depths[:len(waypoints)]), grippers,
+                [waypoint.shape for waypoint in waypoints],
+                np.array([waypoint.misalignment for waypoint in waypoints]),
+                np.array([waypoint.miss for waypoint in waypoints]),
+                times_at_speed(grippers, *speeds), len(waypoints) / len(depths), status)

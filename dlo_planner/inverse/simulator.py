@@ -5,6 +5,7 @@ import numpy as np
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.threading import thread
+from dlo_planner.inverse.two_cutouts import thread_two
 from dlo_planner.model.checks import choice, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
@@ -59,6 +60,35 @@ class InverseSimulator:
                   number('angular_speed', angular_speed, above=0))
         return thread(self.simulator, cutout, self._checked(depths), start,
                       choice('method', method, ('coupled', 'nested')), speeds, progress)
+
+    def thread_two(self, first, second, *, start=None, depths=None, linear_speed=0.1,
+                   angular_speed=0.5, progress=None):
+        """Plan the threading through two cut-outs, whose centres count (paper, section 5.2).
+
+        From where the free end reaches the second centre, both are hit at once; before, the first
+        one is passed along the direction that it then has, so the way is continuous.
+
+        Args:
+            first, second: CutOut, in the order in which they are passed
+            start, depths, linear_speed, angular_speed, progress: as for `thread`; depths count from
+                the first cut-out
+
+        Returns:
+            Plan; `miss` is the larger of both distances, `misalignment` is 0
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            Infeasible: a waypoint has no stable solution; carries the plan up to it
+        """
+        for name, cutout in (('first', first), ('second', second)):
+            if not isinstance(cutout, CutOut):
+                raise InvalidTask(f'{name} = {cutout!r}: expected a CutOut')
+        if start is not None and not isinstance(start, Pose):
+            raise InvalidTask(f'start = {start!r}: expected a Pose or None')
+        speeds = (number('linear_speed', linear_speed, above=0),
+                  number('angular_speed', angular_speed, above=0))
+        return thread_two(self.simulator, first, second, self._checked(depths), start, speeds,
+                          progress)
 
     def _checked(self, depths):
         length = self.simulator.rod.length

@@ -1,21 +1,19 @@
 """Threading through one cut-out: at every depth the DLO passes the centre along the normal."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.continuation import shape_change
-from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import TOLERANCE, equilibrium, shape_of
 from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.aligned import aligned_newton, free_axis
 from dlo_planner.inverse.marching import march_from_end
 from dlo_planner.inverse.nested import nested_alignment
-from dlo_planner.inverse.plan import Plan, PlanStatus
-from dlo_planner.inverse.timing import times_at_speed
+from dlo_planner.inverse.plan import PlanStatus, build_plan, waypoint_of
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.pose import Pose
 
@@ -53,13 +51,13 @@ def _thread_from(shape, reference, simulator, cutout, depths, method, speeds, pr
     """
     length = simulator.rod.length
     waypoints = []
-    align = {'coupled': _coupled, 'nested': _nested}[method]
+    align = {'coupled': aligned_shape, 'nested': _nested}[method]
     depth = 0.0
     for index, wanted in enumerate(depths):
 
         def refuse(constraint, amount, why, index=index, wanted=wanted):
             return Infeasible(f'waypoint {index} (depth {wanted:g} m): {why}', index, constraint,
-                              amount, _plan(waypoints, depths, speeds, PlanStatus.PARTIAL))
+                              amount, build_plan(waypoints, depths, speeds, PlanStatus.PARTIAL))
 
         shape, depth = _reach(simulator, shape, depth, wanted, align, cutout.normal, reference,
                               recoveries)
@@ -76,11 +74,11 @@ def _thread_from(shape, reference, simulator, cutout, depths, method, speeds, pr
         elif waypoints and _leaps(waypoints[-1].shape, shape):
             raise refuse('equilibrium', shape_change(waypoints[-1].shape, shape), 'the DLO would '
                          'have to leap into another shape; closer waypoints may help')
-        waypoints.append(_waypoint(shape, cutout, length - wanted))
+        waypoints.append(waypoint_of(shape, cutout.centre, length - wanted, cutout.normal))
         reference = shape.gripper.rotation
         if progress is not None:
             progress(index + 1, len(depths))
-    return _plan(waypoints, depths, speeds, PlanStatus.COMPLETE)
+    return build_plan(waypoints, depths, speeds, PlanStatus.COMPLETE)
 
 
 def _reach(simulator, shape, depth, wanted, align, normal, reference, recoveries):
@@ -90,7 +88,7 @@ def _reach(simulator, shape, depth, wanted, align, normal, reference, recoveries
     while True:
         target = min(wanted, depth + step)
         # Steps between waypoints are guesses only, so the quick method makes them all.
-        way = align if target == wanted else _coupled
+        way = align if target == wanted else aligned_shape
         found = way(simulator, shape, length - target, normal, reference)
         if found is not None:
             shape, depth = found, target
@@ -101,30 +99,6 @@ def _reach(simulator, shape, depth, wanted, align, normal, reference, recoveries
         else:
             found = _recovered(simulator, shape, length - wanted, normal, reference, recoveries)
             return (found, wanted) if found is not None else (None, depth)
-
-
-@dataclass(frozen=True)
-class _Waypoint:
-    shape: Shape
-    misalignment: float
-    miss: float
-
-
-def _waypoint(shape, cutout, s):
-    """Carry the shape so that it passes the centre at arc length `s`: paper, section 5.2."""
-    placed = shape.moved(cutout.centre - shape.at(s).position)
-    pierced = placed.at(s)
-    return _Waypoint(placed, _angle(pierced.direction, cutout.normal),
-                     float(np.linalg.norm(pierced.position - cutout.centre)))
-
-
-def _plan(waypoints, depths, speeds, status):
-    grippers = [waypoint.shape.gripper for waypoint in waypoints]
-    return Plan(np.array(depths[:len(waypoints)]), grippers,
-                [waypoint.shape for waypoint in waypoints],
-                np.array([waypoint.misalignment for waypoint in waypoints]),
-                np.array([waypoint.miss for waypoint in waypoints]),
-                times_at_speed(grippers, *speeds), len(waypoints) / len(depths), status)
 
 
 def _leaps(one, other):
@@ -211,11 +185,15 @@ def _shape_at(discretisation, strains, base):
     return shape_of(discretisation, gripper, (state, np.inf, -np.inf, 0, 0, system, 0.0))
 
 
-def _coupled(simulator, guess, s, normal, reference):
-    """Return the aligned Shape by `aligned_newton`, or None."""
+def aligned_shape(simulator, guess, s, normal, reference):
+    """Return the Shape whose tangent at `s` is `normal`, by `aligned_newton`; None if there is none.
+
+    Args:
+        guess: Shape; reference: (3, 3) gripper rotation since which it does not turn freely
+    """
     discretisation = guess._discretisation
     for _ in range(6):
-        shape = _coupled_on(discretisation, guess, s, normal, reference)
+        shape = _aligned_on(discretisation, guess, s, normal, reference)
         if shape is None:
             return None
         better = simulator.discretisation(shape.gripper, shape)
@@ -225,7 +203,7 @@ def _coupled(simulator, guess, s, normal, reference):
     return shape
 
 
-def _coupled_on(discretisation, guess, s, normal, reference):
+def _aligned_on(discretisation, guess, s, normal, reference):
     system = discretisation.system(guess.gripper.rotation)
     q = np.empty((discretisation.n_unknowns, 3))
     unknowns_of(system, discretisation.strains_from(guess.s, guess.element_strains), q)
@@ -259,7 +237,7 @@ def _recovered(simulator, shape, s, normal, reference, recoveries):
         fallen, _ = equilibrium(shape._discretisation, shape.gripper, shape.element_strains)
         if not fallen.converged:
             return None
-        found = _coupled(simulator, fallen, s, normal, reference)
+        found = aligned_shape(simulator, fallen, s, normal, reference)
         if found is not None and found.stability > -NEUTRAL:
             return found
         turn = _least_turn(fallen.at(s).direction, normal)

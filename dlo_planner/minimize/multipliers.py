@@ -134,9 +134,25 @@ def _judged(system, state, tolerance):
 
     Springs of finite stiffness k let a shape that is neutral look unstable by O(1 / k).
     """
-    hold = system.hold._replace(stiffness=_RIGID * system.hold.stiffness)
-    _, _, stability, _, mode = descend(system._replace(hold=hold), state.q, tolerance, 0, True)
+    _, _, stability, _, mode = descend(rigid(system, state), state.q, tolerance, 0, True)
     return stability, mode
+
+
+def rigid(system, state):
+    """Return the System with a far end's grip so stiff that it hardly gives, its forces the same.
+
+    The multipliers take over what the springs' misses of up to 1e-10 of the length would add.
+    """
+    hold = system.hold
+    if not hold.offset.shape[0]:
+        return system
+    stiffness = _RIGID * hold.stiffness
+    multiplier = hold.multiplier.copy()
+    away, arm = np.empty(3), np.empty(3)
+    for p in range(len(multiplier)):
+        miss(hold, p, state.rotations[-1], state.positions[-1], away, arm)
+        multiplier[p] -= stiffness * away
+    return system._replace(hold=hold._replace(stiffness=stiffness, multiplier=multiplier))
 
 
 def _stiffened(system, factor):

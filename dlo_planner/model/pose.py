@@ -8,6 +8,8 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import vector
 
+_UNIT = np.eye(3)
+_HARDLY = 1e-6  # off a rotation matrix
 WORLD_UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -73,8 +75,26 @@ class Pose:
 
     @classmethod
     def from_rotation(cls, position, rotation):
-        """Return the pose with the given origin (3,) and axes (3, 3)."""
-        return cls(position, Rotation.from_matrix(rotation).as_quat())
+        """Return the pose with the given origin (3,) and axes (3, 3), made orthonormal."""
+        rotation = np.asarray(rotation, dtype=float)
+        square = rotation.T @ rotation if rotation.shape == (3, 3) else np.full((3, 3), np.inf)
+        drift = square - _UNIT
+        if not np.abs(drift).max() < _HARDLY or _volume(rotation) < 0:
+            return cls(position, Rotation.from_matrix(rotation).as_quat())
+        # Nearly a rotation, as all are that the simulators make: one step of Newton's method for
+        # the nearest one, and the quaternion only when it is asked for.
+        pose = object.__new__(cls)
+        object.__setattr__(pose, 'position', vector('Pose.position', position, 3))
+        object.__setattr__(pose, 'rotation', rotation - 0.5 * rotation @ drift)
+        return pose
+
+    def __getattr__(self, name):
+        """Make the quaternion of a pose that came from axes."""
+        if name != 'quaternion' or 'rotation' not in self.__dict__:
+            raise AttributeError(name)
+        quaternion = Rotation.from_matrix(self.rotation).as_quat()
+        object.__setattr__(self, 'quaternion', quaternion)
+        return quaternion
 
     @classmethod
     def from_matrix(cls, matrix):
@@ -125,3 +145,9 @@ class Pose:
     def inverse(self):
         """Return the pose of the world in this frame."""
         return Pose.from_rotation(-self.rotation.T @ self.position, self.rotation.T)
+
+
+def _volume(m):
+    """Return the determinant of a 3 x 3 matrix."""
+    (a, b, c), (d, e, f), (g, h, i) = m.tolist()
+    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)

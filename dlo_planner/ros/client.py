@@ -8,7 +8,7 @@ from time import monotonic
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Path
+from nav_msgs.msg import Goals, Path
 from nav_msgs.srv import GetPlan
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -18,7 +18,7 @@ from rclpy.qos import qos_profile_sensor_data
 from std_srvs.srv import Trigger
 
 from dlo_planner.ros.planner_node import LATCHED, REQUEST
-from msg_helpers.poses import pose_stamped_msg
+from msg_helpers.poses import header, pose_stamped_msg
 
 
 class PlannerClient:
@@ -45,6 +45,7 @@ class PlannerClient:
         self._pose_out = self.node.create_publisher(PoseStamped, f'{planner}/gripper_pose',
                                                     qos_profile_sensor_data)
         self._goal_out = self.node.create_publisher(PoseStamped, f'{planner}/task_goal', REQUEST)
+        self._goals_out = self.node.create_publisher(Goals, f'{planner}/task_goals', REQUEST)
         self._clients = {}
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
@@ -70,7 +71,8 @@ class PlannerClient:
             # that is sent before that is lost.
             if (self._client(GetPlan, 'plan_threading').wait_for_service(0.1)
                     and self._pose_out.get_subscription_count()
-                    and self._goal_out.get_subscription_count()):
+                    and self._goal_out.get_subscription_count()
+                    and self._goals_out.get_subscription_count()):
                 return True
         return False
 
@@ -123,6 +125,18 @@ class PlannerClient:
                                   goal=pose_stamped_msg(goal, self.frame_id))
         response, seconds = self._call(GetPlan, 'plan_threading', request)
         return response.plan, seconds
+
+    def plan_two_cutouts(self, first, second):
+        """Return the Path that the service plan_two_cutouts answers, and the s it took."""
+        request = GetPlan.Request(start=pose_stamped_msg(first, self.frame_id),
+                                  goal=pose_stamped_msg(second, self.frame_id))
+        response, seconds = self._call(GetPlan, 'plan_two_cutouts', request)
+        return response.plan, seconds
+
+    def send_goals(self, poses):
+        """Publish Poses as cut-outs, in the order in which they are passed."""
+        self._goals_out.publish(Goals(header=header(self.frame_id), goals=[
+            pose_stamped_msg(pose, self.frame_id) for pose in poses]))
 
     def trigger(self, name):
         """Return the std_srvs/Trigger response of the node's service `name`."""

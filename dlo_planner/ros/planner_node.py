@@ -9,7 +9,7 @@ import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Path
+from nav_msgs.msg import Goals, Path
 from nav_msgs.srv import GetPlan
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -29,7 +29,7 @@ from dlo_planner.ros.parameters import ENTRIES, build_scene, declare
 from msg_helpers.diagnostics import diagnostics_msg
 from msg_helpers.markers import plan_markers, shape_markers
 from msg_helpers.paths import plan_path, shape_path
-from msg_helpers.poses import pose_from_stamped
+from msg_helpers.poses import pose_from_stamped, poses_from_goals
 
 # Sensor data, but one deep: a pose that was overtaken by a newer one is of no use to anybody.
 LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -37,6 +37,7 @@ REQUEST = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _QUIET = 1.0  # s between warnings about the same thing
+_MOST_GOALS = 2
 _THREADS = 4  # one for each callback group below
 
 
@@ -55,7 +56,7 @@ class PlannerNode(Node):
         self._health = Health()
         self._warned = {}
         self._latest = None   # (scene, Shape) of the last pose
-        self._goal = None     # CutOut of the last goal
+        self._goal = None     # CutOuts of the last goal, one or two
         self._drawn = {}      # name -> markers of the last shape, of the last plan
         self.add_on_set_parameters_callback(self._judge_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
@@ -69,7 +70,11 @@ class PlannerNode(Node):
                                  callback_group=live)
         self.create_subscription(PoseStamped, '~/task_goal', self._on_goal, REQUEST,
                                  callback_group=planning)
+        self.create_subscription(Goals, '~/task_goals', self._on_goals, REQUEST,
+                                 callback_group=planning)
         self.create_service(GetPlan, '~/plan_threading', self._on_plan_threading,
+                            callback_group=planning)
+        self.create_service(GetPlan, '~/plan_two_cutouts', self._on_plan_two_cutouts,
                             callback_group=planning)
         self.create_service(Trigger, '~/replan', self._on_replan, callback_group=planning)
         self.create_service(GetPlan, '~/predict_shape', self._on_predict_shape,
@@ -148,14 +153,30 @@ class PlannerNode(Node):
         with self._answering('task_goal', 'plans refused'):
             scene = self._scene
             goal = CutOut(pose_from_stamped(msg, scene.frame_id, 'task_goal'))
-            self._plan(scene, goal, self._gripper_now())
+            self._plan(scene, [goal], self._gripper_now())
+
+    def _on_goals(self, msg):
+        with self._answering('task_goals', 'plans refused'):
+            scene = self._scene
+            goals = [CutOut(pose) for pose in poses_from_goals(msg, scene.frame_id, 'task_goals')]
+            if not 1 <= len(goals) <= _MOST_GOALS:
+                raise InvalidTask(f'task_goals.goals has {len(goals)} poses: expected one or two')
+            self._plan(scene, goals, self._gripper_now())
 
     def _on_plan_threading(self, request, response):
         with self._answering('plan_threading', 'plans refused'):
             scene = self._scene
             start = self._gripper(scene, request.start, 'plan_threading.start')
             goal = CutOut(pose_from_stamped(request.goal, scene.frame_id, 'plan_threading.goal'))
-            response.plan = self._plan(scene, goal, start)
+            response.plan = self._plan(scene, [goal], start)
+        return response
+
+    def _on_plan_two_cutouts(self, request, response):
+        with self._answering('plan_two_cutouts', 'plans refused'):
+            scene = self._scene
+            goals = [CutOut(pose_from_stamped(msg, scene.frame_id, f'plan_two_cutouts.{name}'))
+                     for name, msg in (('start', request.start), ('goal', request.goal))]
+            response.plan = self._plan(scene, goals, self._gripper_now())
         return response
 
     def _on_replan(self, _, response):
@@ -169,21 +190,25 @@ class PlannerNode(Node):
             response.message = f'{len(path.poses)} gripper poses'
         return response
 
-    def _plan(self, scene, cutout, start):
-        """Plan, publish and return the trajectory of the tool frame as a Path."""
-        self._goal = cutout
+    def _plan(self, scene, cutouts, start):
+        """Plan, publish and return the trajectory of the tool frame as a Path.
+
+        Args:
+            cutouts: one or two CutOuts
+        """
+        self._goal = cutouts
         started = monotonic()
         depths = np.linspace(0.0, scene.deepest * scene.direct.rod.length, scene.waypoints)
-        plan = scene.inverse.thread(cutout, start=start, depths=depths,
-                                    linear_speed=scene.linear_speed,
-                                    angular_speed=scene.angular_speed)
+        thread = scene.inverse.thread if len(cutouts) == 1 else scene.inverse.thread_two
+        plan = thread(*cutouts, start=start, depths=depths, linear_speed=scene.linear_speed,
+                      angular_speed=scene.angular_speed)
         seconds = monotonic() - started
         stamp = self.get_clock().now().to_msg()
         back = scene.tool.inverse()
         path = plan_path([pose.compose(back) for pose in plan.grippers], plan.times,
                          scene.frame_id, stamp)
         self._plan_out.publish(path)
-        self._draw('plan', plan_markers(cutout, plan.grippers, scene.frame_id, stamp))
+        self._draw('plan', plan_markers(cutouts, plan.grippers, scene.frame_id, stamp))
         self._health.plan_done(plan, seconds)
         self.get_logger().info(f'planned {len(plan)} gripper poses in {1e3 * seconds:.0f} ms, '
                                f'largest miss {plan.miss.max():.1e} m, '

@@ -1,14 +1,22 @@
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
+from nav_msgs.msg import Goals
 from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
 from dlo_planner import CutOut, DirectSimulator, InvalidTask, Pose, Rod
 from msg_helpers.diagnostics import WARN, diagnostics_msg
 from msg_helpers.markers import plan_markers, shape_markers
 from msg_helpers.paths import later, plan_path, poses_from_path, shape_path, times_from_path
-from msg_helpers.poses import pose_from_msg, pose_from_stamped, pose_msg, pose_stamped_msg
+from msg_helpers.poses import (
+    pose_from_msg,
+    pose_from_stamped,
+    pose_msg,
+    pose_stamped_msg,
+    poses_from_goals,
+)
 
 POSE = Pose((1.0, -2.0, 3.5), (0.1, -0.2, 0.3, 0.9))
 STAMP = Time(sec=7, nanosec=999_999_999)
@@ -68,13 +76,30 @@ def test_markers_are_complete(shape, cutout):
     # the sharpest bend, at the gripper, is red, the free end blue
     assert tube.colors[0].r == pytest.approx(1.0)
     assert tube.colors[-1].b > 0.9
-    markers = over_the_wire(plan_markers(cutout, [POSE, POSE], 'world', STAMP)).markers
+    markers = over_the_wire(plan_markers([cutout], [POSE, POSE], 'world', STAMP)).markers
     rim = np.array([(p.x, p.y, p.z) for p in markers[0].points])
     np.testing.assert_allclose(rim[0], rim[-1], atol=1e-15)
     sizes = (cutout.radius, cutout.radius) if cutout.radius else (
         (0.01, 0.005) if cutout.width else (0.02, 0.02))
     np.testing.assert_allclose(np.abs(rim).max(axis=0), (0, *sizes), atol=1e-12)
     assert all(np.isfinite(marker.pose.position.x) for marker in markers)
+
+
+def test_markers_of_two_cutouts():
+    holes = [CutOut(POSE, radius=0.01), CutOut(Pose.identity(), radius=0.03)]
+    markers = over_the_wire(plan_markers(holes, [POSE], 'world', STAMP)).markers
+    assert len({(marker.ns, marker.id) for marker in markers}) == len(markers) == 6
+    assert markers[2].points[0].y == pytest.approx(0.03)
+
+
+def test_goals():
+    inner = pose_stamped_msg(POSE, '')
+    goals = Goals(header=Header(frame_id='world'), goals=[inner, pose_stamped_msg(POSE, 'world')])
+    for pose in poses_from_goals(over_the_wire(goals), 'world', 'goals'):
+        np.testing.assert_allclose(pose.matrix, POSE.matrix)
+    goals.goals[1].header.frame_id = 'map'
+    with pytest.raises(InvalidTask, match=r'goals\[1\].header.frame_id'):
+        poses_from_goals(goals, 'world', 'goals')
 
 
 def test_diagnostics():

@@ -248,3 +248,25 @@ def test_tool_frame_is_taken_off_and_put_on(client):
 def test_reset_forgets_the_shape(client):
     assert client.trigger('reset').success
     assert len(client.shape_for(GRIPPER)[0].poses) == 65
+
+
+def test_two_cutouts_by_service_and_by_topic(client):
+    second = Pose.looking_along((0.25, 0.05, 0.97), (1.0, 0.0, 0.0))
+    drain(client.trajectories)
+    path, _ = client.plan_two_cutouts(GOAL, second)
+    grippers = poses_from_path(path)
+    direct = DirectSimulator(WIRE)
+    for gripper in (grippers[0], grippers[-1]):
+        shape = direct.solve(gripper)
+        nearest = np.linalg.norm(shape.positions - GOAL.position, axis=1).min()
+        assert nearest < 1 / 64
+    assert newest(client.trajectories) == path
+    client.send_goals([GOAL, second])
+    assert len(client.trajectories.get(timeout=10).poses) == 25
+    client.send_goals([GOAL])
+    single = poses_from_path(client.trajectories.get(timeout=10))
+    assert np.linalg.norm(single[5].position - grippers[5].position) > 1e-4
+    client.send_goals([GOAL] * 3)  # refused: nothing comes, and the node lives on
+    with pytest.raises(queue.Empty):
+        client.trajectories.get(timeout=1.0)
+    assert len(client.predict_shape(GRIPPER)[0].poses) == 65

@@ -1,0 +1,198 @@
+"""Threading through two cut-outs: their centres without orientation (paper, section 5.2, Fig. 14).
+
+Until the free end reaches the second cut-out, the DLO passes the first one along one direction;
+from then on it passes both centres at once. The direction is the one it has at the moment of the
+change, so that the gripper's way is continuous. As gravity does not notice where the gripper is,
+its rotation and one arc length are solved for, x(s2) - x(s1) = P2 - P1, and it is displaced after.
+"""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.direct.continuation import shape_change
+from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.inverse.aligned import free_axis
+from dlo_planner.inverse.plan import PlanStatus, build_plan, waypoint_of
+from dlo_planner.inverse.threading import aligned_shape, thread
+from dlo_planner.minimize.newton import NEUTRAL
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose
+
+_ITERATIONS = 30
+_EXACT = 1e-10          # of the length
+_LARGEST_TURN = 0.3     # rad per step
+_LONGEST_STEP = 1 / 20  # of the length: depth steps of the continuation
+_SHORTEST_STEP = 1 / 2000
+_LEAP = 1.0             # rad: a change of shape between waypoints that is no continuation
+_GUESSES = 9
+
+
+def thread_two(simulator, first, second, depths, start, speeds, progress):
+    """Return the Plan; see `InverseSimulator.thread_two` for what the arguments mean."""
+    way = second.centre - first.centre
+    length, apart = simulator.rod.length, float(np.linalg.norm(way))
+    if apart < 1e-6 * length:
+        raise InvalidTask('second: expected another centre than the first cut-out\'s')
+    shape, reached = _change_over(simulator, first, way, apart, start)
+    if shape is None:
+        raise Infeasible(f'no stable shape passes both centres, {apart:g} m apart, as the free end '
+                         'reaches the second one', int(np.searchsorted(depths, apart)), 'reach',
+                         reached, build_plan([], depths, speeds, PlanStatus.PARTIAL))
+    direction = shape.at(length - reached).direction
+    before = [depth for depth in depths if depth < reached]
+    found = [None] * len(depths)
+    current, at = shape, reached
+    for index in reversed(range(len(before))):
+        current, at = _follow(current, at, depths[index], _one(simulator, direction), length)
+        found[index] = (current, length - depths[index], None)
+        if not _good(current):
+            break
+    current, at, s2 = shape, reached, length
+    for index in range(len(before), len(depths)):
+        step = _both(simulator, way, [s2])
+        current, at = _follow(current, at, depths[index], step, length)
+        s2 = step.s2[0]
+        found[index] = (current, length - depths[index], s2)
+        if not _good(current):
+            break
+    return _judged(found, first, second, depths, speeds, progress)
+
+
+def _judged(found, first, second, depths, speeds, progress):
+    """Return the Plan of all waypoints, or raise Infeasible at the first that is not to be had."""
+    waypoints = []
+    bad = [index for index, one in enumerate(found) if one is None or not _good(one[0])]
+    for index, one in enumerate(found):
+        if index in bad:
+            break
+        current, s1, s2 = one
+        waypoint = waypoint_of(current, first.centre, s1, None)
+        if s2 is not None:
+            waypoint = waypoint.also(second.centre, s2)
+        if waypoints and shape_change(waypoints[-1].shape, waypoint.shape) > _LEAP:
+            bad = [index]
+            break
+        waypoints.append(waypoint)
+        if progress is not None:
+            progress(index + 1, len(depths))
+    if not bad:
+        return build_plan(waypoints, depths, speeds, PlanStatus.COMPLETE)
+    index = len(waypoints)
+    shape = found[index][0] if found[index] is not None else None
+    constraint, amount = 'equilibrium', depths[index]
+    why = 'no equilibrium passes the centres'
+    if shape is not None and shape.converged:
+        constraint, amount, why = 'equilibrium', 0.0, 'the DLO would have to leap'
+    elif shape is not None and shape.stability < -NEUTRAL:
+        constraint, amount = 'stability', -shape.stability
+        why = f'the DLO would not stay there; stability {shape.stability:.3g} < 0'
+    raise Infeasible(f'waypoint {index} (depth {depths[index]:g} m): {why}', index, constraint,
+                     amount, build_plan(waypoints, depths, speeds, PlanStatus.PARTIAL))
+
+
+def _good(shape):
+    return shape is not None and shape.converged
+
+
+def _change_over(simulator, first, way, apart, start):
+    """Return the Shape whose free end is at the second centre, and its depth in the first."""
+    length = simulator.rod.length
+    along = CutOut(Pose.looking_along(first.centre, way))
+    for share in np.linspace(1.0, 1.4, _GUESSES):
+        depth = share * apart
+        if depth >= length:
+            break
+        try:
+            plan = thread(simulator, along, np.linspace(0, depth, 6), start, 'coupled', (1.0, 1.0),
+                          None)
+        except Infeasible:
+            continue
+        guess = plan.shapes[-1]
+        found = _two_points(simulator, guess, way, length - depth, length, 'first')
+        if found is not None and found[0].converged:
+            return found[0], length - found[1]
+    return None, apart
+
+
+def _follow(shape, depth, wanted, solve, length):
+    """Continue from one depth to another in short steps; return the last Shape and depth."""
+    step = _LONGEST_STEP * length
+    while depth != wanted:
+        target = depth + np.clip(wanted - depth, -step, step)
+        found = solve(shape, length - target)
+        if found is not None and shape_change(shape, found) < _LEAP:
+            shape, depth = found, target
+        elif step > _SHORTEST_STEP * length:
+            step /= 2
+        else:
+            return found, depth
+    return shape, depth
+
+
+def _one(simulator, direction):
+    """Return a function (shape, s1) -> Shape with its tangent at s1 along `direction`, or None."""
+    def solve(shape, s1):
+        return aligned_shape(simulator, shape, s1, direction, shape.gripper.rotation)
+    return solve
+
+
+def _both(simulator, way, s2):
+    """Return a function (shape, s1) -> Shape through both centres; its list s2 has the other s."""
+    def solve(shape, s1):
+        found = _two_points(simulator, shape, way, s1, solve.s2[0], 'second')
+        if found is None:
+            return None
+        solve.s2[0] = found[2]
+        return found[0]
+    solve.s2 = s2
+    return solve
+
+
+def _two_points(simulator, shape, way, s1, s2, free):
+    """Find the gripper's rotation and an arc length such that x(s2) - x(s1) = `way`.
+
+    Newton's method with the sensitivities of the equilibrium. The rotation that is left free, about
+    the line between the points, is not made.
+
+    Args:
+        free: 'first' or 'second': which of s1 and s2 is sought
+
+    Returns:
+        Shape, s1, s2; None if there is none
+    """
+    reference = shape.gripper.rotation
+    length = shape.s[-1]
+    axis = free_axis(reference, way / np.linalg.norm(way))
+    turned = np.zeros(3)
+    for _ in range(_ITERATIONS):
+        (one, begin), (other, end) = shape.frame_at(s1), shape.frame_at(s2)
+        miss = end - begin - way
+        if np.linalg.norm(miss) < _EXACT * length and abs(axis @ turned) < 1e-9:
+            return shape, s1, s2
+        answer = Sensitivity(shape)
+        rows = np.zeros((4, 4))
+        rows[:3, :3] = answer.at(s2)[3:, :3] - answer.at(s1)[3:, :3]
+        rows[:3, 3] = -one[:, 0] if free == 'first' else other[:, 0]
+        rows[3, :3] = axis
+        try:
+            step = np.linalg.solve(rows, np.append(-miss, -axis @ turned))
+        except np.linalg.LinAlgError:
+            return None
+        step *= min(1.0, _LARGEST_TURN / max(np.linalg.norm(step[:3]), 1e-300),
+                    0.1 * length / max(abs(step[3]), 1e-300))
+        turn = Rotation.from_rotvec(step[:3])
+        turned = (turn * Rotation.from_rotvec(turned)).as_rotvec()
+        if free == 'first':
+            s1 = s1 + step[3]
+        else:
+            s2 = s2 + step[3]
+        if not (0 <= s1 < s2 <= length * (1 + 1e-12)):
+            return None
+        s2 = min(s2, length)
+        gripper = Pose.from_rotation(shape.gripper.position,
+                                     turn.as_matrix() @ shape.gripper.rotation)
+        shape = simulator.solve(gripper, shape)
+        if not shape.converged:
+            return None
+    return None
