@@ -13,8 +13,17 @@ from dlo_planner.errors import (
     NotConverged,
 )
 from dlo_planner.inverse.fitting import Fit, Observation, fit_rod
+from dlo_planner.inverse.penalties import (
+    DirectionAt,
+    Found,
+    GripperNear,
+    PositionAt,
+    minimise_penalty,
+)
 from dlo_planner.inverse.plan import Plan, PlanStatus
+from dlo_planner.inverse.replay import Report, replay
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.trajectory import Limits, Trajectory
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.obstacles import Box, Capsule, Plane, Sheet, Sphere
@@ -22,7 +31,9 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.section import Section
 
-__all__ = ['Box', 'Capsule', 'Contact', 'CutOut', 'DirectSimulator', 'DloPlannerError', 'FarEnd',
-           'Fit', 'GraspedInside', 'Infeasible', 'InvalidRod', 'InvalidTask', 'InverseSimulator',
-           'Motion', 'NotConverged', 'Observation', 'Plan', 'PlanStatus', 'Plane', 'Pose', 'Rod',
-           'Section', 'Shape', 'Sheet', 'Sphere', 'fit_rod']
+__all__ = ['Box', 'Capsule', 'Contact', 'CutOut', 'DirectSimulator', 'DirectionAt',
+           'DloPlannerError', 'FarEnd', 'Fit', 'Found', 'GraspedInside', 'GripperNear',
+           'Infeasible', 'InvalidRod', 'InvalidTask', 'InverseSimulator', 'Limits', 'Motion',
+           'NotConverged', 'Observation', 'Plan', 'PlanStatus', 'Plane', 'Pose', 'PositionAt',
+           'Report', 'Rod', 'Section', 'Shape', 'Sheet', 'Sphere', 'Trajectory', 'fit_rod',
+           'minimise_penalty', 'replay']

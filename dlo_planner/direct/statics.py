@@ -116,7 +116,8 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None):
                  stored, np.concatenate([state.base_force, state.base_moment]), float(residual),
                  float(stability), int(iterations), converged, contacts=touching,
                  violation=float(violation), far_end=far_end,
-                 far_wrench=_NOTHING if far_end is None else _far_wrench(state), dissipated=past.lost,
+                 far_wrench=_NOTHING if far_end is None else _far_wrench(state),
+                 dissipated=past.lost,
                  _estimate=partial(_estimate, discretisation, gripper, state.strains,
                                    state.positions, history, far_end),
                  _discretisation=discretisation, _history=past, _before=history)

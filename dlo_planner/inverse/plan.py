@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.inverse.clearance import clearance
 from dlo_planner.inverse.timing import times_at_speed
 from dlo_planner.model.pose import Pose
 
@@ -29,6 +30,9 @@ class Plan:
         misalignment: (n,) angle between DLO and normal at the cut-out, rad
         miss: (n,) distance of the DLO from the cut-out's centre, m
         times: (n,) seconds from the first waypoint, see `timing`
+        passes: n tuples of (centre (3,), s, normal (3,) or None): which arc length should be where
+        clearance: (n,) distance between the DLO's surface and the sheet around a cut-out that has a
+            size, m; infinite without
         fraction: part of the requested waypoints that is reached, 1 for a complete plan
         status: PlanStatus
     """
@@ -39,6 +43,8 @@ class Plan:
     misalignment: np.ndarray
     miss: np.ndarray
     times: np.ndarray
+    passes: list[tuple]
+    clearance: np.ndarray
     fraction: float
     status: PlanStatus
 
@@ -82,11 +88,19 @@ class Waypoint:
     shape: Shape
     misalignment: float
     miss: float
+    passes: tuple
+    clearance: float = np.inf
 
     def also(self, centre, s):
         """Return the same waypoint, its miss that of the worse of this and another centre."""
         other = float(np.linalg.norm(self.shape.frame_at(s)[1] - centre))
-        return replace(self, miss=max(self.miss, other))
+        return replace(self, miss=max(self.miss, other),
+                       passes=(*self.passes, (centre, s, None)))
+
+    def beside(self, sheets, radius):
+        """Return the same waypoint with its clearance from Sheets (None are left out), m."""
+        sheets = [sheet for sheet in sheets if sheet is not None]
+        return replace(self, clearance=clearance(sheets, radius, self.shape)) if sheets else self
 
 
 def waypoint_of(shape, centre, s, normal):
@@ -100,7 +114,8 @@ def waypoint_of(shape, centre, s, normal):
     angle = 0.0
     if normal is not None:
         angle = np.arctan2(np.linalg.norm(np.cross(axes[:, 0], normal)), axes[:, 0] @ normal)
-    return Waypoint(placed, float(angle), float(np.linalg.norm(position - centre)))
+    return Waypoint(placed, float(angle), float(np.linalg.norm(position - centre)),
+                    ((centre, s, normal),))
 
 
 def build_plan(waypoints, depths, speeds, status):
@@ -110,4 +125,7 @@ def build_plan(waypoints, depths, speeds, status):
                 [waypoint.shape for waypoint in waypoints],
                 np.array([waypoint.misalignment for waypoint in waypoints]),
                 np.array([waypoint.miss for waypoint in waypoints]),
-                times_at_speed(grippers, *speeds), len(waypoints) / len(depths), status)
+                times_at_speed(grippers, *speeds),
+                [waypoint.passes for waypoint in waypoints],
+                np.array([waypoint.clearance for waypoint in waypoints]),
+                len(waypoints) / len(depths), status)

@@ -11,6 +11,7 @@ from dlo_planner.direct.statics import TOLERANCE, equilibrium, shape_of
 from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.aligned import aligned_newton, free_axis
+from dlo_planner.inverse.clearance import sheet_of
 from dlo_planner.inverse.marching import march_from_end
 from dlo_planner.inverse.nested import nested_alignment
 from dlo_planner.inverse.plan import PlanStatus, build_plan, waypoint_of
@@ -51,6 +52,7 @@ def _thread_from(shape, reference, simulator, cutout, depths, method, speeds, pr
     """
     length = simulator.rod.length
     waypoints = []
+    sheet, radius = sheet_of(cutout, length), simulator.rod.radius or 0.0
     align = {'coupled': aligned_shape, 'nested': _nested}[method]
     depth = 0.0
     for index, wanted in enumerate(depths):
@@ -74,7 +76,8 @@ def _thread_from(shape, reference, simulator, cutout, depths, method, speeds, pr
         elif waypoints and _leaps(waypoints[-1].shape, shape):
             raise refuse('equilibrium', shape_change(waypoints[-1].shape, shape), 'the DLO would '
                          'have to leap into another shape; closer waypoints may help')
-        waypoints.append(waypoint_of(shape, cutout.centre, length - wanted, cutout.normal))
+        waypoints.append(waypoint_of(shape, cutout.centre, length - wanted,
+                                     cutout.normal).beside([sheet], radius))
         reference = shape.gripper.rotation
         if progress is not None:
             progress(index + 1, len(depths))
@@ -186,7 +189,7 @@ def _shape_at(discretisation, strains, base):
 
 
 def aligned_shape(simulator, guess, s, normal, reference):
-    """Return the Shape whose tangent at `s` is `normal`, by `aligned_newton`; None if there is none.
+    """Return the Shape whose tangent at `s` is `normal`, by `aligned_newton`, or None.
 
     Args:
         guess: Shape; reference: (3, 3) gripper rotation since which it does not turn freely

@@ -13,6 +13,7 @@ from dlo_planner.direct.continuation import shape_change
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.aligned import free_axis
+from dlo_planner.inverse.clearance import sheet_of
 from dlo_planner.inverse.plan import PlanStatus, build_plan, waypoint_of
 from dlo_planner.inverse.threading import aligned_shape, thread
 from dlo_planner.minimize.newton import NEUTRAL
@@ -56,12 +57,14 @@ def thread_two(simulator, first, second, depths, start, speeds, progress):
         found[index] = (current, length - depths[index], s2)
         if not _good(current):
             break
-    return _judged(found, first, second, depths, speeds, progress)
+    return _judged(simulator, found, first, second, depths, speeds, progress)
 
 
-def _judged(found, first, second, depths, speeds, progress):
+def _judged(simulator, found, first, second, depths, speeds, progress):
     """Return the Plan of all waypoints, or raise Infeasible at the first that is not to be had."""
     waypoints = []
+    length, radius = simulator.rod.length, simulator.rod.radius or 0.0
+    sheets = [sheet_of(first, length), sheet_of(second, length)]
     bad = [index for index, one in enumerate(found) if one is None or not _good(one[0])]
     for index, one in enumerate(found):
         if index in bad:
@@ -70,6 +73,7 @@ def _judged(found, first, second, depths, speeds, progress):
         waypoint = waypoint_of(current, first.centre, s1, None)
         if s2 is not None:
             waypoint = waypoint.also(second.centre, s2)
+        waypoint = waypoint.beside(sheets, radius)
         if waypoints and shape_change(waypoints[-1].shape, waypoint.shape) > _LEAP:
             bad = [index]
             break

@@ -1,0 +1,130 @@
+"""Proof with a plan: it is run through the direct simulator, slowly and at its own pace."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlo_planner.inverse.clearance import clearance
+from dlo_planner.inverse.trajectory import Trajectory
+from dlo_planner.model.checks import number
+
+_STEP = 0.02      # s, of a dynamic replay at most
+_STEPS = 150      # at least
+_TRIES = 4        # doublings of the pace, and refinements of it
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """What the direct simulator says of a plan; worst values over all waypoints.
+
+    Attributes:
+        converged: every pose has an equilibrium that continues the one before
+        miss: distance of the DLO from a centre that it should pass, m
+        misalignment: angle against a normal along which it should pass, rad
+        residual, stability, bend_margin: of the shapes
+        contact_force: largest force of one contact, N
+        clearance: m, to the cut-outs and obstacles given; infinite without
+        dynamic_miss: distance from the centres in motion, m (nan if not asked for)
+        duration: of that motion, s
+        fastest: shortest duration found whose dynamic miss stays within the tolerance, s (nan if
+            not asked for, infinite if there is none within 16 times the duration)
+    """
+
+    converged: bool
+    miss: float
+    misalignment: float
+    residual: float
+    stability: float
+    bend_margin: float
+    contact_force: float
+    clearance: float
+    dynamic_miss: float = np.nan
+    duration: float = np.nan
+    fastest: float = np.nan
+
+
+def replay(simulator, plan, *, obstacles=(), limits=None, tolerance=None):
+    """Return the Report of a Plan.
+
+    Args:
+        simulator: DirectSimulator, the planner's own or a better one
+        plan: Plan
+        obstacles: whose clearance is wanted besides the cut-outs' with a size
+        limits: Limits; the plan is run dynamically at the pace that they allow (None: it is not)
+        tolerance: m; with it, the fastest pace that keeps the dynamic miss within is sought
+    """
+    shapes = simulator.track(plan.grippers)
+    misses, angles = [0.0], [0.0]
+    for shape, passes in zip(shapes, plan.passes, strict=True):
+        for centre, s, normal in passes:
+            axes, position = shape.frame_at(s)
+            misses.append(np.linalg.norm(position - centre))
+            if normal is not None:
+                angles.append(np.arctan2(np.linalg.norm(np.cross(axes[:, 0], normal)),
+                                         axes[:, 0] @ normal))
+    room = np.inf
+    if len(obstacles):
+        room = min(clearance(obstacles, simulator.rod.radius or 0.0, shape) for shape in shapes)
+    figures = {
+        'converged': all(shape.converged and not shape.jumped for shape in shapes),
+        'miss': float(max(misses)), 'misalignment': float(max(angles)),
+        'residual': max(shape.residual for shape in shapes),
+        'stability': min(shape.stability for shape in shapes),
+        'bend_margin': min(shape.bend_margin for shape in shapes),
+        'contact_force': max((contact.force for shape in shapes for contact in shape.contacts),
+                             default=0.0),
+        'clearance': float(min(room, plan.clearance.min())) if len(plan) else np.inf}
+    if limits is not None:
+        way = Trajectory(plan, limits)
+        figures['duration'] = float(way.duration)
+        figures['dynamic_miss'] = _dynamic_miss(simulator, plan, way, 1.0)
+        if tolerance is not None:
+            number('tolerance', tolerance, above=0)
+            figures['fastest'] = float(way.duration * _fastest(
+                lambda scale: _dynamic_miss(simulator, plan, way, scale) <= tolerance))
+    return Report(**figures)
+
+
+def _dynamic_miss(simulator, plan, way, scale):
+    """Return the largest miss when the way takes `scale` times as long, between all waypoints."""
+    duration = scale * way.duration
+    steps = max(_STEPS, int(np.ceil(duration / _STEP)))
+    times = np.linspace(0, 1, steps + 1)
+    grippers = way.at(times * way.duration)[0]
+    motion = simulator.simulate(grippers, duration / steps)
+    if not motion.converged:
+        return np.inf
+    done = way.progress(times * way.duration)
+    largest = 0.0
+    for time, shape in zip(done, motion.shapes, strict=True):
+        k = min(int(np.searchsorted(plan.times, time, side='right')) - 1, len(plan) - 2)
+        span = plan.times[k + 1] - plan.times[k]
+        share = np.clip((time - plan.times[k]) / span, 0, 1) if span > 0 else 1.0
+        for (centre, s, _), (_, later, _) in zip(plan.passes[k], plan.passes[k + 1], strict=False):
+            position = shape.frame_at((1 - share) * s + share * later)[1]
+            largest = max(largest, float(np.linalg.norm(position - centre)))
+    return largest
+
+
+def _fastest(good):
+    """Return the smallest scale found that is `good`, by doubling and halving."""
+    if good(1.0):
+        high, low = 1.0, None
+        for _ in range(_TRIES):
+            if not good(high / 2):
+                low = high / 2
+                break
+            high /= 2
+    else:
+        low, high = 1.0, None
+        for _ in range(_TRIES):
+            if good(2 * low):
+                high = 2 * low
+                break
+            low *= 2
+    if high is None:
+        return np.inf
+    for _ in range(_TRIES if low is not None else 0):
+        middle = np.sqrt(low * high)
+        low, high = (low, middle) if good(middle) else (middle, high)
+    return high

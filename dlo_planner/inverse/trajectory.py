@@ -1,0 +1,112 @@
+"""A plan as a smooth motion in time: splines through its poses, slowed to the robot's limits."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import number
+from dlo_planner.model.pose import Pose
+
+_SAMPLES = 20      # per waypoint, at which speeds and accelerations are looked at
+_AT_ONCE = 1e-9    # s: waypoints nearer in time are one
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Of the gripper; each may be infinite.
+
+    Attributes:
+        linear_speed: m/s; angular_speed: rad/s
+        linear_acceleration: m/s^2; angular_acceleration: rad/s^2
+    """
+
+    linear_speed: float = 0.1
+    angular_speed: float = 0.5
+    linear_acceleration: float = 0.5
+    angular_acceleration: float = 2.0
+
+    def __post_init__(self):
+        for name in ('linear_speed', 'angular_speed', 'linear_acceleration',
+                     'angular_acceleration'):
+            value = getattr(self, name)
+            if value != np.inf:
+                number(f'Limits.{name}', value, above=0)
+
+
+class Trajectory:
+    """The gripper's way in time: at rest at both ends, continuous acceleration between.
+
+    SciPy's cubic spline of the positions and its rotation spline run through the plan's poses; all
+    is slowed down evenly until the limits hold.
+
+    Args:
+        plan: Plan with two poses at different times at least
+        limits: Limits
+
+    Raises:
+        InvalidTask: naming the argument
+    """
+
+    def __init__(self, plan, limits=None):
+        limits = Limits() if limits is None else limits
+        if not isinstance(limits, Limits):
+            raise InvalidTask(f'limits = {limits!r}: expected Limits')
+        times, grippers = [], []
+        for time, gripper in zip(plan.times, plan.grippers, strict=True):
+            if not times or time - times[-1] > _AT_ONCE:
+                times.append(float(time))
+                grippers.append(gripper)
+        if len(times) < 2:
+            raise InvalidTask(f'plan has {len(times)} poses at different times: expected two or '
+                              'more')
+        turns = Rotation.from_matrix(np.array([gripper.rotation for gripper in grippers]))
+        self._position = CubicSpline(times, [gripper.position for gripper in grippers])
+        self._turn = RotationSpline(times, turns)
+        self._end = times[-1]
+        self.duration = self._end
+        self.duration = self._end * self._slowdown(limits)
+
+    def _slowdown(self, limits):
+        samples = np.linspace(0, self._end, _SAMPLES * self._position.x.size)
+        _, speeds, accelerations = self._sampled(samples)
+        speed, turning = (np.linalg.norm(v, axis=1).max() for v in np.split(speeds, 2, axis=1))
+        force, torque = (np.linalg.norm(v, axis=1).max()
+                         for v in np.split(accelerations, 2, axis=1))
+        return max(speed / limits.linear_speed, turning / limits.angular_speed,
+                   np.sqrt(force / limits.linear_acceleration),
+                   np.sqrt(torque / limits.angular_acceleration), 1e-9)
+
+    def _sampled(self, times):
+        """Return matrices, speeds (n, 6) and accelerations (n, 6) at times of the splines."""
+        # A quintic that starts and ends at rest replaces time: the splines alone would start at
+        # full speed.
+        share = np.clip(times / self._end, 0, 1)
+        warped = self._end * share**3 * (10 - 15 * share + 6 * share**2)
+        rate = 30 * share**2 * (1 - share) ** 2
+        change = 60 * share * (1 - share) * (1 - 2 * share) / self._end
+        speed = np.hstack([self._position(warped, 1), self._turn(warped, 1)])
+        acceleration = np.hstack([self._position(warped, 2), self._turn(warped, 2)])
+        return (warped, rate[:, None] * speed,
+                change[:, None] * speed + rate[:, None] ** 2 * acceleration)
+
+    def at(self, times):
+        """Return Poses (list), velocities (n, 6) and accelerations (n, 6) at `times` (n,) s.
+
+        Linear before angular, world axes, m/s, rad/s, m/s^2, rad/s^2; angular ones as SciPy's
+        rotation spline gives them. At rest outside [0, duration].
+        """
+        slower = self.duration / self._end
+        times = np.clip(np.atleast_1d(np.asarray(times, dtype=float)), 0, self.duration) / slower
+        warped, speed, acceleration = self._sampled(times)
+        turns = self._turn(warped).as_matrix()
+        poses = [Pose.from_rotation(position, turn)
+                 for position, turn in zip(self._position(warped), turns, strict=True)]
+        return poses, speed / slower, acceleration / slower**2
+
+    def progress(self, times):
+        """Return the plan's own times (n,), as in `Plan.times`, that are reached at `times` s."""
+        slower = self.duration / self._end
+        return self._sampled(np.clip(np.asarray(times), 0, self.duration) / slower)[0]

@@ -1,0 +1,100 @@
+"""Tasks as penalties: found exactly where they can be, slopes against differences, errors named."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import (
+    CutOut,
+    DirectionAt,
+    DirectSimulator,
+    GripperNear,
+    InvalidTask,
+    InverseSimulator,
+    NotConverged,
+    Plane,
+    Pose,
+    PositionAt,
+    Rod,
+    minimise_penalty,
+)
+from dlo_planner.inverse.penalties import _Search
+
+STIFF = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2), radius=0.003)
+START = Pose((0, 0, 1), (0, 0, 0, 1))
+ANY = [PositionAt(0.8, (0.6, 0.2, 0.8)), DirectionAt(0.6, (1, 0.5, -0.2), 0.3),
+       GripperNear(START, 0.1)]
+
+
+def test_slopes_against_differences(rng):
+    search = _Search(DirectSimulator(STIFF, basis='local'), ANY[:2], START, None)
+    x = 0.3 * rng.normal(size=6)
+    slopes, step = search.jacobian(x), 1e-6
+    for k, change in enumerate(step * np.eye(6)):
+        wanted = (search.residuals(x + change) - search.residuals(x - change)) / (2 * step)
+        np.testing.assert_allclose(slopes[:, k], wanted, atol=1e-6)
+
+
+def test_position_and_direction_are_met():
+    task = [PositionAt(0.8, (0.6, 0.2, 0.8)), DirectionAt(0.8, (1, 0.5, -0.2)),
+            GripperNear(START, 1e-5)]
+    found = minimise_penalty(DirectSimulator(STIFF), task, START)
+    there = found.shape.at(0.8)
+    np.testing.assert_allclose(there.position, (0.6, 0.2, 0.8), atol=1e-6)
+    np.testing.assert_allclose(there.direction, np.array([1, 0.5, -0.2]) / np.sqrt(1.29), atol=1e-6)
+    assert found.penalty < 1e-9
+
+
+def test_it_finds_what_threading_finds():
+    hole = CutOut(Pose.looking_along((0.5, 0, 1), (1, 0.3, 0)))
+    direct = DirectSimulator(STIFF)
+    plan = InverseSimulator(direct).thread(hole, depths=[0.4])
+    turn = Rotation.from_rotvec([0.05, -0.1, 0.08]).as_matrix()
+    nearby = Pose.from_rotation(plan.grippers[0].position + [0.02, -0.03, 0.01],
+                                turn @ plan.grippers[0].rotation)
+    found = minimise_penalty(direct, [PositionAt(0.6, hole.centre), DirectionAt(0.6, hole.normal)],
+                             nearby)
+    assert found.converged and found.penalty < 1e-18
+    there = found.shape.at(0.6)
+    np.testing.assert_allclose(there.position, hole.centre, atol=1e-9)
+    np.testing.assert_allclose(there.direction, hole.normal, atol=1e-9)
+
+
+def test_a_users_function_and_an_object_agree():
+    direct = DirectSimulator(STIFF)
+    target = np.array([0.7, 0.1, 0.9])
+    near = GripperNear(START, 0.05)
+    one = minimise_penalty(direct, [PositionAt(1.0, target), near], START)
+    other = minimise_penalty(direct, [lambda shape: shape.positions[-1] - target, near], START)
+    np.testing.assert_allclose(one.gripper.matrix, other.gripper.matrix, atol=1e-4)
+    assert one.iterations < other.iterations
+
+
+def test_what_cannot_be_met_is_as_near_as_it_can_be():
+    far = minimise_penalty(DirectSimulator(STIFF), [PositionAt(1.0, (0.5, 0, 0.5)),
+                                                    PositionAt(0.9, (0.5, 0, 0.8))], START)
+    apart = np.linalg.norm(far.shape.at(1.0).position - far.shape.at(0.9).position)
+    assert apart == pytest.approx(0.1, abs=1e-3)  # as long as the DLO is, not 0.3
+    assert far.penalty == pytest.approx(2 * (0.3 - apart) ** 2 / 4, rel=1e-3)
+
+
+def test_with_an_obstacle():
+    direct = DirectSimulator(STIFF, obstacles=[Plane((0, 0, 0.7), (0, 0, 1))])
+    found = minimise_penalty(direct, [PositionAt(1.0, (0.75, 0.1, 0.703)), GripperNear(
+        START, 0.01)], START)
+    assert found.shape.converged
+    assert np.linalg.norm(found.shape.positions[-1] - (0.75, 0.1, 0.703)) < 1e-2
+    assert all(contact.penetration < 1e-8 for contact in found.shape.contacts)
+
+
+def test_nonsense_is_named():
+    direct = DirectSimulator(STIFF)
+    with pytest.raises(InvalidTask, match='start'):
+        minimise_penalty(direct, ANY, 3)
+    with pytest.raises(InvalidTask, match='penalties: 7'):
+        minimise_penalty(direct, [7], START)
+    with pytest.raises(InvalidTask, match='finite'):
+        minimise_penalty(direct, lambda shape: np.nan, START)
+    blocked = DirectSimulator(STIFF, obstacles=[Plane((0, 0, 1.2), (0, 0, 1))])
+    with pytest.raises(NotConverged, match='start'):
+        minimise_penalty(blocked, ANY, START)
