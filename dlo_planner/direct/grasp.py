@@ -46,7 +46,8 @@ class GraspedInside:
             loads = (options.pop('load', None),) * 2
         self.rod, self.at = rod, at
         self._parts = tuple(DirectSimulator(part, load=load, **options) for part, load in
-                            zip((_part(rod, at, -1), _part(rod, at, 1)), loads, strict=True))
+                            zip((part_of_rod(rod, at, -1), part_of_rod(rod, at, 1)), loads,
+                                strict=True))
 
     def solve(self, gripper, initial=None):
         """Return the stable Shape, s from end to end; arguments as `DirectSimulator.solve`."""
@@ -68,7 +69,7 @@ class GraspedInside:
         return joined
 
 
-def _part(rod, at, way):
+def part_of_rod(rod, at, way):
     """Return the Rod from `at` to one end: way = 1 on to L, -1 back to 0."""
     length = at if way < 0 else rod.length - at
     signs = _BACK if way < 0 else np.ones(3)

@@ -4,6 +4,7 @@ import numpy as np
 
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.contact import CONDITIONS, hold_contact, slide_contact
 from dlo_planner.inverse.threading import thread
 from dlo_planner.inverse.two_cutouts import thread_two
 from dlo_planner.model.checks import choice, number
@@ -11,6 +12,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 
 _WAYPOINTS = 40
+_FORCES = 40
 _DEEPEST = 0.95  # of the length, where no depths are given
 
 
@@ -56,8 +58,7 @@ class InverseSimulator:
             raise InvalidTask(f'cutout = {cutout!r}: expected a CutOut')
         if start is not None and not isinstance(start, Pose):
             raise InvalidTask(f'start = {start!r}: expected a Pose or None')
-        speeds = (number('linear_speed', linear_speed, above=0),
-                  number('angular_speed', angular_speed, above=0))
+        speeds = _speeds(linear_speed, angular_speed)
         return thread(self.simulator, cutout, self._checked(depths), start,
                       choice('method', method, ('coupled', 'nested')), speeds, progress)
 
@@ -85,10 +86,87 @@ class InverseSimulator:
                 raise InvalidTask(f'{name} = {cutout!r}: expected a CutOut')
         if start is not None and not isinstance(start, Pose):
             raise InvalidTask(f'start = {start!r}: expected a Pose or None')
-        speeds = (number('linear_speed', linear_speed, above=0),
-                  number('angular_speed', angular_speed, above=0))
+        speeds = _speeds(linear_speed, angular_speed)
         return thread_two(self.simulator, first, second, self._checked(depths), start, speeds,
                           progress)
+
+    def hold_contact(self, contact, s, *, condition='least_energy', forces=None, start=None,
+                     linear_speed=0.1, angular_speed=0.5):
+        """Plan how to hold the DLO in contact with an obstacle (paper, section 5.3, Fig. 16).
+
+        Arc length, place and direction at the contact leave the force of contact free: a family of
+        gripper poses. Each is found without a search and confirmed by the direct simulation.
+
+        Args:
+            contact: Pose on the surface of one of the simulator's obstacles: x axis = direction of
+                the DLO, z axis = outward normal
+            s: arc length of the contact, m
+            condition: which one of the family: 'least_energy' (bending), 'least_force',
+                'least_motion' (from `start`), 'largest_clearance' (from the other obstacles);
+                None: a motion through the whole family, in order of the force
+            forces: (n,) N to be looked at; None: 40 of up to six times what keeps it up
+            start: Pose of the gripper before
+            linear_speed, angular_speed: as for `thread`
+
+        Returns:
+            Plan
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            Infeasible: no force is confirmed
+        """
+        s = number('s', s, above=0, maximum=self.simulator.rod.length)
+        forces = self._contact(contact, forces, condition, start)
+        if condition == 'least_motion' and start is None:
+            raise InvalidTask('start = None: expected a Pose with condition \'least_motion\'')
+        return hold_contact(self.simulator, contact, s, forces, condition, start,
+                            _speeds(linear_speed, angular_speed))
+
+    def slide_contact(self, contact, lengths, *, condition='least_motion', forces=None, start=None,
+                      linear_speed=0.1, angular_speed=0.5, progress=None):
+        """Plan how to draw the DLO over an obstacle, its direction there kept (Fig. 15).
+
+        Args:
+            lengths: (n,) arc lengths between gripper and contact, m, one after the other
+            contact, condition, forces, start: as for `hold_contact`; 'least_motion' is from one
+                waypoint to the next, the first one has the least energy if there is no `start`
+            linear_speed, angular_speed, progress: as for `thread`
+
+        Returns:
+            Plan
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            Infeasible: at a waypoint no force is confirmed; carries the plan up to it
+        """
+        lengths = [number(f'lengths[{k}]', s, above=0, maximum=self.simulator.rod.length)
+                   for k, s in enumerate(np.ravel(lengths))]
+        if not lengths or condition is None:
+            raise InvalidTask(f'lengths = {lengths}, condition = {condition!r}: expected one '
+                              'length at least, and a condition')
+        forces = self._contact(contact, forces, condition, start)
+        return slide_contact(self.simulator, contact, lengths, forces, condition, start,
+                             _speeds(linear_speed, angular_speed), progress)
+
+    def _contact(self, contact, forces, condition, start):
+        """Return the forces to look at; judge what both contact tasks take."""
+        if not isinstance(contact, Pose):
+            raise InvalidTask(f'contact = {contact!r}: expected a Pose')
+        if not self.simulator.obstacles:
+            raise InvalidTask('simulator has no obstacles: expected the one to touch among them')
+        if start is not None and not isinstance(start, Pose):
+            raise InvalidTask(f'start = {start!r}: expected a Pose or None')
+        if condition is not None:
+            choice('condition', condition, CONDITIONS)
+        if forces is None:
+            rod = self.simulator.rod
+            weight = np.linalg.norm(self.simulator.discretisation(
+                Pose.identity(), None).load)
+            most = 6 * (weight + min(rod.bending_stiffness) / rod.length**2)
+            return np.linspace(0, most, _FORCES + 1)[1:]
+        forces = np.ravel(forces)
+        return np.array([number(f'forces[{k}]', force, above=0)
+                         for k, force in enumerate(forces)])
 
     def _checked(self, depths):
         length = self.simulator.rod.length
@@ -110,3 +188,8 @@ class InverseSimulator:
             raise InvalidTask(
                 f'depths[{bad}] = {depths[bad]}: expected not less than the one before')
         return depths
+
+
+def _speeds(linear_speed, angular_speed):
+    return (number('linear_speed', linear_speed, above=0),
+            number('angular_speed', angular_speed, above=0))
