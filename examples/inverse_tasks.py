@@ -34,6 +34,7 @@ def draw(axis, plan, every):
     axis.plot(way[:, 0], way[:, 2], 'k.-', ms=3, lw=0.8, label='gripper')
     axis.set_aspect('equal')
     axis.set_xlabel('x [m]')
+    axis.set_ylabel('z [m]')
     axis.grid(alpha=0.3)
 
 
@@ -58,7 +59,7 @@ def main():
           f'{forces[-1]:.3f} N, stability {held.stability.min():.2f} at least')
     slid = touching.slide_contact(top, np.linspace(0.7, 0.3, 9))
     print(f'contact slid: {len(slid)} poses, largest miss {slid.miss.max():.1e} m')
-    figure, axes = plt.subplots(1, 3, figsize=(15, 5), layout='constrained')
+    figure, axes = plt.subplots(3, 1, figsize=(8, 10), layout='constrained')
     for axis, plan, every, title in (
             (axes[0], two, 3, 'Through two cut-outs'),
             (axes[1], held, 2, 'Contact held: every one of these is a solution'),
@@ -71,7 +72,6 @@ def main():
             axes[0].plot([x, x], [z + side * 0.02, z + side * 0.12], color='0.4', lw=3)
     for axis in axes[1:]:
         axis.add_patch(plt.Circle((0.5, 0.7), 0.02, color='0.6'))
-    axes[0].set_ylabel('z [m]')
     axes[0].legend(fontsize=8)
     figure.suptitle('Copper wire, d = 1.5 mm, L = 1 m')
     figure.savefig(folder / 'inverse_tasks.png', dpi=100)
