@@ -5,7 +5,9 @@ import numpy as np
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.contact import CONDITIONS, hold_contact, slide_contact
-from dlo_planner.inverse.threading import thread
+from dlo_planner.inverse.plan import Plan
+from dlo_planner.inverse.start_phase import start_phase
+from dlo_planner.inverse.threading import kept_before, thread
 from dlo_planner.inverse.two_cutouts import thread_two
 from dlo_planner.model.checks import choice, number
 from dlo_planner.model.cutout import CutOut
@@ -28,8 +30,8 @@ class InverseSimulator:
             raise InvalidTask(f'simulator = {simulator!r}: expected a DirectSimulator')
         self.simulator = simulator
 
-    def thread(self, cutout, *, start=None, depths=None, method='coupled', linear_speed=0.1,
-               angular_speed=0.5, progress=None):
+    def thread(self, cutout, *, start=None, depths=None, method='coupled', gripper_clearance=None,
+               linear_speed=0.1, angular_speed=0.5, progress=None):
         """Plan the threading through one cut-out, anywhere and in any direction in 3-D.
 
         At each depth the DLO passes the centre P_goal along the normal n_goal (paper, section
@@ -44,6 +46,8 @@ class InverseSimulator:
                 40 of them from 0 to 0.95 L
             method: 'coupled' solves equilibrium and alignment as one Newton system; 'nested' is
                 the paper's minimisation of c arccos(t . n)^2 around the direct simulation
+            gripper_clearance: m, how far the gripper's origin has to stay before the sheet: where
+                no depths are given, the plan ends there
             linear_speed: m/s, angular_speed: rad/s: limits for the plan's times
             progress: called as progress(done, total) after each waypoint
 
@@ -52,15 +56,52 @@ class InverseSimulator:
 
         Raises:
             InvalidTask: an argument makes no sense; the message names it
-            Infeasible: a waypoint has no stable solution; carries the plan up to it
+            Infeasible: a waypoint has no stable solution, or the gripper comes too near; carries
+                the plan up to it
         """
         if not isinstance(cutout, CutOut):
             raise InvalidTask(f'cutout = {cutout!r}: expected a CutOut')
         if start is not None and not isinstance(start, Pose):
             raise InvalidTask(f'start = {start!r}: expected a Pose or None')
         speeds = _speeds(linear_speed, angular_speed)
-        return thread(self.simulator, cutout, self._checked(depths), start,
+        plan = thread(self.simulator, cutout, self._checked(depths), start,
                       choice('method', method, ('coupled', 'nested')), speeds, progress)
+        if gripper_clearance is None:
+            return plan
+        return kept_before(plan, cutout, number('gripper_clearance', gripper_clearance, minimum=0),
+                           depths is None)
+
+    def start_phase(self, cutout, plan, start, *, standoff=0.05, initial=None, linear_speed=0.1,
+                    angular_speed=0.5):
+        """Plan the way from the gripper's present pose to where a threading begins.
+
+        The gripper backs off along the normal, turns where the DLO cannot reach the sheet, and
+        comes straight to where the free end is `standoff` before the hole, aligned, and then in it.
+
+        Args:
+            cutout: CutOut; plan: the Plan of its threading
+            start: Pose of the gripper now, the DLO behind the sheet
+            standoff: m
+            initial: Shape of the DLO now; None: the one it falls into from its natural shape
+            linear_speed, angular_speed: as for `thread`
+
+        Returns:
+            Plan; its `clearance` is the distance of the DLO from the sheet's plane, its last pose
+            is the first of `plan`
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            Infeasible: the DLO is beyond the sheet at the start, or has no stable shape on the way
+        """
+        if not isinstance(cutout, CutOut):
+            raise InvalidTask(f'cutout = {cutout!r}: expected a CutOut')
+        if not isinstance(plan, Plan) or not len(plan):
+            raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
+        if not isinstance(start, Pose):
+            raise InvalidTask(f'start = {start!r}: expected a Pose')
+        return start_phase(self.simulator, cutout, start, plan.grippers[0],
+                           number('standoff', standoff, minimum=0), initial,
+                           _speeds(linear_speed, angular_speed))
 
     def thread_two(self, first, second, *, start=None, depths=None, linear_speed=0.1,
                    angular_speed=0.5, progress=None):

@@ -44,6 +44,30 @@ def thread(simulator, cutout, depths, start, method, speeds, progress):
     raise refused
 
 
+def kept_before(plan, cutout, wanted, may_end):
+    """Return the part of a Plan in which the gripper is `wanted` m before the sheet.
+
+    Args:
+        may_end: whether the plan may end earlier than it does
+
+    Raises:
+        Infeasible: it may not, or the first waypoint is too near already
+    """
+    rooms = np.array([(cutout.centre - gripper.position) @ cutout.normal
+                      for gripper in plan.grippers])
+    if (rooms >= wanted).all():
+        return plan
+    index = int(np.argmax(rooms < wanted))
+    kept = replace(plan, **{name: getattr(plan, name)[:index] for name in (
+        'depths', 'grippers', 'shapes', 'misalignment', 'miss', 'times', 'passes', 'clearance')})
+    if may_end and index:
+        return kept
+    kept = replace(kept, fraction=index / len(plan), status=PlanStatus.PARTIAL)
+    raise Infeasible(f'waypoint {index} (depth {plan.depths[index]:g} m): the gripper is '
+                     f'{rooms[index]:.3g} m before the sheet, gripper_clearance = {wanted:g} m',
+                     index, 'gripper_clearance', float(wanted - rooms[index]), kept)
+
+
 def _thread_from(shape, reference, simulator, cutout, depths, method, speeds, progress,
                  recoveries):
     """Continue `shape` from depth 0, where the free end alone is prescribed, through all depths.

@@ -50,6 +50,8 @@ class Health:
             self._values.update({'plan waypoints': len(plan),
                                  'plan time [ms]': 1e3 * seconds,
                                  'plan largest miss [m]': float(plan.miss.max()),
+                                 'plan smallest clearance [m]': float(plan.clearance.min()),
+                                 'plan smallest bend margin [1/m]': float(plan.bend_margin.min()),
                                  'plan largest residual': float(plan.residual.max()),
                                  'plan smallest stability': float(plan.stability.min())})
 

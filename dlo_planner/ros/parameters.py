@@ -7,6 +7,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.trajectory import Limits
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 
@@ -73,6 +74,10 @@ ENTRIES = {
     'threading.deepest': Entry(0.95, 'Part of the length that is threaded through.', 0.0, 1.0),
     'threading.linear_speed': Entry(0.1, 'Limit for the plan\'s times, m/s.', 1e-4, 10.0),
     'threading.angular_speed': Entry(0.5, 'Limit for the plan\'s times, rad/s.', 1e-4, 100.0),
+    'threading.linear_acceleration': Entry(0.5, 'Limit of the timed trajectory, m/s^2.', 1e-4,
+                                           1e3),
+    'threading.angular_acceleration': Entry(2.0, 'Limit of the timed trajectory, rad/s^2.', 1e-4,
+                                            1e4),
 }
 
 
@@ -89,6 +94,7 @@ class Scene:
     deepest: float
     linear_speed: float
     angular_speed: float
+    limits: Limits
 
 
 def declare(node):
@@ -140,7 +146,10 @@ def build_scene(values):
     return Scene(values['frame_id'], values['rod.name'], direct, InverseSimulator(direct),
                  Pose(values['tool.position'], values['tool.orientation']),
                  values['threading.waypoints'], values['threading.deepest'],
-                 values['threading.linear_speed'], values['threading.angular_speed'])
+                 values['threading.linear_speed'], values['threading.angular_speed'],
+                 Limits(*(values[f'threading.{name}'] for name in (
+                     'linear_speed', 'angular_speed', 'linear_acceleration',
+                     'angular_acceleration'))))
 
 
 def _rod(values):

@@ -18,9 +18,11 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
+from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.executor import PatientExecutor
@@ -30,6 +32,7 @@ from msg_helpers.diagnostics import diagnostics_msg
 from msg_helpers.markers import plan_markers, shape_markers
 from msg_helpers.paths import plan_path, shape_path
 from msg_helpers.poses import pose_from_stamped, poses_from_goals
+from msg_helpers.trajectories import timed_trajectory
 
 # Sensor data, but one deep: a pose that was overtaken by a newer one is of no use to anybody.
 LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -38,6 +41,7 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _QUIET = 1.0  # s between warnings about the same thing
 _MOST_GOALS = 2
+_TIMED_POINTS = 5  # of the timed trajectory per waypoint
 _THREADS = 4  # one for each callback group below
 
 
@@ -64,6 +68,8 @@ class PlannerNode(Node):
         live, planning, asking, health = (MutuallyExclusiveCallbackGroup() for _ in range(_THREADS))
         self._shape_out = self.create_publisher(Path, '~/predicted_shape', LATCHED)
         self._plan_out = self.create_publisher(Path, '~/gripper_trajectory', LATCHED)
+        self._timed_out = self.create_publisher(MultiDOFJointTrajectory,
+                                                '~/gripper_trajectory_timed', LATCHED)
         self._markers_out = self.create_publisher(MarkerArray, '~/markers', LATCHED)
         self._health_out = self.create_publisher(DiagnosticArray, '/diagnostics', REQUEST)
         self.create_subscription(PoseStamped, '~/gripper_pose', self._on_pose, LATEST,
@@ -208,6 +214,10 @@ class PlannerNode(Node):
         path = plan_path([pose.compose(back) for pose in plan.grippers], plan.times,
                          scene.frame_id, stamp)
         self._plan_out.publish(path)
+        if plan.times[-1] > 0:
+            self._timed_out.publish(timed_trajectory(
+                Trajectory(plan, scene.limits), _TIMED_POINTS * len(plan), scene.tool,
+                scene.frame_id, stamp))
         self._draw('plan', plan_markers(cutouts, plan.grippers, scene.frame_id, stamp))
         self._health.plan_done(plan, seconds)
         self.get_logger().info(f'planned {len(plan)} gripper poses in {1e3 * seconds:.0f} ms, '

@@ -6,7 +6,15 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
-from dlo_planner import CutOut, DirectSimulator, InvalidTask, Pose, Rod
+from dlo_planner import (
+    CutOut,
+    DirectSimulator,
+    InvalidTask,
+    InverseSimulator,
+    Pose,
+    Rod,
+    Trajectory,
+)
 from msg_helpers.diagnostics import WARN, diagnostics_msg
 from msg_helpers.markers import plan_markers, shape_markers
 from msg_helpers.paths import later, plan_path, poses_from_path, shape_path, times_from_path
@@ -17,6 +25,7 @@ from msg_helpers.poses import (
     pose_stamped_msg,
     poses_from_goals,
 )
+from msg_helpers.trajectories import timed_trajectory
 
 POSE = Pose((1.0, -2.0, 3.5), (0.1, -0.2, 0.3, 0.9))
 STAMP = Time(sec=7, nanosec=999_999_999)
@@ -100,6 +109,26 @@ def test_goals():
     goals.goals[1].header.frame_id = 'map'
     with pytest.raises(InvalidTask, match=r'goals\[1\].header.frame_id'):
         poses_from_goals(goals, 'world', 'goals')
+
+
+def test_timed_trajectory_moves_the_tool_not_the_gripper():
+    direct = DirectSimulator(Rod(1.0, 0.05, 0.5, 0.4))
+    plan = InverseSimulator(direct).thread(CutOut(Pose.identity()), depths=np.linspace(0, 0.8, 9))
+    tool = Pose((0.1, 0.0, 0.2), (0.1, 0.2, 0.3, 0.9))
+    way = Trajectory(plan)
+    message = over_the_wire(timed_trajectory(way, 2001, tool, 'world', STAMP))
+
+    def numbers(vectors):
+        return np.array([(v.x, v.y, v.z) for v in vectors])
+
+    position = numbers(point.transforms[0].translation for point in message.points)
+    speed = numbers(point.velocities[0].linear for point in message.points)
+    change = numbers(point.accelerations[0].linear for point in message.points)
+    step = way.duration / 2000
+    np.testing.assert_allclose(np.gradient(position, step, axis=0)[2:-2], speed[2:-2], atol=1e-5)
+    np.testing.assert_allclose(np.gradient(speed, step, axis=0)[2:-2], change[2:-2], atol=1e-4)
+    np.testing.assert_allclose(position[-1], plan.grippers[-1].compose(tool.inverse()).position,
+                               atol=1e-12)
 
 
 def test_diagnostics():

@@ -1,0 +1,74 @@
+"""The way to the hole stays behind the sheet, and the gripper stays before it."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import (
+    CutOut,
+    DirectSimulator,
+    Infeasible,
+    InvalidTask,
+    InverseSimulator,
+    Pose,
+    Rod,
+)
+
+WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+HOLE = CutOut(Pose.looking_along((0.2, 0.1, 1.0), (1, 0.3, 0)), radius=0.01)
+
+
+@pytest.fixture(scope='module')
+def inverse():
+    return InverseSimulator(DirectSimulator(WIRE))
+
+
+@pytest.fixture(scope='module')
+def plan(inverse):
+    return inverse.thread(HOLE)
+
+
+@pytest.mark.parametrize('turn', [(0, 0, 0), (0, 0, 2.5), (0.5, 1.0, -0.5)])
+def test_the_dlo_stays_behind_the_sheet(inverse, plan, turn):
+    start = Pose((-1.3, 0.4, 1.2), Rotation.from_rotvec(turn).as_quat())
+    way = inverse.start_phase(HOLE, plan, start, standoff=0.08)
+    assert way.grippers[0] == start
+    np.testing.assert_allclose(way.grippers[-1].matrix, plan.grippers[0].matrix, atol=1e-12)
+    for shape in inverse.simulator.track(way.grippers)[:-1]:
+        assert shape.converged
+        assert ((HOLE.centre - shape.positions) @ HOLE.normal).min() > WIRE.radius
+    # the free end waits before the centre, aligned, and then goes straight in
+    before = [one for one in way.shapes if np.linalg.norm(
+        one.positions[-1] - (HOLE.centre - 0.08 * HOLE.normal)) < 1e-6]
+    assert len(before) == 1
+    np.testing.assert_allclose(before[0].tangents[-1], HOLE.normal, atol=1e-6)
+    assert (np.diff(way.times) >= 0).all()
+
+
+def test_a_dlo_beyond_the_sheet_is_refused(inverse, plan):
+    with pytest.raises(Infeasible, match='behind the sheet') as caught:
+        inverse.start_phase(HOLE, plan, Pose((0.0, 0, 1.0), (0, 0, 0, 1)))
+    assert caught.value.constraint == 'clearance' and caught.value.amount > 0
+
+
+def test_gripper_clearance_ends_the_plan_or_refuses(inverse, plan):
+    def room(one):
+        return [(HOLE.centre - gripper.position) @ HOLE.normal for gripper in one.grippers]
+
+    kept = inverse.thread(HOLE, gripper_clearance=0.2)
+    assert 1 < len(kept) < len(plan) and min(room(kept)) >= 0.2
+    assert kept.fraction == 1
+    with pytest.raises(Infeasible, match='gripper_clearance') as caught:
+        inverse.thread(HOLE, depths=[0, 0.5, 0.9], gripper_clearance=0.2)
+    assert caught.value.waypoint == 2
+    assert caught.value.amount == pytest.approx(0.2 - room(inverse.thread(
+        HOLE, depths=[0, 0.5, 0.9]))[2])
+
+
+@pytest.mark.parametrize(('change', 'named'), [
+    ({'cutout': 1}, 'cutout'), ({'plan': None}, 'plan'), ({'start': 2}, 'start'),
+    ({'standoff': -1}, 'standoff')])
+def test_nonsense_is_named(inverse, plan, change, named):
+    values = {'cutout': HOLE, 'plan': plan, 'start': Pose((-1.3, 0, 1), (0, 0, 0, 1)), **change}
+    with pytest.raises(InvalidTask, match=named):
+        inverse.start_phase(**values)
