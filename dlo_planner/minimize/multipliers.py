@@ -64,7 +64,7 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
         tied = system._replace(near=q, tie=_TIE) if held else system
         state, residual, _, made, _ = newton(tied, q, tolerance, max_iterations - iterations, False)
         iterations += made
-        if check and held and round_ == 0:
+        if check and round_ == 0:
             # Held straight, a DLO may need a push before its constraints can be met at all.
             _, _, stability, _, mode = descend(tied, state.q, tolerance, 0, True)
             if stability < -_BUCKLED:
