@@ -30,6 +30,7 @@ _MOST_KICKS = 10
 _TIE = 1e-4         # of the elastic stiffness: keeps a neutral shape where it is (proximal method)
 _FEW, _MANY = 6, 100  # Newton steps with each soft spring, on a step's way and after a push
 _COARSER = 10.0     # times the tolerance: the springs' rounding errors leave no more of it
+_STALLED = 100.0    # the same, where Newton's method has found no better point
 _FRICTION_SETTLED = 1e-6
 
 
@@ -54,9 +55,9 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
     slipping = bool(np.any(system.scene.friction > 0.0))
     bend = min(system.stiffness[1:]) / np.sum(system.lengths)
     iterations = kicks = 0
-    before = np.inf
+    before = violation = np.inf
     stiffer = 1.0
-    stability = np.nan
+    stability, judged = np.nan, False
     pushed = None
     if held:
         q, iterations = _led(system, q, tolerance, _FEW)
@@ -64,10 +65,10 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
         tied = system._replace(near=q, tie=_TIE) if held else system
         state, residual, _, made, _ = newton(tied, q, tolerance, max_iterations - iterations, False)
         iterations += made
-        if check and round_ == 0:
+        if check and held and round_ == 0:
             # Held straight, a DLO may need a push before its constraints can be met at all.
-            _, _, stability, _, mode = descend(tied, state.q, tolerance, 0, True)
-            if stability < -_BUCKLED:
+            _, _, lowest, _, mode = descend(tied, state.q, tolerance, 0, True)
+            if lowest < -_BUCKLED:
                 pushed = kick(tied, state, mode)
         if pushed is None:
             if held:
@@ -77,11 +78,13 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
             system, settled = _looking_again(system, state, previous,
                                              slipping and before < 1e3 * exact)
             violation = _update(system, state)
-            good = violation < exact and settled and residual < _COARSER * tolerance
+            enough = residual < (_COARSER if made else _STALLED) * tolerance
+            good = violation < exact and settled and enough
             if iterations >= max_iterations or good and not check:
                 break
             if good:
                 stability, mode = _judged(system, state, tolerance)
+                judged = True
                 if stability <= -HELD_NEUTRAL and kicks < _MOST_KICKS:
                     pushed = kick(system, state, mode)
                 if pushed is None:
@@ -92,11 +95,13 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
             before = violation
         if pushed is not None:
             kicks += 1
-            q, before = pushed, np.inf
+            q, before, judged = pushed, np.inf, False
             if held:
                 q, made = _led(system, q, tolerance, _MANY)
                 iterations += made
             pushed = None
+    if check and not judged:
+        stability, _ = _judged(system, state, tolerance)
     final = new_state(system)  # of the points that are watched at the end
     final.q[:] = state.q
     evaluate(system, final)
