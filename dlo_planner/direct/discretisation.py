@@ -164,17 +164,6 @@ class Discretisation:
         share = layers.share[:, [0, 1, 1]]
         return self.natural + np.einsum('ejk,jk->ek', self.past(history).set, share)
 
-    def elastic(self, history):
-        """Return the same without yielding, stress-free where `history` has left it."""
-        rod = self.rod
-        if not rod.yields:
-            return self
-        plain = replace(rod, yield_curvature=None, yield_torsion=None)
-        other = Discretisation(replace(self.surroundings, rod=plain), self.s, self.basis,
-                               self.n_terms)
-        other._system = other._system._replace(natural=self.stress_free(history))
-        return other
-
 
 def _layers(rod):
     """Return share (J, 2) and limit (J, 3) of a rod; J = 0 if it does not yield."""

@@ -110,6 +110,30 @@ class DirectSimulator:
         other._history = None
         return other
 
+    def elastic(self):
+        """Return a simulator of the same DLO, set as it is, that does not yield any further."""
+        rod = self.rod
+        if not rod.yields:
+            return self
+        free = {'yield_curvature': None, 'yield_torsion': None}
+        if self._history is not None:
+            mesh = self._discretisation or Discretisation(self.surroundings, self._history.s,
+                                                          'local', 0)
+            strains = mesh.stress_free(self._history)
+
+            def natural(s):
+                last = len(strains) - 1
+                return strains[np.clip(np.searchsorted(mesh.s, s, side='right') - 1, 0, last)]
+
+            free |= {'natural_curvature': lambda s: natural(s)[1:],
+                     'natural_twist': lambda s: natural(s)[0]}
+        options = {'accuracy': self.accuracy}
+        if self._discretisation is not None:
+            options = {'n_elements': self._discretisation.s.size - 1,
+                       'n_terms': self._discretisation.n_terms or None}
+        return DirectSimulator(replace(rod, **free), basis=self.basis, gravity=self.gravity,
+                               load=self.surroundings.load, obstacles=self.obstacles, **options)
+
     def solve(self, gripper, initial=None, *, far_end=None):
         """Return the stable Shape that the DLO falls into.
 

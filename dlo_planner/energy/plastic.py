@@ -62,6 +62,23 @@ def yielded(d1, d2, k1, k2, l1, l2):
 
 
 @njit(cache=True)
+def _layer(e, j, strains, natural, stiffness, layers):
+    """Return layer j's stiffness, its strain since its set and what of that is elastic (3 each).
+
+    The last result is the multiplier of `yielded`.
+    """
+    limit = layers.limit[j]
+    k0 = stiffness[0] * layers.share[j, 0]
+    k1 = stiffness[1] * layers.share[j, 1]
+    k2 = stiffness[2] * layers.share[j, 1]
+    d0 = strains[e, 0] - natural[e, 0] - layers.set[e, j, 0]
+    d1 = strains[e, 1] - natural[e, 1] - layers.set[e, j, 1]
+    d2 = strains[e, 2] - natural[e, 2] - layers.set[e, j, 2]
+    e1, e2, g = yielded(d1, d2, k1, k2, limit[1], limit[2])
+    return (k0, k1, k2), (d0, d1, d2), (min(max(d0, -limit[0]), limit[0]), e1, e2), g
+
+
+@njit(cache=True)
 def add_plastic(lengths, strains, natural, stiffness, layers, gradient):
     """Add dW/du (N, 3) to `gradient` and return W, stored and newly lost, in J.
 
@@ -71,20 +88,13 @@ def add_plastic(lengths, strains, natural, stiffness, layers, gradient):
     for e in range(lengths.size):
         h = lengths[e]
         for j in range(layers.share.shape[0]):
-            limit = layers.limit[j]
-            k0 = h * stiffness[0] * layers.share[j, 0]
-            k1 = h * stiffness[1] * layers.share[j, 1]
-            k2 = h * stiffness[2] * layers.share[j, 1]
-            d0 = strains[e, 0] - natural[e, 0] - layers.set[e, j, 0]
-            d1 = strains[e, 1] - natural[e, 1] - layers.set[e, j, 1]
-            d2 = strains[e, 2] - natural[e, 2] - layers.set[e, j, 2]
-            e0 = min(max(d0, -limit[0]), limit[0])
-            e1, e2, _ = yielded(d1, d2, k1, k2, limit[1], limit[2])
-            gradient[e, 0] += k0 * e0
-            gradient[e, 1] += k1 * e1
-            gradient[e, 2] += k2 * e2
-            energy += (k0 * e0 * (d0 - 0.5 * e0) + k1 * e1 * (d1 - 0.5 * e1)
-                       + k2 * e2 * (d2 - 0.5 * e2))
+            (k0, k1, k2), (d0, d1, d2), (e0, e1, e2), _ = _layer(e, j, strains, natural, stiffness,
+                                                                 layers)
+            gradient[e, 0] += h * k0 * e0
+            gradient[e, 1] += h * k1 * e1
+            gradient[e, 2] += h * k2 * e2
+            energy += h * (k0 * e0 * (d0 - 0.5 * e0) + k1 * e1 * (d1 - 0.5 * e1)
+                           + k2 * e2 * (d2 - 0.5 * e2))
     return energy
 
 
@@ -96,15 +106,10 @@ def add_plastic_stiffness(lengths, strains, natural, stiffness, layers, scale, d
         s0, s1, s2 = scale[e]
         for j in range(layers.share.shape[0]):
             limit = layers.limit[j]
-            k0 = h * stiffness[0] * layers.share[j, 0]
-            k1 = h * stiffness[1] * layers.share[j, 1]
-            k2 = h * stiffness[2] * layers.share[j, 1]
-            d0 = strains[e, 0] - natural[e, 0] - layers.set[e, j, 0]
-            d1 = strains[e, 1] - natural[e, 1] - layers.set[e, j, 1]
-            d2 = strains[e, 2] - natural[e, 2] - layers.set[e, j, 2]
+            (k0, k1, k2), (d0, _, _), (_, e1, e2), g = _layer(e, j, strains, natural, stiffness,
+                                                              layers)
             if abs(d0) <= limit[0]:
-                diagonal[e, 0, 0] += k0 * s0 * s0
-            e1, e2, g = yielded(d1, d2, k1, k2, limit[1], limit[2])
+                diagonal[e, 0, 0] += h * k0 * s0 * s0
             c1 = c2 = 1.0
             v1 = v2 = 0.0
             if g > 0.0:
@@ -112,10 +117,10 @@ def add_plastic_stiffness(lengths, strains, natural, stiffness, layers, scale, d
                 c1, c2 = 1.0 / (1.0 + g * q1 / k1), 1.0 / (1.0 + g * q2 / k2)
                 size = np.sqrt(e1 * e1 * c1 * q1 * q1 / k1 + e2 * e2 * c2 * q2 * q2 / k2)
                 v1, v2 = e1 * c1 * q1 / size, e2 * c2 * q2 / size
-            diagonal[e, 1, 1] += s1 * s1 * (k1 * c1 - v1 * v1)
-            diagonal[e, 2, 2] += s2 * s2 * (k2 * c2 - v2 * v2)
-            diagonal[e, 1, 2] -= s1 * s2 * v1 * v2
-            diagonal[e, 2, 1] -= s1 * s2 * v1 * v2
+            diagonal[e, 1, 1] += h * s1 * s1 * (k1 * c1 - v1 * v1)
+            diagonal[e, 2, 2] += h * s2 * s2 * (k2 * c2 - v2 * v2)
+            diagonal[e, 1, 2] -= h * s1 * s2 * v1 * v2
+            diagonal[e, 2, 1] -= h * s1 * s2 * v1 * v2
 
 
 @njit(cache=True)
@@ -125,17 +130,10 @@ def settled(lengths, strains, natural, stiffness, layers):
     lost = 0.0
     for e in range(lengths.size):
         for j in range(layers.share.shape[0]):
-            limit = layers.limit[j]
-            k1 = stiffness[1] * layers.share[j, 1]
-            k2 = stiffness[2] * layers.share[j, 1]
-            d0 = strains[e, 0] - natural[e, 0] - layers.set[e, j, 0]
-            d1 = strains[e, 1] - natural[e, 1] - layers.set[e, j, 1]
-            d2 = strains[e, 2] - natural[e, 2] - layers.set[e, j, 2]
-            e0 = min(max(d0, -limit[0]), limit[0])
-            e1, e2, _ = yielded(d1, d2, k1, k2, limit[1], limit[2])
+            (k0, k1, k2), (d0, d1, d2), (e0, e1, e2), _ = _layer(e, j, strains, natural, stiffness,
+                                                                 layers)
             new[e, j, 0] += d0 - e0
             new[e, j, 1] += d1 - e1
             new[e, j, 2] += d2 - e2
-            lost += lengths[e] * (stiffness[0] * layers.share[j, 0] * e0 * (d0 - e0)
-                                  + k1 * e1 * (d1 - e1) + k2 * e2 * (d2 - e2))
+            lost += lengths[e] * (k0 * e0 * (d0 - e0) + k1 * e1 * (d1 - e1) + k2 * e2 * (d2 - e2))
     return new, lost

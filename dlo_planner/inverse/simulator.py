@@ -22,13 +22,15 @@ class InverseSimulator:
     """Finds the gripper poses that make the DLO's shape do a task.
 
     Args:
-        simulator: the DirectSimulator whose rod, gravity and discretisation are used
+        simulator: the DirectSimulator whose rod, gravity and discretisation are used. A permanent
+            set that it starts with counts; that the DLO may yield further does not: `replay` with
+            the simulator itself tells.
     """
 
     def __init__(self, simulator):
         if not isinstance(simulator, DirectSimulator):
             raise InvalidTask(f'simulator = {simulator!r}: expected a DirectSimulator')
-        self.simulator = simulator
+        self.simulator = simulator.elastic()
 
     def thread(self, cutout, *, start=None, depths=None, method='coupled', gripper_clearance=None,
                linear_speed=0.1, angular_speed=0.5, progress=None):

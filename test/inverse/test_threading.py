@@ -215,3 +215,22 @@ def test_random_cutouts_replay_or_are_refused(rng):
         done += 1
     assert done >= 20
     assert done + refused == 30
+
+
+def test_a_dlo_that_is_set_is_threaded_as_it_is():
+    # its own weight bends it by 0.5 / m at most, it yields at 0.8 / m
+    soft = Rod.circular(0.4, 1.5e-3, 8960.0, 110e9, 0.34, yield_stress=66e6)
+    new = DirectSimulator(soft, basis='local')
+    bent = new.solve(Pose((0, 0, 1), (0, 0, 0, 1)), far_end=Pose((0.3, 0.1, 1), (0, 0, 0, 1)))
+    assert bent.dissipated > 0
+    used = new.with_set(bent)
+    goal = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)))
+    depths = [0.05, 0.2, 0.35]
+    plan = InverseSimulator(used).thread(goal, depths=depths)
+    fresh = InverseSimulator(new).thread(goal, depths=depths)
+    assert np.linalg.norm(plan.grippers[0].position - fresh.grippers[0].position) > 1e-3
+    for gripper, depth, shape in zip(plan.grippers, depths, plan.shapes, strict=True):
+        real = used.solve(gripper)
+        assert real.dissipated == bent.dissipated  # it does not yield any further
+        np.testing.assert_allclose(real.at(0.4 - depth).position, goal.centre, atol=1e-6)
+        np.testing.assert_allclose(real.positions, shape.positions, atol=1e-6)
