@@ -105,7 +105,7 @@ def yielding_layers(model, hardening):
 
     'ideal' is the paper's simplification: all of the section yields at once. 'round' and
     'rectangular' follow the textbook curves of moment over curvature of a section whose fibres are
-    ideally plastic (piecewise linear, within 0.1 %); torsion of a rectangle as of a thin strip.
+    ideally plastic (piecewise linear, within 0.15 %); torsion of a rectangle as of a thin strip.
 
     Args:
         model: of MODELS
