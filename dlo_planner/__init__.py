@@ -24,6 +24,7 @@ from dlo_planner.inverse.plan import Plan, PlanStatus
 from dlo_planner.inverse.replay import Report, replay
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.trajectory import Limits, Trajectory
+from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.obstacles import Box, Capsule, Plane, Sheet, Sphere
@@ -35,5 +36,5 @@ __all__ = ['Box', 'Capsule', 'Contact', 'CutOut', 'DirectSimulator', 'DirectionA
            'DloPlannerError', 'FarEnd', 'Fit', 'Found', 'GraspedInside', 'GripperNear',
            'Infeasible', 'InvalidRod', 'InvalidTask', 'InverseSimulator', 'Limits', 'Motion',
            'NotConverged', 'Observation', 'Plan', 'PlanStatus', 'Plane', 'Pose', 'PositionAt',
-           'Report', 'Rod', 'Section', 'Shape', 'Sheet', 'Sphere', 'Trajectory', 'fit_rod',
-           'minimise_penalty', 'replay']
+           'Report', 'Rod', 'Section', 'Shape', 'Sheet', 'Sphere', 'Trajectory', 'Workspace',
+           'fit_rod', 'minimise_penalty', 'replay']

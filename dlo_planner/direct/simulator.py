@@ -127,12 +127,25 @@ class DirectSimulator:
 
             free |= {'natural_curvature': lambda s: natural(s)[1:],
                      'natural_twist': lambda s: natural(s)[0]}
-        options = {'accuracy': self.accuracy}
-        if self._discretisation is not None:
-            options = {'n_elements': self._discretisation.s.size - 1,
-                       'n_terms': self._discretisation.n_terms or None}
-        return DirectSimulator(replace(rod, **free), basis=self.basis, gravity=self.gravity,
-                               load=self.surroundings.load, obstacles=self.obstacles, **options)
+        return self._with(replace(self.surroundings, rod=replace(rod, **free)), None)
+
+    def without_obstacles(self):
+        """Return a simulator of the same DLO, set as it is, with nothing in its way."""
+        return self._with(replace(self.surroundings, obstacles=()), self._history)
+
+    def with_rod(self, rod):
+        """Return a simulator of another Rod (as long or not), all else equal, without a set."""
+        return self._with(replace(self.surroundings, rod=rod), None)
+
+    def _with(self, surroundings, history):
+        other = copy(self)
+        other.surroundings, other._history = surroundings, history
+        here = self._discretisation
+        if here is not None:
+            s = here.s * (surroundings.rod.length / here.s[-1])
+            s[-1] = surroundings.rod.length
+            other._discretisation = Discretisation(surroundings, s, here.basis, here.n_terms)
+        return other
 
     def solve(self, gripper, initial=None, *, far_end=None):
         """Return the stable Shape that the DLO falls into.

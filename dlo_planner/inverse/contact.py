@@ -14,10 +14,10 @@ from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.grasp import part_of_rod
 from dlo_planner.direct.statics import equilibrium, shape_of
 from dlo_planner.energy.potential import evaluate, new_state
-from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.clearance import clearance
+from dlo_planner.inverse.draft import Draft
 from dlo_planner.inverse.marching import march_from_end
-from dlo_planner.inverse.plan import PlanStatus, Waypoint, build_plan
+from dlo_planner.inverse.plan import Waypoint
 from dlo_planner.model.pose import Pose
 
 CONDITIONS = ('least_energy', 'least_force', 'least_motion', 'largest_clearance')
@@ -74,58 +74,56 @@ def choose(holdings, condition, before, obstacles, radius):
         turn = 1 - 0.25 * (1 + np.trace(one.gripper.rotation @ before.rotation.T))
         return float(away @ away) / one.shape.s[-1] ** 2 + turn
 
-    good = [one for one in holdings if one.confirmed]
-    return min(good, key=cost) if good else None
+    return min(holdings, key=cost)
 
 
-def hold_contact(simulator, contact, s, forces, condition, start, speeds):
+def hold_contact(simulator, contact, s, forces, condition, start, brief):
     """Return the Plan; see `InverseSimulator.hold_contact`."""
-    found = family(simulator, contact, s, forces)
+    draft = Draft([simulator.rod.length - s], brief)
+    found = _admissible(simulator, contact, s, forces, draft, brief)
     if condition is not None:
-        found = [choose(found, condition, start, simulator.obstacles,
-                        simulator.rod.radius or 0.0)]
-    found = [one for one in found if one is not None and one.confirmed]
-    if not found:
-        raise _impossible(simulator, 0, s, forces, [], [s], speeds)
-    return _plan(simulator, found, [s] * len(found), speeds, PlanStatus.COMPLETE)
-
-
-def slide_contact(simulator, contact, lengths, forces, condition, start, speeds, progress):
-    """Return the Plan; see `InverseSimulator.slide_contact`."""
-    found = []
-    for index, s in enumerate(lengths):
-        before = found[-1].gripper if found else start
-        how = condition
-        if condition == 'least_motion' and before is None:
-            how = 'least_energy'
-        one = choose(family(simulator, contact, s, forces), how, before, simulator.obstacles,
-                     simulator.rod.radius or 0.0)
-        if one is None:
-            raise _impossible(simulator, index, s, forces, found, lengths, speeds)
-        found.append(one)
-        if progress is not None:
-            progress(index + 1, len(lengths))
-    return _plan(simulator, found, lengths, speeds, PlanStatus.COMPLETE)
-
-
-def _impossible(simulator, index, s, forces, found, lengths, speeds):
-    return Infeasible(
-        f'waypoint {index}: no contact force of {min(forces):g} to {max(forces):g} N keeps the DLO '
-        f'touching at s = {s:g} m in a stable shape that the direct simulation confirms', index,
-        'contact', float(s), _plan(simulator, found, lengths, speeds, PlanStatus.PARTIAL))
-
-
-def _plan(simulator, found, lengths, speeds, status):
-    waypoints = []
+        found = [choose(found, condition, start, simulator.obstacles, brief.radius)]
+    draft = Draft([simulator.rod.length - s] * len(found), brief)
     for one in found:
-        axes, position = one.shape.frame_at(one.s)
-        off = float(np.linalg.norm(position - one.place))
-        angle = np.arctan2(np.linalg.norm(np.cross(axes[:, 0], one.direction)),
-                           axes[:, 0] @ one.direction)
-        waypoints.append(Waypoint(one.shape, float(angle), off,
-                                  ((one.place, one.s, one.direction),)))
-    depths = [simulator.rod.length - s for s in lengths]
-    return build_plan(waypoints, depths, speeds, status)
+        draft.add(_waypoint(one))
+    return draft.finished()
+
+
+def slide_contact(simulator, contact, lengths, forces, condition, start, brief):
+    """Return the Plan; see `InverseSimulator.slide_contact`."""
+    draft, before = Draft([simulator.rod.length - s for s in lengths], brief), start
+    for s in lengths:
+        found = _admissible(simulator, contact, s, forces, draft, brief)
+        how = 'least_energy' if condition == 'least_motion' and before is None else condition
+        one = choose(found, how, before, simulator.obstacles, brief.radius)
+        draft.add(_waypoint(one))
+        before = one.gripper
+    return draft.finished()
+
+
+def _admissible(simulator, contact, s, forces, draft, brief):
+    """Return the confirmed Holdings that keep all demands; raise Infeasible if there is none."""
+    found = [one for one in family(simulator, contact, s, forces) if one.confirmed]
+    if not found:
+        raise draft.refusal(
+            'contact', s, f'no contact force of {min(forces):g} to {max(forces):g} N keeps the DLO '
+            f'touching at s = {s:g} m in a stable shape that the direct simulation confirms')
+    broken = [brief.broken(_waypoint(one)) for one in found]
+    kept = [one for one, what in zip(found, broken, strict=True) if what is None]
+    if not kept:
+        constraint, amount, why = min(broken, key=lambda what: what[1])
+        raise draft.refusal(constraint, amount, f'none of {len(found)} contact forces will do; '
+                            f'with the best of them, {why}')
+    return kept
+
+
+def _waypoint(one):
+    """Return the Waypoint of a Holding."""
+    axes, position = one.shape.frame_at(one.s)
+    off = float(np.linalg.norm(position - one.place))
+    angle = np.arctan2(np.linalg.norm(np.cross(axes[:, 0], one.direction)),
+                       axes[:, 0] @ one.direction)
+    return Waypoint(one.shape, float(angle), off, ((one.place, one.s, one.direction),))
 
 
 def _mesh(simulator, s):

@@ -7,9 +7,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.inverse.clearance import clearance
+from dlo_planner.inverse.clearance import room_in
 from dlo_planner.inverse.timing import times_at_speed
 from dlo_planner.model.pose import Pose
+
+
+_FREE = (np.inf,) * 3
 
 
 class PlanStatus(Enum):
@@ -31,8 +34,9 @@ class Plan:
         miss: (n,) distance of the DLO from the cut-out's centre, m
         times: (n,) seconds from the first waypoint, see `timing`
         passes: n tuples of (centre (3,), s, normal (3,) or None): which arc length should be where
-        clearance: (n,) distance between the DLO's surface and the sheet around a cut-out that has a
-            size, m; infinite without
+        clearances: (n, k, 3) distances in m between the DLO's surface and the sheets around the k
+            cut-outs of the task: at the rim (by so much the cut-out may be displaced), of what is
+            before the sheet, of what is behind it; infinite where a cut-out has no size
         fraction: part of the requested waypoints that is reached, 1 for a complete plan
         status: PlanStatus
     """
@@ -44,12 +48,23 @@ class Plan:
     miss: np.ndarray
     times: np.ndarray
     passes: list[tuple]
-    clearance: np.ndarray
+    clearances: np.ndarray
     fraction: float
     status: PlanStatus
 
     def __len__(self):
         return len(self.grippers)
+
+    @property
+    def clearance(self):
+        """(n,) smallest of the `clearances` of each waypoint, m."""
+        return self.clearances.min(axis=(1, 2), initial=np.inf)
+
+    @property
+    def misses(self):
+        """N lists of the DLO's distances from each centre that it should pass there, m."""
+        return [[float(np.linalg.norm(shape.frame_at(s)[1] - centre)) for centre, s, _ in passes]
+                for shape, passes in zip(self.shapes, self.passes, strict=True)]
 
     @property
     def velocities(self):
@@ -86,10 +101,15 @@ class Waypoint:
     """A Shape in its place, and how well it passes a centre."""
 
     shape: Shape
-    misalignment: float
-    miss: float
-    passes: tuple
-    clearance: float = np.inf
+    misalignment: float = 0.0
+    miss: float = 0.0
+    passes: tuple = ()
+    clearances: tuple = ()
+
+    @property
+    def clearance(self):
+        """Smallest of the clearances, m."""
+        return min((float(min(rooms)) for rooms in self.clearances), default=np.inf)
 
     def also(self, centre, s):
         """Return the same waypoint, its miss that of the worse of this and another centre."""
@@ -97,10 +117,16 @@ class Waypoint:
         return replace(self, miss=max(self.miss, other),
                        passes=(*self.passes, (centre, s, None)))
 
-    def beside(self, sheets, radius):
-        """Return the same waypoint with its clearance from Sheets (None are left out), m."""
-        sheets = [sheet for sheet in sheets if sheet is not None]
-        return replace(self, clearance=clearance(sheets, radius, self.shape)) if sheets else self
+    def inside(self, cutouts, sheets, radius):
+        """Return the same waypoint with its clearances in CutOuts.
+
+        Args:
+            sheets: the Sheet of each, or None
+            radius: of the DLO, m
+        """
+        return replace(self, clearances=tuple(
+            _FREE if sheet is None else room_in(sheet, cutout.normal, radius, self.shape)
+            for cutout, sheet in zip(cutouts, sheets, strict=True)))
 
 
 def waypoint_of(shape, centre, s, normal):
@@ -127,5 +153,36 @@ def build_plan(waypoints, depths, speeds, status):
                 np.array([waypoint.miss for waypoint in waypoints]),
                 times_at_speed(grippers, *speeds),
                 [waypoint.passes for waypoint in waypoints],
-                np.array([waypoint.clearance for waypoint in waypoints]),
+                _padded([waypoint.clearances for waypoint in waypoints]),
                 len(waypoints) / len(depths), status)
+
+
+def first_part(plan, count, status):
+    """Return the first `count` waypoints of a Plan, as a plan with another PlanStatus."""
+    part = {name: getattr(plan, name)[:count] for name in _PER_WAYPOINT}
+    return replace(plan, **part, fraction=1.0 if status is PlanStatus.COMPLETE
+                   else plan.fraction * count / len(plan), status=status)
+
+
+def joined(one, other):
+    """Return one Plan that does a Plan and then another, which begins where the first ends."""
+    depths, grippers, shapes, misalignment, miss, times, passes, clearances = (
+        [*getattr(one, name), *getattr(other, name)[1:]] for name in _PER_WAYPOINT)
+    times[len(one):] = one.times[-1] + other.times[1:] - other.times[0]
+    return Plan(np.array(depths), grippers, shapes, np.array(misalignment), np.array(miss),
+                np.array(times), passes, _padded(clearances),
+                min(one.fraction, other.fraction), other.status)
+
+
+_PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'miss', 'times', 'passes',
+                 'clearances')
+
+
+def _padded(clearances):
+    """Return (n, k, 3) of n sequences of at most k entries; infinite where there is none."""
+    most = max((len(rooms) for rooms in clearances), default=0)
+    out = np.full((len(clearances), most, 3), np.inf)
+    for k, rooms in enumerate(clearances):
+        if len(rooms):
+            out[k, :len(rooms)] = rooms
+    return out

@@ -5,10 +5,12 @@ import numpy as np
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.contact import CONDITIONS, hold_contact, slide_contact
+from dlo_planner.inverse.draft import Brief
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.start_phase import start_phase
 from dlo_planner.inverse.threading import kept_before, thread
 from dlo_planner.inverse.two_cutouts import thread_two
+from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.checks import choice, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
@@ -23,14 +25,31 @@ class InverseSimulator:
 
     Args:
         simulator: the DirectSimulator whose rod, gravity and discretisation are used. A permanent
-            set that it starts with counts; that the DLO may yield further does not: `replay` with
-            the simulator itself tells.
+            set that it starts with counts. Its obstacles are touched by the contact tasks and
+            avoided by the others; a Sheet among them is the one around a cut-out that it has.
+        workspace: Workspace, where the gripper may be; None: anywhere
+        may_yield: whether a plan may bend the DLO beyond its yield limits. Planning itself is
+            elastic: `replay` with `simulator` tells what comes of it.
+
+    A waypoint that leaves the workspace, touches what it should not, bends more sharply than
+    `Rod.max_bend_curvature`, or yields though it must not, is refused: `Infeasible` names the
+    waypoint, the constraint and the amount. Where a task leaves a choice, it is made so as to keep
+    them.
     """
 
-    def __init__(self, simulator):
+    def __init__(self, simulator, *, workspace=None, may_yield=True):
         if not isinstance(simulator, DirectSimulator):
             raise InvalidTask(f'simulator = {simulator!r}: expected a DirectSimulator')
+        if workspace is not None and not isinstance(workspace, Workspace):
+            raise InvalidTask(f'workspace = {workspace!r}: expected a Workspace or None')
         self.simulator = simulator.elastic()
+        self.workspace = workspace
+        self._alone = self.simulator.without_obstacles()
+        self._yielding = None
+        if not may_yield and simulator.rod.yields:
+            rod = simulator.rod
+            self._yielding = np.array([rod.yield_torsion or np.inf,
+                                       *(rod.yield_curvature or (np.inf, np.inf))])
 
     def thread(self, cutout, *, start=None, depths=None, method='coupled', gripper_clearance=None,
                linear_speed=0.1, angular_speed=0.5, progress=None):
@@ -65,9 +84,9 @@ class InverseSimulator:
             raise InvalidTask(f'cutout = {cutout!r}: expected a CutOut')
         if start is not None and not isinstance(start, Pose):
             raise InvalidTask(f'start = {start!r}: expected a Pose or None')
-        speeds = _speeds(linear_speed, angular_speed)
-        plan = thread(self.simulator, cutout, self._checked(depths), start,
-                      choice('method', method, ('coupled', 'nested')), speeds, progress)
+        plan = thread(self._alone, cutout, self._checked(depths), start,
+                      choice('method', method, ('coupled', 'nested')),
+                      self._brief(linear_speed, angular_speed, progress))
         if gripper_clearance is None:
             return plan
         return kept_before(plan, cutout, number('gripper_clearance', gripper_clearance, minimum=0),
@@ -101,9 +120,9 @@ class InverseSimulator:
             raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
         if not isinstance(start, Pose):
             raise InvalidTask(f'start = {start!r}: expected a Pose')
-        return start_phase(self.simulator, cutout, start, plan.grippers[0],
+        return start_phase(self._alone, cutout, start, plan.grippers[0],
                            number('standoff', standoff, minimum=0), initial,
-                           _speeds(linear_speed, angular_speed))
+                           self._brief(linear_speed, angular_speed))
 
     def thread_two(self, first, second, *, start=None, depths=None, linear_speed=0.1,
                    angular_speed=0.5, progress=None):
@@ -129,9 +148,8 @@ class InverseSimulator:
                 raise InvalidTask(f'{name} = {cutout!r}: expected a CutOut')
         if start is not None and not isinstance(start, Pose):
             raise InvalidTask(f'start = {start!r}: expected a Pose or None')
-        speeds = _speeds(linear_speed, angular_speed)
-        return thread_two(self.simulator, first, second, self._checked(depths), start, speeds,
-                          progress)
+        return thread_two(self._alone, first, second, self._checked(depths), start,
+                          self._brief(linear_speed, angular_speed, progress))
 
     def hold_contact(self, contact, s, *, condition='least_energy', forces=None, start=None,
                      linear_speed=0.1, angular_speed=0.5):
@@ -163,7 +181,7 @@ class InverseSimulator:
         if condition == 'least_motion' and start is None:
             raise InvalidTask('start = None: expected a Pose with condition \'least_motion\'')
         return hold_contact(self.simulator, contact, s, forces, condition, start,
-                            _speeds(linear_speed, angular_speed))
+                            self._brief(linear_speed, angular_speed, touching=True))
 
     def slide_contact(self, contact, lengths, *, condition='least_motion', forces=None, start=None,
                       linear_speed=0.1, angular_speed=0.5, progress=None):
@@ -189,7 +207,7 @@ class InverseSimulator:
                               'length at least, and a condition')
         forces = self._contact(contact, forces, condition, start)
         return slide_contact(self.simulator, contact, lengths, forces, condition, start,
-                             _speeds(linear_speed, angular_speed), progress)
+                             self._brief(linear_speed, angular_speed, progress, touching=True))
 
     def _contact(self, contact, forces, condition, start):
         """Return the forces to look at; judge what both contact tasks take."""
@@ -232,7 +250,9 @@ class InverseSimulator:
                 f'depths[{bad}] = {depths[bad]}: expected not less than the one before')
         return depths
 
-
-def _speeds(linear_speed, angular_speed):
-    return (number('linear_speed', linear_speed, above=0),
-            number('angular_speed', angular_speed, above=0))
+    def _brief(self, linear_speed, angular_speed, progress=None, touching=False):
+        speeds = (number('linear_speed', linear_speed, above=0),
+                  number('angular_speed', angular_speed, above=0))
+        return Brief(speeds, progress, self.workspace,
+                     () if touching else self.simulator.obstacles, self.simulator.rod.radius or 0.0,
+                     self._yielding)

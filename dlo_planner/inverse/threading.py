@@ -12,9 +12,10 @@ from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.aligned import aligned_newton, free_axis
 from dlo_planner.inverse.clearance import sheet_of
+from dlo_planner.inverse.draft import Draft
 from dlo_planner.inverse.marching import march_from_end
 from dlo_planner.inverse.nested import nested_alignment
-from dlo_planner.inverse.plan import PlanStatus, build_plan, waypoint_of
+from dlo_planner.inverse.plan import PlanStatus, first_part, waypoint_of
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.pose import Pose
 
@@ -26,7 +27,7 @@ _ROLLS = 24              # of the free end, tried for the start
 _LEAP = 1.0              # rad: a change of shape between waypoints that is no continuation
 
 
-def thread(simulator, cutout, depths, start, method, speeds, progress):
+def thread(simulator, cutout, depths, start, method, brief):
     """Return the Plan; see `InverseSimulator.thread` for what the arguments mean.
 
     Which roll of the DLO the threading begins with is free. If the plan that begins with the
@@ -36,8 +37,8 @@ def thread(simulator, cutout, depths, start, method, speeds, progress):
     for first, reference in _starts(simulator, cutout, start):
         try:
             # Recovering is slow and seldom helps: done for the first choice only.
-            return _thread_from(first, reference, simulator, cutout, depths, method, speeds,
-                                progress, _RECOVERIES if refused is None else 0)
+            return _thread_from(first, reference, simulator, cutout, depths, method, brief,
+                                _RECOVERIES if refused is None else 0)
         except Infeasible as error:
             if refused is None or error.waypoint > refused.waypoint:
                 refused = error
@@ -58,54 +59,45 @@ def kept_before(plan, cutout, wanted, may_end):
     if (rooms >= wanted).all():
         return plan
     index = int(np.argmax(rooms < wanted))
-    kept = replace(plan, **{name: getattr(plan, name)[:index] for name in (
-        'depths', 'grippers', 'shapes', 'misalignment', 'miss', 'times', 'passes', 'clearance')})
     if may_end and index:
-        return kept
-    kept = replace(kept, fraction=index / len(plan), status=PlanStatus.PARTIAL)
+        return first_part(plan, index, PlanStatus.COMPLETE)
     raise Infeasible(f'waypoint {index} (depth {plan.depths[index]:g} m): the gripper is '
                      f'{rooms[index]:.3g} m before the sheet, gripper_clearance = {wanted:g} m',
-                     index, 'gripper_clearance', float(wanted - rooms[index]), kept)
+                     index, 'gripper_clearance', float(wanted - rooms[index]),
+                     first_part(plan, index, PlanStatus.PARTIAL))
 
 
-def _thread_from(shape, reference, simulator, cutout, depths, method, speeds, progress,
-                 recoveries):
+def _thread_from(shape, reference, simulator, cutout, depths, method, brief, recoveries):
     """Continue `shape` from depth 0, where the free end alone is prescribed, through all depths.
 
     Between waypoints in steps short enough to stay on one branch.
     """
     length = simulator.rod.length
-    waypoints = []
-    sheet, radius = sheet_of(cutout, length), simulator.rod.radius or 0.0
+    draft = Draft(depths, brief)
+    sheet = sheet_of(cutout, length, brief.obstacles)
     align = {'coupled': aligned_shape, 'nested': _nested}[method]
     depth = 0.0
-    for index, wanted in enumerate(depths):
-
-        def refuse(constraint, amount, why, index=index, wanted=wanted):
-            return Infeasible(f'waypoint {index} (depth {wanted:g} m): {why}', index, constraint,
-                              amount, build_plan(waypoints, depths, speeds, PlanStatus.PARTIAL))
-
+    for wanted in depths:
         shape, depth = _reach(simulator, shape, depth, wanted, align, cutout.normal, reference,
                               recoveries)
         if shape is None:
-            raise refuse('equilibrium', wanted - depth, 'no equilibrium with the tangent along '
-                         f'the normal was found beyond depth {depth:g} m')
+            raise draft.refusal('equilibrium', wanted - depth, 'no equilibrium with the tangent '
+                                f'along the normal was found beyond depth {depth:g} m')
         if shape.stability < -NEUTRAL:
             stable = _recovered(simulator, shape, length - wanted, cutout.normal, reference,
                                 recoveries)
-            if stable is None or waypoints and _leaps(waypoints[-1].shape, stable):
-                raise refuse('stability', -shape.stability, 'the DLO would not stay in the shape '
-                             f'that passes the cut-out; stability {shape.stability:.3g} < 0')
+            if stable is None or draft.last is not None and _leaps(draft.last, stable):
+                raise draft.refusal('stability', -shape.stability, 'the DLO would not stay in the '
+                                    'shape that passes the cut-out; stability '
+                                    f'{shape.stability:.3g} < 0')
             shape = stable
-        elif waypoints and _leaps(waypoints[-1].shape, shape):
-            raise refuse('equilibrium', shape_change(waypoints[-1].shape, shape), 'the DLO would '
-                         'have to leap into another shape; closer waypoints may help')
-        waypoints.append(waypoint_of(shape, cutout.centre, length - wanted,
-                                     cutout.normal).beside([sheet], radius))
+        elif draft.last is not None and _leaps(draft.last, shape):
+            raise draft.refusal('equilibrium', shape_change(draft.last, shape), 'the DLO would '
+                                'have to leap into another shape; closer waypoints may help')
+        draft.add(waypoint_of(shape, cutout.centre, length - wanted, cutout.normal).inside(
+            [cutout], [sheet], brief.radius))
         reference = shape.gripper.rotation
-        if progress is not None:
-            progress(index + 1, len(depths))
-    return build_plan(waypoints, depths, speeds, PlanStatus.COMPLETE)
+    return draft.finished()
 
 
 def _reach(simulator, shape, depth, wanted, align, normal, reference, recoveries):

@@ -14,7 +14,8 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.aligned import free_axis
 from dlo_planner.inverse.clearance import sheet_of
-from dlo_planner.inverse.plan import PlanStatus, build_plan, waypoint_of
+from dlo_planner.inverse.draft import Brief, Draft
+from dlo_planner.inverse.plan import waypoint_of
 from dlo_planner.inverse.threading import aligned_shape, thread
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.cutout import CutOut
@@ -29,7 +30,7 @@ _LEAP = 1.0             # rad: a change of shape between waypoints that is no co
 _GUESSES = 9
 
 
-def thread_two(simulator, first, second, depths, start, speeds, progress):
+def thread_two(simulator, first, second, depths, start, brief):
     """Return the Plan; see `InverseSimulator.thread_two` for what the arguments mean."""
     way = second.centre - first.centre
     length, apart = simulator.rod.length, float(np.linalg.norm(way))
@@ -39,7 +40,7 @@ def thread_two(simulator, first, second, depths, start, speeds, progress):
     if shape is None:
         raise Infeasible(f'no stable shape passes both centres, {apart:g} m apart, as the free end '
                          'reaches the second one', int(np.searchsorted(depths, apart)), 'reach',
-                         reached, build_plan([], depths, speeds, PlanStatus.PARTIAL))
+                         reached, Draft(depths, brief).partial())
     direction = shape.at(length - reached).direction
     before = [depth for depth in depths if depth < reached]
     found = [None] * len(depths)
@@ -57,42 +58,29 @@ def thread_two(simulator, first, second, depths, start, speeds, progress):
         found[index] = (current, length - depths[index], s2)
         if not _good(current):
             break
-    return _judged(simulator, found, first, second, depths, speeds, progress)
+    return _judged(simulator, found, first, second, depths, brief)
 
 
-def _judged(simulator, found, first, second, depths, speeds, progress):
+def _judged(simulator, found, first, second, depths, brief):
     """Return the Plan of all waypoints, or raise Infeasible at the first that is not to be had."""
-    waypoints = []
-    length, radius = simulator.rod.length, simulator.rod.radius or 0.0
-    sheets = [sheet_of(first, length), sheet_of(second, length)]
-    bad = [index for index, one in enumerate(found) if one is None or not _good(one[0])]
-    for index, one in enumerate(found):
-        if index in bad:
-            break
-        current, s1, s2 = one
-        waypoint = waypoint_of(current, first.centre, s1, None)
-        if s2 is not None:
-            waypoint = waypoint.also(second.centre, s2)
-        waypoint = waypoint.beside(sheets, radius)
-        if waypoints and shape_change(waypoints[-1].shape, waypoint.shape) > _LEAP:
-            bad = [index]
-            break
-        waypoints.append(waypoint)
-        if progress is not None:
-            progress(index + 1, len(depths))
-    if not bad:
-        return build_plan(waypoints, depths, speeds, PlanStatus.COMPLETE)
-    index = len(waypoints)
-    shape = found[index][0] if found[index] is not None else None
-    constraint, amount = 'equilibrium', depths[index]
-    why = 'no equilibrium passes the centres'
-    if shape is not None and shape.converged:
-        constraint, amount, why = 'equilibrium', 0.0, 'the DLO would have to leap'
-    elif shape is not None and shape.stability < -NEUTRAL:
-        constraint, amount = 'stability', -shape.stability
-        why = f'the DLO would not stay there; stability {shape.stability:.3g} < 0'
-    raise Infeasible(f'waypoint {index} (depth {depths[index]:g} m): {why}', index, constraint,
-                     amount, build_plan(waypoints, depths, speeds, PlanStatus.PARTIAL))
+    length, draft = simulator.rod.length, Draft(depths, brief)
+    sheets = [sheet_of(cutout, length, brief.obstacles) for cutout in (first, second)]
+    for one in found:
+        shape = one[0] if one is not None else None
+        if not _good(shape):
+            if shape is not None and shape.stability < -NEUTRAL:
+                raise draft.refusal('stability', -shape.stability, 'the DLO would not stay there; '
+                                    f'stability {shape.stability:.3g} < 0')
+            raise draft.refusal('equilibrium', depths[len(draft.waypoints)],
+                                'no equilibrium passes the centres')
+        if draft.last is not None and shape_change(draft.last, shape) > _LEAP:
+            raise draft.refusal('equilibrium', shape_change(draft.last, shape),
+                                'the DLO would have to leap')
+        waypoint = waypoint_of(shape, first.centre, one[1], None)
+        if one[2] is not None:
+            waypoint = waypoint.also(second.centre, one[2])
+        draft.add(waypoint.inside([first, second], sheets, brief.radius))
+    return draft.finished()
 
 
 def _good(shape):
@@ -108,8 +96,8 @@ def _change_over(simulator, first, way, apart, start):
         if depth >= length:
             break
         try:
-            plan = thread(simulator, along, np.linspace(0, depth, 6), start, 'coupled', (1.0, 1.0),
-                          None)
+            plan = thread(simulator, along, np.linspace(0, depth, 6), start, 'coupled',
+                          Brief((1.0, 1.0)))
         except Infeasible:
             continue
         guess = plan.shapes[-1]

@@ -1,0 +1,117 @@
+"""A plan in the making: each waypoint keeps all demands, or is refused with what it breaks."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.clearance import clearance
+from dlo_planner.inverse.plan import PlanStatus, build_plan
+from dlo_planner.inverse.workspace import Workspace
+
+
+@dataclass(frozen=True)
+class Brief:
+    """What every waypoint of a plan has to keep, whatever the task.
+
+    Attributes:
+        speeds: m/s and rad/s, for the plan's times
+        progress: called as progress(done, total) after each waypoint, or None
+        workspace: Workspace or None
+        obstacles: that the DLO must not touch; radius: of the DLO, m
+        yielding: (3,) strains since the stress-free shape, torsion and both curvatures, at which
+            the DLO would yield, 1/m, or None where it may
+    """
+
+    speeds: tuple[float, float]
+    progress: Callable | None = None
+    workspace: Workspace | None = None
+    obstacles: tuple = ()
+    radius: float = 0.0
+    yielding: np.ndarray | None = None
+
+    def broken(self, waypoint):
+        """Return None, or the constraint that a Waypoint breaks, by how much, and in words."""
+        shape = waypoint.shape
+        if self.workspace is not None:
+            for name, room in self.workspace.rooms(shape.gripper):
+                if room < 0:
+                    return name, -room, f'the gripper is {-room:.3g} m beyond {name}'
+        if waypoint.clearance < 0:
+            return ('clearance', -waypoint.clearance,
+                    f'the DLO is {-waypoint.clearance:.3g} m in the sheet')
+        for index, obstacle in enumerate(self.obstacles):
+            room = clearance([obstacle], self.radius, shape)
+            if room < 0:
+                return ('clearance', -room,
+                        f'the DLO is {-room:.3g} m in {type(obstacle).__name__} {index}')
+        if shape.bend_margin < 0:
+            return ('max_bend_curvature', -shape.bend_margin,
+                    f'the DLO is bent by {-shape.bend_margin:.3g} 1/m more than '
+                    f'max_bend_curvature = {shape.rod.max_bend_curvature:g} 1/m')
+        if self.yielding is not None:
+            load = utilisation(shape, self.yielding)
+            if load > 1:
+                return ('yield', load - 1, f'the DLO would be set for good: bent or twisted to '
+                        f'{load:.3g} times what it bears')
+        return None
+
+
+def utilisation(shape, yielding):
+    """Return the largest strain since the stress-free shape as a part of what yields.
+
+    Curvature counts as in `energy.plastic`, by the ellipse of its two thresholds; torsion by
+    itself.
+
+    Args:
+        yielding: (3,) thresholds of torsion and of both curvatures, 1/m
+    """
+    part = np.abs(shape.bent) / yielding
+    return float(max(part[:, 0].max(), np.hypot(part[:, 1], part[:, 2]).max()))
+
+
+class Draft:
+    """Collects the Waypoints of a plan in order.
+
+    Args:
+        depths: (n,) of the waypoints wanted, m
+        brief: Brief
+        what: how a waypoint is called in a refusal
+    """
+
+    def __init__(self, depths, brief, what='waypoint'):
+        self.waypoints = []
+        self._depths, self._brief, self._what = depths, brief, what
+
+    @property
+    def last(self):
+        """The Shape of the last waypoint, None before there is one."""
+        return self.waypoints[-1].shape if self.waypoints else None
+
+    def add(self, waypoint):
+        """Take the next Waypoint; raises Infeasible if it breaks a demand."""
+        broken = self._brief.broken(waypoint)
+        if broken is not None:
+            raise self.refusal(*broken)
+        self.waypoints.append(waypoint)
+        if self._brief.progress is not None:
+            self._brief.progress(len(self.waypoints), len(self._depths))
+
+    def refusal(self, constraint, amount, why):
+        """Return Infeasible for the next waypoint, with the plan up to it as evidence."""
+        index = len(self.waypoints)
+        depth = f' (depth {self._depths[index]:g} m)' if np.any(self._depths) else ''
+        return Infeasible(f'{self._what} {index}{depth}: {why}', index, constraint, float(amount),
+                          self.partial())
+
+    def finished(self):
+        """Return the Plan."""
+        return self._plan(PlanStatus.COMPLETE)
+
+    def partial(self):
+        """Return the Plan so far, as evidence."""
+        return self._plan(PlanStatus.PARTIAL)
+
+    def _plan(self, status):
+        return build_plan(self.waypoints, self._depths, self._brief.speeds, status)

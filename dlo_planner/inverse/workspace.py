@@ -1,0 +1,74 @@
+"""Where the gripper may be: a cell is not empty."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dlo_planner.energy.distance import build_scene, signed_distance
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import number
+from dlo_planner.model.obstacles import OBSTACLES
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """A box that the gripper stays inside, and bodies that it stays outside.
+
+    Attributes:
+        lower, upper: (3,) m, opposite corners of the box, world axes; infinite: no limit
+        keep_out: Plane, Sphere, Capsule, Box, Sheet, in any number
+        gripper_radius: m, of the sphere about the gripper's origin that stands for the gripper
+
+    Raises:
+        InvalidTask: naming the argument
+    """
+
+    lower: np.ndarray = (-np.inf,) * 3
+    upper: np.ndarray = (np.inf,) * 3
+    keep_out: tuple = ()
+    gripper_radius: float = 0.0
+
+    def __post_init__(self):
+        for name in ('lower', 'upper'):
+            object.__setattr__(self, name, _corner(f'Workspace.{name}', getattr(self, name)))
+        if not (self.lower < self.upper).all():
+            raise InvalidTask(f'Workspace.upper = {self.upper.tolist()}: expected more than lower '
+                              f'= {self.lower.tolist()}')
+        keep_out = tuple(self.keep_out)
+        for index, body in enumerate(keep_out):
+            if not isinstance(body, OBSTACLES):
+                names = ', '.join(kind.__name__ for kind in OBSTACLES)
+                raise InvalidTask(f'Workspace.keep_out[{index}] = {body!r}: expected one of '
+                                  f'{names}')
+        object.__setattr__(self, 'keep_out', keep_out)
+        object.__setattr__(self, 'gripper_radius', number(
+            'Workspace.gripper_radius', self.gripper_radius, minimum=0))
+
+    @cached_property
+    def _scene(self):
+        return build_scene(self.keep_out, self.gripper_radius)
+
+    def rooms(self, gripper):
+        """Yield (name, m): how far a gripper's Pose is from each limit, negative beyond it."""
+        for name, rooms in (('lower', gripper.position - self.lower),
+                            ('upper', self.upper - gripper.position)):
+            for axis, room in zip('xyz', rooms, strict=True):
+                if room < np.inf:
+                    yield f'workspace.{name}.{axis}', float(room) - self.gripper_radius
+        normal, bend = np.empty(3), np.empty((3, 3))
+        for o in range(self._scene.kind.size):
+            room = signed_distance(self._scene, o, gripper.position, normal, bend)
+            yield (f'workspace.keep_out[{self._scene.source[o]}]',
+                   float(room) - self.gripper_radius)
+
+
+def _corner(name, value):
+    """Return (3,) numbers, each of which may be infinite."""
+    try:
+        corner = np.array([float(v) for v in value])
+    except (TypeError, ValueError):
+        corner = np.full(0, np.nan)
+    if corner.shape != (3,) or np.isnan(corner).any():
+        raise InvalidTask(f'{name} = {value!r}: expected 3 numbers in m, infinite for no limit')
+    return corner
