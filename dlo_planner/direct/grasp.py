@@ -13,11 +13,11 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import number
+from dlo_planner.model.part import BACK, part_of_rod
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 
-_BACK = np.array([1.0, -1.0, 1.0])           # of strains
-_TURNED = np.diag([-1.0, 1.0, -1.0])         # of frames
+_TURNED = np.diag([-1.0, 1.0, -1.0])  # of frames
 
 
 class GraspedInside:
@@ -69,28 +69,6 @@ class GraspedInside:
         return joined
 
 
-def part_of_rod(rod, at, way):
-    """Return the Rod from `at` to one end: way = 1 on to L, -1 back to 0."""
-    length = at if way < 0 else rod.length - at
-    signs = _BACK if way < 0 else np.ones(3)
-
-    def place(s):
-        return at + way * s
-
-    def natural(s):
-        return signs * rod.natural_strains(np.array([place(s)]))[0]
-
-    masses = []
-    for s, mass in rod.point_masses:
-        if (s - at) * way > 0 or (s == at and way > 0):
-            masses.append((abs(s - at), mass))
-    return replace(
-        rod, length=length, point_masses=tuple(masses), tip_mass=rod.tip_mass if way > 0 else 0.0,
-        natural_curvature=lambda s: natural(s)[1:], natural_twist=lambda s: natural(s)[0],
-        mass_per_length=(lambda s: rod.masses_per_length(np.array([place(s)]))[0])
-        if callable(rod.mass_per_length) else rod.mass_per_length)
-
-
 def _both(gripper):
     if not isinstance(gripper, Pose):
         raise InvalidTask(f'gripper = {gripper!r}: expected a Pose')
@@ -112,7 +90,7 @@ def _joined(gripper, back, on):
         on, gripper=gripper, s=np.concatenate([at - back.s[:0:-1], at + on.s]),
         positions=np.vstack([back.positions[:0:-1], on.positions]),
         frames=np.concatenate([back.frames[:0:-1] @ _TURNED, on.frames]),
-        element_strains=np.vstack([back.element_strains[::-1] * _BACK, on.element_strains]),
+        element_strains=np.vstack([back.element_strains[::-1] * BACK, on.element_strains]),
         energy=back.energy + on.energy,
         elastic_energy=back.elastic_energy + on.elastic_energy,
         gripper_wrench=back.gripper_wrench + on.gripper_wrench,

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dlo_planner.direct.discretisation import Discretisation
-from dlo_planner.direct.grasp import part_of_rod
 from dlo_planner.direct.statics import equilibrium, shape_of
 from dlo_planner.energy.potential import evaluate, new_state
 from dlo_planner.inverse.clearance import clearance
 from dlo_planner.inverse.draft import Draft
 from dlo_planner.inverse.marching import march_from_end
-from dlo_planner.inverse.plan import Waypoint
+from dlo_planner.inverse.plan import waypoint_at
+from dlo_planner.model.part import part_of_rod
 from dlo_planner.model.pose import Pose
 
 CONDITIONS = ('least_energy', 'least_force', 'least_motion', 'largest_clearance')
@@ -119,11 +119,7 @@ def _admissible(simulator, contact, s, forces, draft, brief):
 
 def _waypoint(one):
     """Return the Waypoint of a Holding."""
-    axes, position = one.shape.frame_at(one.s)
-    off = float(np.linalg.norm(position - one.place))
-    angle = np.arctan2(np.linalg.norm(np.cross(axes[:, 0], one.direction)),
-                       axes[:, 0] @ one.direction)
-    return Waypoint(one.shape, float(angle), off, ((one.place, one.s, one.direction),))
+    return waypoint_at(one.shape, one.place, one.s, one.direction)
 
 
 def _mesh(simulator, s):

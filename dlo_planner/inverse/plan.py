@@ -11,7 +11,6 @@ from dlo_planner.inverse.clearance import room_in
 from dlo_planner.inverse.timing import times_at_speed
 from dlo_planner.model.pose import Pose
 
-
 _FREE = (np.inf,) * 3
 
 
@@ -135,12 +134,16 @@ def waypoint_of(shape, centre, s, normal):
     Args:
         normal: (3,) along which it should pass; None: along any
     """
-    placed = shape.moved(centre - shape.frame_at(s)[1])
-    axes, position = placed.frame_at(s)
+    return waypoint_at(shape.moved(centre - shape.frame_at(s)[1]), centre, s, normal)
+
+
+def waypoint_at(shape, centre, s, normal):
+    """Return the Waypoint of a Shape that should pass `centre` at `s`, where it is."""
+    axes, position = shape.frame_at(s)
     angle = 0.0
     if normal is not None:
         angle = np.arctan2(np.linalg.norm(np.cross(axes[:, 0], normal)), axes[:, 0] @ normal)
-    return Waypoint(placed, float(angle), float(np.linalg.norm(position - centre)),
+    return Waypoint(shape, float(angle), float(np.linalg.norm(position - centre)),
                     ((centre, s, normal),))
 
 

@@ -4,9 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import clearance
 from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.model.checks import number
+from dlo_planner.model.part import before
 
 _STEP = 0.02      # s, of a dynamic replay at most
 _STEPS = 150      # at least
@@ -48,12 +50,21 @@ def replay(simulator, plan, *, obstacles=(), limits=None, tolerance=None):
 
     Args:
         simulator: DirectSimulator, the planner's own or a better one
-        plan: Plan
+        plan: Plan; of an insertion, whose shapes are parts of the DLO, each is held at the mouth
+            as planned, and it is not run dynamically
         obstacles: whose clearance is wanted besides the cut-outs' with a size
         limits: Limits; the plan is run dynamically at the pace that they allow (None: it is not)
         tolerance: m; with it, the fastest pace that keeps the dynamic miss within is sought
+
+    Raises:
+        InvalidTask: limits with an insertion
     """
-    shapes = simulator.track(plan.grippers)
+    whole = all(shape.s[-1] == simulator.rod.length for shape in plan.shapes)
+    if limits is not None and not whole:
+        raise InvalidTask('limits: expected None for an insertion; it is not run dynamically')
+    shapes = simulator.track(plan.grippers) if whole else [
+        simulator.with_rod(before(simulator.rod, shape.s[-1])).solve(
+            shape.gripper, shape, far_end=shape.far_end) for shape in plan.shapes]
     misses, angles = [0.0], [0.0]
     for shape, passes in zip(shapes, plan.passes, strict=True):
         for centre, s, normal in passes:

@@ -6,6 +6,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.contact import CONDITIONS, hold_contact, slide_contact
 from dlo_planner.inverse.draft import Brief
+from dlo_planner.inverse.insertion import insert
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.start_phase import start_phase
 from dlo_planner.inverse.threading import kept_before, thread
@@ -18,6 +19,7 @@ from dlo_planner.model.pose import Pose
 _WAYPOINTS = 40
 _FORCES = 40
 _DEEPEST = 0.95  # of the length, where no depths are given
+_INSERTED = 0.99
 
 
 class InverseSimulator:
@@ -82,8 +84,7 @@ class InverseSimulator:
         """
         if not isinstance(cutout, CutOut):
             raise InvalidTask(f'cutout = {cutout!r}: expected a CutOut')
-        if start is not None and not isinstance(start, Pose):
-            raise InvalidTask(f'start = {start!r}: expected a Pose or None')
+        _pose_or_none('start', start)
         plan = thread(self._alone, cutout, self._checked(depths), start,
                       choice('method', method, ('coupled', 'nested')),
                       self._brief(linear_speed, angular_speed, progress))
@@ -91,6 +92,36 @@ class InverseSimulator:
             return plan
         return kept_before(plan, cutout, number('gripper_clearance', gripper_clearance, minimum=0),
                            depths is None)
+
+    def insert(self, bore, *, start=None, depths=None, linear_speed=0.1, angular_speed=0.5,
+               progress=None):
+        """Plan the insertion into a bore of about the DLO's diameter (paper, section 5.2).
+
+        The walls carry what is inside; the poses are those at which the mouth has nothing to bear.
+        A uniform DLO's gripper travels along the curve of its first shape (Zheng et al. 1991).
+
+        Args:
+            bore: CutOut: its centre is that of the mouth, its normal points inwards
+            start, linear_speed, angular_speed, progress: as for `thread`
+            depths: as for `thread`, less than the length
+
+        Returns:
+            Plan; its shapes are of what is outside, held at the mouth, and so is their stability;
+            `Shape.far_wrench` is what the mouth bears
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            Infeasible: a waypoint has no stable solution; carries the plan up to it
+        """
+        if not isinstance(bore, CutOut):
+            raise InvalidTask(f'bore = {bore!r}: expected a CutOut')
+        _pose_or_none('start', start)
+        depths = self._checked(depths)
+        if depths[-1] > _INSERTED * self.simulator.rod.length:
+            raise InvalidTask(f'depths[{len(depths) - 1}] = {depths[-1]:g}: expected at most '
+                              f'{_INSERTED:g} of the length')
+        return insert(self._alone, bore, depths, start,
+                      self._brief(linear_speed, angular_speed, progress))
 
     def start_phase(self, cutout, plan, start, *, standoff=0.05, initial=None, linear_speed=0.1,
                     angular_speed=0.5):
@@ -146,8 +177,7 @@ class InverseSimulator:
         for name, cutout in (('first', first), ('second', second)):
             if not isinstance(cutout, CutOut):
                 raise InvalidTask(f'{name} = {cutout!r}: expected a CutOut')
-        if start is not None and not isinstance(start, Pose):
-            raise InvalidTask(f'start = {start!r}: expected a Pose or None')
+        _pose_or_none('start', start)
         return thread_two(self._alone, first, second, self._checked(depths), start,
                           self._brief(linear_speed, angular_speed, progress))
 
@@ -215,8 +245,7 @@ class InverseSimulator:
             raise InvalidTask(f'contact = {contact!r}: expected a Pose')
         if not self.simulator.obstacles:
             raise InvalidTask('simulator has no obstacles: expected the one to touch among them')
-        if start is not None and not isinstance(start, Pose):
-            raise InvalidTask(f'start = {start!r}: expected a Pose or None')
+        _pose_or_none('start', start)
         if condition is not None:
             choice('condition', condition, CONDITIONS)
         if forces is None:
@@ -256,3 +285,8 @@ class InverseSimulator:
         return Brief(speeds, progress, self.workspace,
                      () if touching else self.simulator.obstacles, self.simulator.rod.radius or 0.0,
                      self._yielding)
+
+
+def _pose_or_none(name, value):
+    if value is not None and not isinstance(value, Pose):
+        raise InvalidTask(f'{name} = {value!r}: expected a Pose or None')

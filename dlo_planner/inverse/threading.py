@@ -3,17 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.continuation import shape_change
 from dlo_planner.direct.statics import TOLERANCE, equilibrium, shape_of
-from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
+from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.aligned import aligned_newton, free_axis
+from dlo_planner.inverse.beginnings import beginnings, least_turn
 from dlo_planner.inverse.clearance import sheet_of
 from dlo_planner.inverse.draft import Draft
-from dlo_planner.inverse.marching import march_from_end
 from dlo_planner.inverse.nested import nested_alignment
 from dlo_planner.inverse.plan import PlanStatus, first_part, waypoint_of
 from dlo_planner.minimize.newton import NEUTRAL
@@ -23,7 +21,6 @@ _MAX_ITERATIONS = 60
 _LONGEST_STEP = 1 / 16   # of the length: depth steps of the continuation
 _SHORTEST_STEP = 1 / 1024
 _RECOVERIES = 6
-_ROLLS = 24              # of the free end, tried for the start
 _LEAP = 1.0              # rad: a change of shape between waypoints that is no continuation
 
 
@@ -34,7 +31,7 @@ def thread(simulator, cutout, depths, start, method, brief):
     first choice is refused, others are tried, unless all rolls are alike (round and straight).
     """
     refused = None
-    for first, reference in _starts(simulator, cutout, start):
+    for first, reference in beginnings(simulator, cutout, start):
         try:
             # Recovering is slow and seldom helps: done for the first choice only.
             return _thread_from(first, reference, simulator, cutout, depths, method, brief,
@@ -129,81 +126,6 @@ def _angle(one, other):
     return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
 
 
-def _starts(simulator, cutout, start):
-    """Yield Shapes whose free end points along the normal, and the reference for their roll.
-
-    The free end's roll about the normal is a choice. The first one is made so that the gripper is
-    not rolled: seen along its own axis it stands as `start` does (or upright, without one). A
-    curved DLO may have several such rolls; the one that turns the gripper least comes first. All
-    others follow in steps, unless the DLO is round and straight and one roll is like another.
-    """
-    upright = Pose.looking_along((0.0, 0.0, 0.0), cutout.normal).rotation
-    wanted = upright
-    if start is not None:
-        wanted = _least_turn(start.direction, cutout.normal) @ start.rotation
-    discretisation = simulator.discretisation(Pose.from_rotation((0, 0, 0), upright), None)
-    system = discretisation.system(upright)
-
-    def end_rolled(angle):
-        """Return strains, gripper rotation, its reference and its roll against that, rad."""
-        turn = Rotation.from_rotvec(angle * cutout.normal).as_matrix()
-        strains, base = march_from_end(system, turn @ wanted)
-        reference = _least_turn(wanted[:, 0], base[:, 0]) @ wanted
-        across = reference.T @ base[:, 1]
-        return strains, base, reference, np.arctan2(across[2], across[1])
-
-    def roll(angle):
-        return end_rolled(angle)[3]
-
-    def turn_against_start(angle):
-        return Rotation.from_matrix(end_rolled(angle)[1] @ wanted.T).magnitude()
-
-    angles = np.linspace(-np.pi, np.pi, _ROLLS + 1)
-    rolls = [roll(angle) for angle in angles]
-    roots = [brentq(roll, angles[k], angles[k + 1], xtol=1e-12) for k in range(_ROLLS)
-             if rolls[k] * rolls[k + 1] <= 0 and abs(rolls[k] - rolls[k + 1]) < np.pi]
-    for root in sorted(roots, key=turn_against_start):
-        strains, base, reference, _ = end_rolled(root)
-        yield _shape_at(discretisation, strains, base), reference
-    if not roots or not _rolls_are_alike(simulator.rod, discretisation):
-        for angle in sorted(angles[:-1:2], key=turn_against_start):
-            strains, base, _, _ = end_rolled(angle)
-            yield _shape_at(discretisation, strains, base), base
-
-
-def _rolls_are_alike(rod, discretisation):
-    return rod.bending_stiffness[0] == rod.bending_stiffness[1] and not np.any(
-        discretisation.natural)
-
-
-def _least_turn(one, other):
-    """Return the rotation (3, 3) about the axis across both that takes unit vector one to other."""
-    return Rotation.from_rotvec(_rotvec_between(one, other)).as_matrix()
-
-
-def _rotvec_between(one, other):
-    axis = np.cross(one, other)
-    sine = np.linalg.norm(axis)
-    if sine < 1e-12:
-        if one @ other > 0:
-            return np.zeros(3)
-        helper = np.eye(3)[np.argmin(np.abs(one))]  # opposite: any axis across will do
-        axis = np.cross(one, helper)
-        sine = np.linalg.norm(axis)
-        return axis / sine * np.pi
-    return axis / sine * np.arctan2(sine, one @ other)
-
-
-def _shape_at(discretisation, strains, base):
-    """Return a Shape with these strains, whether in equilibrium or not (a guess)."""
-    gripper = Pose.from_rotation((0.0, 0.0, 0.0), base)
-    system = discretisation.system(base)
-    state = new_state(system)
-    unknowns_of(system, strains, state.q)
-    evaluate(system, state)
-    return shape_of(discretisation, gripper, (state, np.inf, -np.inf, 0, 0, system, 0.0))
-
-
 def aligned_shape(simulator, guess, s, normal, reference):
     """Return the Shape whose tangent at `s` is `normal`, by `aligned_newton`, or None.
 
@@ -259,7 +181,7 @@ def _recovered(simulator, shape, s, normal, reference, recoveries):
         found = aligned_shape(simulator, fallen, s, normal, reference)
         if found is not None and found.stability > -NEUTRAL:
             return found
-        turn = _least_turn(fallen.at(s).direction, normal)
+        turn = least_turn(fallen.at(s).direction, normal)
         shape = replace(fallen, gripper=Pose.from_rotation((0.0, 0.0, 0.0),
                                                            turn @ fallen.gripper.rotation))
     return None

@@ -1,0 +1,35 @@
+"""A part of a DLO as a DLO of its own."""
+
+from dataclasses import replace
+
+import numpy as np
+
+BACK = np.array([1.0, -1.0, 1.0])  # strains, seen along the DLO in the other direction
+
+
+def before(rod, end):
+    """Return the Rod from 0 to `end` (m), without what is fixed to it beyond."""
+    return replace(rod, length=end, tip_mass=rod.tip_mass if end == rod.length else 0.0,
+                   point_masses=tuple((s, mass) for s, mass in rod.point_masses if s <= end))
+
+
+def part_of_rod(rod, at, way):
+    """Return the Rod from `at` to one end: way = 1 on to L, -1 back to 0."""
+    length = at if way < 0 else rod.length - at
+    signs = BACK if way < 0 else np.ones(3)
+
+    def place(s):
+        return at + way * s
+
+    def natural(s):
+        return signs * rod.natural_strains(np.array([place(s)]))[0]
+
+    masses = []
+    for s, mass in rod.point_masses:
+        if (s - at) * way > 0 or (s == at and way > 0):
+            masses.append((abs(s - at), mass))
+    return replace(
+        rod, length=length, point_masses=tuple(masses), tip_mass=rod.tip_mass if way > 0 else 0.0,
+        natural_curvature=lambda s: natural(s)[1:], natural_twist=lambda s: natural(s)[0],
+        mass_per_length=(lambda s: rod.masses_per_length(np.array([place(s)]))[0])
+        if callable(rod.mass_per_length) else rod.mass_per_length)
