@@ -14,14 +14,16 @@ from dlo_planner.errors import (
 )
 from dlo_planner.inverse.fitting import Fit, Observation, fit_rod
 from dlo_planner.inverse.penalties import (
+    AwayFrom,
+    BentAtMost,
     DirectionAt,
-    Found,
     GripperNear,
     PositionAt,
-    minimise_penalty,
+    Through,
 )
 from dlo_planner.inverse.plan import Plan, PlanStatus
 from dlo_planner.inverse.replay import Report, replay
+from dlo_planner.inverse.search import Found, minimise_penalty
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.trajectory import Limits, Trajectory
 from dlo_planner.inverse.workspace import Workspace
@@ -32,9 +34,10 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.section import Section
 
-__all__ = ['Box', 'Capsule', 'Contact', 'CutOut', 'DirectSimulator', 'DirectionAt',
-           'DloPlannerError', 'FarEnd', 'Fit', 'Found', 'GraspedInside', 'GripperNear',
-           'Infeasible', 'InvalidRod', 'InvalidTask', 'InverseSimulator', 'Limits', 'Motion',
-           'NotConverged', 'Observation', 'Plan', 'PlanStatus', 'Plane', 'Pose', 'PositionAt',
-           'Report', 'Rod', 'Section', 'Shape', 'Sheet', 'Sphere', 'Trajectory', 'Workspace',
-           'fit_rod', 'minimise_penalty', 'replay']
+__all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'Contact', 'CutOut', 'DirectSimulator',
+           'DirectionAt', 'DloPlannerError', 'FarEnd', 'Fit', 'Found', 'GraspedInside',
+           'GripperNear', 'Infeasible', 'InvalidRod', 'InvalidTask', 'InverseSimulator',
+           'Limits', 'Motion', 'NotConverged', 'Observation', 'Plan', 'PlanStatus',
+           'Plane', 'Pose', 'PositionAt', 'Report', 'Rod', 'Section', 'Shape', 'Sheet',
+           'Sphere', 'Through', 'Trajectory', 'Workspace', 'fit_rod',
+           'minimise_penalty', 'replay']

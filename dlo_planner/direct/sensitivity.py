@@ -5,14 +5,18 @@ Hessian of the direct simulator: three or six solves with one factorisation, far
 another equilibrium.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numba import njit
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.energy.potential import at_element, evaluate, new_state, project
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve
 from dlo_planner.minimize.multipliers import rigid
-from dlo_planner.ritz.kinematics import part_of_element
+from dlo_planner.model.pose import Pose
+from dlo_planner.ritz.kinematics import march, part_of_element
 
 
 class Sensitivity:
@@ -52,6 +56,30 @@ class Sensitivity:
         element = min(int(np.searchsorted(shape.s, s, side='right')) - 1, shape.s.size - 2)
         fraction = (s - shape.s[element]) / (shape.s[element + 1] - shape.s[element])
         return _twists(self._system, self._state, self._answers, element, fraction)
+
+    @property
+    def strains(self):
+        """(N, 3, 6) derivatives of the elements' strains by the gripper's twist."""
+        values = np.moveaxis(self._answers, 0, 2)
+        if self._system.basis.shape[1]:
+            values = np.einsum('em,mik->eik', self._system.basis, values)
+        return self._system.scale[:, :, None] * values
+
+    def moved(self, twist):
+        """Return the Shape predicted for a gripper moved by a small `twist` (6,).
+
+        Rotation (rad) before displacement (m). Its strains change to first order; that it is an
+        equilibrium is not claimed, its energy and wrench are those of before.
+        """
+        twist, shape = np.asarray(twist, dtype=float), self.shape
+        turn = Rotation.from_rotvec(twist[:3]).as_matrix()
+        gripper = Pose.from_rotation(shape.gripper.position + twist[3:],
+                                     turn @ shape.gripper.rotation)
+        strains = shape.element_strains + self.strains @ twist
+        rotations, positions = np.empty_like(shape.frames), np.empty_like(shape.positions)
+        march(self._system.lengths, strains, gripper.rotation, rotations, positions)
+        return replace(shape, gripper=gripper, frames=rotations, element_strains=strains,
+                       positions=positions + gripper.position)
 
 
 @njit(cache=True)

@@ -134,3 +134,38 @@ def _at_the_rim(scene, o, lengths, strains, rotations, positions, normal):
         gap, _ = in_plane(scene, o, y, z, slope)
         smallest = min(smallest, gap - scene.radius)
     return smallest, shift
+
+
+def nearest(scene, shape):
+    """Return [(gap in m, arc length in m, unit normal (3,))] of the DLO's nearest points.
+
+    Args:
+        scene: of `energy.distance.build_scene`, one entry per body; shape: Shape
+    """
+    lengths = np.diff(shape.s)
+    return [_nearest(scene, o, shape.s, lengths, shape.element_strains, shape.frames,
+                     shape.positions) for o in range(scene.kind.size)]
+
+
+@njit(cache=True)
+def _nearest(scene, o, s, lengths, strains, rotations, positions):
+    x, slope, bend, normal = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(3)
+    smallest, where, last_rate = np.inf, 0.0, 0.0
+    for k in range(positions.shape[0]):
+        rate = 0.0
+        for i in range(3):
+            x[i] = scene.origin[i] + positions[k, i]
+        gap = signed_distance(scene, o, x, slope, bend) - scene.radius
+        for i in range(3):
+            rate += slope[i] * rotations[k, i, 0]
+        if gap < smallest:
+            smallest, where = gap, s[k]
+            normal[:] = slope
+        if k and last_rate < 0.0 < rate:
+            gap, fraction = nearest_inside(scene, o, k - 1, lengths, strains, rotations, positions,
+                                           slope, bend)
+            if gap < smallest:
+                smallest, where = gap, s[k - 1] + fraction * lengths[k - 1]
+                normal[:] = slope
+        last_rate = rate
+    return smallest, where, normal

@@ -1,27 +1,20 @@
-"""Any task (paper, section 5.1): a gripper pose that makes a penalty of the shape least.
+"""What a shape should be like, as penalties: the sum of the squares of their residuals counts.
 
-The paper's interlaced search: outside, the gripper's pose; inside, the direct simulation. The
-outer search is SciPy's least squares; its derivatives come from the sensitivities of the
-equilibrium, one factorisation each instead of six more equilibria.
-
-A penalty is an object with  residuals(shape) -> (k,)  and  slopes(shape, sensitivity) -> (k, 6),
-derivatives by rotation and displacement of the gripper; or a function of the shape that returns a
-number or (k,) numbers, whose slopes are then found by differences. The sum of the squares counts.
+Each has  residuals(shape) -> (k,)  and  slopes(shape, sensitivity) -> (k, 6), derivatives by
+rotation (rad) and displacement (m) of the gripper, with the `Sensitivity` of the shape.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.errors import InvalidTask, NotConverged
-from dlo_planner.model.checks import number, vector
+from dlo_planner.energy.distance import build_scene
+from dlo_planner.inverse.clearance import nearest
+from dlo_planner.model.checks import vector
 from dlo_planner.model.pose import Pose
-
-_STILL = 1e-4       # slope per residual that counts as zero
-_DIFFERENCE = 1e-6  # rad, and of the length
 
 
 @dataclass(frozen=True)
@@ -87,130 +80,126 @@ class GripperNear:
         return self.weight * np.eye(6)
 
 
-@dataclass(frozen=True, eq=False)
-class Found:
-    """Where the search ended.
+@dataclass(frozen=True)
+class Through:
+    """The DLO passes a point, wherever along it; a DLO that ends before aims at it, straight on.
 
     Attributes:
-        gripper: Pose; shape: Shape there
-        penalty: sum of the squared residuals
-        slope: size of half its derivative by the gripper's pose, per rad and per length of the DLO
-        iterations: equilibria computed
-        converged: the slope is practically zero, and the shape is an equilibrium
+        point: (3,) m
+        after: arc length beyond which it should pass there, m
+        weight: 1/m
     """
 
-    gripper: Pose
-    shape: object
-    penalty: float
-    slope: float
-    iterations: int
-    converged: bool
+    point: np.ndarray
+    after: float = 0.0
+    weight: float = 1.0
+
+    def passage(self, shape):
+        """Return the arc length that is nearest to the point, m; beyond L if it only aims."""
+        known = np.flatnonzero(shape.s > self.after)
+        if not known.size:
+            known = np.array([shape.s.size - 1])
+        away = np.linalg.norm(shape.positions[known] - self.point, axis=1)
+        off = self.point - shape.positions[-1]
+        ahead = float(off @ shape.tangents[-1])
+        if ahead > 0 and np.linalg.norm(off - ahead * shape.tangents[-1]) <= away.min():
+            return float(shape.s[-1] + ahead)
+        k = known[np.argmin(away)]
+        low, high = max(self.after, shape.s[k - 1]), shape.s[min(k + 1, shape.s.size - 1)]
+        s = minimize_scalar(lambda s: self._off(shape, s) @ self._off(shape, s),
+                            bounds=(low, high), method='bounded', options={'xatol': 1e-9}).x
+        for _ in range(4):  # what the bounded search leaves, Newton's method finds
+            tangent, turn = _curve(shape, s)
+            off = self._off(shape, s)
+            s = np.clip(s - off @ tangent / (1 + off @ turn), low, high)
+        return float(s)
+
+    def residuals(self, shape):
+        """Return (3,)."""
+        return self.weight * self._off(shape, self.passage(shape))
+
+    def slopes(self, shape, sensitivity):
+        """Return (3, 6); the nearest arc length gives way."""
+        s = self.passage(shape)
+        beyond = max(s - shape.s[-1], 0.0)
+        by_twist = sensitivity.at(s - beyond)
+        tangent, turn = _curve(shape, s)
+        turned = np.cross(by_twist[:3].T, tangent).T        # change of the tangent, (3, 6)
+        moved = by_twist[3:] + beyond * turned
+        off = self._off(shape, s)
+        if self.after < s:
+            along = (tangent @ moved + off @ turned) / (1 + off @ turn)
+            moved = moved - np.outer(tangent, along)
+        return self.weight * moved
+
+    def _off(self, shape, s):
+        beyond = max(s - shape.s[-1], 0.0)
+        axes, position = shape.frame_at(s - beyond)
+        return position + beyond * axes[:, 0] - self.point
 
 
-def minimise_penalty(simulator, penalties, start, *, initial=None, max_iterations=200):
-    """Return the Found of a task given as penalties of the shape (paper, section 5.1).
+def _curve(shape, s):
+    """Return the tangent at `s` and its change per m."""
+    if s >= shape.s[-1]:
+        return shape.tangents[-1], np.zeros(3)
+    axes = shape.frame_at(s)[0]
+    k = min(int(np.searchsorted(shape.s, s, side='right')) - 1, shape.s.size - 2)
+    strain = shape.element_strains[k]
+    return axes[:, 0], strain[2] * axes[:, 1] - strain[1] * axes[:, 2]
 
-    Args:
-        simulator: DirectSimulator, with obstacles or without
-        penalties: one or several, see above
-        start: Pose of the gripper where the search begins
-        initial: Shape near it; None: the natural shape is set down there
-        max_iterations: equilibria at most
 
-    Raises:
-        InvalidTask: an argument makes no sense
-        NotConverged: there is no equilibrium at the start
+@dataclass(frozen=True, eq=False)
+class AwayFrom:
+    """The DLO's surface keeps a distance from obstacles (of the simulator or not).
+
+    Attributes:
+        obstacles: sequence of Plane, Sphere, Capsule, Box, Sheet
+        distance: m
+        radius: of the DLO, m
+        weight: 1/m
     """
-    if not isinstance(start, Pose):
-        raise InvalidTask(f'start = {start!r}: expected a Pose')
-    number('max_iterations', max_iterations, minimum=1)
-    penalties = list(penalties) if isinstance(penalties, list | tuple) else [penalties]
-    for penalty in penalties:
-        if not callable(penalty) and not hasattr(penalty, 'residuals'):
-            raise InvalidTask(f'penalties: {penalty!r} is neither a function nor has residuals')
-    search = _Search(simulator, penalties, start, initial)
-    found = least_squares(search.residuals, np.zeros(6), search.jacobian, x_scale=search.scale,
-                          xtol=1e-11, ftol=1e-11, gtol=1e-12, max_nfev=int(max_iterations))
-    shape = search.shape_at(found.x)
-    slope = float(np.linalg.norm(found.grad * search.scale))
-    # SciPy also ends where it can step no farther, e.g. at the edge of what is stable
-    still = slope <= _STILL * (np.sqrt(2 * found.cost) + _STILL)
-    return Found(shape.gripper, shape, 2 * float(found.cost), slope, search.count,
-                 bool(still and shape.converged))
+
+    obstacles: tuple
+    distance: float
+    radius: float = 0.0
+    weight: float = 1.0
+
+    @cached_property
+    def _scene(self):
+        return build_scene(self.obstacles, self.radius)
+
+    def residuals(self, shape):
+        """Return what is missing of the distance, one number per body."""
+        gaps = np.array([gap for gap, _, _ in nearest(self._scene, shape)])
+        return self.weight * np.maximum(self.distance - gaps, 0.0)
+
+    def slopes(self, shape, sensitivity):
+        """Return (bodies, 6): the nearest point stays the nearest to first order."""
+        return np.array([-self.weight * (normal @ sensitivity.at(s)[3:]) * (gap < self.distance)
+                         for gap, s, normal in nearest(self._scene, shape)]).reshape(-1, 6)
 
 
-class _Search:
-    """The penalties as functions of a twist (rotation, displacement) of the gripper since start."""
+@dataclass(frozen=True)
+class BentAtMost:
+    """The DLO is nowhere bent more sharply than this.
 
-    def __init__(self, simulator, penalties, start, initial):
-        self.simulator, self.penalties, self.start = simulator, penalties, start
-        self.count, self._known = 0, {}
-        self.scale = np.array([1.0] * 3 + [simulator.rod.length] * 3)
-        shape = simulator.solve(start, initial)
-        if not shape.converged:
-            raise NotConverged('start: no equilibrium was found there', shape)
-        self._last = shape
-        self._known[np.zeros(6).tobytes()] = shape
+    Attributes:
+        curvature: 1/m, the inverse of the bend radius
+        weight: m
+    """
 
-    def shape_at(self, x):
-        key = x.tobytes()
-        if key not in self._known:
-            turn = Rotation.from_rotvec(x[:3]).as_matrix()
-            shape = self.simulator.solve(
-                Pose.from_rotation(self.start.position + x[3:], turn @ self.start.rotation),
-                self._last)
-            self.count += 1
-            if shape.converged:
-                self._last = shape
-            self._known = {**dict(list(self._known.items())[-3:]), key: shape}
-        return self._known[key]
+    curvature: float
+    weight: float = 1.0
 
-    def residuals(self, x):
-        shape = self.shape_at(x)
-        values = [np.ravel(penalty.residuals(shape) if hasattr(penalty, 'residuals')
-                           else penalty(shape)) for penalty in self.penalties]
-        values = np.concatenate(values).astype(float)
-        if not np.isfinite(values).all():
-            raise InvalidTask('penalties: expected finite numbers, got '
-                              f'{values[~np.isfinite(values)].tolist()}')
-        # where there is no equilibrium, it is worse than anywhere else
-        return values if shape.converged else values + 1e3 * self.scale[3]
+    def residuals(self, shape):
+        """Return (N,): the excess of each element, so that squares add up to the mean square."""
+        excess = np.hypot(*shape.element_strains[:, 1:].T) - self.curvature
+        return self.weight * np.sqrt(np.diff(shape.s) / shape.s[-1]) * np.maximum(excess, 0.0)
 
-    def jacobian(self, x):
-        shape = self.shape_at(x)
-        sensitivity = Sensitivity(shape)
-        rows = []
-        for penalty in self.penalties:
-            if hasattr(penalty, 'slopes'):
-                rows.append(penalty.slopes(shape, sensitivity))
-            else:
-                rows.append(self._differences(penalty, shape))
-        by_twist = np.vstack(rows)
-        # a change of the rotation vector turns the gripper by its left Jacobian
-        return np.hstack([by_twist[:, :3] @ _left_jacobian(x[:3]), by_twist[:, 3:]])
-
-    def _differences(self, penalty, shape):
-        columns = []
-        for k in range(6):
-            step = np.zeros(6)
-            step[k] = _DIFFERENCE * self.scale[k]
-            values = []
-            for sign in (1, -1):
-                turn = Rotation.from_rotvec(sign * step[:3]).as_matrix()
-                moved = self.simulator.solve(Pose.from_rotation(
-                    shape.gripper.position + sign * step[3:], turn @ shape.gripper.rotation),
-                    shape)
-                self.count += 1
-                values.append(np.ravel(penalty(moved)).astype(float))
-            columns.append((values[0] - values[1]) / (2 * step[k]))
-        return np.column_stack(columns)
-
-
-def _left_jacobian(v):
-    """Return (3, 3) the turn of exp(v) per change of v (Bullo and Murray 1995)."""
-    angle = np.linalg.norm(v)
-    if angle < 1e-6:
-        return np.eye(3)
-    across = np.cross(np.eye(3), v)  # the cross-product matrix of v
-    return (np.eye(3) + (1 - np.cos(angle)) / angle**2 * across
-            + (angle - np.sin(angle)) / angle**3 * across @ across)
+    def slopes(self, shape, sensitivity):
+        """Return (N, 6)."""
+        bend = shape.element_strains[:, 1:]
+        size = np.hypot(*bend.T)
+        share = np.sqrt(np.diff(shape.s) / shape.s[-1]) * (size > self.curvature)
+        rows = np.einsum('ej,ejk->ek', bend, sensitivity.strains[:, 1:])
+        return self.weight * (share / np.maximum(size, 1e-300))[:, None] * rows

@@ -5,9 +5,11 @@ import numpy as np
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.contact import CONDITIONS, hold_contact, slide_contact
-from dlo_planner.inverse.draft import Brief
+from dlo_planner.inverse.draft import Brief, Draft
 from dlo_planner.inverse.insertion import insert
-from dlo_planner.inverse.plan import Plan
+from dlo_planner.inverse.plan import Plan, Waypoint
+from dlo_planner.inverse.search import minimise_penalty
+from dlo_planner.inverse.sequence import thread_sequence
 from dlo_planner.inverse.start_phase import start_phase
 from dlo_planner.inverse.threading import kept_before, thread
 from dlo_planner.inverse.two_cutouts import thread_two
@@ -180,6 +182,58 @@ class InverseSimulator:
         _pose_or_none('start', start)
         return thread_two(self._alone, first, second, self._checked(depths), start,
                           self._brief(linear_speed, angular_speed, progress))
+
+    def thread_sequence(self, cutouts, *, weights=None, start=None, depths=None, linear_speed=0.1,
+                        angular_speed=0.5, progress=None):
+        """Plan the threading through any number of cut-outs, as well as can be.
+
+        One is passed along its normal, as by `thread`, and two at once, as by `thread_two`. More
+        cannot be hit exactly: the sum of the squared weighted distances is made least, a cut-out
+        counting more and more as the free end comes near.
+
+        Args:
+            cutouts: CutOuts in the order in which they are passed
+            weights: (k,) of their distances; None: all alike
+            start, depths, linear_speed, angular_speed, progress: as for `thread`; depths count from
+                the first cut-out
+
+        Returns:
+            Plan; `Plan.misses` says by how much each is missed
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            Infeasible: a waypoint has no stable solution; carries the plan up to it
+        """
+        cutouts = list(cutouts)
+        if not cutouts:
+            raise InvalidTask('cutouts = []: expected one CutOut at least')
+        for index, cutout in enumerate(cutouts):
+            if not isinstance(cutout, CutOut):
+                raise InvalidTask(f'cutouts[{index}] = {cutout!r}: expected a CutOut')
+        weights = np.ones(len(cutouts)) if weights is None else np.ravel(weights)
+        if weights.size != len(cutouts):
+            raise InvalidTask(f'weights has {weights.size} entries: expected one per cut-out, '
+                              f'{len(cutouts)}')
+        weights = [number(f'weights[{k}]', weight, above=0) for k, weight in enumerate(weights)]
+        _pose_or_none('start', start)
+        depths, brief = self._checked(depths), self._brief(linear_speed, angular_speed, progress)
+        if len(cutouts) == 1:
+            return thread(self._alone, cutouts[0], depths, start, 'coupled', brief)
+        if len(cutouts) == 2:
+            return thread_two(self._alone, *cutouts, depths, start, brief)
+        return thread_sequence(self._alone, cutouts, weights, depths, start, brief)
+
+    def minimise_penalty(self, penalties, start, *, initial=None, max_iterations=200):
+        """Return what `minimise_penalty` finds for this simulator (paper, section 5.1).
+
+        Raises:
+            InvalidTask, NotConverged: as there
+            Infeasible: what it finds breaks a demand
+        """
+        found = minimise_penalty(self.simulator, penalties, start, initial=initial,
+                                 max_iterations=max_iterations)
+        Draft([0.0], self._brief(1.0, 1.0, touching=True)).add(Waypoint(found.shape))
+        return found
 
     def hold_contact(self, contact, s, *, condition='least_energy', forces=None, start=None,
                      linear_speed=0.1, angular_speed=0.5):
