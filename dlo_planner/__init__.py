@@ -25,6 +25,7 @@ from dlo_planner.inverse.plan import Plan, PlanStatus
 from dlo_planner.inverse.replay import Report, replay
 from dlo_planner.inverse.search import Found, minimise_penalty
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.tolerance import Spread, Tolerance, tolerance
 from dlo_planner.inverse.trajectory import Limits, Trajectory
 from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.cutout import CutOut
@@ -39,5 +40,5 @@ __all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'Contact', 'CutOut', 'Dir
            'GripperNear', 'Infeasible', 'InvalidRod', 'InvalidTask', 'InverseSimulator',
            'Limits', 'Motion', 'NotConverged', 'Observation', 'Plan', 'PlanStatus',
            'Plane', 'Pose', 'PositionAt', 'Report', 'Rod', 'Section', 'Shape', 'Sheet',
-           'Sphere', 'Through', 'Trajectory', 'Workspace', 'fit_rod',
-           'minimise_penalty', 'replay']
+           'Sphere', 'Spread', 'Through', 'Tolerance', 'Trajectory', 'Workspace',
+           'fit_rod', 'minimise_penalty', 'replay', 'tolerance']

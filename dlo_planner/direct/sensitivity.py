@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.energy.potential import at_element, evaluate, new_state, project
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve
@@ -44,7 +45,7 @@ class Sensitivity:
             evaluate(system, state)
             system = rigid(system, state)
         self._system = system
-        self._state, self._answers = _answers(self._system, q)
+        self._state, self._answers, self._hessian = _answers(self._system, q)
 
     def at(self, s):
         """Return (6, 6): rotation and displacement of the frame at `s` (m) by those of the gripper.
@@ -81,10 +82,40 @@ class Sensitivity:
         return replace(shape, gripper=gripper, frames=rotations, element_strains=strains,
                        positions=positions + gripper.position)
 
+    def predicted(self, rod):
+        """Return the Shape predicted for a Rod that differs a little, in the same gripper.
+
+        To first order: what one step of Newton's method with the known Hessian makes of it. Its
+        arc lengths are those of the same elements; energy and wrench are those of before.
+        """
+        shape, here = self.shape, self.shape._discretisation
+        s = np.append(here.s[:-1] * (rod.length / here.s[-1]), rod.length)
+        other = Discretisation(replace(here.surroundings, rod=rod), s, here.basis, here.n_terms)
+        gripper = shape.gripper
+        system = other.system(gripper.rotation, gripper.position,
+                              shape._before.holding(shape._history), shape.far_end)
+        strains, rotations, positions = _one_step(system, self._system, self._state, self._hessian)
+        return replace(shape, s=s, element_strains=strains, frames=rotations,
+                       positions=positions + gripper.position)
+
+
+@njit(cache=True)
+def _one_step(system, known, at, hessian):
+    """Return strains, frames and positions of `system` after a step from another one's state."""
+    state = new_state(system)
+    state.q[:] = at.q
+    evaluate(system, state)
+    step = np.empty_like(at.q)
+    # the known gradient is zero but for rounding, which differences would blow up
+    solve(known, hessian, at.gradient - state.gradient, step)
+    state.q[:] += step
+    evaluate(system, state)
+    return state.strains, state.rotations, state.positions
+
 
 @njit(cache=True)
 def _answers(system, q):
-    """Return the State at q (m, 3) and its change (6, m, 3) by a twist of the gripper."""
+    """Return the State at q (m, 3), its change (6, m, 3) by the gripper's twist, the Hessian."""
     state = new_state(system)
     state.q[:] = q
     evaluate(system, state)
@@ -96,7 +127,7 @@ def _answers(system, q):
     for column in range(hessian.cross.shape[2]):
         project(system.basis, -hessian.cross[:, :, column], load)
         solve(system, hessian, load, answers[column])
-    return state, answers
+    return state, answers, hessian
 
 
 @njit(cache=True)

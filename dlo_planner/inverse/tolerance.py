@@ -1,0 +1,228 @@
+"""What a plan tolerates: by how much it misses when the DLO or the robot are not as assumed.
+
+To first order from the sensitivities of the equilibrium, which tells each cause apart, and sampled,
+which needs no smallness. A miss is the distance of the DLO, extended straight on where it is too
+short to get there, from a centre that it should pass.
+"""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.penalties import Through
+from dlo_planner.inverse.plan import Plan
+from dlo_planner.model.checks import integer, number
+from dlo_planner.model.pose import Pose
+
+_SMALL = 1e-3   # of a spread: step of the differences
+_NEAR = 0.1     # of the length: how far from the planned arc length the DLO may pass a centre
+_AT_ONCE = 25   # samples in one piece of work
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Standard deviations of what is not known exactly; all independent and normal.
+
+    Attributes:
+        bending_stiffness, torsional_stiffness, mass: relative, of EI_n and EI_b alike, of GJ, and
+            of all masses alike
+        length: m, of the part beyond the gripper
+        natural_curvature: 1/m, of each of its two components, the same all along
+        gripper_position: m, along each axis; gripper_rotation: rad, about each axis; constant
+            during a plan, as a calibration is
+    """
+
+    bending_stiffness: float = 0.0
+    torsional_stiffness: float = 0.0
+    mass: float = 0.0
+    length: float = 0.0
+    natural_curvature: float = 0.0
+    gripper_position: float = 0.0
+    gripper_rotation: float = 0.0
+
+    def __post_init__(self):
+        for name in CAUSES:
+            number(f'Spread.{name}', getattr(self, name), minimum=0)
+
+
+CAUSES = tuple(field.name for field in fields(Spread))
+# one number of a standard normal distribution for each, three or two for some
+_DRAWN = tuple(name for name in CAUSES for _ in range(
+    {'natural_curvature': 2, 'gripper_position': 3, 'gripper_rotation': 3}.get(name, 1)))
+
+
+@dataclass(frozen=True, eq=False)
+class Tolerance:
+    """How far off a plan is under a Spread; n waypoints, m samples.
+
+    Attributes:
+        causes: names in Spread
+        by_cause: (n, len(causes)) root mean square of the miss due to each alone, to first order, m
+        first_order: (n,) the same due to all together
+        sampled: (m, n) misses of the samples, m; infinite where one has no stable shape
+        success: part of the samples that miss by less than the room at the rim, at every waypoint;
+            nan without samples or without a size of a cut-out
+    """
+
+    causes: tuple
+    by_cause: np.ndarray
+    first_order: np.ndarray
+    sampled: np.ndarray
+    success: float
+
+    @property
+    def worst(self):
+        """Name of the cause that hurts most: whose miss is the largest of all waypoints."""
+        return self.causes[int(np.argmax(self.by_cause.max(axis=0)))]
+
+    def quantile(self, part):
+        """Return (n,): the miss that `part` of the samples do not exceed, m."""
+        return np.quantile(self.sampled, part, axis=0, method='higher')
+
+
+def tolerance(simulator, plan, spread, *, samples=0, seed=0, executor=None):
+    """Return the Tolerance of a plan under a Spread.
+
+    Args:
+        simulator: DirectSimulator for which the plan was made
+        plan: Plan of a threading, or of a contact (first order only tells the same place)
+        samples: how many to draw; 0: first order only
+        seed: of the draws
+        executor: a `concurrent.futures.Executor` for the samples, e.g. a ProcessPoolExecutor; None:
+            one after the other. The result does not depend on it.
+
+    Raises:
+        InvalidTask: an argument makes no sense; the message names it
+    """
+    if not isinstance(plan, Plan) or not len(plan):
+        raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
+    if any(shape.s[-1] != simulator.rod.length for shape in plan.shapes):
+        raise InvalidTask('plan: expected shapes of the simulator\'s whole DLO')
+    if not isinstance(spread, Spread):
+        raise InvalidTask(f'spread = {spread!r}: expected a Spread')
+    samples = integer('samples', samples, minimum=0, maximum=1_000_000)
+    simulator = simulator.elastic()
+    by_cause = _first_order(simulator.rod, plan, spread)
+    draws = np.random.default_rng(seed).normal(size=(samples, len(_DRAWN)))
+    work = [(simulator, plan.shapes, plan.passes, spread, draws[k:k + _AT_ONCE])
+            for k in range(0, samples, _AT_ONCE)]
+    run = map if executor is None else executor.map
+    sampled = np.concatenate([np.zeros((0, len(plan))), *run(_sampled, work)])
+    room = plan.clearances[:, :, 0].min(axis=1, initial=np.inf)
+    success = np.nan
+    if samples and np.isfinite(room).any():
+        success = float((sampled < room).all(axis=1).mean())
+    return Tolerance(CAUSES, by_cause, np.sqrt((by_cause**2).sum(axis=1)), sampled, success)
+
+
+def _first_order(rod, plan, spread):
+    """Return (n, causes) root mean square misses."""
+    out = np.zeros((len(plan), len(CAUSES)))
+    columns = [CAUSES.index(name) for name in _DRAWN]
+    steps = [_SMALL * step for step, name in zip(np.eye(len(_DRAWN)), _DRAWN, strict=True)
+             if getattr(spread, name)]
+    rods = [(_varied(rod, spread, step), _varied(rod, spread, -step)) for step in steps]
+    for k, (shape, passes) in enumerate(zip(plan.shapes, plan.passes, strict=True)):
+        if not passes or not steps:
+            continue
+        sensitivity = Sensitivity(shape)
+        squares = np.zeros((len(passes), len(CAUSES)))
+        for step, both in zip(steps, rods, strict=True):
+            ahead, back = (
+                sensitivity.predicted(one) if one is not rod
+                else sensitivity.moved(_twist(shape.gripper, spread, sign * step))
+                for one, sign in zip(both, (1, -1), strict=True))
+            for j, (centre, s, _) in enumerate(passes):
+                off = (_off(ahead, centre, s) - _off(back, centre, s)) / (2 * _SMALL)
+                squares[j, columns[int(np.argmax(step))]] += off @ off
+        out[k] = np.sqrt(squares[np.argmax(squares.sum(axis=1))])
+    return out
+
+
+def _sampled(work):
+    """Return (m, n) largest misses of the samples that (m, k) draws stand for."""
+    simulator, shapes, passes, spread, draws = work
+    out = np.empty((len(draws), len(shapes)))
+    for i, draw in enumerate(draws):
+        rod = _varied(simulator.rod, spread, draw)
+        varied = simulator if rod is simulator.rod else simulator.with_rod(rod)
+        initial = None
+        for k, shape in enumerate(shapes):
+            twist = _twist(shape.gripper, spread, draw)
+            turn = Rotation.from_rotvec(twist[:3]).as_matrix()
+            gripper = Pose.from_rotation(shape.gripper.position + twist[3:],
+                                         turn @ shape.gripper.rotation)
+            # it starts where the plan does, and then goes its own way
+            start = _stretched(shape, rod.length) if initial is None else initial
+            found = varied.track([gripper], initial=start)[0]
+            initial = found if found.converged else initial
+            out[i, k] = max((np.linalg.norm(_off(found, centre, s))
+                             for centre, s, _ in passes[k]), default=0.0)
+            if not found.converged:
+                out[i, k] = np.inf
+    return out
+
+
+def _stretched(shape, length):
+    """Return a Shape on a mesh of another length, to start from."""
+    share = length / shape.s[-1]
+    return replace(shape, s=np.append(shape.s[:-1] * share, length), _history=None, _before=None)
+
+
+def _off(shape, centre, s):
+    """Return (3,): from a centre to where the DLO passes it."""
+    return Through(centre, max(0.0, min(s, shape.s[-1]) - _NEAR * shape.s[-1])).residuals(shape)
+
+
+def _varied(rod, spread, draw):
+    """Return the Rod that (k,) draws stand for; `rod` itself if they leave it alone."""
+    by = {name: [d * getattr(spread, name) for d, drawn in zip(draw, _DRAWN, strict=True)
+                 if drawn == name] for name in CAUSES}
+    if not any(np.any(by[name]) for name in CAUSES if not name.startswith('gripper')):
+        return rod
+    # exp: relative deviations, which never make a stiffness negative
+    bend, twist, mass = (float(np.exp(by[name][0])) for name in (
+        'bending_stiffness', 'torsional_stiffness', 'mass'))
+    length = rod.length + by['length'][0]
+    known, per_length = rod.natural_curvature, rod.mass_per_length
+    curve = np.array(by['natural_curvature'])
+    return replace(
+        rod, length=length, bending_stiffness=tuple(bend * k for k in rod.bending_stiffness),
+        torsional_stiffness=twist * rod.torsional_stiffness,
+        mass_per_length=_Scaled(per_length, mass) if callable(per_length) else mass * per_length,
+        tip_mass=mass * rod.tip_mass,
+        point_masses=tuple((min(s, length), mass * m) for s, m in rod.point_masses),
+        natural_curvature=_Shifted(known, curve) if callable(known) else tuple(curve + known))
+
+
+@dataclass(frozen=True)
+class _Scaled:
+    """A function of s times a number; an object, so that it can be sent to another process."""
+
+    known: object
+    factor: float
+
+    def __call__(self, s):
+        return self.factor * self.known(s)
+
+
+@dataclass(frozen=True, eq=False)
+class _Shifted:
+    """A function of s plus a constant."""
+
+    known: object
+    shift: np.ndarray
+
+    def __call__(self, s):
+        return np.asarray(self.known(s)) + self.shift
+
+
+def _twist(gripper, spread, draw):
+    """Return the gripper's deviation (6,), rotation before displacement, world axes."""
+    turn, shift = (np.array([d * getattr(spread, name) for d, drawn in zip(
+        draw, _DRAWN, strict=True) if drawn == name])
+        for name in ('gripper_rotation', 'gripper_position'))
+    return np.concatenate([gripper.rotation @ turn, gripper.rotation @ shift])

@@ -1,0 +1,129 @@
+"""By how much a plan misses when things differ: first order against re-solving, and sampled."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import (
+    Capsule,
+    CutOut,
+    DirectSimulator,
+    InvalidTask,
+    InverseSimulator,
+    Pose,
+    Rod,
+    Spread,
+    tolerance,
+)
+
+ROD = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2), tip_mass=0.01, radius=0.003,
+          point_masses=((0.6, 0.01),))
+DIRECT = DirectSimulator(ROD, n_elements=32)
+HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0)), radius=0.02)
+PLAN = InverseSimulator(DIRECT).thread(HOLE, depths=[0.0, 0.3, 0.8])
+SMALL = 1e-4
+
+
+def across(shape, centre, s):
+    """Return the vector (3,) from a centre to the DLO, across it, to first order about s."""
+    length = shape.s[-1]
+    axes, position = shape.frame_at(min(s, length))
+    off = position - centre
+    return off - axes[:, 0] * (axes[:, 0] @ off)
+
+
+def rods(cause):
+    """Return pairs of Rods that differ by +-SMALL of the cause, written out."""
+    up, down = 1 + SMALL, 1 - SMALL
+    if cause == 'bending_stiffness':
+        return [[replace(ROD, bending_stiffness=(0.3 * f, 0.6 * f)) for f in (up, down)]]
+    if cause == 'torsional_stiffness':
+        return [[replace(ROD, torsional_stiffness=0.25 * f) for f in (up, down)]]
+    if cause == 'mass':
+        return [[replace(ROD, mass_per_length=0.05 * f, tip_mass=0.01 * f,
+                         point_masses=((0.6, 0.01 * f),)) for f in (up, down)]]
+    if cause == 'length':
+        return [[replace(ROD, length=1 + d) for d in (SMALL, -SMALL)]]
+    return [[replace(ROD, natural_curvature=(0.4 + d * a, 0.2 + d * b)) for d in (SMALL, -SMALL)]
+            for a, b in ((1, 0), (0, 1))]
+
+
+@pytest.mark.parametrize('cause', ['bending_stiffness', 'torsional_stiffness', 'mass', 'length',
+                                   'natural_curvature'])
+def test_causes_in_the_dlo_against_solving_again(cause):
+    got = tolerance(DIRECT, PLAN, Spread(**{cause: SMALL}))
+    assert got.worst == cause
+    for k, shape in enumerate(PLAN.shapes):
+        squares = 0.0
+        for both in rods(cause):
+            ahead, back = (across(DirectSimulator(rod, n_elements=32).solve(
+                shape.gripper), HOLE.centre, 1 - PLAN.depths[k]) for rod in both)
+            squares += np.sum((0.5 * (ahead - back)) ** 2)
+        assert got.first_order[k] == pytest.approx(np.sqrt(squares), rel=1e-4)
+
+
+@pytest.mark.parametrize('cause', ['gripper_position', 'gripper_rotation'])
+def test_causes_in_the_robot_against_solving_again(cause):
+    got = tolerance(DIRECT, PLAN, Spread(**{cause: SMALL}))
+    for k, shape in enumerate(PLAN.shapes):
+        squares = 0.0
+        for axis in np.eye(3):
+            both = []
+            for sign in (1, -1):
+                step = sign * SMALL * axis
+                gripper = Pose(shape.gripper.position + step, shape.gripper.quaternion)
+                if cause == 'gripper_rotation':
+                    turn = Rotation.from_rotvec(step).as_matrix()
+                    gripper = Pose.from_rotation(shape.gripper.position,
+                                                 turn @ shape.gripper.rotation)
+                both.append(across(DIRECT.solve(gripper, shape), HOLE.centre, 1 - PLAN.depths[k]))
+            squares += np.sum((0.5 * (both[0] - both[1])) ** 2)
+        assert got.first_order[k] == pytest.approx(np.sqrt(squares), rel=1e-4)
+
+
+SPREAD = Spread(0.02, 0.05, 0.02, 0.001, 0.01, 0.5e-3, 0.002)
+
+
+def test_samples_scatter_as_the_first_order_says():
+    got = tolerance(DIRECT, PLAN, SPREAD, samples=300)
+    np.testing.assert_allclose(got.first_order, np.sqrt((got.by_cause**2).sum(axis=1)))
+    ratio = np.sqrt((got.sampled**2).mean(axis=0)) / got.first_order
+    assert (np.abs(ratio - 1) < 0.15).all()  # 300 samples scatter by 4 % and more
+    inside = (got.sampled < (PLAN.clearances[:, 0, 0])).all(axis=1)
+    assert got.success == inside.mean() and 0.5 < got.success <= 1
+    assert (np.mean(got.sampled <= got.quantile(0.9), axis=0) >= 0.9).all()
+
+
+def test_samples_do_not_depend_on_the_executor():
+    few = tolerance(DIRECT, PLAN, SPREAD, samples=40, seed=3)
+    with ThreadPoolExecutor(2) as executor:
+        other = tolerance(DIRECT, PLAN, SPREAD, samples=40, seed=3, executor=executor)
+    np.testing.assert_array_equal(few.sampled, other.sampled)
+    assert not np.array_equal(few.sampled, tolerance(DIRECT, PLAN, SPREAD, samples=40).sampled)
+
+
+def test_a_held_contact():
+    bar = Capsule((0.5, -0.5, 0.7), (0.5, 0.5, 0.7), 0.02)
+    direct = DirectSimulator(ROD, basis='local', n_elements=32, obstacles=[bar])
+    plan = InverseSimulator(direct).hold_contact(Pose((0.5, 0, 0.72), (0, 0, 0, 1)), 0.5,
+                                                 forces=[0.2])
+    got = tolerance(direct, plan, Spread(mass=SMALL))
+    shape, (place, s, _) = plan.shapes[0], plan.passes[0][0]
+    ahead, back = (across(DirectSimulator(both, basis='local', n_elements=32, obstacles=[bar])
+                          .solve(shape.gripper, shape), place, s) for both in rods('mass')[0])
+    assert got.first_order[0] == pytest.approx(0.5 * np.linalg.norm(ahead - back), rel=0.02)
+
+
+@pytest.mark.parametrize(('change', 'named'), [
+    ({'plan': 3}, 'plan'), ({'spread': 0.1}, 'spread'), ({'samples': -1}, 'samples')])
+def test_nonsense_is_named(change, named):
+    with pytest.raises(InvalidTask, match=named):
+        tolerance(DIRECT, **{'plan': PLAN, 'spread': SPREAD, **change})
+    with pytest.raises(InvalidTask, match=r'Spread\.mass'):
+        Spread(mass=-1)
+    inserted = InverseSimulator(DIRECT).insert(HOLE, depths=[0.2])
+    with pytest.raises(InvalidTask, match='whole DLO'):
+        tolerance(DIRECT, inserted, SPREAD)
