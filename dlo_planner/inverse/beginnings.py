@@ -48,7 +48,7 @@ def beginnings(simulator, cutout, start):
     for root in sorted(roots, key=turn_against_start):
         strains, base, reference, _ = end_rolled(root)
         yield _shape_at(discretisation, strains, base), reference
-    if not roots or not _rolls_are_alike(simulator.rod, discretisation):
+    if not roots or not rolls_are_alike(simulator):
         for angle in sorted(angles[:-1:2], key=turn_against_start):
             strains, base, _, _ = end_rolled(angle)
             yield _shape_at(discretisation, strains, base), base
@@ -61,9 +61,11 @@ def with_free_end(simulator, end):
     return _shape_at(discretisation, strains, base)
 
 
-def _rolls_are_alike(rod, discretisation):
-    return rod.bending_stiffness[0] == rod.bending_stiffness[1] and not np.any(
-        discretisation.natural)
+def rolls_are_alike(simulator):
+    """Whether the DLO is straight and equally stiff all around: its roll makes no difference."""
+    rod = simulator.rod
+    natural = rod.natural_strains(np.linspace(0, rod.length, 65))
+    return rod.bending_stiffness[0] == rod.bending_stiffness[1] and not np.any(natural)
 
 
 def least_turn(one, other):

@@ -78,16 +78,17 @@ class Draft:
         depths: (n,) of the waypoints wanted, m
         brief: Brief
         what: how a waypoint is called in a refusal
+        initial: Shape before the first waypoint, or None
     """
 
-    def __init__(self, depths, brief, what='waypoint'):
-        self.waypoints = []
+    def __init__(self, depths, brief, what='waypoint', initial=None):
+        self.waypoints, self._initial = [], initial
         self._depths, self._brief, self._what = depths, brief, what
 
     @property
     def last(self):
-        """The Shape of the last waypoint, None before there is one."""
-        return self.waypoints[-1].shape if self.waypoints else None
+        """The Shape of the last waypoint; before there is one, the initial Shape or None."""
+        return self.waypoints[-1].shape if self.waypoints else self._initial
 
     def add(self, waypoint):
         """Take the next Waypoint; raises Infeasible if it breaks a demand."""

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.continuation import shape_change
 from dlo_planner.errors import NotConverged
 from dlo_planner.inverse.clearance import sheet_of
+from dlo_planner.inverse.continuity import refusal_for_leap
 from dlo_planner.inverse.draft import Brief, Draft
 from dlo_planner.inverse.penalties import DirectionAt, PositionAt, Through
 from dlo_planner.inverse.plan import waypoint_at
@@ -24,7 +24,6 @@ from dlo_planner.model.pose import Pose
 _BLEND = 0.15         # of the length: from there on a cut-out ahead counts
 _LONGEST_STEP = 1 / 20  # of the length: depth steps of the continuation
 _FREE = 1e-3          # weight of the first normal, which decides only what is left free
-_LEAP = 1.0           # rad: a change of shape between waypoints that is no continuation
 
 
 def thread_sequence(simulator, cutouts, weights, depths, start, brief):
@@ -34,7 +33,8 @@ def thread_sequence(simulator, cutouts, weights, depths, start, brief):
     apart = np.concatenate([[0.0], np.linalg.norm(np.diff(centres, axis=0), axis=1).cumsum()])
     sheets = [sheet_of(cutout, length, brief.obstacles) for cutout in cutouts]
     draft = Draft(depths, brief)
-    shape = thread(simulator, cutouts[0], [0.0], start, 'coupled', Brief(brief.speeds)).shapes[0]
+    begin = thread(simulator, cutouts[0], [0.0], start, None, 'coupled', Brief(brief.speeds))
+    shape = begin.shapes[0]
     depth = 0.0
     for wanted in depths:
         while True:
@@ -44,12 +44,12 @@ def thread_sequence(simulator, cutouts, weights, depths, start, brief):
             if found is None or not found.converged:
                 raise draft.refusal('equilibrium', wanted - depth, 'no stable shape was found '
                                     f'that is nearest to the centres beyond depth {depth:g} m')
-            if shape_change(shape, found.shape) > _LEAP:
-                raise draft.refusal('equilibrium', shape_change(shape, found.shape),
-                                    'the DLO would have to leap into another shape')
             shape, depth = found.shape, target
             if depth == wanted:
                 break
+        refusal = refusal_for_leap(simulator, draft, shape)
+        if refusal is not None:
+            raise refusal
         waypoint = waypoint_at(shape, centres[0], length - wanted, None)
         for centre in centres[1:]:
             s = Through(centre, length - wanted).passage(shape)

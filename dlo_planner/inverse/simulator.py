@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.contact import CONDITIONS, hold_contact, slide_contact
@@ -55,8 +56,8 @@ class InverseSimulator:
             self._yielding = np.array([rod.yield_torsion or np.inf,
                                        *(rod.yield_curvature or (np.inf, np.inf))])
 
-    def thread(self, cutout, *, start=None, depths=None, method='coupled', gripper_clearance=None,
-               linear_speed=0.1, angular_speed=0.5, progress=None):
+    def thread(self, cutout, *, start=None, initial=None, depths=None, method='coupled',
+               gripper_clearance=None, linear_speed=0.1, angular_speed=0.5, progress=None):
         """Plan the threading through one cut-out, anywhere and in any direction in 3-D.
 
         At each depth the DLO passes the centre P_goal along the normal n_goal (paper, section
@@ -67,6 +68,8 @@ class InverseSimulator:
         Args:
             cutout: CutOut
             start: Pose of the gripper before, for its roll; None: as upright as it can be
+            initial: Shape of the DLO before, from which it has to get into the first shape of the
+                plan; None: it is set down there in its natural shape
             depths: (n,) arc lengths that have gone through, m, not decreasing, in [0, L]; None:
                 40 of them from 0 to 0.95 L
             method: 'coupled' solves equilibrium and alignment as one Newton system; 'nested' is
@@ -87,7 +90,9 @@ class InverseSimulator:
         if not isinstance(cutout, CutOut):
             raise InvalidTask(f'cutout = {cutout!r}: expected a CutOut')
         _pose_or_none('start', start)
-        plan = thread(self._alone, cutout, self._checked(depths), start,
+        if initial is not None and not isinstance(initial, Shape):
+            raise InvalidTask(f'initial = {initial!r}: expected a Shape or None')
+        plan = thread(self._alone, cutout, self._checked(depths), start, initial,
                       choice('method', method, ('coupled', 'nested')),
                       self._brief(linear_speed, angular_speed, progress))
         if gripper_clearance is None:
@@ -218,7 +223,7 @@ class InverseSimulator:
         _pose_or_none('start', start)
         depths, brief = self._checked(depths), self._brief(linear_speed, angular_speed, progress)
         if len(cutouts) == 1:
-            return thread(self._alone, cutouts[0], depths, start, 'coupled', brief)
+            return thread(self._alone, cutouts[0], depths, start, None, 'coupled', brief)
         if len(cutouts) == 2:
             return thread_two(self._alone, *cutouts, depths, start, brief)
         return thread_sequence(self._alone, cutouts, weights, depths, start, brief)

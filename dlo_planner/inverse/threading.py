@@ -1,16 +1,16 @@
 """Threading through one cut-out: at every depth the DLO passes the centre along the normal."""
 
-from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.continuation import shape_change
-from dlo_planner.direct.statics import TOLERANCE, equilibrium, shape_of
+from dlo_planner.direct.statics import TOLERANCE, shape_of
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.aligned import aligned_newton, free_axis
-from dlo_planner.inverse.beginnings import beginnings, least_turn
+from dlo_planner.inverse.beginnings import beginnings, rolls_are_alike
 from dlo_planner.inverse.clearance import sheet_of
+from dlo_planner.inverse.continuity import refusal_for_leap
 from dlo_planner.inverse.draft import Draft
 from dlo_planner.inverse.nested import nested_alignment
 from dlo_planner.inverse.plan import PlanStatus, first_part, waypoint_of
@@ -20,11 +20,11 @@ from dlo_planner.model.pose import Pose
 _MAX_ITERATIONS = 60
 _LONGEST_STEP = 1 / 16   # of the length: depth steps of the continuation
 _SHORTEST_STEP = 1 / 1024
-_RECOVERIES = 6
-_LEAP = 1.0              # rad: a change of shape between waypoints that is no continuation
+_ROLLS = (0.1, -0.1, 0.2, -0.2, 0.35, -0.35, 0.5, -0.5)  # rad, tried between two waypoints
+_DOUBTFUL = 0.05  # stability below which another roll is looked for
 
 
-def thread(simulator, cutout, depths, start, method, brief):
+def thread(simulator, cutout, depths, start, initial, method, brief):
     """Return the Plan; see `InverseSimulator.thread` for what the arguments mean.
 
     Which roll of the DLO the threading begins with is free. If the plan that begins with the
@@ -33,13 +33,17 @@ def thread(simulator, cutout, depths, start, method, brief):
     refused = None
     for first, reference in beginnings(simulator, cutout, start):
         try:
-            # Recovering is slow and seldom helps: done for the first choice only.
-            return _thread_from(first, reference, simulator, cutout, depths, method, brief,
-                                _RECOVERIES if refused is None else 0)
+            return _thread_from(first, reference, simulator, cutout, depths, initial, method, brief)
         except Infeasible as error:
-            if refused is None or error.waypoint > refused.waypoint:
+            if refused is None or _says_more(error, refused):
                 refused = error
     raise refused
+
+
+def _says_more(one, other):
+    """Whether one Infeasible got farther than another, or got as far with a stable shape."""
+    return (one.waypoint, one.constraint == 'start') > (other.waypoint,
+                                                        other.constraint == 'start')
 
 
 def kept_before(plan, cutout, wanted, may_end):
@@ -64,40 +68,60 @@ def kept_before(plan, cutout, wanted, may_end):
                      first_part(plan, index, PlanStatus.PARTIAL))
 
 
-def _thread_from(shape, reference, simulator, cutout, depths, method, brief, recoveries):
+def _thread_from(shape, reference, simulator, cutout, depths, initial, method, brief):
     """Continue `shape` from depth 0, where the free end alone is prescribed, through all depths.
 
     Between waypoints in steps short enough to stay on one branch.
     """
-    length = simulator.rod.length
-    draft = Draft(depths, brief)
+    length, normal = simulator.rod.length, cutout.normal
+    draft = Draft(depths, brief, initial=initial)
     sheet = sheet_of(cutout, length, brief.obstacles)
     align = {'coupled': aligned_shape, 'nested': _nested}[method]
+    alike = rolls_are_alike(simulator)
     depth = 0.0
     for wanted in depths:
-        shape, depth = _reach(simulator, shape, depth, wanted, align, cutout.normal, reference,
-                              recoveries)
-        if shape is None:
-            raise draft.refusal('equilibrium', wanted - depth, 'no equilibrium with the tangent '
-                                f'along the normal was found beyond depth {depth:g} m')
-        if shape.stability < -NEUTRAL:
-            stable = _recovered(simulator, shape, length - wanted, cutout.normal, reference,
-                                recoveries)
-            if stable is None or draft.last is not None and _leaps(draft.last, stable):
-                raise draft.refusal('stability', -shape.stability, 'the DLO would not stay in the '
-                                    'shape that passes the cut-out; stability '
-                                    f'{shape.stability:.3g} < 0')
-            shape = stable
-        elif draft.last is not None and _leaps(draft.last, shape):
-            raise draft.refusal('equilibrium', shape_change(draft.last, shape), 'the DLO would '
-                                'have to leap into another shape; closer waypoints may help')
-        draft.add(waypoint_of(shape, cutout.centre, length - wanted, cutout.normal).inside(
+        found, depth = _reach(simulator, shape, depth, wanted, align, normal, reference)
+        refusal = _refusal(simulator, draft, found, wanted, depth)
+        doubtful = refusal is not None or found.stability < _DOUBTFUL
+        if doubtful and draft.waypoints and not alike:
+            found = _rolled(simulator, draft, wanted, align, normal, reference,
+                            found if refusal is None else None)
+        elif refusal is not None:
+            found = None
+        if found is None:
+            raise refusal
+        shape, depth, reference = found, wanted, found.gripper.rotation
+        draft.add(waypoint_of(shape, cutout.centre, length - wanted, normal).inside(
             [cutout], [sheet], brief.radius))
-        reference = shape.gripper.rotation
     return draft.finished()
 
 
-def _reach(simulator, shape, depth, wanted, align, normal, reference, recoveries):
+def _refusal(simulator, draft, shape, wanted, depth):
+    """Return why a Shape, or None, cannot be the next waypoint at the depth `wanted`, or None."""
+    if shape is None:
+        return draft.refusal('equilibrium', wanted - depth, 'no equilibrium with the tangent '
+                             f'along the normal was found beyond depth {depth:g} m')
+    if shape.stability < -NEUTRAL:
+        return draft.refusal('stability', -shape.stability, 'the DLO would not stay in the shape '
+                             f'that passes the cut-out; stability {shape.stability:.3g} < 0')
+    return refusal_for_leap(simulator, draft, shape)
+
+
+def _rolled(simulator, draft, wanted, align, normal, reference, best):
+    """Return the most stable Shape that will do, the gripper rolled on the way to it, or `best`."""
+    axis = free_axis(reference, normal)
+    for angle in _ROLLS:
+        turn = Rotation.from_rotvec(angle * axis).as_matrix()
+        found = align(simulator, draft.last, simulator.rod.length - wanted, normal,
+                      turn @ reference)
+        if found is None or best is not None and found.stability <= best.stability:
+            continue
+        if _refusal(simulator, draft, found, wanted, wanted) is None:
+            best = found
+    return best
+
+
+def _reach(simulator, shape, depth, wanted, align, normal, reference):
     """Return the aligned Shape at depth `wanted` and that depth; None and how far it came."""
     length = simulator.rod.length
     step = _LONGEST_STEP * length
@@ -113,13 +137,7 @@ def _reach(simulator, shape, depth, wanted, align, normal, reference, recoveries
         elif step > _SHORTEST_STEP * length and target > depth:
             step /= 2
         else:
-            found = _recovered(simulator, shape, length - wanted, normal, reference, recoveries)
-            return (found, wanted) if found is not None else (None, depth)
-
-
-def _leaps(one, other):
-    """Whether the shape changes more from one waypoint to the next than continuity allows."""
-    return shape_change(one, other) > _LEAP
+            return None, depth
 
 
 def _angle(one, other):
@@ -166,22 +184,3 @@ def _nested(simulator, guess, s, normal, reference):
     shape = nested_alignment(simulator, guess, s, normal, reference)
     aligned = _angle(shape.at(s).direction, normal) < 1e-8
     return shape if shape.converged and aligned else None
-
-
-def _recovered(simulator, shape, s, normal, reference, recoveries):
-    """Look for a stable aligned Shape near an unstable one; None if there is none to be found.
-
-    Lets the DLO fall into its minimum, turns the gripper so that the tangent fits again, and
-    repeats that; what comes out is only believed if it is aligned, stable and in equilibrium.
-    """
-    for _ in range(recoveries):
-        fallen, _ = equilibrium(shape._discretisation, shape.gripper, shape.element_strains)
-        if not fallen.converged:
-            return None
-        found = aligned_shape(simulator, fallen, s, normal, reference)
-        if found is not None and found.stability > -NEUTRAL:
-            return found
-        turn = least_turn(fallen.at(s).direction, normal)
-        shape = replace(fallen, gripper=Pose.from_rotation((0.0, 0.0, 0.0),
-                                                           turn @ fallen.gripper.rotation))
-    return None

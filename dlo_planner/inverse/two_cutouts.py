@@ -14,6 +14,7 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.aligned import free_axis
 from dlo_planner.inverse.clearance import sheet_of
+from dlo_planner.inverse.continuity import refusal_for_leap
 from dlo_planner.inverse.draft import Brief, Draft
 from dlo_planner.inverse.plan import waypoint_of
 from dlo_planner.inverse.threading import aligned_shape, thread
@@ -73,9 +74,9 @@ def _judged(simulator, found, first, second, depths, brief):
                                     f'stability {shape.stability:.3g} < 0')
             raise draft.refusal('equilibrium', depths[len(draft.waypoints)],
                                 'no equilibrium passes the centres')
-        if draft.last is not None and shape_change(draft.last, shape) > _LEAP:
-            raise draft.refusal('equilibrium', shape_change(draft.last, shape),
-                                'the DLO would have to leap')
+        refusal = refusal_for_leap(simulator, draft, shape)
+        if refusal is not None:
+            raise refusal
         waypoint = waypoint_of(shape, first.centre, one[1], None)
         if one[2] is not None:
             waypoint = waypoint.also(second.centre, one[2])
@@ -96,7 +97,7 @@ def _change_over(simulator, first, way, apart, start):
         if depth >= length:
             break
         try:
-            plan = thread(simulator, along, np.linspace(0, depth, 6), start, 'coupled',
+            plan = thread(simulator, along, np.linspace(0, depth, 6), start, None, 'coupled',
                           Brief((1.0, 1.0)))
         except Infeasible:
             continue

@@ -1,0 +1,84 @@
+"""Every way a DLO can hang from a gripper, by Runge-Kutta and nothing of this package.
+
+Seen from its free end a hanging DLO is an initial value problem (Kirchhoff's equations), so the
+direction of gravity in the end's frame, a point on the sphere, names the shape up to a turn about
+the vertical. Whether it is stable is told by its focal points: the derivative of the frame at s by
+the frame of the end must not be singular anywhere before the end (Jacobi's condition for a minimum
+with one end clamped and the other free).
+"""
+
+import numpy as np
+
+_SMALL = 1e-5
+
+
+def hanging(rod, weight, ends, steps=96):
+    """Return frames (steps + 1, n, 3, 3), s growing, of uniform DLOs whose free ends are `ends`.
+
+    Args:
+        rod: Rod with constant properties; weight: (3,) N/m; ends: (n, 3, 3)
+    """
+    stiffness, natural = rod.stiffness, np.array([rod.natural_twist, *rod.natural_curvature])
+    tip = rod.tip_mass * 9.81 * np.asarray(weight) / max(np.linalg.norm(weight), 1e-300)
+
+    def rates(s, frames, moment):
+        strain = np.einsum('nij,ni->nj', frames, moment) / stiffness + natural
+        cross = np.zeros((len(frames), 3, 3))
+        cross[:, 0, 1], cross[:, 0, 2] = -strain[:, 2], strain[:, 1]
+        cross[:, 1, 0], cross[:, 1, 2] = strain[:, 2], -strain[:, 0]
+        cross[:, 2, 0], cross[:, 2, 1] = -strain[:, 1], strain[:, 0]
+        force = weight * (rod.length - s) + tip
+        return frames @ cross, -np.cross(frames[:, :, 0], force)
+
+    h = -rod.length / steps
+    frames, moment, s = np.array(ends), np.zeros((len(ends), 3)), rod.length
+    out = [frames]
+    for _ in range(steps):
+        a, p = rates(s, frames, moment)
+        b, q = rates(s + h / 2, frames + h / 2 * a, moment + h / 2 * p)
+        c, r = rates(s + h / 2, frames + h / 2 * b, moment + h / 2 * q)
+        d, t = rates(s + h, frames + h * c, moment + h * r)
+        frames = frames + h / 6 * (a + 2 * b + 2 * c + d)
+        moment = moment + h / 6 * (p + 2 * q + 2 * r + t)
+        s += h
+        out.append(frames)
+    return np.array(out[::-1])
+
+
+def turned(ends, turn):
+    """Return ends (n, 3, 3) turned by a small rotation vector (3,) each about its own axes."""
+    x, y, z = turn
+    return ends @ (np.eye(3) + np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]))
+
+
+def hanging_and_stable(rod, weight, ends, steps=96):
+    """Return the frames as `hanging` does, and whether each of the shapes is stable (n,)."""
+    n = len(ends)
+    every = [ends, *(turned(ends, step) for step in _SMALL * np.eye(3))]
+    frames = hanging(rod, weight, np.concatenate(every), steps)
+    at = frames[:, :n]
+    columns = []
+    for k in range(3):
+        change = np.einsum('snji,snjk->snik', at, frames[:, (k + 1) * n:(k + 2) * n] - at) / _SMALL
+        columns.append(np.stack([change[..., 2, 1], change[..., 0, 2], change[..., 1, 0]], axis=-1))
+    focal = np.linalg.det(np.stack(columns, axis=-1))
+    return at, (focal > 0).all(axis=0)
+
+
+def sphere(n):
+    """Return n points (n, 3) spread evenly over the sphere (Fibonacci)."""
+    k = np.arange(n) + 0.5
+    z, turn = 1 - 2 * k / n, np.pi * (1 + np.sqrt(5)) * k
+    r = np.sqrt(1 - z**2)
+    return np.column_stack([r * np.cos(turn), r * np.sin(turn), z])
+
+
+def ends_with_gravity_at(directions):
+    """Return end frames (n, 3, 3) in which the world's down, -z, is at these directions (n, 3)."""
+    out = np.empty((len(directions), 3, 3))
+    for k, down in enumerate(directions):
+        helper = np.eye(3)[np.argmin(np.abs(down))]
+        x = np.cross(helper, down)
+        x /= np.linalg.norm(x)
+        out[k] = np.array([x, np.cross(-down, x), -down])  # rows: world axes seen in the end frame
+    return out
