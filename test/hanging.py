@@ -8,6 +8,8 @@ with one end clamped and the other free).
 """
 
 import numpy as np
+from scipy.sparse import csr_matrix, eye
+from scipy.spatial import ConvexHull
 
 _SMALL = 1e-5
 
@@ -82,3 +84,64 @@ def ends_with_gravity_at(directions):
         x /= np.linalg.norm(x)
         out[k] = np.array([x, np.cross(-down, x), -down])  # rows: world axes seen in the end frame
     return out
+
+
+def no_way(rod, weight, normal, arc_lengths, gets_there, grid=1500):
+    """Return whether no slow motion leads through all given tangents: True confirms a refusal.
+
+    All stable shapes are a region on the sphere of directions of gravity, and those whose tangent
+    at s makes the right angle with gravity are a curve on it (a turn about the vertical does the
+    rest). From the first curve's stable part one has to come to the next one's, and so on.
+
+    Args:
+        normal: (3,) wanted of the tangent at each of arc_lengths (n,), m, one after the other
+        gets_there: function (frames (steps + 1, 3, 3)) -> whether the DLO is in that shape at the
+            beginning when nobody takes care
+        grid: points on the sphere
+    """
+    points = sphere(grid)
+    frames, stable = hanging_and_stable(rod, weight, ends_with_gravity_at(points))
+    hull = ConvexHull(points).simplices
+    edges = np.vstack([hull[:, [0, 1]], hull[:, [1, 2]], hull[:, [2, 0]]])
+    steps = len(frames) - 1
+    near = csr_matrix((np.ones(len(edges)), edges.T), shape=(grid, grid))
+    near = ((near + near.T + eye(grid)) > 0).astype(float)
+    reached = None
+    for s in arc_lengths:
+        node = s / rod.length * steps
+        low = min(int(node), steps - 1)
+        tangent = frames[low:low + 2, :, 2, 0]
+        misfit = tangent[0] + (node - low) * (tangent[1] - tangent[0]) - normal[2]
+        crossing = edges[misfit[edges[:, 0]] * misfit[edges[:, 1]] <= 0].ravel()
+        here = np.zeros(grid, dtype=bool)
+        here[crossing] = True
+        here &= stable
+        now = here.copy() if reached is None else here & (near @ reached > 0)
+        if reached is None:
+            for k in np.flatnonzero(here):
+                now[k] = gets_there(frames[:, k])
+        while now.any():  # and along the curve
+            grown = here & (near @ now > 0)
+            if (grown == now).all():
+                break
+            now = grown
+        if not now.any():
+            return True
+        reached = now
+    return False
+
+
+def no_start(rod, weight, normal, gets_there, rolls=180):
+    """Return whether no roll about `normal`, along which the free end points, is a beginning.
+
+    Args:
+        gets_there: as for `no_way`
+    """
+    helper = np.eye(3)[np.argmin(np.abs(normal))]
+    across = np.cross(normal, helper)
+    across /= np.linalg.norm(across)
+    angles = np.linspace(0, 2 * np.pi, rolls, endpoint=False)[:, None]
+    second = np.cos(angles) * across + np.sin(angles) * np.cross(normal, across)
+    ends = np.stack([np.tile(normal, (rolls, 1)), second, np.cross(normal, second)], axis=-1)
+    frames, stable = hanging_and_stable(rod, weight, ends)
+    return not any(gets_there(frames[:, k]) for k in np.flatnonzero(stable))

@@ -1,0 +1,31 @@
+"""Random cut-outs in 3-D: every plan replays, every refusal is confirmed; 200 by the script."""
+
+import numpy as np
+import pytest
+from hanging import ends_with_gravity_at, hanging_and_stable, sphere
+from random_cutouts import MASS, outcome, random_task
+
+from dlo_planner import DirectSimulator, Pose
+
+
+def test_random_cutouts_replay_or_their_refusal_is_confirmed():
+    rng = np.random.default_rng(3)
+    outcomes = [outcome(*random_task(rng), ('local', 'chebyshev')[k % 2]) for k in range(60)]
+    assert set(outcomes) == {'replayed', 'confirmed'}
+    assert outcomes.count('replayed') > 50
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_what_confirms_knows_the_shapes_and_their_stability(seed):
+    rod, _ = random_task(np.random.default_rng(seed))
+    direct = DirectSimulator(rod, basis='local', n_elements=96)
+    frames, stable = hanging_and_stable(rod, np.array([0, 0, -9.81 * MASS]),
+                                        ends_with_gravity_at(sphere(40)))
+    seen = 0
+    for k in range(40):
+        guess = direct.solve(Pose.from_rotation((0, 0, 0), frames[0, k]))
+        if np.abs(guess.frames[-1] - frames[-1, k]).max() < 0.02:
+            seen += 1
+            assert stable[k] and guess.stability > 0
+            np.testing.assert_allclose(guess.frames, frames[:, k], atol=2e-3)
+    assert 5 < seen <= stable.sum()
