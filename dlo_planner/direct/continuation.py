@@ -75,10 +75,12 @@ def _allowed(previous, shape, turn):
 def shape_change(one, other):
     """Return the largest change of a node's rotation relative to the gripper, in rad."""
     samples = _SAMPLES * one.s[-1]
-    here, there = (shape.frames[np.searchsorted(shape.s, samples)] for shape in (one, other))
+    at = np.searchsorted(one.s, samples)
+    here = one.frames[at]
+    there = other.frames[at if other.s is one.s else np.searchsorted(other.s, samples)]
     between = one.gripper.rotation @ other.gripper.rotation.T
     smallest = (here * (between @ there)).sum(axis=(1, 2)).min()  # traces of the rotations
-    return float(np.arccos(np.clip((smallest - 1) / 2, -1, 1)))
+    return float(np.arccos(min(max(0.5 * (smallest - 1), -1.0), 1.0)))
 
 
 def between(one, other, fraction):

@@ -120,11 +120,15 @@ class Shape:
     def frame_at(self, s):
         """Return axes (3, 3) and position (3,) at `s` in m within [0, L]: `at` for inner loops."""
         element = min(int(np.searchsorted(self.s, s, side='right')) - 1, self.s.size - 2)
-        lengths = np.diff(self.s)
+        lengths = self._lengths
         rotation, position = np.empty((3, 3)), np.empty(3)
         point_inside(lengths, self.element_strains, self.frames, self.positions, element,
                      (s - self.s[element]) / lengths[element], rotation, position)
         return rotation, position
+
+    @cached_property
+    def _lengths(self):
+        return np.diff(self.s)
 
     @property
     def rod(self):

@@ -41,6 +41,11 @@ def beginnings(simulator, cutout, start):
     def turn_against_start(angle):
         return Rotation.from_matrix(end_rolled(angle)[1] @ wanted.T).magnitude()
 
+    if rolls_are_alike(simulator):
+        # rolled about itself, the DLO carries the gripper along
+        strains, base, reference, _ = end_rolled(-roll(0.0))
+        yield _shape_at(discretisation, strains, base), reference
+        return
     angles = np.linspace(-np.pi, np.pi, _ROLLS + 1)
     rolls = [roll(angle) for angle in angles]
     roots = [brentq(roll, angles[k], angles[k + 1], xtol=1e-12) for k in range(_ROLLS)
@@ -48,10 +53,9 @@ def beginnings(simulator, cutout, start):
     for root in sorted(roots, key=turn_against_start):
         strains, base, reference, _ = end_rolled(root)
         yield _shape_at(discretisation, strains, base), reference
-    if not roots or not rolls_are_alike(simulator):
-        for angle in sorted(angles[:-1:2], key=turn_against_start):
-            strains, base, _, _ = end_rolled(angle)
-            yield _shape_at(discretisation, strains, base), base
+    for angle in sorted(angles[:-1:2], key=turn_against_start):
+        strains, base, _, _ = end_rolled(angle)
+        yield _shape_at(discretisation, strains, base), base
 
 
 def with_free_end(simulator, end):

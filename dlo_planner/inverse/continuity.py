@@ -23,8 +23,8 @@ def leap(simulator, before, shape):
     if before is None:
         there = simulator.solve(shape.gripper)
     else:
-        turn = shape.gripper.rotation @ before.gripper.rotation.T
-        turn = np.arccos(np.clip(0.5 * (np.trace(turn) - 1), -1, 1))
+        cosine = 0.5 * (np.vdot(shape.gripper.rotation, before.gripper.rotation) - 1)
+        turn = np.arccos(min(max(cosine, -1.0), 1.0))
         if shape_change(before, shape) < _QUIET + turn:
             return 0.0
         there = simulator.track([shape.gripper], initial=before)[0]

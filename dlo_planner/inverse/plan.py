@@ -142,7 +142,8 @@ def waypoint_at(shape, centre, s, normal):
     axes, position = shape.frame_at(s)
     angle = 0.0
     if normal is not None:
-        angle = np.arctan2(np.linalg.norm(np.cross(axes[:, 0], normal)), axes[:, 0] @ normal)
+        along = axes[:, 0] @ normal
+        angle = np.arctan2(np.linalg.norm(axes[:, 0] - along * normal), along)
     return Waypoint(shape, float(angle), float(np.linalg.norm(position - centre)),
                     ((centre, s, normal),))
 

@@ -15,7 +15,7 @@ def times_at_speed(grippers, linear_speed, angular_speed):
     if len(grippers) < 2:
         return np.zeros(len(grippers))
     positions = np.array([pose.position for pose in grippers])
-    rotations = Rotation.from_quat([pose.quaternion for pose in grippers])
+    rotations = Rotation.from_matrix([pose.rotation for pose in grippers])
     distance = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     angle = (rotations[1:] * rotations[:-1].inv()).magnitude()
     legs = np.maximum(distance / linear_speed, angle / angular_speed)

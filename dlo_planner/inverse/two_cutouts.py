@@ -7,7 +7,6 @@ its rotation and one arc length are solved for, x(s2) - x(s1) = P2 - P1, and it 
 """
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.continuation import shape_change
 from dlo_planner.direct.sensitivity import Sensitivity
@@ -21,9 +20,11 @@ from dlo_planner.inverse.threading import aligned_shape, thread
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.ritz.arc import rotation_and_chord
 
 _ITERATIONS = 30
 _EXACT = 1e-10          # of the length
+_CHORD = 1e-5           # of the length
 _LARGEST_TURN = 0.3     # rad per step
 _LONGEST_STEP = 1 / 20  # of the length: depth steps of the continuation
 _SHORTEST_STEP = 1 / 2000
@@ -154,28 +155,30 @@ def _two_points(simulator, shape, way, s1, s2, free):
     Returns:
         Shape, s1, s2; None if there is none
     """
-    reference = shape.gripper.rotation
     length = shape.s[-1]
-    axis = free_axis(reference, way / np.linalg.norm(way))
-    turned = np.zeros(3)
+    axis = free_axis(shape.gripper.rotation, way / np.linalg.norm(way))
+    rows, turned = None, 0.0
+    turn, chord = np.empty((3, 3)), np.empty(3)
     for _ in range(_ITERATIONS):
         (one, begin), (other, end) = shape.frame_at(s1), shape.frame_at(s2)
         miss = end - begin - way
-        if np.linalg.norm(miss) < _EXACT * length and abs(axis @ turned) < 1e-9:
+        size = np.linalg.norm(miss)
+        if size < _EXACT * length and abs(turned) < 1e-9:
             return shape, s1, s2
-        answer = Sensitivity(shape)
-        rows = np.zeros((4, 4))
-        rows[:3, :3] = answer.at(s2)[3:, :3] - answer.at(s1)[3:, :3]
-        rows[:3, 3] = -one[:, 0] if free == 'first' else other[:, 0]
-        rows[3, :3] = axis
+        if rows is None or size > _CHORD * length:  # so near, the last derivatives will do
+            answer = Sensitivity(shape)
+            rows = np.zeros((4, 4))
+            rows[:3, :3] = answer.at(s2)[3:, :3] - answer.at(s1)[3:, :3]
+            rows[:3, 3] = -one[:, 0] if free == 'first' else other[:, 0]
+            rows[3, :3] = axis
         try:
-            step = np.linalg.solve(rows, np.append(-miss, -axis @ turned))
+            step = np.linalg.solve(rows, np.append(-miss, -turned))
         except np.linalg.LinAlgError:
             return None
         step *= min(1.0, _LARGEST_TURN / max(np.linalg.norm(step[:3]), 1e-300),
                     0.1 * length / max(abs(step[3]), 1e-300))
-        turn = Rotation.from_rotvec(step[:3])
-        turned = (turn * Rotation.from_rotvec(turned)).as_rotvec()
+        rotation_and_chord(step[0], step[1], step[2], 1.0, turn, chord)
+        turned += axis @ step[:3]
         if free == 'first':
             s1 = s1 + step[3]
         else:
@@ -183,8 +186,7 @@ def _two_points(simulator, shape, way, s1, s2, free):
         if not (0 <= s1 < s2 <= length * (1 + 1e-12)):
             return None
         s2 = min(s2, length)
-        gripper = Pose.from_rotation(shape.gripper.position,
-                                     turn.as_matrix() @ shape.gripper.rotation)
+        gripper = Pose.from_rotation(shape.gripper.position, turn @ shape.gripper.rotation)
         shape = simulator.solve(gripper, shape)
         if not shape.converged:
             return None
