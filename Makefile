@@ -14,7 +14,7 @@ demo: $(VENV)/ready $(VENV)/kernels
 	$(RUN) -m dlo_planner.ros.demo
 
 test: $(VENV)/ready $(VENV)/kernels
-	$(RUN) -m pytest
+	$(RUN) -m pytest -n 2
 
 bench: $(VENV)/ready $(VENV)/kernels
 	$(RUN) benchmarks/run.py
