@@ -5,6 +5,8 @@ from geometry_msgs.msg import Point, Vector3
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from dlo_planner.model.obstacles import Box, Sphere
+from dlo_planner.model.pose import Pose
 from msg_helpers.poses import header, point_msg, pose_msg
 
 _THIN = 0.002  # m, of a line whose radius is not known
@@ -47,10 +49,7 @@ def plan_markers(cutouts, grippers, frame_id, stamp):
                          point_msg(cutout.centre + _AXIS * cutout.normal)]
         holes += [rim, normal]
     if len(cutouts) == 1:  # the plan before may have had two
-        for number in (2, 3):
-            gone = _marker('cutout', number, frame_id, stamp, _ORANGE)
-            gone.action = Marker.DELETE
-            holes.append(gone)
+        holes += [_gone('cutout', number, frame_id, stamp) for number in (2, 3)]
     way = _line('trajectory', 0, frame_id, stamp, _THIN, _GREEN)
     way.points = [point_msg(pose.position) for pose in grippers]
     ticks = _line('trajectory', 1, frame_id, stamp, _THIN / 2, _GREEN)
@@ -58,6 +57,40 @@ def plan_markers(cutouts, grippers, frame_id, stamp):
     ticks.points = [point_msg(end) for pose in grippers
                     for end in (pose.position, pose.position + _AXIS * pose.direction)]
     return MarkerArray(markers=[*holes, way, ticks])
+
+
+def obstacle_markers(obstacles, before, frame_id, stamp):
+    """Return MarkerArray: obstacles (Box, Sphere, Capsule), half transparent.
+
+    Args:
+        before: how many have been shown before, so that those too many disappear
+    """
+    markers = []
+    for number, obstacle in enumerate(obstacles):
+        marker = _marker('obstacle', number, frame_id, stamp, _GREY)
+        marker.color.a = 0.5
+        if isinstance(obstacle, Box):
+            marker.type, pose, size = Marker.CUBE, obstacle.pose, obstacle.size
+        elif isinstance(obstacle, Sphere):
+            marker.type, pose = Marker.SPHERE, Pose(obstacle.centre, (0.0, 0.0, 0.0, 1.0))
+            size = (2 * obstacle.radius,) * 3
+        else:
+            along = obstacle.end - obstacle.start
+            pose = Pose.looking_along(0.5 * (obstacle.start + obstacle.end), along)
+            pose = Pose.from_rotation(pose.position, pose.rotation[:, [1, 2, 0]])
+            marker.type = Marker.CYLINDER
+            size = (2 * obstacle.radius, 2 * obstacle.radius, np.linalg.norm(along))
+        marker.pose = pose_msg(pose)
+        marker.scale = Vector3(**dict(zip('xyz', map(float, size), strict=True)))
+        markers.append(marker)
+    return MarkerArray(markers=[*markers, *(_gone('obstacle', number, frame_id, stamp)
+                                            for number in range(len(obstacles), before))])
+
+
+def _gone(namespace, number, frame_id, stamp):
+    marker = _marker(namespace, number, frame_id, stamp, _GREY)
+    marker.action = Marker.DELETE
+    return marker
 
 
 def _rim(cutout):

@@ -28,11 +28,21 @@ def leap(simulator, before, shape):
         if shape_change(before, shape) < _QUIET + turn:
             return 0.0
         there = simulator.track([shape.gripper], initial=before)[0]
-    samples = _SAMPLES * shape.s[-1]
-    apart = np.linalg.norm(there.positions_at(samples) - shape.positions_at(samples), axis=1).max()
-    least = _SAME * shape.s[-1]
-    same = there.converged and not there.jumped and apart < least
-    return 0.0 if same else float(max(apart, least))
+    if there.converged and not there.jumped and same(there, shape):
+        return 0.0
+    return max(_apart(there, shape), _SAME * shape.s[-1])
+
+
+def same(one, other):
+    """Whether two Shapes in the same gripper, on any meshes, are the same."""
+    return _apart(one, other) < _SAME * one.s[-1]
+
+
+def _apart(one, other):
+    """Return the largest distance (m) of some of their points."""
+    samples = _SAMPLES * min(one.s[-1], other.s[-1])
+    away = one.positions_at(samples) - other.positions_at(samples)
+    return float(np.linalg.norm(away, axis=1).max())
 
 
 def refusal_for_leap(simulator, draft, shape):

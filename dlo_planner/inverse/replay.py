@@ -10,9 +10,9 @@ from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.model.checks import number
 from dlo_planner.model.part import before
 
-_STEP = 0.02      # s, of a dynamic replay at most
-_STEPS = 150      # at least
-_TRIES = 4        # doublings of the pace, and refinements of it
+_PER_PERIOD = 25           # steps in a period of the DLO's slowest vibration
+_STEPS = 150, 2000         # at least, at most
+_DOUBLINGS, _HALVINGS = 4, 3  # of the pace that is tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class Report:
     fastest: float = np.nan
 
 
-def replay(simulator, plan, *, obstacles=(), limits=None, tolerance=None):
+def replay(simulator, plan, *, obstacles=(), limits=None, tolerance=None, initial=None):
     """Return the Report of a Plan.
 
     Args:
@@ -55,6 +55,7 @@ def replay(simulator, plan, *, obstacles=(), limits=None, tolerance=None):
         obstacles: whose clearance is wanted besides the cut-outs' with a size
         limits: Limits; the plan is run dynamically at the pace that they allow (None: it is not)
         tolerance: m; with it, the fastest pace that keeps the dynamic miss within is sought
+        initial: Shape before the first pose; None: the natural shape is set down there
 
     Raises:
         InvalidTask: limits with an insertion
@@ -62,7 +63,7 @@ def replay(simulator, plan, *, obstacles=(), limits=None, tolerance=None):
     whole = all(shape.s[-1] == simulator.rod.length for shape in plan.shapes)
     if limits is not None and not whole:
         raise InvalidTask('limits: expected None for an insertion; it is not run dynamically')
-    shapes = simulator.track(plan.grippers) if whole else [
+    shapes = simulator.track(plan.grippers, initial=initial) if whole else [
         simulator.with_rod(before(simulator.rod, shape.s[-1])).solve(
             shape.gripper, shape, far_end=shape.far_end) for shape in plan.shapes]
     misses, angles = [0.0], [0.0]
@@ -88,21 +89,21 @@ def replay(simulator, plan, *, obstacles=(), limits=None, tolerance=None):
     if limits is not None:
         way = Trajectory(plan, limits)
         figures['duration'] = float(way.duration)
-        figures['dynamic_miss'] = _dynamic_miss(simulator, plan, way, 1.0)
+        figures['dynamic_miss'] = _dynamic_miss(simulator, plan, way, 1.0, shapes[0])
         if tolerance is not None:
             number('tolerance', tolerance, above=0)
             figures['fastest'] = float(way.duration * _fastest(
-                lambda scale: _dynamic_miss(simulator, plan, way, scale) <= tolerance))
+                lambda scale: _dynamic_miss(simulator, plan, way, scale, shapes[0]) <= tolerance))
     return Report(**figures)
 
 
-def _dynamic_miss(simulator, plan, way, scale):
+def _dynamic_miss(simulator, plan, way, scale, first):
     """Return the largest miss when the way takes `scale` times as long, between all waypoints."""
     duration = scale * way.duration
-    steps = max(_STEPS, int(np.ceil(duration / _STEP)))
+    steps = int(np.clip(np.ceil(_PER_PERIOD * duration / _period(simulator.rod)), *_STEPS))
     times = np.linspace(0, 1, steps + 1)
     grippers = way.at(times * way.duration)[0]
-    motion = simulator.simulate(grippers, duration / steps)
+    motion = simulator.simulate(grippers, duration / steps, first)
     if not motion.converged:
         return np.inf
     done = way.progress(times * way.duration)
@@ -117,25 +118,33 @@ def _dynamic_miss(simulator, plan, way, scale):
     return largest
 
 
+def _period(rod):
+    """Return the period (s) of the slowest vibration of a Rod held at one end, about."""
+    s = np.linspace(0, rod.length, 33)
+    mass = rod.length * rod.masses_per_length(s).mean() / 4 + rod.tip_mass
+    # a tip mass on a cantilever; its own mass counts for about a quarter
+    return 2 * np.pi * np.sqrt(max(mass, 1e-12) * rod.length**3 / (3 * min(rod.bending_stiffness)))
+
+
 def _fastest(good):
     """Return the smallest scale found that is `good`, by doubling and halving."""
     if good(1.0):
         high, low = 1.0, None
-        for _ in range(_TRIES):
+        for _ in range(_DOUBLINGS):
             if not good(high / 2):
                 low = high / 2
                 break
             high /= 2
     else:
         low, high = 1.0, None
-        for _ in range(_TRIES):
+        for _ in range(_DOUBLINGS):
             if good(2 * low):
                 high = 2 * low
                 break
             low *= 2
     if high is None:
         return np.inf
-    for _ in range(_TRIES if low is not None else 0):
+    for _ in range(_HALVINGS if low is not None else 0):
         middle = np.sqrt(low * high)
         low, high = (low, middle) if good(middle) else (middle, high)
     return high

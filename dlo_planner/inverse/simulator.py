@@ -150,7 +150,8 @@ class InverseSimulator:
 
         Raises:
             InvalidTask: an argument makes no sense; the message names it
-            Infeasible: the DLO is beyond the sheet at the start, or has no stable shape on the way
+            Infeasible: the DLO is beyond the sheet at the start, has no stable shape on the way, or
+                does not come into the shape in which the plan begins
         """
         if not isinstance(cutout, CutOut):
             raise InvalidTask(f'cutout = {cutout!r}: expected a CutOut')
@@ -158,7 +159,7 @@ class InverseSimulator:
             raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
         if not isinstance(start, Pose):
             raise InvalidTask(f'start = {start!r}: expected a Pose')
-        return start_phase(self._alone, cutout, start, plan.grippers[0],
+        return start_phase(self._alone, cutout, start, plan.shapes[0],
                            number('standoff', standoff, minimum=0), initial,
                            self._brief(linear_speed, angular_speed))
 

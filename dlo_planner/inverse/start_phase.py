@@ -9,8 +9,9 @@ DLO cannot reach the sheet at all.
 
 import numpy as np
 
-from dlo_planner.direct.continuation import between
+from dlo_planner.direct.continuation import between, shape_change
 from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.continuity import same
 from dlo_planner.inverse.draft import Draft
 from dlo_planner.inverse.plan import Waypoint
 from dlo_planner.model.pose import Pose
@@ -22,11 +23,12 @@ _SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way back that is safe in any cas
 
 
 def start_phase(simulator, cutout, start, first, standoff, initial, brief):
-    """Return the Plan from `start` to the pose `first` (where a threading begins).
+    """Return the Plan from `start` to the Shape `first` (where a threading begins).
 
     Args:
         simulator: DirectSimulator
-        cutout: CutOut; start, first: Poses of the gripper
+        cutout: CutOut; start: Pose of the gripper
+        first: Shape where the threading begins
         standoff: m, between the free end and the centre where the last straight way begins
         initial: Shape at `start`; None: the natural shape set down there
         brief: Brief
@@ -46,7 +48,8 @@ def start_phase(simulator, cutout, start, first, standoff, initial, brief):
 
 def _from_behind(simulator, cutout, start, first, standoff, initial, brief, back):
     """Return the Plan that goes `back` (m) before it turns."""
-    length, normal = simulator.rod.length, cutout.normal
+    length, normal, goal = simulator.rod.length, cutout.normal, first
+    first = first.gripper
     reaches = (cutout.centre - start.position) @ normal + back < length + brief.radius
     away = start.position - back * normal
     before = Pose.from_rotation(first.position - standoff * normal, first.rotation)
@@ -67,6 +70,9 @@ def _from_behind(simulator, cutout, start, first, standoff, initial, brief, back
         if room < wanted and not last and (index in turning or standoff > brief.radius):
             raise draft.refusal('clearance', wanted - room, 'the DLO is not behind the sheet' if
                                 room < 0 else f'the DLO would turn {room:.3g} m behind the sheet')
+        if last and not same(initial, goal):
+            raise draft.refusal('start', shape_change(initial, goal), 'the DLO does not come into '
+                                'the shape in which the threading begins')
         draft.add(Waypoint(initial, clearances=((np.inf, np.inf if last else room, np.inf),)))
     return draft.finished()
 

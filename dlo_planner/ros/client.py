@@ -16,6 +16,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.ros.planner_node import LATCHED, REQUEST
 from msg_helpers.poses import header, pose_stamped_msg
@@ -36,16 +37,20 @@ class PlannerClient:
         rclpy.init(context=self.context)
         self.node = Node('dlo_planner_client', context=self.context)
         self.shapes, self.trajectories = queue.Queue(), queue.Queue()
-        self.diagnostics = queue.Queue()
+        self.diagnostics, self.commands = queue.Queue(), queue.Queue()
         self.node.create_subscription(Path, f'{planner}/predicted_shape', self.shapes.put, LATCHED)
         self.node.create_subscription(Path, f'{planner}/gripper_trajectory',
                                       self.trajectories.put, LATCHED)
         self.node.create_subscription(DiagnosticArray, '/diagnostics', self.diagnostics.put,
                                       REQUEST)
+        self.node.create_subscription(PoseStamped, f'{planner}/gripper_command', self.commands.put,
+                                      REQUEST)
         self._pose_out = self.node.create_publisher(PoseStamped, f'{planner}/gripper_pose',
                                                     qos_profile_sensor_data)
         self._goal_out = self.node.create_publisher(PoseStamped, f'{planner}/task_goal', REQUEST)
         self._goals_out = self.node.create_publisher(Goals, f'{planner}/task_goals', REQUEST)
+        self._obstacles_out = self.node.create_publisher(MarkerArray, f'{planner}/obstacles',
+                                                         REQUEST)
         self._clients = {}
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
@@ -72,7 +77,8 @@ class PlannerClient:
             if (self._client(GetPlan, 'plan_threading').wait_for_service(0.1)
                     and self._pose_out.get_subscription_count()
                     and self._goal_out.get_subscription_count()
-                    and self._goals_out.get_subscription_count()):
+                    and self._goals_out.get_subscription_count()
+                    and self._obstacles_out.get_subscription_count()):
                 return True
         return False
 
@@ -137,6 +143,10 @@ class PlannerClient:
         """Publish Poses as cut-outs, in the order in which they are passed."""
         self._goals_out.publish(Goals(header=header(self.frame_id), goals=[
             pose_stamped_msg(pose, self.frame_id) for pose in poses]))
+
+    def send_obstacles(self, markers):
+        """Publish visualization_msgs/Markers as obstacles."""
+        self._obstacles_out.publish(MarkerArray(markers=markers))
 
     def trigger(self, name):
         """Return the std_srvs/Trigger response of the node's service `name`."""

@@ -12,6 +12,15 @@ _RECENT = 50      # shapes that rates and latencies speak of
 _STALE = 30.0     # s that an error stays the headline
 
 
+_REPORTED = {  # figures of a Report
+    'miss': 'largest miss [m]', 'misalignment': 'largest misalignment [rad]',
+    'residual': 'largest residual', 'stability': 'smallest stability',
+    'clearance': 'smallest clearance [m]', 'bend_margin': 'smallest bend margin [1/m]',
+    'contact_force': 'largest contact force [N]',
+    'dynamic_miss': 'largest miss in motion [m]', 'duration': 'duration [s]',
+    'fastest': 'fastest duration within tolerance [s]'}
+
+
 class Health:
     """Counters, rates, latencies and the last error; safe to use from several threads."""
 
@@ -54,6 +63,14 @@ class Health:
                                  'plan smallest bend margin [1/m]': float(plan.bend_margin.min()),
                                  'plan largest residual': float(plan.residual.max()),
                                  'plan smallest stability': float(plan.stability.min())})
+
+    def plan_proved(self, report):
+        """Take the figures of a plan's Report; None: there is none yet for the last plan."""
+        with self._lock:
+            self._values['report'] = 'not ready' if report is None else (
+                'held' if report.converged else 'the DLO does not follow the plan')
+            for name, text in _REPORTED.items():
+                self._values[f'report {text}'] = float(getattr(report, name, np.nan))
 
     def failed(self, reason):
         """Take the reason of a refusal or failure."""

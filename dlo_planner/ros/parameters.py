@@ -8,6 +8,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.trajectory import Limits
+from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 
@@ -59,6 +60,18 @@ ENTRIES = {
     'rod.natural_curvature': Entry([0.0, 0.0], 'Stress-free curvature k_n, k_b, 1/m.'),
     'rod.natural_twist': Entry(0.0, 'Stress-free torsion, 1/m.', -1e4, 1e4),
     'rod.tip_mass': Entry(0.0, 'Mass at the free end, kg.', 0.0, 1e3),
+    'rod.damping': Entry([0.0, 0.0], 'Rayleigh damping in motion: 1/s times mass, s times '
+                         'stiffness.'),
+    'rod.yield_stress': Entry(0.0, 'Stress at which it yields (sections), Pa; 0 = never.', 0.0,
+                              1e12),
+    'rod.yield_curvature': Entry([0.0, 0.0], 'Curvatures about n and b at which it yields '
+                                 '(section: stiffness), 1/m; 0 = never.'),
+    'rod.yield_torsion': Entry(0.0, 'Torsion at which it yields (section: stiffness), 1/m; 0 = '
+                               'never.', 0.0, 1e6),
+    'rod.section_model': Entry('ideal', 'How it goes on yielding: ideal | round | rectangular.'),
+    'rod.hardening': Entry(0.0, 'Part of the stiffness that never yields.', 0.0, 0.999),
+    'rod.max_bend_curvature': Entry(0.0, 'Curvature that no plan may exceed, 1/m; 0 = any.', 0.0,
+                                    1e6),
     'gravity': Entry([0.0, 0.0, -9.81], 'Gravity in the world frame, m/s^2.'),
     'simulator.basis': Entry('chebyshev', 'How a shape is written: chebyshev | fourier | local.'),
     'simulator.n_elements': Entry(64, 'Elements (unused with an accuracy).', 2, 100_000),
@@ -78,6 +91,24 @@ ENTRIES = {
                                            1e3),
     'threading.angular_acceleration': Entry(2.0, 'Limit of the timed trajectory, rad/s^2.', 1e-4,
                                             1e4),
+    'threading.standoff': Entry(0.0, 'With more than 0, a plan begins at the gripper\'s present '
+                                'pose, and the free end waits so far before the hole, m.', 0.0,
+                                10.0),
+    'threading.gripper_clearance': Entry(0.0, 'The plan ends where the gripper comes nearer to '
+                                         'the sheet than this, m; 0 = does not care.', 0.0, 10.0),
+    'threading.tolerance': Entry(1e-3, 'Miss in motion for which the fastest pace is sought, m.',
+                                 1e-6, 1.0),
+    'threading.may_yield': Entry(True, 'Whether a plan may set the DLO for good.'),
+    'cutouts.radius': Entry(0.0, 'Of round cut-outs, for clearances, m; 0 = not known.', 0.0,
+                            10.0),
+    'workspace.lower': Entry([-float('inf')] * 3, 'Corner of the box for the gripper, m.'),
+    'workspace.upper': Entry([float('inf')] * 3, 'The other corner, m.'),
+    'workspace.gripper_radius': Entry(0.0, 'Of the sphere about the gripper that keeps out of '
+                                      'obstacles and in the box, m.', 0.0, 10.0),
+    'execute.rate': Entry(50.0, 'Commands per second on gripper_command.', 1.0, 1000.0,
+                          read_only=True),
+    'execute.start_distance': Entry(0.02, 'How far from a plan\'s beginning the gripper may be to '
+                                    'execute it, m.', 0.0, 10.0),
 }
 
 
@@ -95,6 +126,11 @@ class Scene:
     linear_speed: float
     angular_speed: float
     limits: Limits
+    standoff: float
+    gripper_clearance: float
+    tolerance: float
+    cutout_radius: float | None
+    start_distance: float
 
 
 def declare(node):
@@ -126,11 +162,12 @@ def _as_declared(name, value, default):
     return value
 
 
-def build_scene(values):
+def build_scene(values, obstacles=()):
     """Return the Scene of parameter values.
 
     Args:
         values: dict of all names in ENTRIES -> value
+        obstacles: for the DLO and for the gripper
 
     Raises:
         DloPlannerError: a value, or their combination, makes no sense
@@ -142,31 +179,47 @@ def build_scene(values):
         if values['simulator.basis'] != 'local':
             options['n_terms'] = values['simulator.n_terms']
     direct = DirectSimulator(rod, basis=values['simulator.basis'], gravity=values['gravity'],
-                             **options)
-    return Scene(values['frame_id'], values['rod.name'], direct, InverseSimulator(direct),
+                             obstacles=obstacles, **options)
+    workspace = Workspace(values['workspace.lower'], values['workspace.upper'], obstacles,
+                          values['workspace.gripper_radius'])
+    inverse = InverseSimulator(direct, workspace=workspace,
+                               may_yield=values['threading.may_yield'])
+    return Scene(values['frame_id'], values['rod.name'], direct, inverse,
                  Pose(values['tool.position'], values['tool.orientation']),
                  values['threading.waypoints'], values['threading.deepest'],
                  values['threading.linear_speed'], values['threading.angular_speed'],
                  Limits(*(values[f'threading.{name}'] for name in (
                      'linear_speed', 'angular_speed', 'linear_acceleration',
-                     'angular_acceleration'))))
+                     'angular_acceleration'))),
+                 values['threading.standoff'], values['threading.gripper_clearance'],
+                 values['threading.tolerance'], values['cutouts.radius'] or None,
+                 values['execute.start_distance'])
 
 
 def _rod(values):
     section = values['rod.section']
-    more = {name: values[f'rod.{name}']
-            for name in ('natural_curvature', 'natural_twist', 'tip_mass')}
+    more = {name: values[f'rod.{name}'] for name in (
+        'natural_curvature', 'natural_twist', 'tip_mass', 'damping', 'section_model', 'hardening')}
+    more['max_bend_curvature'] = values['rod.max_bend_curvature'] or None
+    stress = {'yield_stress': values['rod.yield_stress'] or None}
     material = [values[f'rod.{name}'] for name in ('density', 'youngs_modulus', 'poisson_ratio')]
     length, diameter = values['rod.length'], values['rod.diameter']
     if section == 'round':
-        return Rod.circular(length, diameter, *material, **more)
+        return Rod.circular(length, diameter, *material, **stress, **more)
     if section == 'tube':
-        return Rod.tube(length, diameter, values['rod.inner_diameter'], *material, **more)
+        return Rod.tube(length, diameter, values['rod.inner_diameter'], *material, **stress, **more)
     if section == 'rectangular':
         return Rod.rectangular(length, values['rod.width'], values['rod.thickness'], *material,
-                               **more)
+                               **stress, **more)
     if section == 'stiffness':
         return Rod(length, values['rod.mass_per_length'], tuple(values['rod.bending_stiffness']),
-                   values['rod.torsional_stiffness'], radius=diameter / 2, **more)
+                   values['rod.torsional_stiffness'], radius=diameter / 2,
+                   yield_curvature=_limits(values['rod.yield_curvature']),
+                   yield_torsion=values['rod.yield_torsion'] or None, **more)
     raise InvalidTask(f'parameter rod.section = {section!r}: expected one of '
                       f'{", ".join(SECTIONS)}')
+
+
+def _limits(curvatures):
+    """Return the pair for `Rod.yield_curvature`; None if both are 0, which means never."""
+    return tuple(value or 1e12 for value in curvatures) if any(curvatures) else None

@@ -25,13 +25,17 @@ from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
 from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.ros.execution import Execution, ready
 from dlo_planner.ros.executor import PatientExecutor
 from dlo_planner.ros.health import Health
 from dlo_planner.ros.parameters import ENTRIES, build_scene, declare
+from dlo_planner.ros.planning import make_plan, proofs
+from dlo_planner.ros.proving import Prover
 from msg_helpers.diagnostics import diagnostics_msg
-from msg_helpers.markers import plan_markers, shape_markers
+from msg_helpers.markers import obstacle_markers, plan_markers, shape_markers
+from msg_helpers.obstacles import obstacles_after
 from msg_helpers.paths import plan_path, shape_path
-from msg_helpers.poses import pose_from_stamped, poses_from_goals
+from msg_helpers.poses import pose_from_stamped, pose_stamped_msg, poses_from_goals
 from msg_helpers.trajectories import timed_trajectory
 
 # Sensor data, but one deep: a pose that was overtaken by a newer one is of no use to anybody.
@@ -42,7 +46,8 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
 _QUIET = 1.0  # s between warnings about the same thing
 _MOST_GOALS = 2
 _TIMED_POINTS = 5  # of the timed trajectory per waypoint
-_THREADS = 4  # one for each callback group below
+_THREADS = 6  # one for each callback group below
+_LOOK = 0.1   # s between looks whether there is a plan to be proved
 
 
 class PlannerNode(Node):
@@ -60,18 +65,28 @@ class PlannerNode(Node):
         self._health = Health()
         self._warned = {}
         self._latest = None   # (scene, Shape) of the last pose
-        self._goal = None     # CutOuts of the last goal, one or two
+        self._goal = None     # Poses of the last cut-outs, one or two
+        self._plan_made = None    # (Scene, Plan, Shape before it or None) of the last plan
+        self._proved = None       # the same, of which the proof has begun
+        self._prover = Prover()
+        self._report = None       # (Plan, Report) of the last one proved
+        self._obstacles = {}      # (namespace, id) -> obstacle
+        self._execution = Execution()
         self._drawn = {}      # name -> markers of the last shape, of the last plan
         self.add_on_set_parameters_callback(self._judge_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
 
-        live, planning, asking, health = (MutuallyExclusiveCallbackGroup() for _ in range(_THREADS))
+        live, planning, asking, health, proving, moving = (
+            MutuallyExclusiveCallbackGroup() for _ in range(_THREADS))
         self._shape_out = self.create_publisher(Path, '~/predicted_shape', LATCHED)
         self._plan_out = self.create_publisher(Path, '~/gripper_trajectory', LATCHED)
         self._timed_out = self.create_publisher(MultiDOFJointTrajectory,
                                                 '~/gripper_trajectory_timed', LATCHED)
         self._markers_out = self.create_publisher(MarkerArray, '~/markers', LATCHED)
         self._health_out = self.create_publisher(DiagnosticArray, '/diagnostics', REQUEST)
+        self._command_out = self.create_publisher(PoseStamped, '~/gripper_command', REQUEST)
+        self.create_subscription(MarkerArray, '~/obstacles', self._on_obstacles, REQUEST,
+                                 callback_group=live)
         self.create_subscription(PoseStamped, '~/gripper_pose', self._on_pose, LATEST,
                                  callback_group=live)
         self.create_subscription(PoseStamped, '~/task_goal', self._on_goal, REQUEST,
@@ -86,7 +101,12 @@ class PlannerNode(Node):
         self.create_service(GetPlan, '~/predict_shape', self._on_predict_shape,
                             callback_group=asking)
         self.create_service(Trigger, '~/reset', self._on_reset, callback_group=live)
-        self.create_timer(self.get_parameter('diagnostics_period').value, self._report,
+        self.create_service(Trigger, '~/execute', self._on_execute, callback_group=moving)
+        self.create_service(Trigger, '~/cancel', self._on_cancel, callback_group=moving)
+        self.create_timer(1 / self.get_parameter('execute.rate').value, self._command,
+                          callback_group=moving)
+        self.create_timer(_LOOK, self._prove, callback_group=proving)
+        self.create_timer(self.get_parameter('diagnostics_period').value, self._publish_health,
                           callback_group=health)
 
     def _warm_up(self):
@@ -111,15 +131,31 @@ class PlannerNode(Node):
     def _judge_parameters(self, parameters):
         changed = {p.name: p.value for p in parameters if p.name in ENTRIES}
         try:
-            build_scene({**self._values(), **changed})
+            build_scene({**self._values(), **changed}, self._bodies())
         except Exception as error:  # whatever it is, it must not end the node
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _apply_parameters(self, _):
         with self._answering('parameters'):
-            self._scene = build_scene(self._values())
+            self._scene = build_scene(self._values(), self._bodies())
             self._latest = None
+
+    # ---- obstacles ------------------------------------------------------------------------------
+
+    def _bodies(self):
+        return tuple(self._obstacles.values())
+
+    def _on_obstacles(self, msg):
+        with self._answering('obstacles'):
+            after = obstacles_after(self._obstacles, msg, self._scene.frame_id, 'obstacles')
+            scene = build_scene(self._values(), tuple(after.values()))
+            before, self._obstacles = len(self._obstacles), after
+            if self._latest is not None:  # the DLO is where it was
+                self._latest = (scene, self._latest[1])
+            self._scene = scene
+            self._draw('obstacles', obstacle_markers(self._bodies(), before, scene.frame_id,
+                                                     self.get_clock().now().to_msg()))
 
     # ---- shapes ---------------------------------------------------------------------------------
 
@@ -158,13 +194,13 @@ class PlannerNode(Node):
     def _on_goal(self, msg):
         with self._answering('task_goal', 'plans refused'):
             scene = self._scene
-            goal = CutOut(pose_from_stamped(msg, scene.frame_id, 'task_goal'))
+            goal = pose_from_stamped(msg, scene.frame_id, 'task_goal')
             self._plan(scene, [goal], self._gripper_now())
 
     def _on_goals(self, msg):
         with self._answering('task_goals', 'plans refused'):
             scene = self._scene
-            goals = [CutOut(pose) for pose in poses_from_goals(msg, scene.frame_id, 'task_goals')]
+            goals = poses_from_goals(msg, scene.frame_id, 'task_goals')
             if not 1 <= len(goals) <= _MOST_GOALS:
                 raise InvalidTask(f'task_goals.goals has {len(goals)} poses: expected one or two')
             self._plan(scene, goals, self._gripper_now())
@@ -173,14 +209,14 @@ class PlannerNode(Node):
         with self._answering('plan_threading', 'plans refused'):
             scene = self._scene
             start = self._gripper(scene, request.start, 'plan_threading.start')
-            goal = CutOut(pose_from_stamped(request.goal, scene.frame_id, 'plan_threading.goal'))
+            goal = pose_from_stamped(request.goal, scene.frame_id, 'plan_threading.goal')
             response.plan = self._plan(scene, [goal], start)
         return response
 
     def _on_plan_two_cutouts(self, request, response):
         with self._answering('plan_two_cutouts', 'plans refused'):
             scene = self._scene
-            goals = [CutOut(pose_from_stamped(msg, scene.frame_id, f'plan_two_cutouts.{name}'))
+            goals = [pose_from_stamped(msg, scene.frame_id, f'plan_two_cutouts.{name}')
                      for name, msg in (('start', request.start), ('goal', request.goal))]
             response.plan = self._plan(scene, goals, self._gripper_now())
         return response
@@ -196,18 +232,18 @@ class PlannerNode(Node):
             response.message = f'{len(path.poses)} gripper poses'
         return response
 
-    def _plan(self, scene, cutouts, start):
+    def _plan(self, scene, goals, start):
         """Plan, publish and return the trajectory of the tool frame as a Path.
 
         Args:
-            cutouts: one or two CutOuts
+            goals: Poses of one or two cut-outs
+            start: Pose of the gripper now, or None
         """
-        self._goal = cutouts
+        self._goal = goals
         started = monotonic()
-        depths = np.linspace(0.0, scene.deepest * scene.direct.rod.length, scene.waypoints)
-        thread = scene.inverse.thread if len(cutouts) == 1 else scene.inverse.thread_two
-        plan = thread(*cutouts, start=start, depths=depths, linear_speed=scene.linear_speed,
-                      angular_speed=scene.angular_speed)
+        known = self._latest
+        plan, cutouts, before = make_plan(scene, goals, start,
+                                          None if known is None else known[1])
         seconds = monotonic() - started
         stamp = self.get_clock().now().to_msg()
         back = scene.tool.inverse()
@@ -220,10 +256,63 @@ class PlannerNode(Node):
                 scene.frame_id, stamp))
         self._draw('plan', plan_markers(cutouts, plan.grippers, scene.frame_id, stamp))
         self._health.plan_done(plan, seconds)
+        self._health.plan_proved(None)
+        self._plan_made = (scene, plan, before)
         self.get_logger().info(f'planned {len(plan)} gripper poses in {1e3 * seconds:.0f} ms, '
                                f'largest miss {plan.miss.max():.1e} m, '
                                f'smallest stability {plan.stability.min():.2f}')
         return path
+
+    def _prove(self):
+        """Have the last plan run through the direct simulator; a newer plan comes first."""
+        with self._answering('report'):
+            made = self._plan_made
+            if made is None or made is self._proved:
+                return
+            self._proved = made
+            for arguments in proofs(*made):
+                report = self._prover.report(**arguments)
+                if self._plan_made is not made:
+                    return
+                self._report = (made[1], report)
+                self._health.plan_proved(report)
+                if not report.converged:
+                    raise NotConverged('replayed, the DLO does not follow the plan: largest miss '
+                                       f'{report.miss:.3g} m, smallest stability '
+                                       f'{report.stability:.3g}')
+
+    def destroy_node(self):
+        """End the process that proves plans as well."""
+        self._prover.close()
+        super().destroy_node()
+
+    # ---- execution ------------------------------------------------------------------------------
+
+    def _on_execute(self, _, response):
+        with self._answering('execute'):
+            response.message = 'refused; see the log and /diagnostics'
+            scene, plan, _ = ready(self._plan_made, self._report, self._gripper_now())
+            way = Trajectory(plan, scene.limits)
+            self._execution.start(way, scene.tool, scene.frame_id, self._seconds())
+            response.success = True
+            response.message = f'{way.duration:.1f} s on gripper_command'
+        return response
+
+    def _on_cancel(self, _, response):
+        response.success = self._execution.stop()
+        response.message = 'stopped' if response.success else 'nothing was executed'
+        return response
+
+    def _command(self):
+        with self._answering('execute'):
+            command = self._execution.command(self._seconds())
+            if command is not None:
+                pose, frame_id = command
+                self._command_out.publish(pose_stamped_msg(pose, frame_id,
+                                                           self.get_clock().now().to_msg()))
+
+    def _seconds(self):
+        return 1e-9 * self.get_clock().now().nanoseconds
 
     # ---- common ---------------------------------------------------------------------------------
 
@@ -262,7 +351,7 @@ class PlannerNode(Node):
             self._warned[key] = now
             self.get_logger().warning(text)
 
-    def _report(self):
+    def _publish_health(self):
         level, message, values = self._health.report()
         self._health_out.publish(diagnostics_msg(
             f'{self.get_name()}: solver', self._scene.name, level, message, values,

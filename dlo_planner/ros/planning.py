@@ -1,0 +1,47 @@
+"""What the node plans: cut-outs in, the whole way of the gripper and its proof out."""
+
+import numpy as np
+
+from dlo_planner.inverse.plan import joined
+from dlo_planner.inverse.threading import kept_before
+from dlo_planner.model.cutout import CutOut
+
+
+def make_plan(scene, poses, start, shape):
+    """Return the Plan through one or two cut-outs, these, and the Shape it begins with or None.
+
+    Args:
+        scene: Scene
+        poses: Poses of the cut-outs, in the order in which they are passed
+        start: Pose of the gripper now, or None
+        shape: Shape of the DLO now, or None; it counts if its gripper is at `start`
+
+    Raises:
+        DloPlannerError: refused, with the reason
+    """
+    cutouts = [CutOut(pose, radius=scene.cutout_radius) for pose in poses]
+    depths = np.linspace(0.0, scene.deepest * scene.direct.rod.length, scene.waypoints)
+    speeds = {'linear_speed': scene.linear_speed, 'angular_speed': scene.angular_speed}
+    thread = scene.inverse.thread if len(cutouts) == 1 else scene.inverse.thread_two
+    plan = thread(*cutouts, start=start, depths=depths, **speeds)
+    if scene.gripper_clearance:
+        plan = kept_before(plan, cutouts[0], scene.gripper_clearance, True)
+    if scene.standoff and start is not None:
+        here = shape is not None and np.allclose(shape.gripper.matrix, start.matrix, atol=1e-9)
+        way = scene.inverse.start_phase(cutouts[0], plan, start, standoff=scene.standoff,
+                                        initial=shape if here else None, **speeds)
+        return joined(way, plan), cutouts, shape if here else None
+    return plan, cutouts, None
+
+
+def proofs(scene, plan, before):
+    """Yield arguments for `replay`: slowly, at the plan's pace, at the fastest that will do.
+
+    Args:
+        before: Shape before the first pose, or None
+    """
+    given = {'simulator': scene.direct, 'plan': plan, 'initial': before}
+    yield given
+    if plan.times[-1] > 0:
+        yield {**given, 'limits': scene.limits}
+        yield {**given, 'limits': scene.limits, 'tolerance': scene.tolerance}

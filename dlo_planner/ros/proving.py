@@ -1,0 +1,81 @@
+"""Proof of plans in a process of its own, so that shapes and plans never wait for it.
+
+Messages are pickles on the pipes of the process: keyword arguments of `replay` in, a Report or the
+text of an error out. It ends with its input, so it never outlives the node.
+"""
+
+import os
+import pickle
+import subprocess
+import sys
+from threading import Lock
+
+from dlo_planner.errors import DloPlannerError
+from dlo_planner.inverse.replay import replay
+
+
+class Prover:
+    """Starts the process when it is first needed, and again if it has died."""
+
+    def __init__(self):
+        self._lock = Lock()
+        self._process = None
+        self._closed = False
+
+    def report(self, **arguments):
+        """Return the Report of `replay(**arguments)`; blocks, but not the interpreter.
+
+        Raises:
+            DloPlannerError: it failed there, or the process ended
+        """
+        process = self._running()
+        try:
+            pickle.dump(arguments, process.stdin)
+            process.stdin.flush()
+            report, error = pickle.load(process.stdout)
+        except (OSError, EOFError, pickle.UnpicklingError) as lost:
+            raise DloPlannerError(f'the process that proves plans has ended: {lost}') from None
+        if error is not None:
+            raise DloPlannerError(f'the plan could not be replayed: {error}')
+        return report
+
+    def _running(self):
+        with self._lock:
+            if self._closed:
+                raise DloPlannerError('the node is shutting down')
+            if self._process is None or self._process.poll() is not None:
+                # a session of its own: an interrupt from the keyboard is the node's business
+                self._process = subprocess.Popen(
+                    [sys.executable, '-m', __name__], stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE, start_new_session=True,
+                    env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))})
+            return self._process
+
+    def close(self):
+        """End the process, whatever it does."""
+        with self._lock:
+            self._closed = True
+            if self._process is not None:
+                self._process.kill()
+                self._process.wait()
+
+
+def main():
+    """Answer until the input ends."""
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), 'wb')
+    sys.stdout = sys.stderr  # whatever is printed must not get among the answers
+    while True:
+        try:
+            arguments = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return
+        try:
+            answer = replay(**arguments), None
+        except Exception as error:  # it has to be answered in any case
+            answer = None, f'{type(error).__name__}: {error}'
+        pickle.dump(answer, answers)
+        answers.flush()
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,145 @@
+"""The node in a cell: obstacles, the way to the hole, proof, execution, a DLO that yields."""
+
+import queue
+import time
+
+import numpy as np
+import pytest
+from planner_process import drain
+from visualization_msgs.msg import Marker
+
+from dlo_planner import DirectSimulator, Pose, Rod
+from msg_helpers.paths import poses_from_path
+from msg_helpers.poses import pose_from_msg, pose_msg
+
+WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+AWAY = Pose.looking_along((-1.3, 0.2, 1.1), (1.0, 0.2, 0.1))
+LEVEL = Pose((0.0, 0.0, 1.0), (0, 0, 0, 1))
+
+
+def cube(height, number=0, frame='world', kind=Marker.CUBE, action=Marker.ADD):
+    marker = Marker(ns='cell', id=number, type=kind, action=action)
+    marker.header.frame_id = frame
+    marker.pose = pose_msg(Pose((0.8, 0.0, height), (0, 0, 0, 1)))
+    marker.scale.x = marker.scale.y = marker.scale.z = 0.2
+    return marker
+
+
+def status(client, wanted):
+    """Return the values of the first report that satisfies `wanted`, and its message."""
+    drain(client.diagnostics)
+    for _ in range(400):
+        one = client.diagnostics.get(timeout=5).status[0]
+        values = {v.key: v.value for v in one.values}
+        if wanted(values, one.message):
+            return values, one.message
+    raise AssertionError(f'no such report; the last one: {one.message!r}, {values}')
+
+
+def tip(client, pose):
+    return poses_from_path(client.predict_shape(pose)[0])[-1].position
+
+
+def test_obstacles_come_and_go(client):
+    free = tip(client, LEVEL)
+    client.send_obstacles([cube(free[2])])
+    end = time.monotonic() + 10
+    while np.allclose(tip(client, LEVEL), free) and time.monotonic() < end:
+        time.sleep(0.05)
+    shape = np.array([p.position for p in poses_from_path(client.predict_shape(LEVEL)[0])])
+    over = np.abs(shape[:, 0] - 0.8) < 0.1
+    assert over.any() and shape[over, 2].min() > free[2] + 0.1  # on top of it, or before it
+    drain(client.diagnostics)
+    client.send_obstacles([cube(0.5, 1, frame='map')])
+    assert 'expected \'world\'' in status(client, lambda _, m: 'obstacles refused' in m)[1]
+    client.send_obstacles([cube(0.5, 1, kind=Marker.TEXT_VIEW_FACING)])
+    assert 'CUBE, SPHERE or CYLINDER' in status(client, lambda _, m: 'markers[0]: type' in m)[1]
+    client.send_obstacles([cube(0, action=Marker.DELETEALL)])
+    end = time.monotonic() + 10
+    while not np.allclose(tip(client, LEVEL), free) and time.monotonic() < end:
+        time.sleep(0.05)
+    np.testing.assert_allclose(tip(client, LEVEL), free, atol=1e-9)
+
+
+@pytest.fixture
+def begun(client):
+    """Plan from where the gripper is, and wait for the proof; yield the Path."""
+    client.set_parameters(threading__standoff=0.05, cutouts__radius=0.01)
+    client.shape_for(AWAY)
+    path, _ = client.plan_threading(AWAY, GOAL)
+    yield path
+    client.trigger('cancel')
+    client.set_parameters(threading__standoff=0.0, cutouts__radius=0.0)
+
+
+def test_a_plan_begins_where_the_gripper_is_and_is_proved(client, begun):
+    grippers = poses_from_path(begun)
+    np.testing.assert_allclose(grippers[0].matrix, AWAY.matrix, atol=1e-9)
+    assert len(grippers) > 25
+    simulator = DirectSimulator(WIRE)
+    for shape in simulator.track(grippers)[:len(grippers) - 25]:
+        assert shape.positions[:, 0].max() < -WIRE.radius  # still before the sheet
+    fastest = 'report fastest duration within tolerance [s]'
+    values, _ = status(client, lambda v, _: v.get(fastest, 'nan') != 'nan')
+    assert values['report'] == 'held'
+    assert float(values['report largest miss [m]']) < 1e-6
+    assert float(values['report largest misalignment [rad]']) < 1e-6
+    assert float(values['report smallest stability']) > 0
+    assert 0.008 < float(values['report smallest clearance [m]']) < 0.01
+    assert 1e-6 < float(values['report largest miss in motion [m]']) < 0.05
+    assert float(values['report duration [s]']) > 1
+    assert float(values[fastest]) > 0
+
+
+def test_execution_streams_the_plan_until_cancelled(client, begun):
+    status(client, lambda v, _: v.get('report') == 'held')
+    client.shape_for(AWAY)
+    drain(client.commands)
+    answer = client.trigger('execute')
+    assert answer.success and 'gripper_command' in answer.message
+    first = client.commands.get(timeout=5)
+    assert first.header.frame_id == 'world'
+    np.testing.assert_allclose(pose_from_msg(first.pose).matrix, AWAY.matrix, atol=1e-2)
+    time.sleep(1.0)
+    came = drain(client.commands)
+    assert 20 < len(came) < 80  # 50 a second
+    ways = np.diff([pose_from_msg(one.pose).position for one in came], axis=0)
+    assert 0 < np.linalg.norm(ways, axis=1).max() < 0.1 / 50 * 3
+    assert client.trigger('cancel').success
+    time.sleep(0.2)
+    drain(client.commands)
+    with pytest.raises(queue.Empty):
+        client.commands.get(timeout=0.3)
+    assert not client.trigger('cancel').success
+
+
+def test_execution_far_from_the_beginning_is_refused(client, begun):
+    status(client, lambda v, _: v.get('report') == 'held')
+    client.shape_for(Pose((-1.3, 0.5, 1.1), (0, 0, 0, 1)))
+    answer = client.trigger('execute')
+    assert not answer.success
+    assert 'execute.start_distance' in status(client, lambda _, m: 'where the plan' in m)[1]
+
+
+def test_the_workspace_is_kept(client):
+    assert client.set_parameters(workspace__lower=[-0.9, -1.0, 0.0])[0].successful
+    assert client.plan_threading(AWAY, GOAL)[0].poses == []
+    assert 'workspace.lower.x' in status(client, lambda _, m: 'workspace' in m)[1]
+    assert client.set_parameters(workspace__lower=[-2.0, -1.0, 0.0])[0].successful
+    assert len(client.plan_threading(AWAY, GOAL)[0].poses) == 25
+    refused = client.set_parameters(workspace__upper=[-3.0, 0.0, 0.0])[0]
+    assert not refused.successful and 'Workspace.upper' in refused.reason
+
+
+def test_a_wire_that_yields_remembers_until_reset(client):
+    assert client.set_parameters(rod__yield_stress=40e6, rod__hardening=0.1)[0].successful
+    down = Pose.looking_along((0, 0, 1), (0.0, 0.0, -1.0))
+    straight = poses_from_path(client.shape_for(down)[0])[-1].position
+    client.shape_for(LEVEL)
+    bent = poses_from_path(client.shape_for(down)[0])[-1].position
+    assert np.linalg.norm(bent - straight) > 0.01
+    assert client.trigger('reset').success
+    again = poses_from_path(client.shape_for(down)[0])[-1].position
+    np.testing.assert_allclose(again, straight, atol=1e-9)
+    client.set_parameters(rod__yield_stress=0.0, rod__hardening=0.0)
