@@ -3,6 +3,7 @@
 import numpy as np
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Quaternion, Transform, Twist, Vector3
+from scipy.spatial.transform import Rotation
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from msg_helpers.poses import header
@@ -20,21 +21,24 @@ def timed_trajectory(trajectory, number, tool, frame_id, stamp):
         frame_id: of the world; stamp: builtin_interfaces/Time of the start
     """
     times = np.linspace(0, trajectory.duration, number)
-    back = tool.inverse()
-    points = []
-    for time, gripper, speed, change in zip(times, *trajectory.at(times), strict=True):
-        pose = gripper.compose(back)
-        arm = pose.position - gripper.position
-        spin, turn = speed[3:], change[3:]
-        # the tool's origin turns about the gripper's
-        velocity = speed[:3] + np.cross(spin, arm)
-        acceleration = change[:3] + np.cross(turn, arm) + np.cross(spin, np.cross(spin, arm))
-        points.append(MultiDOFJointTrajectoryPoint(
-            transforms=[Transform(translation=_vector(pose.position),
-                                  rotation=_quaternion(pose.quaternion))],
-            velocities=[Twist(linear=_vector(velocity), angular=_vector(spin))],
-            accelerations=[Twist(linear=_vector(acceleration), angular=_vector(turn))],
-            time_from_start=_duration(time)))
+    grippers, speeds, changes = trajectory.at(times)
+    poses = [gripper.compose(tool.inverse()) for gripper in grippers]
+    arms = np.array([pose.position - gripper.position
+                     for pose, gripper in zip(poses, grippers, strict=True)])
+    spins, turns = speeds[:, 3:], changes[:, 3:]
+    # the tool's origin turns about the gripper's
+    swing = np.cross(spins, arms)
+    velocities = speeds[:, :3] + swing
+    accelerations = changes[:, :3] + np.cross(turns, arms) + np.cross(spins, swing)
+    quaternions = Rotation.from_matrix([pose.rotation for pose in poses]).as_quat()
+    points = [MultiDOFJointTrajectoryPoint(
+        transforms=[Transform(translation=_vector(pose.position),
+                              rotation=_quaternion(quaternion))],
+        velocities=[Twist(linear=_vector(velocity), angular=_vector(spin))],
+        accelerations=[Twist(linear=_vector(acceleration), angular=_vector(turn))],
+        time_from_start=_duration(time))
+        for time, pose, quaternion, velocity, spin, acceleration, turn in zip(
+            times, poses, quaternions, velocities, spins, accelerations, turns, strict=True)]
     return MultiDOFJointTrajectory(header=header(frame_id, stamp), joint_names=['gripper'],
                                    points=points)
 

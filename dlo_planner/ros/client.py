@@ -159,6 +159,20 @@ class PlannerClient:
             for name, value in values.items()])
         return self._call(SetParameters, 'set_parameters', request)[0].results
 
+    def reported(self, name):
+        """Return a figure that /diagnostics tells, as soon as it is a number; nan if it is not."""
+        with suppress(queue.Empty):
+            while True:  # what was said before does not count
+                self.diagnostics.get_nowait()
+        end = monotonic() + self.timeout
+        while monotonic() < end:
+            with suppress(queue.Empty):
+                status = self.diagnostics.get(timeout=0.1).status[0]
+                value = {item.key: item.value for item in status.values}.get(name, 'nan')
+                if value != 'nan':
+                    return float(value)
+        return float('nan')
+
     def _client(self, kind, name):
         if name not in self._clients:
             self._clients[name] = self.node.create_client(kind, f'{self.planner}/{name}')

@@ -15,11 +15,13 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
+from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.minimize.newton import residual_of
+from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.ros.client import PlannerClient
-from dlo_planner.ros.demo_figures import save_threading, save_turning
+from dlo_planner.ros.demo_figures import save_threading, save_turning, save_two
 from msg_helpers.paths import poses_from_path
 
 # Benchmark C of the paper: 180 degrees in 10-degree steps and back, 36 positions after the first.
@@ -29,6 +31,9 @@ JUMPS = [100, 80]
 DIAMETERS = (2.0e-3, 1.5e-3, 1.15e-3)
 TOO_SOFT = 1.0e-3  # falls sideways before its end is level
 GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+# Fig. 14: two cut-outs, whose centres count.
+TWO_DIAMETER = 1.5e-3
+TWO_GOALS = (GOAL, Pose.looking_along((0.3, 0.0, 0.95), (1.0, 0.0, 0.0)))
 WAYPOINTS, DEEPEST = 40, 0.95
 _DOMAINS = 100
 
@@ -139,11 +144,37 @@ def thread_wire(client, folder, diameter):
         progress(f'd = {1e3 * diameter:.2f} mm replayed', number + 1, len(grippers))
     stiffness = rod.bending_stiffness[0]
     save_threading(folder / f'threading_EI_{1e3 * stiffness:.0f}_mNm2.png', stiffness, GOAL,
-                   grippers, shapes)
+                   grippers, shapes,
+                   InverseSimulator(simulator).insert(CutOut(GOAL), depths=depths).grippers)
     held = bool(max(misses) < 1e-6 and max(angles) < 1e-6 and max(residuals) < 1e-8)
     return Row(f'thread, EI {1e3 * stiffness:.1f} mN m2', f'{WAYPOINTS} waypoints',
                f'{len(grippers)} gripper poses', seconds, max(residuals),
                f'miss {max(misses):.0e} m, {max(angles):.0e} rad', held)
+
+
+def thread_two(client, folder):
+    """Fig. 14: return its Row, having saved its picture; with what the node's own proof says."""
+    rod = wire(TWO_DIAMETER)
+    client.set_parameters(rod__diameter=TWO_DIAMETER)
+    path, seconds = client.plan_two_cutouts(*TWO_GOALS)
+    grippers = poses_from_path(path)
+    depths = np.linspace(0.0, DEEPEST * rod.length, WAYPOINTS)
+    tracked = DirectSimulator(rod).track(grippers)
+    misses = []
+    for shape, depth in zip(tracked, depths, strict=True):
+        misses.append(np.linalg.norm(shape.at(rod.length - depth).position
+                                     - TWO_GOALS[0].position))
+        ahead = shape.positions_at(np.linspace(rod.length - depth, rod.length, 4001))
+        if depth > 1.1 * np.linalg.norm(TWO_GOALS[1].position - TWO_GOALS[0].position):
+            misses.append(np.linalg.norm(ahead - TWO_GOALS[1].position, axis=1).min())
+    save_two(folder / 'two_cutouts.png', TWO_GOALS, grippers,
+             [shape.positions for shape in tracked])
+    moving = client.reported('report largest miss in motion [m]')
+    held = bool(max(misses) < 1e-3 and np.isfinite(moving))  # 4001 points are 0.25 mm apart
+    return Row('two cut-outs', f'{WAYPOINTS} waypoints', f'{len(grippers)} gripper poses', seconds,
+               max(shape.residual for shape in tracked),
+               f'sampled miss {1e3 * max(misses):.2f} mm; moving at its pace {1e3 * moving:.0f} mm',
+               held)
 
 
 def refuse_soft_wire(client):
@@ -195,6 +226,7 @@ def main(args=None):
                 return 1
             rows = [turn_gripper(client, folder)]
             rows += [thread_wire(client, folder, diameter) for diameter in DIAMETERS]
+            rows.append(thread_two(client, folder))
             rows.append(refuse_soft_wire(client))
         except TimeoutError as error:
             print(f'The planner node went silent: {error}')

@@ -37,7 +37,7 @@ def save_turning(path, angles, shapes):
     plt.close(figure)
 
 
-def save_threading(path, stiffness, goal, grippers, shapes):
+def save_threading(path, stiffness, goal, grippers, shapes, inserting):
     """Save one row of Fig. 13: left the wire while it is threaded, right the gripper's way.
 
     Args:
@@ -45,6 +45,7 @@ def save_threading(path, stiffness, goal, grippers, shapes):
         stiffness: EI, N m^2
         goal: Pose of the cut-out
         grippers: n Pose; shapes: n (N + 1, 3) positions, m
+        inserting: Poses of the gripper for the insertion into a bore, on the same wire
     """
     widths = [high - low for low, high in (_LEFT, _RIGHT)]
     figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.4), sharey=True, width_ratios=widths,
@@ -56,21 +57,45 @@ def save_threading(path, stiffness, goal, grippers, shapes):
         left.plot(*points[0, [0, 2]], 's', color=colours(number / len(shapes)), ms=5)
     _draw_sheet(left, goal)
     _finish(left, 'wire during threading (squares: gripper)')
-    way = np.array([pose.position for pose in grippers])
-    right.plot(shapes[0][:, 0], shapes[0][:, 2], color='tab:blue', lw=1.6,
-               label='initial shape (insertion into a bore)')
-    right.plot(way[:, 0], way[:, 2], color='tab:red', lw=1.6, label='gripper trajectory')
-    for pose in grippers:
-        ends = np.array([pose.position, pose.position + _TICK * pose.direction])
-        right.plot(ends[:, 0], ends[:, 2], color='tab:red', lw=0.8)
+    right.plot(shapes[0][:, 0], shapes[0][:, 2], color='0.7', lw=4, label='initial shape')
+    for poses, colour, label in ((inserting, 'tab:blue', 'gripper, insertion into a bore'),
+                                 (grippers, 'tab:red', 'gripper, threading')):
+        way = np.array([pose.position for pose in poses])
+        right.plot(way[:, 0], way[:, 2], color=colour, lw=1.2, label=label)
+        for pose in poses:
+            ends = np.array([pose.position, pose.position + _TICK * pose.direction])
+            right.plot(ends[:, 0], ends[:, 2], color=colour, lw=0.8)
     _draw_sheet(right, goal)
-    _finish(right, 'initial shape and gripper trajectory')
+    _finish(right, 'ways of the gripper (ticks: its direction)')
     right.legend(loc='lower left', fontsize=9)
     # The same window for every stiffness, so that the pictures can be compared.
     left.set(xlim=_LEFT, ylim=_HEIGHT)
     right.set(xlim=_RIGHT)
     right.tick_params(labelleft=True)
     figure.suptitle(f'Threading a wire of 1 m, EI = {1e3 * stiffness:.1f} mN m$^2$')
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def save_two(path, goals, grippers, shapes):
+    """Save Fig. 14: the wire while it is threaded through two cut-outs, and the gripper's way.
+
+    Args:
+        path: of the PNG
+        goals: two Poses
+        grippers: n Pose; shapes: n (N + 1, 3) positions, m
+    """
+    figure, axis = plt.subplots(figsize=(8, 4.4), layout='constrained')
+    colours = plt.get_cmap('viridis')
+    for number in np.linspace(0, len(shapes) - 1, _SHOWN).round().astype(int):
+        points = shapes[number]
+        axis.plot(points[:, 0], points[:, 2], color=colours(number / len(shapes)), lw=1.4)
+    way = np.array([pose.position for pose in grippers])
+    axis.plot(way[:, 0], way[:, 2], color='tab:red', lw=1.2, label='gripper')
+    for goal in goals:
+        _draw_sheet(axis, goal)
+    _finish(axis, 'Threading through two cut-outs: both centres at once')
+    axis.legend(loc='lower left', fontsize=9)
     figure.savefig(path, dpi=110)
     plt.close(figure)
 

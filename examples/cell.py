@@ -1,0 +1,110 @@
+"""A plan for a cell: from where the gripper is, past what stands there, with its tolerance.
+
+python examples/cell.py [folder]
+"""
+
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+
+matplotlib.use('Agg')
+from matplotlib import pyplot as plt  # noqa: E402  the backend has to be chosen first
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from dlo_planner import (  # noqa: E402
+    Box,
+    CutOut,
+    DirectSimulator,
+    Infeasible,
+    InverseSimulator,
+    Limits,
+    Pose,
+    Rod,
+    Sheet,
+    Spread,
+    Workspace,
+    replay,
+    tolerance,
+)
+
+HOSE = Rod.tube(0.8, 0.012, 0.008, 1200.0, 8.0e7, 0.45, natural_curvature=(0.0, 0.4),
+                damping=(0.5, 0.02), max_bend_curvature=6.0)
+HOLE = CutOut(Pose.looking_along((0.0, 0.0, 1.0), (1, 0, 0)), radius=0.012)
+NOW = Pose.looking_along((-0.9, 0.35, 1.15), (1.0, 0.0, 0.1))
+SPREAD = Spread(bending_stiffness=0.01, mass=0.005, length=5e-4, natural_curvature=5e-3,
+                gripper_position=0.3e-3, gripper_rotation=1e-3)
+
+
+def draw(axis, plan, number, sheet, post):
+    """Draw some shapes from above the plane x-z, and what stands in the cell."""
+    for k in np.linspace(0, len(plan) - 1, number).round().astype(int):
+        points = plan.shapes[k].positions
+        axis.plot(points[:, 0], points[:, 2], color=plt.get_cmap('viridis')(k / len(plan)), lw=1)
+    way = np.array([gripper.position for gripper in plan.grippers])
+    axis.plot(way[:, 0], way[:, 2], 'k.-', ms=3, lw=0.8, label='gripper')
+    for side in (-1, 1):
+        ends = [1 + side * HOLE.radius, 1 + side * sheet.height / 2]
+        axis.plot([0, 0], ends, color='k', lw=3)
+    low, size = post.pose.position - post.size / 2, post.size
+    axis.add_patch(plt.Rectangle((low[0], low[2]), size[0], size[2], color='tab:red', alpha=0.4,
+                                 label='keep out'))
+    axis.set(aspect='equal', xlabel='x [m]', ylabel='z [m]')
+    axis.grid(alpha=0.3)
+    axis.legend(fontsize=8)
+
+
+def main():
+    """Plan, prove, and save the picture."""
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else 'demo_output')
+    folder.mkdir(parents=True, exist_ok=True)
+    sheet = Sheet.around(HOLE, 0.5, 0.5, thickness=3e-3)
+    post = Box(Pose((-0.25, 0.0, 0.7), (0, 0, 0, 1)), (0.1, 0.4, 0.3))
+    cell = Workspace(lower=(-1.5, -0.6, 0.3), upper=(0.3, 0.6, 1.6), keep_out=[post],
+                     gripper_radius=0.05)
+    direct = DirectSimulator(HOSE, obstacles=[sheet])
+    inverse = InverseSimulator(direct, workspace=cell)
+    plan = inverse.thread(HOLE, start=NOW, gripper_clearance=0.08)
+    way = inverse.start_phase(HOLE, plan, NOW)
+    rim, before, behind = plan.clearances[:, 0].min(axis=0)
+    print(f'{len(way)} poses to the hole, {len(plan)} through it; clearance at the rim '
+          f'{1e3 * rim:.1f} mm, before the sheet {1e3 * before:.1f} mm, behind it '
+          f'{1e3 * behind:.1f} mm; bend margin {plan.bend_margin.min():.1f} 1/m')
+    high_post = Box(Pose((-0.25, 0.0, 0.75), (0, 0, 0, 1)), (0.1, 0.4, 0.4))
+    try:
+        InverseSimulator(direct, workspace=Workspace(keep_out=[high_post], gripper_radius=0.05)
+                         ).thread(HOLE, start=NOW)
+    except Infeasible as error:
+        print(f'with a higher post: {error} ({error.constraint}, {error.amount:.3f} m)')
+    report = replay(direct, plan, limits=Limits(), tolerance=3e-3)
+    print(f'replayed: miss {report.miss:.0e} m; in {report.duration:.1f} s '
+          f'{1e3 * report.dynamic_miss:.2f} mm, within 3 mm in {report.fastest:.1f} s')
+    with ProcessPoolExecutor(2) as executor:
+        spread = tolerance(direct, plan, SPREAD, samples=200, executor=executor)
+    print(f'under the spreads, {spread.worst} hurts most; {100 * spread.success:.0f} % of the '
+          'samples pass without touching the rim')
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(13, 4.6), layout='constrained')
+    draw(left, way, 6, sheet, post)
+    draw(left, plan, 9, sheet, post)
+    left.legend(*(both[:2] for both in left.get_legend_handles_labels()), fontsize=8)
+    left.set_title('from where the gripper is, through the sheet', fontsize=10)
+    used = spread.by_cause.max(axis=0) > 0
+    for name, column in zip(np.array(spread.causes)[used], spread.by_cause[:, used].T,
+                            strict=True):
+        right.plot(plan.depths, 1e3 * column, label=name.replace('_', ' '))
+    right.plot(plan.depths, 1e3 * spread.first_order, 'k', lw=2, label='all')
+    right.plot(plan.depths, 1e3 * np.sqrt((spread.sampled**2).mean(axis=0)), 'k:', lw=2,
+               label='all, 200 samples')
+    right.plot(plan.depths, 1e3 * plan.clearances[:, 0, 0], 'r--', label='room at the rim')
+    right.set(xlabel='depth [m]', ylabel='miss, root mean square [mm]', ylim=(0, None))
+    right.grid(alpha=0.3)
+    right.legend(fontsize=8)
+    right.set_title('what uncertainty makes of it', fontsize=10)
+    figure.savefig(folder / 'cell.png', dpi=100)
+
+
+if __name__ == '__main__':
+    main()
