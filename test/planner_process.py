@@ -58,7 +58,7 @@ def connected_client(planner):
     """Yield a PlannerClient once the planner answers."""
     client = PlannerClient()
     try:
-        assert client.wait_until_ready(180.0, planner.alive), planner.log
+        assert client.wait_until_ready(400.0, planner.alive), planner.log
         yield client
     finally:
         client.close()

@@ -217,11 +217,11 @@ def main(args=None):
     domain = int(os.environ.get('ROS_DOMAIN_ID', 1 + os.getpid() % _DOMAINS))
     os.environ['ROS_DOMAIN_ID'] = str(domain)
     print(f'Starting the planner node as a process of its own (ROS domain {domain}) ...')
-    print('The very first start compiles the solver, which takes about a minute.')
+    print('The very first start compiles the solver, which takes some minutes.')
     with (tempfile.TemporaryDirectory() as logs, planner_process(domain, logs) as process):
         client = PlannerClient()
         try:
-            if not client.wait_until_ready(300.0, lambda: process.poll() is None):
+            if not client.wait_until_ready(600.0, lambda: process.poll() is None):
                 print('The planner node did not come up.')
                 return 1
             rows = [turn_gripper(client, folder)]

@@ -2,7 +2,7 @@
 
 import sys
 import traceback
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from time import monotonic
 
 import numpy as np
@@ -23,14 +23,13 @@ from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
 from dlo_planner.inverse.trajectory import Trajectory
-from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.pose import Pose
 from dlo_planner.ros.execution import Execution, ready
 from dlo_planner.ros.executor import PatientExecutor
 from dlo_planner.ros.health import Health
 from dlo_planner.ros.parameters import ENTRIES, build_scene, declare
 from dlo_planner.ros.planning import make_plan, proofs
 from dlo_planner.ros.proving import Prover
+from dlo_planner.ros.warm_up import warm_up
 from msg_helpers.diagnostics import diagnostics_msg
 from msg_helpers.markers import obstacle_markers, plan_markers, shape_markers
 from msg_helpers.obstacles import obstacles_after
@@ -110,18 +109,11 @@ class PlannerNode(Node):
                           callback_group=health)
 
     def _warm_up(self):
-        """Load the compiled kernels, or compile them: the first start only."""
-        self.get_logger().info('loading the solver; the very first start compiles it (a minute)')
+        self.get_logger().info('loading the solver; the very first start compiles it (minutes)')
         started = monotonic()
-        scene = self._scene
-        pose = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, -0.5))
-        scene.direct.track([pose, Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))])
-        _ = scene.direct.solve(pose).error_estimate
-        with suppress(DloPlannerError):  # a DLO that cannot do this loads the kernels all the same
-            scene.inverse.thread(CutOut(Pose.looking_along((0.0, 0.0, 0.0), -_up(scene))),
-                                 depths=[0.0])
-        self.get_logger().info(f'ready after {monotonic() - started:.1f} s: {scene.name}, '
-                               f'{scene.direct.rod.length:g} m')
+        warm_up()
+        self.get_logger().info(f'ready after {monotonic() - started:.1f} s: {self._scene.name}, '
+                               f'{self._scene.direct.rod.length:g} m')
 
     # ---- parameters -----------------------------------------------------------------------------
 
@@ -363,12 +355,6 @@ def _believable(shape):
         raise NotConverged(f'no stable shape found: residual {shape.residual:.3g}, stability '
                            f'{shape.stability:.3g} after {shape.iterations} iterations', shape)
     return shape
-
-
-def _up(scene):
-    """Return the direction (3,) against gravity, or z without gravity."""
-    size = np.linalg.norm(scene.direct.gravity)
-    return -scene.direct.gravity / size if size > 0 else np.array([0.0, 0.0, 1.0])
 
 
 def main(args=None):

@@ -1,0 +1,34 @@
+"""Loading the compiled kernels, or compiling them: the first start only.
+
+Everything that the node may be asked for is done once on a small DLO, so that no request waits for
+a compiler.
+"""
+
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.workspace import Workspace
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.obstacles import Plane
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
+
+
+def warm_up():
+    """Use every kernel that an answer of the node may need."""
+    rod = Rod(1.0, 0.01, 1.0, 1.0, radius=1e-3)
+    floor = Plane((0, 0, -0.001), (0, 0, 1))
+    level = Pose((0, 0, 0), (0, 0, 0, 1))
+    holes = [CutOut(Pose.looking_along((x, 0, 0), (1, 0, 0)), radius=0.1) for x in (0.0, 0.2)]
+    for basis in ('local', 'chebyshev'):
+        direct = DirectSimulator(rod, basis=basis, n_elements=16, n_terms=4)
+        shape = direct.track([level, Pose.looking_along((0, 0, 0), (1, 0, 0.1))])[-1]
+        _ = shape.error_estimate
+        list(Workspace(keep_out=[floor]).rooms(level))
+        free = InverseSimulator(direct)
+        free.start_phase(holes[0], free.thread(holes[0], depths=[0.0, 0.1]),
+                         Pose((-1.5, 0, 0), (0, 0, 0, 1)))
+        free.thread_two(*holes, depths=[0.0, 0.3])
+        lying = DirectSimulator(rod, basis=basis, n_elements=16, n_terms=4, obstacles=[floor])
+        lying.solve(level, lying.solve(level))
+    yielding = Rod(1.0, 0.01, 1.0, 1.0, yield_curvature=0.01, hardening=0.5)
+    DirectSimulator(yielding, n_elements=16, n_terms=4).solve(level)
