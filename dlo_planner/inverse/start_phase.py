@@ -48,33 +48,44 @@ def start_phase(simulator, cutout, start, first, standoff, initial, brief):
 
 def _from_behind(simulator, cutout, start, first, standoff, initial, brief, back):
     """Return the Plan that goes `back` (m) before it turns."""
-    length, normal, goal = simulator.rod.length, cutout.normal, first
-    first = first.gripper
-    reaches = (cutout.centre - start.position) @ normal + back < length + brief.radius
-    away = start.position - back * normal
-    before = Pose.from_rotation(first.position - standoff * normal, first.rotation)
-    turned = Pose.from_rotation(away, first.rotation)
-    legs = [_way(start, Pose.from_rotation(away, start.rotation), length),
-            _way(Pose.from_rotation(away, start.rotation), turned, length),
-            _way(turned, before, length), _way(before, first, length)]
-    grippers = [start, *(gripper for leg in legs for gripper in leg)]
-    turning = range(len(legs[0]) + 1, len(legs[0]) + len(legs[1]) + 1)
-    draft = Draft(np.zeros(len(grippers)), brief, 'start phase, waypoint')
-    for index, gripper in enumerate(grippers):
+    normal = cutout.normal
+    way = _stations(cutout, start, first.gripper, standoff, brief.radius, simulator.rod.length,
+                    back)
+    draft = Draft(np.zeros(len(way)), brief, 'start phase, waypoint')
+    for gripper, wanted in way:
         initial = simulator.track([gripper], initial=initial)[0]
         if not initial.converged:
             raise draft.refusal('equilibrium', initial.residual, 'no stable shape is found')
         room = float(((cutout.centre - initial.positions) @ normal).min()) - brief.radius
-        wanted = _SHARPEST * length if index in turning and reaches else 0.0
-        last = index == len(grippers) - 1  # there the free end is in the hole
-        if room < wanted and not last and (index in turning or standoff > brief.radius):
+        if room < wanted:
             raise draft.refusal('clearance', wanted - room, 'the DLO is not behind the sheet' if
                                 room < 0 else f'the DLO would turn {room:.3g} m behind the sheet')
-        if last and not same(initial, goal):
-            raise draft.refusal('start', shape_change(initial, goal), 'the DLO does not come into '
+        if len(draft.waypoints) == len(way) - 1 and not same(initial, first):
+            raise draft.refusal('start', shape_change(initial, first), 'the DLO does not come into '
                                 'the shape in which the threading begins')
-        draft.add(Waypoint(initial, clearances=((np.inf, np.inf if last else room, np.inf),)))
+        behind = room if wanted >= 0 else np.inf  # else it is in the hole
+        draft.add(Waypoint(initial, clearances=((np.inf, behind, np.inf),)))
     return draft.finished()
+
+
+def _stations(cutout, start, first, standoff, radius, length, back):
+    """Return [(Pose, least distance of the DLO's surface from the sheet, m)]."""
+    safe = (cutout.centre - start.position) @ cutout.normal + back >= length + radius
+    away = start.position - back * cutout.normal
+    lifted, turned = (Pose.from_rotation(away, pose.rotation) for pose in (start, first))
+    before = Pose.from_rotation(first.position - standoff * cutout.normal, first.rotation)
+    # the free end may wait in the hole, and comes to be there
+    hole = -(1 + _MARGIN) * radius - _MARGIN**2 * length
+    stations = [(start, hole)]
+    stations += [(pose, 0.0) for pose in _way(start, lifted, length)]
+    stations += [(pose, 0.0 if safe else _SHARPEST * length)
+                 for pose in _way(lifted, turned, length)]
+    stations += [(pose, 0.0) for pose in _way(turned, before, length)]
+    if standoff <= radius:
+        stations[-1] = (stations[-1][0], hole)
+    entering = [(pose, 0.0) for pose in _way(before, first, length)] or [stations.pop()]
+    entering[-1] = (entering[-1][0], hole)
+    return stations + entering
 
 
 def _way(one, other, length):

@@ -171,7 +171,8 @@ def _sampled(work):
 def _stretched(shape, length):
     """Return a Shape on a mesh of another length, to start from."""
     share = length / shape.s[-1]
-    return replace(shape, s=np.append(shape.s[:-1] * share, length), _history=None, _before=None)
+    return replace(shape, s=np.append(shape.s[:-1] * share, length), _discretisation=None,
+                   _history=None, _before=None)
 
 
 def _off(shape, centre, s):

@@ -45,6 +45,21 @@ def test_the_dlo_stays_behind_the_sheet(inverse, plan, turn):
     assert (np.diff(way.times) >= 0).all()
 
 
+@pytest.mark.parametrize('standoff', [0.0, WIRE.radius, 0.5 * WIRE.radius])
+def test_a_standoff_below_the_dlos_radius(inverse, plan, standoff):
+    start = Pose((-1.3, 0.4, 1.2), (0, 0, 0, 1))
+    way = inverse.start_phase(HOLE, plan, start, standoff=standoff)
+    np.testing.assert_allclose(way.grippers[-1].matrix, plan.grippers[0].matrix, atol=1e-12)
+
+
+def test_it_goes_back_no_farther_than_it_must(inverse, plan):
+    far = inverse.start_phase(HOLE, plan, Pose((-1.3, 0.4, 1.2), (0, 0, 0, 1)))
+    near = inverse.start_phase(HOLE, plan, plan.grippers[0])
+    for way, begin in ((far, 1.3), (near, 1.0)):
+        back = max((HOLE.centre - gripper.position) @ HOLE.normal for gripper in way.grippers)
+        assert back < begin + 0.35
+
+
 def test_a_dlo_beyond_the_sheet_is_refused(inverse, plan):
     with pytest.raises(Infeasible, match='behind the sheet') as caught:
         inverse.start_phase(HOLE, plan, Pose((0.0, 0, 1.0), (0, 0, 0, 1)))

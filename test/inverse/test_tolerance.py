@@ -97,6 +97,15 @@ def test_samples_scatter_as_the_first_order_says():
     assert (np.mean(got.sampled <= got.quantile(0.9), axis=0) >= 0.9).all()
 
 
+def test_a_mesh_that_follows_the_accuracy():
+    direct = DirectSimulator(ROD, accuracy=1e-5)
+    plan = InverseSimulator(direct).thread(HOLE, depths=[0.0, 0.3])
+    got, other = (tolerance(simulator, one, SPREAD, samples=4)
+                  for simulator, one in ((direct, plan), (DIRECT, PLAN)))
+    np.testing.assert_allclose(got.first_order, other.first_order[:2], rtol=1e-2)
+    np.testing.assert_allclose(got.sampled, other.sampled[:, :2], rtol=2e-2)
+
+
 def test_samples_do_not_depend_on_the_executor():
     few = tolerance(DIRECT, PLAN, SPREAD, samples=40, seed=3)
     with ThreadPoolExecutor(2) as executor:
