@@ -135,19 +135,20 @@ def _twists(system, state, answers, element, fraction):
     """Return (6, 6) the twist of the frame inside `element` by that of the gripper."""
     out = np.zeros((6, 6))
     part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
+    lengths, scale, basis = system.lengths, system.scale, system.basis
+    strains, rotations = state.strains, state.rotations
     for column in range(6):
         out[column, column] = 1.0
     for e in range(element + 1):
         share = fraction if e == element else 1.0
-        part_of_element(system.lengths[e], share, state.strains[e], system.scale[e],
-                        state.rotations[e], part, arm)
+        part_of_element(lengths[e], share, strains[e], scale[e], rotations[e], part, arm)
         for column in range(6):
             t0, t1, t2 = out[0, column], out[1, column], out[2, column]
             out[3, column] += t1 * arm[2] - t2 * arm[1]
             out[4, column] += t2 * arm[0] - t0 * arm[2]
             out[5, column] += t0 * arm[1] - t1 * arm[0]
             for i in range(3):
-                value[i] = at_element(system.basis, answers[column], e, i)
+                value[i] = at_element(basis, answers[column], e, i)
             for i in range(6):
                 out[i, column] += (part[i, 0] * value[0] + part[i, 1] * value[1]
                                    + part[i, 2] * value[2])

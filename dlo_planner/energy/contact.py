@@ -12,18 +12,17 @@ Friction (Coulomb) is a spring from where the point last stuck; it gives with th
 mu m of the contact, taken from the outer iteration before.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
 from dlo_planner.energy.distance import signed_distance
 from dlo_planner.ritz.kinematics import point_inside
+from dlo_planner.ritz.record import Record, makes
 
 _END = 1e-12  # of an element: nearer to its end a point is the end
 
 
-class Contacts(NamedTuple):
+class Contacts(Record):
     """Points where the DLO may touch, and what is known of their forces.
 
     Attributes:
@@ -47,6 +46,12 @@ class Contacts(NamedTuple):
     anchor: np.ndarray
     normal: np.ndarray
     grip: float
+
+
+@makes(Contacts)
+@njit(cache=True)
+def _new_contacts(stiffness, node, element, obstacle, multiplier, fraction, anchor, normal, grip):
+    return Contacts(stiffness, node, element, obstacle, multiplier, fraction, anchor, normal, grip)
 
 
 @njit(cache=True)

@@ -1,19 +1,19 @@
 """How far a point is from an obstacle: signed distance with its first and second derivatives."""
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from dlo_planner.model.obstacles import Box, Capsule, Plane, Sheet, Sphere
 from dlo_planner.model.pose import Pose
+from dlo_planner.ritz.record import Record, makes
 
 PLANE, SPHERE, CAPSULE, BOX, SHEET = range(5)
 _MOST_FOILS = 5
 
 
-class Scene(NamedTuple):
+class Scene(Record):
     """Obstacles as plain arrays; M bodies with H cut-outs in all.
 
     A sheet is a stack of foils, its faces and, if it is thick, some between: at the rim of a hole a
@@ -45,6 +45,14 @@ class Scene(NamedTuple):
     hole_size: np.ndarray
     radius: float
     origin: np.ndarray
+
+
+@makes(Scene)
+@njit(cache=True)
+def _new_scene(source, kind, axes, centre, size, friction, hole_of, hole_centre, hole_axis,
+               hole_size, radius, origin):
+    return Scene(source, kind, axes, centre, size, friction, hole_of, hole_centre, hole_axis,
+                 hole_size, radius, origin)
 
 
 def build_scene(obstacles, radius):

@@ -6,13 +6,13 @@ ch. 17.3): the minimiser's outer loop adjusts the multipliers until the points a
 they are the reaction.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
+from dlo_planner.ritz.record import Record, makes
 
-class Hold(NamedTuple):
+
+class Hold(Record):
     """P points of the far end and their targets; none if the end is free.
 
     Attributes:
@@ -28,6 +28,12 @@ class Hold(NamedTuple):
     free: np.ndarray
     multiplier: np.ndarray
     stiffness: float
+
+
+@makes(Hold)
+@njit(cache=True)
+def _new_hold(offset, target, free, multiplier, stiffness):
+    return Hold(offset, target, free, multiplier, stiffness)
 
 
 @njit(cache=True)

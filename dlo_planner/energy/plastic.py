@@ -11,13 +11,13 @@ W(u) is the energy stored plus the energy newly lost: its minimum is the step's 
 derivative the moment.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
+from dlo_planner.ritz.record import Record, makes
 
-class Layers(NamedTuple):
+
+class Layers(Record):
     """How a section yields; J layers, none for an elastic DLO.
 
     Attributes:
@@ -29,6 +29,12 @@ class Layers(NamedTuple):
     share: np.ndarray
     limit: np.ndarray
     set: np.ndarray
+
+
+@makes(Layers)
+@njit(cache=True)
+def _new_layers(share, limit, set):
+    return Layers(share, limit, set)
 
 
 @njit(cache=True)
@@ -62,18 +68,18 @@ def yielded(d1, d2, k1, k2, l1, l2):
 
 
 @njit(cache=True)
-def _layer(e, j, strains, natural, stiffness, layers):
+def _layer(e, j, strains, natural, stiffness, share, limits, known):
     """Return layer j's stiffness, its strain since its set and what of that is elastic (3 each).
 
     The last result is the multiplier of `yielded`.
     """
-    limit = layers.limit[j]
-    k0 = stiffness[0] * layers.share[j, 0]
-    k1 = stiffness[1] * layers.share[j, 1]
-    k2 = stiffness[2] * layers.share[j, 1]
-    d0 = strains[e, 0] - natural[e, 0] - layers.set[e, j, 0]
-    d1 = strains[e, 1] - natural[e, 1] - layers.set[e, j, 1]
-    d2 = strains[e, 2] - natural[e, 2] - layers.set[e, j, 2]
+    limit = limits[j]
+    k0 = stiffness[0] * share[j, 0]
+    k1 = stiffness[1] * share[j, 1]
+    k2 = stiffness[2] * share[j, 1]
+    d0 = strains[e, 0] - natural[e, 0] - known[e, j, 0]
+    d1 = strains[e, 1] - natural[e, 1] - known[e, j, 1]
+    d2 = strains[e, 2] - natural[e, 2] - known[e, j, 2]
     e1, e2, g = yielded(d1, d2, k1, k2, limit[1], limit[2])
     return (k0, k1, k2), (d0, d1, d2), (min(max(d0, -limit[0]), limit[0]), e1, e2), g
 
@@ -85,11 +91,12 @@ def add_plastic(lengths, strains, natural, stiffness, layers, gradient):
     Args: as `energy.elastic.add_elastic`, and `layers`, a Layers.
     """
     energy = 0.0
+    share, limits, known = layers.share, layers.limit, layers.set
     for e in range(lengths.size):
         h = lengths[e]
-        for j in range(layers.share.shape[0]):
+        for j in range(share.shape[0]):
             (k0, k1, k2), (d0, d1, d2), (e0, e1, e2), _ = _layer(e, j, strains, natural, stiffness,
-                                                                 layers)
+                                                                 share, limits, known)
             gradient[e, 0] += h * k0 * e0
             gradient[e, 1] += h * k1 * e1
             gradient[e, 2] += h * k2 * e2
@@ -101,13 +108,14 @@ def add_plastic(lengths, strains, natural, stiffness, layers, gradient):
 @njit(cache=True)
 def add_plastic_stiffness(lengths, strains, natural, stiffness, layers, scale, diagonal):
     """Add d2W by the scaled strains to diagonal (N, 3, 3), scale: (N, 3)."""
+    share, limits, known = layers.share, layers.limit, layers.set
     for e in range(lengths.size):
         h = lengths[e]
         s0, s1, s2 = scale[e]
-        for j in range(layers.share.shape[0]):
-            limit = layers.limit[j]
+        for j in range(share.shape[0]):
+            limit = limits[j]
             (k0, k1, k2), (d0, _, _), (_, e1, e2), g = _layer(e, j, strains, natural, stiffness,
-                                                              layers)
+                                                              share, limits, known)
             if abs(d0) <= limit[0]:
                 diagonal[e, 0, 0] += h * k0 * s0 * s0
             c1 = c2 = 1.0
@@ -126,12 +134,13 @@ def add_plastic_stiffness(lengths, strains, natural, stiffness, layers, scale, d
 @njit(cache=True)
 def settled(lengths, strains, natural, stiffness, layers):
     """Return the set (N, J, 3) after the step to `strains`, and the energy lost in it, J."""
-    new = layers.set.copy()
+    share, limits, known = layers.share, layers.limit, layers.set
+    new = known.copy()
     lost = 0.0
     for e in range(lengths.size):
-        for j in range(layers.share.shape[0]):
+        for j in range(share.shape[0]):
             (k0, k1, k2), (d0, d1, d2), (e0, e1, e2), _ = _layer(e, j, strains, natural, stiffness,
-                                                                 layers)
+                                                                 share, limits, known)
             new[e, j, 0] += d0 - e0
             new[e, j, 1] += d1 - e1
             new[e, j, 2] += d2 - e2

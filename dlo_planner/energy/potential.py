@@ -4,8 +4,6 @@ Unknowns q (m, 3): per component of strain the coefficients of an orthonormal ba
 value per element (local), scaled so that the elastic energy is |q|^2 / 2 (in J).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
@@ -17,10 +15,11 @@ from dlo_planner.energy.inertia import add_anchor
 from dlo_planner.energy.loads import dead_load
 from dlo_planner.energy.plastic import Layers, add_plastic, add_plastic_stiffness
 from dlo_planner.ritz.kinematics import Attached, add_gradient, march, nothing_attached
+from dlo_planner.ritz.record import Record, makes
 from dlo_planner.ritz.second_order import add_stiffness, second_order
 
 
-class System(NamedTuple):
+class System(Record):
     """A discretised DLO in a gripper: plain arrays, as the kernels want them.
 
     Attributes:
@@ -56,7 +55,15 @@ class System(NamedTuple):
     tie: float
 
 
-class State(NamedTuple):
+@makes(System)
+@njit(cache=True)
+def _new_system(lengths, natural, stiffness, scale, basis, pull, base, anchor, anchor_weight,
+                layers, hold, scene, contacts, near, tie):
+    return System(lengths, natural, stiffness, scale, basis, pull, base, anchor, anchor_weight,
+                  layers, hold, scene, contacts, near, tie)
+
+
+class State(Record):
     """Everything known at one value of the unknowns (arrays, refilled in place).
 
     Attributes:
@@ -126,10 +133,10 @@ def unknowns_of(system, strains, q):
 
 @njit(cache=True)
 def _strains_of(system, q, strains):
-    for e in range(system.lengths.size):
+    natural, scale, basis = system.natural, system.scale, system.basis
+    for e in range(natural.shape[0]):
         for i in range(3):
-            value = at_element(system.basis, q, e, i)
-            strains[e, i] = system.natural[e, i] + system.scale[e, i] * value
+            strains[e, i] = natural[e, i] + scale[e, i] * at_element(basis, q, e, i)
 
 
 @njit(cache=True, inline='always')
@@ -170,10 +177,11 @@ def evaluate(system, state):
     state.base_force[:], state.base_moment[:] = add_gradient(
         system.lengths, state.strains, state.rotations, state.positions, state.pull,
         state.attached, state.slope)
+    slope, scale = state.slope, system.scale
     for e in range(n):
         for i in range(3):
-            state.slope[e, i] *= system.scale[e, i]
-    project(system.basis, state.slope, state.gradient)
+            slope[e, i] *= scale[e, i]
+    project(system.basis, slope, state.gradient)
     for j in range(system.near.shape[0]):
         for i in range(3):
             away = state.q[j, i] - system.near[j, i]
@@ -215,7 +223,8 @@ def element_hessian(system, state, turning, cross, diagonal):
         add_plastic_stiffness(system.lengths, state.strains, system.natural, system.stiffness,
                               system.layers, system.scale, diagonal)
         return base
-    for e in range(system.lengths.size):
+    lengths, stiffness, scale = system.lengths, system.stiffness, system.scale
+    for e in range(lengths.size):
         for i in range(3):
-            diagonal[e, i, i] += system.lengths[e] * system.stiffness[i] * system.scale[e, i] ** 2
+            diagonal[e, i, i] += lengths[e] * stiffness[i] * scale[e, i] ** 2
     return base

@@ -183,10 +183,11 @@ def _right_side(system, state, hessian, column, load):
 def _turn_at(system, hessian, part, element, step):
     """Return the rotation (3,) of the frame inside `element` that the step (m, 3) makes."""
     theta = np.zeros(3)
+    turnings, basis = hessian.turning, system.basis
     for e in range(element + 1):
-        turning = part if e == element else hessian.turning[e]
+        turning = part if e == element else turnings[e]
         for j in range(3):
-            value = at_element(system.basis, step, e, j)
+            value = at_element(basis, step, e, j)
             for i in range(3):
                 theta[i] += turning[i, j] * value
     return theta

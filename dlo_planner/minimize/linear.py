@@ -6,8 +6,6 @@ Both factorisations are congruences, so the signs of their pivots are the signs 
 (Sylvester): no negative pivot means a minimum.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
@@ -17,11 +15,12 @@ from dlo_planner.energy.potential import (
     twists_count,
     unknown_count,
 )
+from dlo_planner.ritz.record import Record
 
 _TINY = 1e-300
 
 
-class Hessian(NamedTuple):
+class Hessian(Record):
     """The Hessian at one state and its factorisation (arrays, refilled in place).
 
     Attributes:
@@ -84,8 +83,9 @@ def _project(basis, hessian, wide):
     n, m = basis.shape
     prefix = np.zeros((m, wide, 3))  # sum over e < f of basis_e turning_e
     rows = np.empty((n, 9 * m))
+    turnings, crosses, diagonals = hessian.turning, hessian.cross, hessian.diagonal
     for f in range(n):
-        turning, cross, diagonal = hessian.turning[f], hessian.cross[f], hessian.diagonal[f]
+        turning, cross, diagonal = turnings[f], crosses[f], diagonals[f]
         for j in range(m):
             value = basis[f, j]
             for a in range(3):
@@ -97,13 +97,13 @@ def _project(basis, hessian, wide):
             for k in range(wide):
                 for b in range(3):
                     prefix[j, k, b] += value * turning[k, b]
-    half = basis.T @ rows
+    half, dense = basis.T @ rows, hessian.dense
     for k in range(m):
         for j in range(m):
             for a in range(3):
                 for b in range(3):
-                    hessian.dense[3 * k + a, 3 * j + b] = (half[k, 9 * j + 3 * a + b]
-                                                           + half[j, 9 * k + 3 * b + a])
+                    dense[3 * k + a, 3 * j + b] = (half[k, 9 * j + 3 * a + b]
+                                                   + half[j, 9 * k + 3 * b + a])
 
 
 @njit(cache=True)
@@ -165,9 +165,11 @@ def _factorise_sweep(hessian, shift, wide):
     pivot = np.empty((3, 3))
     carried = np.empty((3, wide))
     coupling = np.empty((3, wide))
-    for e in range(hessian.turning.shape[0] - 1, -1, -1):
-        turning, cross = hessian.turning[e], hessian.cross[e]
-        diagonal, gain, inverse = hessian.diagonal[e], hessian.gain[e], hessian.inverse[e]
+    turnings, crosses, diagonals = hessian.turning, hessian.cross, hessian.diagonal
+    gains, inverses = hessian.gain, hessian.inverse
+    for e in range(turnings.shape[0] - 1, -1, -1):
+        turning, cross = turnings[e], crosses[e]
+        diagonal, gain, inverse = diagonals[e], gains[e], inverses[e]
         for i in range(3):
             for k in range(wide):
                 total = 0.0
@@ -199,8 +201,9 @@ def _factorise_sweep(hessian, shift, wide):
 def _solve_sweep(hessian, right, out, wide):
     slope = np.zeros(wide)  # of the cost to go by theta
     own = np.empty(3)
-    for e in range(hessian.turning.shape[0] - 1, -1, -1):
-        turning, gain, inverse = hessian.turning[e], hessian.gain[e], hessian.inverse[e]
+    turnings, gains, inverses = hessian.turning, hessian.gain, hessian.inverse
+    for e in range(turnings.shape[0] - 1, -1, -1):
+        turning, gain, inverse = turnings[e], gains[e], inverses[e]
         for i in range(3):
             own[i] = -right[e, i]
             for k in range(wide):
@@ -210,8 +213,8 @@ def _solve_sweep(hessian, right, out, wide):
         for k in range(wide):
             slope[k] -= gain[0, k] * own[0] + gain[1, k] * own[1] + gain[2, k] * own[2]
     theta = np.zeros(wide)
-    for e in range(hessian.turning.shape[0]):
-        turning, gain = hessian.turning[e], hessian.gain[e]
+    for e in range(turnings.shape[0]):
+        turning, gain = turnings[e], gains[e]
         for i in range(3):
             total = -out[e, i]
             for k in range(wide):
@@ -293,12 +296,13 @@ def largest_turn(system, hessian, step):
     theta = np.zeros(3)
     largest = 0.0
     value = np.empty(3)
-    for e in range(system.lengths.size):
+    turning, basis = hessian.turning, system.basis
+    for e in range(turning.shape[0]):
         for i in range(3):
-            value[i] = at_element(system.basis, step, e, i)
+            value[i] = at_element(basis, step, e, i)
         for i in range(3):
-            theta[i] += (hessian.turning[e, i, 0] * value[0] + hessian.turning[e, i, 1] * value[1]
-                         + hessian.turning[e, i, 2] * value[2])
+            theta[i] += (turning[e, i, 0] * value[0] + turning[e, i, 1] * value[1]
+                         + turning[e, i, 2] * value[2])
         size = theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2]
         largest = max(largest, size)
     return np.sqrt(largest)

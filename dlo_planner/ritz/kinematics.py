@@ -8,15 +8,14 @@ for e < f,  d2V / du_f du_e = cross_f turning_e,  with 3 x 3 blocks that each de
 element only.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
 from dlo_planner.ritz.arc import jacobians, rotation_and_chord
+from dlo_planner.ritz.record import Record
 
 
-class Attached(NamedTuple):
+class Attached(Record):
     """What acts on the DLO elsewhere than as a force on a node: C points inside elements, the tip.
 
     Attributes:

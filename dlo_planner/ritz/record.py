@@ -1,0 +1,91 @@
+"""Named bundles of arrays that kernels take by reference.
+
+numba passes a named tuple field by field, array by array, through every call: with a dozen arrays
+that is what compiling mostly does, and a call from Python costs more than small kernels take. A
+Record is one pointer (numba's structref). Its fields never change, the arrays' contents may.
+"""
+
+import sys
+
+from numba import njit, types
+from numba.experimental import structref
+from numba.extending import overload
+
+
+class Record(structref.StructRefProxy):
+    """Base of a bundle: its fields are the annotations of the class, in order.
+
+    In kernels `Kind(...)` makes one. For Python, the module of the class has a kernel that does it,
+    named by `makes`.
+    """
+
+    FIELDS = ()
+    _make = None
+
+    def __init_subclass__(cls):
+        cls.FIELDS = tuple(cls.__annotations__)
+        name = f'{cls.__name__}Type'
+        kind = structref.register(type(name, (_RecordType,), {'__module__': cls.__module__}))
+        setattr(sys.modules[cls.__module__], name, kind)  # numba's caches look for it there
+        structref.define_proxy(cls, kind, cls.FIELDS)
+
+    def __new__(cls, *values):
+        """Return the record of all fields in order."""
+        made = cls._make(*values)
+        made.__dict__.update(zip(cls.FIELDS, values, strict=True))
+        return made
+
+    def __getattr__(self, name):
+        """Read the fields of a record that comes from a kernel, once."""
+        if name not in self.FIELDS:
+            raise AttributeError(name)
+        self.__dict__.update(zip(self.FIELDS, _read(self), strict=True))
+        return self.__dict__[name]
+
+    def __setattr__(self, name, value):
+        """Refuse to set a field: the kernels would not see it."""
+        if name in self.FIELDS:
+            raise AttributeError(f'{type(self).__name__}.{name} cannot be set: use _replace')
+        super().__setattr__(name, value)
+
+    def _replace(self, **changes):
+        """Return the same record with other values of some fields."""
+        return type(self)(*(changes.get(name, getattr(self, name)) for name in self.FIELDS))
+
+    def __reduce__(self):
+        return type(self), tuple(getattr(self, name) for name in self.FIELDS)
+
+
+class _RecordType(types.StructRef):
+    def preprocess_fields(self, fields):
+        return tuple((name, types.unliteral(kind)) for name, kind in fields)
+
+
+def makes(kind):
+    """Decorate the kernel that makes the Record `kind` of its fields for Python.
+
+    Its parameters are written out: numba looks at the types in a tuple slowly.
+    """
+    def take(kernel):
+        kind._make = staticmethod(kernel)
+        return kernel
+    return take
+
+
+def _fields(record):
+    raise NotImplementedError('for kernels only')
+
+
+@overload(_fields)
+def _fields_of(record):
+    """Write the function that returns all fields of this kind of record."""
+    names = [name for name, _ in record._fields]
+    scope = {}
+    exec('def read(record):\n    return (' + ''.join(f'record.{name}, ' for name in names) + ')',
+         scope)
+    return scope['read']
+
+
+@njit(cache=True)
+def _read(record):
+    return _fields(record)

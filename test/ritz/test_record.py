@@ -1,0 +1,50 @@
+"""Records: the same arrays on both sides, fixed fields, other processes."""
+
+import pickle
+
+import numpy as np
+import pytest
+from numba import njit
+
+from dlo_planner.energy.plastic import Layers
+from dlo_planner.ritz.kinematics import nothing_attached
+
+
+@njit
+def doubled(layers):
+    layers.set[:] *= 2
+    return layers
+
+
+@pytest.fixture
+def layers():
+    return Layers(np.ones((2, 2)), np.full((2, 3), 0.5), np.arange(12.0).reshape(2, 2, 3))
+
+
+def test_kernels_work_on_the_same_arrays(layers):
+    back = doubled(layers)
+    np.testing.assert_array_equal(layers.set, 2 * np.arange(12).reshape(2, 2, 3))
+    np.testing.assert_array_equal(back.set, layers.set)
+    back.set[0, 0, 0] = 7
+    assert layers.set[0, 0, 0] == 7
+
+
+def test_what_a_kernel_makes_can_be_read():
+    attached = nothing_attached(3, np.array([1, 4]))
+    assert attached.element.tolist() == [1, 4] and attached.spring.shape == (3, 3, 3)
+    with pytest.raises(AttributeError, match='nothing'):
+        _ = attached.nothing
+
+
+def test_fields_are_replaced_not_set(layers):
+    other = layers._replace(share=np.zeros((2, 2)))
+    assert other.set is layers.set and not other.share.any() and layers.share.all()
+    with pytest.raises(AttributeError, match='Layers.set'):
+        layers.set = None
+
+
+def test_it_can_be_sent(layers):
+    there = pickle.loads(pickle.dumps(layers))
+    for name in Layers.FIELDS:
+        np.testing.assert_array_equal(getattr(there, name), getattr(layers, name))
+    doubled(there)
