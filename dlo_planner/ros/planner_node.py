@@ -264,7 +264,7 @@ class PlannerNode(Node):
             self._proved = made
             for arguments in proofs(*made):
                 report = self._prover.report(**arguments)
-                if self._plan_made is not made:
+                if report is None or self._plan_made is not made:
                     return
                 self._report = (made[1], report)
                 self._health.plan_proved(report)

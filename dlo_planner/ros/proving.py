@@ -25,15 +25,21 @@ class Prover:
     def report(self, **arguments):
         """Return the Report of `replay(**arguments)`; blocks, but not the interpreter.
 
+        None if the Prover is closed meanwhile.
+
         Raises:
             DloPlannerError: it failed there, or the process ended
         """
         process = self._running()
+        if process is None:
+            return None
         try:
             pickle.dump(arguments, process.stdin)
             process.stdin.flush()
             report, error = pickle.load(process.stdout)
         except (OSError, EOFError, pickle.UnpicklingError) as lost:
+            if self._closed:
+                return None
             raise DloPlannerError(f'the process that proves plans has ended: {lost}') from None
         if error is not None:
             raise DloPlannerError(f'the plan could not be replayed: {error}')
@@ -42,7 +48,7 @@ class Prover:
     def _running(self):
         with self._lock:
             if self._closed:
-                raise DloPlannerError('the node is shutting down')
+                return None
             if self._process is None or self._process.poll() is not None:
                 # a session of its own: an interrupt from the keyboard is the node's business
                 self._process = subprocess.Popen(

@@ -1,0 +1,50 @@
+"""The process that proves plans: the same report as here, errors told, ended at will."""
+
+import threading
+import time
+
+import pytest
+
+from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, replay
+from dlo_planner.errors import DloPlannerError
+from dlo_planner.ros.proving import Prover
+
+DIRECT = DirectSimulator(Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34))
+HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=0.01)
+PLAN = InverseSimulator(DIRECT).thread(HOLE, depths=[0.0, 0.1, 0.2])
+
+
+@pytest.fixture
+def prover():
+    made = Prover()
+    yield made
+    made.close()
+
+
+def test_the_report_is_the_same_as_here(prover):
+    here = replay(DIRECT, PLAN)
+    there = prover.report(simulator=DIRECT, plan=PLAN)
+    assert (there.converged, there.clearance) == (here.converged, here.clearance)
+    assert there.miss == pytest.approx(here.miss, abs=1e-9)
+
+
+def test_errors_are_told_and_the_process_goes_on(prover):
+    with pytest.raises(DloPlannerError, match='InvalidTask'):
+        prover.report(simulator=DIRECT, plan=PLAN, limits=Limits(), tolerance=-1.0)
+    assert prover.report(simulator=DIRECT, plan=PLAN).converged
+    prover._process.kill()
+    prover._process.wait()
+    assert prover.report(simulator=DIRECT, plan=PLAN).converged  # another one was started
+
+
+def test_closing_ends_it_at_once(prover):
+    prover.report(simulator=DIRECT, plan=PLAN)
+    answers = []
+    waiting = threading.Thread(target=lambda: answers.append(prover.report(
+        simulator=DIRECT, plan=PLAN, limits=Limits(linear_speed=1e-3), tolerance=1e-9)))
+    waiting.start()
+    time.sleep(0.3)
+    prover.close()
+    waiting.join(timeout=5)
+    assert answers == [None] and not waiting.is_alive()
+    assert prover.report(simulator=DIRECT, plan=PLAN) is None
