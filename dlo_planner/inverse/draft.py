@@ -31,13 +31,17 @@ class Brief:
     radius: float = 0.0
     yielding: np.ndarray | None = None
 
-    def broken(self, waypoint):
-        """Return None, or the constraint that a Waypoint breaks, by how much, and in words."""
+    def broken(self, waypoint, before=None):
+        """Return None, or the constraint that a Waypoint breaks, by how much, and in words.
+
+        Args:
+            before: Pose where the gripper comes from, straight, or None
+        """
         shape = waypoint.shape
         if self.workspace is not None:
-            for name, room in self.workspace.rooms(shape.gripper):
-                if room < 0:
-                    return name, -room, f'the gripper is {-room:.3g} m beyond {name}'
+            name, room = self.workspace.least_room(before, shape.gripper)
+            if room < 0:
+                return name, -room, f'the gripper is {-room:.3g} m beyond {name}'
         if waypoint.clearance < 0:
             return ('clearance', -waypoint.clearance,
                     f'the DLO is {-waypoint.clearance:.3g} m in the sheet')
@@ -92,7 +96,8 @@ class Draft:
 
     def add(self, waypoint):
         """Take the next Waypoint; raises Infeasible if it breaks a demand."""
-        broken = self._brief.broken(waypoint)
+        before = self.waypoints[-1].shape.gripper if self.waypoints else None
+        broken = self._brief.broken(waypoint, before)
         if broken is not None:
             raise self.refusal(*broken)
         self.waypoints.append(waypoint)

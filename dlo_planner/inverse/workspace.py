@@ -10,6 +10,8 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import number
 from dlo_planner.model.obstacles import OBSTACLES
 
+_SPACING, _MOST_PARTS = 5e-3, 200  # m, between places of the gripper that are looked at
+
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
@@ -49,16 +51,31 @@ class Workspace:
     def _scene(self):
         return build_scene(self.keep_out, self.gripper_radius)
 
-    def rooms(self, gripper):
-        """Yield (name, m): how far a gripper's Pose is from each limit, negative beyond it."""
-        for name, rooms in (('lower', gripper.position - self.lower),
-                            ('upper', self.upper - gripper.position)):
+    def least_room(self, before, gripper):
+        """Return (name, m) of the limit that is nearest on a gripper's straight way, < 0 beyond.
+
+        Args:
+            before: Pose where it comes from, None: it is there
+            gripper: Pose where it goes
+        """
+        way = [gripper.position]
+        if before is not None and self.keep_out:  # the box is convex: its ends tell
+            apart = np.linalg.norm(gripper.position - before.position)
+            parts = int(min(np.ceil(apart / _SPACING), _MOST_PARTS))
+            way += [before.position + k / parts * (gripper.position - before.position)
+                    for k in range(1, parts)]
+        return min((room for position in way for room in self._rooms(position)),
+                   key=lambda room: room[1], default=('', np.inf))
+
+    def _rooms(self, position):
+        """Yield (name, m) for each limit."""
+        for name, rooms in (('lower', position - self.lower), ('upper', self.upper - position)):
             for axis, room in zip('xyz', rooms, strict=True):
                 if room < np.inf:
                     yield f'workspace.{name}.{axis}', float(room) - self.gripper_radius
         normal, bend = np.empty(3), np.empty((3, 3))
         for o in range(self._scene.kind.size):
-            room = signed_distance(self._scene, o, gripper.position, normal, bend)
+            room = signed_distance(self._scene, o, position, normal, bend)
             yield (f'workspace.keep_out[{self._scene.source[o]}]',
                    float(room) - self.gripper_radius)
 

@@ -109,6 +109,7 @@ ENTRIES = {
                           read_only=True),
     'execute.start_distance': Entry(0.02, 'How far from a plan\'s beginning the gripper may be to '
                                     'execute it, m.', 0.0, 10.0),
+    'execute.start_angle': Entry(0.1, 'How far it may be turned against that, rad.', 0.0, 3.2),
 }
 
 
@@ -131,6 +132,7 @@ class Scene:
     tolerance: float
     cutout_radius: float | None
     start_distance: float
+    start_angle: float
 
 
 def declare(node):
@@ -193,7 +195,7 @@ def build_scene(values, obstacles=()):
                      'angular_acceleration'))),
                  values['threading.standoff'], values['threading.gripper_clearance'],
                  values['threading.tolerance'], values['cutouts.radius'] or None,
-                 values['execute.start_distance'])
+                 values['execute.start_distance'], values['execute.start_angle'])
 
 
 def _rod(values):

@@ -69,6 +69,14 @@ def test_bodies_are_kept_out_of_with_the_grippers_size():
     assert caught.value.amount == pytest.approx(-distance[caught.value.waypoint], abs=1e-6)
 
 
+def test_a_body_between_two_waypoints_is_seen():
+    thin = Box(Pose(0.5 * (WAY[4] + WAY[5]), (0, 0, 0, 1)), (0.01, 0.01, 0.01))
+    with pytest.raises(Infeasible) as caught:
+        thread(workspace=Workspace(keep_out=[thin]))
+    assert caught.value.constraint == 'workspace.keep_out[0]' and caught.value.waypoint == 5
+    assert 0 < caught.value.amount <= 0.005 + 1e-12
+
+
 def test_another_roll_of_a_bent_dlo_keeps_the_workspace():
     first = thread(STRIP).grippers
     side = np.sign(first[0].position[1] - 0.1)

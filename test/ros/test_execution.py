@@ -20,7 +20,7 @@ WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 PLAN = InverseSimulator(DirectSimulator(WIRE)).thread(
     CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0))), depths=[0.0, 0.1, 0.2])
 TOOL = Pose((0, 0, 0.1), (0, 0.6, 0, 0.8))
-MADE = (SimpleNamespace(start_distance=0.02), PLAN, None)
+MADE = (SimpleNamespace(start_distance=0.02, start_angle=0.1), PLAN, None)
 PROVED = (PLAN, SimpleNamespace(converged=True))
 
 
@@ -41,7 +41,9 @@ def test_commands_go_from_the_first_pose_to_the_last_one_and_end():
     ({'made': None}, 'no plan'), ({'proved': None}, 'checked'),
     ({'proved': (None, PROVED[1])}, 'checked'),
     ({'proved': (PLAN, SimpleNamespace(converged=False))}, 'does not follow'),
-    ({'now': None}, 'no gripper pose'), ({'now': Pose.identity()}, 'start_distance')])
+    ({'now': None}, 'no gripper pose'),
+    ({'now': Pose(PLAN.grippers[0].position, (0, 0, 0, 1))}, 'start_angle'),
+    ({'now': Pose.identity()}, 'start_distance')])
 def test_what_is_missing_is_named(change, named):
     given = {'made': MADE, 'proved': PROVED, 'now': PLAN.grippers[0]}
     assert ready(**given) is MADE
