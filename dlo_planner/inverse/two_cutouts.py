@@ -7,11 +7,13 @@ its rotation and one arc length are solved for, x(s2) - x(s1) = P2 - P1, and it 
 """
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.continuation import shape_change
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.aligned import free_axis
+from dlo_planner.inverse.beginnings import rolls_are_alike
 from dlo_planner.inverse.clearance import sheet_of
 from dlo_planner.inverse.continuity import refusal_for_leap
 from dlo_planner.inverse.draft import Brief, Draft
@@ -30,6 +32,7 @@ _LONGEST_STEP = 1 / 20  # of the length: depth steps of the continuation
 _SHORTEST_STEP = 1 / 2000
 _LEAP = 1.0             # rad: a change of shape between waypoints that is no continuation
 _GUESSES = 9
+_ROLLS = 6               # with which it may begin
 
 
 def thread_two(simulator, first, second, depths, start, brief):
@@ -38,6 +41,31 @@ def thread_two(simulator, first, second, depths, start, brief):
     length, apart = simulator.rod.length, float(np.linalg.norm(way))
     if apart < 1e-6 * length:
         raise InvalidTask('second: expected another centre than the first cut-out\'s')
+    refused = None
+    for begin in _rolled(simulator, way, start):
+        try:
+            return _thread_from(simulator, first, second, depths, begin, brief)
+        except Infeasible as error:
+            if refused is None or error.waypoint > refused.waypoint:
+                refused = error
+    raise refused
+
+
+def _rolled(simulator, way, start):
+    """Yield Poses, or None, against whose roll the DLO is turned least: first as it is wanted."""
+    yield start
+    if rolls_are_alike(simulator):
+        return
+    upright = Pose.looking_along((0.0, 0.0, 0.0), way) if start is None else start
+    for k in range(1, _ROLLS):
+        turn = Rotation.from_rotvec(2 * np.pi * k / _ROLLS * upright.direction).as_matrix()
+        yield Pose.from_rotation(upright.position, turn @ upright.rotation)
+
+
+def _thread_from(simulator, first, second, depths, start, brief):
+    """Return the Plan that begins with the roll of `start`, a Pose or None."""
+    way = second.centre - first.centre
+    length, apart = simulator.rod.length, float(np.linalg.norm(way))
     shape, reached = _change_over(simulator, first, way, apart, start)
     if shape is None:
         raise Infeasible(f'no stable shape passes both centres, {apart:g} m apart, as the free end '
