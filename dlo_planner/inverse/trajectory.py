@@ -10,7 +10,8 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import number
 from dlo_planner.model.pose import Pose
 
-_SAMPLES = 20      # per waypoint, at which speeds and accelerations are looked at
+_SAMPLES = 20      # per waypoint, at which speeds and accelerations are looked at, and
+_FEWEST = 800      # in all
 _AT_ONCE = 1e-9    # s: waypoints nearer in time are one
 
 
@@ -21,12 +22,15 @@ class Limits:
     Attributes:
         linear_speed: m/s; angular_speed: rad/s
         linear_acceleration: m/s^2; angular_acceleration: rad/s^2
+        ramp: part of the time in which the gripper starts, and stops, 0 < ramp <= 0.5. Short ones
+            set the DLO swinging: where the miss in motion counts, long ones are faster in the end.
     """
 
     linear_speed: float = 0.1
     angular_speed: float = 0.5
     linear_acceleration: float = 0.5
     angular_acceleration: float = 2.0
+    ramp: float = 0.3
 
     def __post_init__(self):
         for name in ('linear_speed', 'angular_speed', 'linear_acceleration',
@@ -34,13 +38,14 @@ class Limits:
             value = getattr(self, name)
             if value != np.inf:
                 number(f'Limits.{name}', value, above=0)
+        number('Limits.ramp', self.ramp, above=0, maximum=0.5)
 
 
 class Trajectory:
     """The gripper's way in time: at rest at both ends, continuous acceleration between.
 
-    SciPy's cubic spline of the positions and its rotation spline run through the plan's poses; all
-    is slowed down evenly until the limits hold.
+    SciPy's cubic spline of the positions and its rotation spline run through the plan's poses. It
+    starts and stops by smooth ramps, and is slowed down evenly until the limits hold.
 
     Args:
         plan: Plan with two poses at different times at least
@@ -66,11 +71,11 @@ class Trajectory:
         self._position = CubicSpline(times, [gripper.position for gripper in grippers])
         self._turn = RotationSpline(times, turns)
         self._end = times[-1]
-        self.duration = self._end
+        self._ramp = limits.ramp
         self.duration = self._end * self._slowdown(limits)
 
     def _slowdown(self, limits):
-        samples = np.linspace(0, self._end, _SAMPLES * self._position.x.size)
+        samples = np.linspace(0, self._end, max(_FEWEST, _SAMPLES * self._position.x.size))
         _, speeds, accelerations = self._sampled(samples)
         speed, turning = (np.linalg.norm(v, axis=1).max() for v in np.split(speeds, 2, axis=1))
         force, torque = (np.linalg.norm(v, axis=1).max()
@@ -80,16 +85,15 @@ class Trajectory:
                    np.sqrt(torque / limits.angular_acceleration), 1e-9)
 
     def _sampled(self, times):
-        """Return matrices, speeds (n, 6) and accelerations (n, 6) at times of the splines."""
-        # A quintic that starts and ends at rest replaces time: the splines alone would start at
-        # full speed.
+        """Return times of the splines, speeds (n, 6) and accelerations (n, 6), not slowed down."""
         share = np.clip(times / self._end, 0, 1)
-        warped = self._end * share**3 * (10 - 15 * share + 6 * share**2)
-        rate = 30 * share**2 * (1 - share) ** 2
-        change = 60 * share * (1 - share) * (1 - 2 * share) / self._end
-        speed = np.hstack([self._position(warped, 1), self._turn(warped, 1)])
-        acceleration = np.hstack([self._position(warped, 2), self._turn(warped, 2)])
-        return (warped, rate[:, None] * speed,
+        late = share > 0.5
+        done, rate, change = _started(np.where(late, 1 - share, share), self._ramp)
+        done = np.where(late, 1 - done, done) * self._end
+        change = np.where(late, -change, change) / self._end
+        speed = np.hstack([self._position(done, 1), self._turn(done, 1)])
+        acceleration = np.hstack([self._position(done, 2), self._turn(done, 2)])
+        return (done, rate[:, None] * speed,
                 change[:, None] * speed + rate[:, None] ** 2 * acceleration)
 
     def at(self, times):
@@ -100,13 +104,25 @@ class Trajectory:
         """
         slower = self.duration / self._end
         times = np.clip(np.atleast_1d(np.asarray(times, dtype=float)), 0, self.duration) / slower
-        warped, speed, acceleration = self._sampled(times)
-        turns = self._turn(warped).as_matrix()
+        done, speed, acceleration = self._sampled(times)
+        turns = self._turn(done).as_matrix()
         poses = [Pose.from_rotation(position, turn)
-                 for position, turn in zip(self._position(warped), turns, strict=True)]
+                 for position, turn in zip(self._position(done), turns, strict=True)]
         return poses, speed / slower, acceleration / slower**2
 
     def progress(self, times):
         """Return the plan's own times (n,), as in `Plan.times`, that are reached at `times` s."""
         slower = self.duration / self._end
         return self._sampled(np.clip(np.asarray(times), 0, self.duration) / slower)[0]
+
+
+def _started(share, ramp):
+    """Return a smooth start's progress, rate and change of rate (n,) at shares of the whole <= 0.5.
+
+    The rate grows in the ramp as 10 x^3 - 15 x^4 + 6 x^5 and is even then; with an equal ramp at
+    the end the progress is 1 in all.
+    """
+    x, top = np.minimum(share / ramp, 1), 1 / (1 - ramp)
+    progress = np.where(share < ramp, ramp * x**4 * (2.5 - 3 * x + x**2), share - 0.5 * ramp)
+    return (top * progress, top * x**3 * (10 - 15 * x + 6 * x**2),
+            top / ramp * 30 * x**2 * (1 - x) ** 2)
