@@ -12,6 +12,7 @@ from dlo_planner.model.pose import Pose
 
 _SAMPLES = 20      # per waypoint, at which speeds and accelerations are looked at, and
 _FEWEST = 800      # in all
+_CORNER = 0.5      # cosine between legs: a sharper turn is a corner
 _AT_ONCE = 1e-9    # s: waypoints nearer in time are one
 
 
@@ -45,7 +46,8 @@ class Trajectory:
     """The gripper's way in time: at rest at both ends, continuous acceleration between.
 
     SciPy's cubic spline of the positions and its rotation spline run through the plan's poses. It
-    starts and stops by smooth ramps, and is slowed down evenly until the limits hold.
+    starts and stops by smooth ramps, and is slowed down evenly until the limits hold. Where the way
+    has a corner, the gripper stops: each part between is such a way of its own.
 
     Args:
         plan: Plan with two poses at different times at least
@@ -67,12 +69,56 @@ class Trajectory:
         if len(times) < 2:
             raise InvalidTask(f'plan has {len(times)} poses at different times: expected two or '
                               'more')
+        stops = [0, *_corners(grippers, plan.shapes[0].s[-1]), len(times) - 1]
+        self._parts = [_Part(times[a:b + 1], grippers[a:b + 1], limits)
+                       for a, b in zip(stops, stops[1:], strict=False)]
+        self._ends = np.cumsum([part.duration for part in self._parts])
+        self.duration = float(self._ends[-1])
+
+    def at(self, times):
+        """Return Poses (list), velocities (n, 6) and accelerations (n, 6) at `times` (n,) s.
+
+        Linear before angular, world axes, m/s, rad/s, m/s^2, rad/s^2; angular ones as SciPy's
+        rotation spline gives them. At rest outside [0, duration].
+        """
+        which, since = self._split(times)
+        poses, speeds, accelerations = [None] * since.size, *np.empty((2, since.size, 6))
+        for k, part in enumerate(self._parts):
+            here = np.flatnonzero(which == k)
+            if here.size:
+                position, turns, speeds[here], accelerations[here] = part.at(since[here])
+                for index, *pose in zip(here, position, turns, strict=True):
+                    poses[index] = Pose.from_rotation(*pose)
+        return poses, speeds, accelerations
+
+    def progress(self, times):
+        """Return the plan's own times (n,), as in `Plan.times`, that are reached at `times` s."""
+        which, since = self._split(times)
+        done = np.empty(since.size)
+        for k, part in enumerate(self._parts):
+            done[which == k] = part.progress(since[which == k])
+        return done
+
+    def _split(self, times):
+        """Return indices of parts (n,) and the times (n,) since their beginnings."""
+        times = np.clip(np.atleast_1d(np.asarray(times, dtype=float)), 0, self.duration)
+        which = np.minimum(np.searchsorted(self._ends, times), len(self._parts) - 1)
+        begins = np.append(0.0, self._ends[:-1])
+        return which, times - begins[which]
+
+
+class _Part:
+    """A way without corners, from rest to rest."""
+
+    def __init__(self, times, grippers, limits):
         turns = Rotation.from_matrix(np.array([gripper.rotation for gripper in grippers]))
+        self._start = times[0]
+        times = np.array(times) - times[0]
         self._position = CubicSpline(times, [gripper.position for gripper in grippers])
         self._turn = RotationSpline(times, turns)
-        self._end = times[-1]
-        self._ramp = limits.ramp
-        self.duration = self._end * self._slowdown(limits)
+        self._end, self._ramp = times[-1], limits.ramp
+        self._slower = self._slowdown(limits)
+        self.duration = self._end * self._slower
 
     def _slowdown(self, limits):
         samples = np.linspace(0, self._end, max(_FEWEST, _SAMPLES * self._position.x.size))
@@ -97,23 +143,24 @@ class Trajectory:
                 change[:, None] * speed + rate[:, None] ** 2 * acceleration)
 
     def at(self, times):
-        """Return Poses (list), velocities (n, 6) and accelerations (n, 6) at `times` (n,) s.
-
-        Linear before angular, world axes, m/s, rad/s, m/s^2, rad/s^2; angular ones as SciPy's
-        rotation spline gives them. At rest outside [0, duration].
-        """
-        slower = self.duration / self._end
-        times = np.clip(np.atleast_1d(np.asarray(times, dtype=float)), 0, self.duration) / slower
-        done, speed, acceleration = self._sampled(times)
-        turns = self._turn(done).as_matrix()
-        poses = [Pose.from_rotation(position, turn)
-                 for position, turn in zip(self._position(done), turns, strict=True)]
-        return poses, speed / slower, acceleration / slower**2
+        """Return positions (n, 3), rotations (n, 3, 3), speeds and accelerations (n, 6)."""
+        done, speed, acceleration = self._sampled(times / self._slower)
+        return (self._position(done), self._turn(done).as_matrix(), speed / self._slower,
+                acceleration / self._slower**2)
 
     def progress(self, times):
-        """Return the plan's own times (n,), as in `Plan.times`, that are reached at `times` s."""
-        slower = self.duration / self._end
-        return self._sampled(np.clip(np.asarray(times), 0, self.duration) / slower)[0]
+        """Return the plan's times (n,)."""
+        return self._start + self._sampled(times / self._slower)[0]
+
+
+def _corners(grippers, length):
+    """Return the indices at which the way turns sharply, turns of the gripper taken by `length`."""
+    positions = np.array([gripper.position for gripper in grippers])
+    turns = Rotation.from_matrix([gripper.rotation for gripper in grippers])
+    legs = np.hstack([np.diff(positions, axis=0),
+                      length * (turns[1:] * turns[:-1].inv()).as_rotvec()])
+    legs /= np.linalg.norm(legs, axis=1)[:, None]
+    return np.flatnonzero((legs[1:] * legs[:-1]).sum(axis=1) < _CORNER) + 1
 
 
 def _started(share, ramp):

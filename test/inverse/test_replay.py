@@ -18,6 +18,7 @@ from dlo_planner import (
     replay,
 )
 from dlo_planner.inverse.clearance import clearance
+from dlo_planner.inverse.plan import joined
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, damping=(0.5, 0.01))
 DIRECT = DirectSimulator(WIRE)
@@ -86,6 +87,24 @@ def test_trajectory_keeps_limits_and_poses(plan):
     for gripper in (plan.grippers[0], plan.grippers[17], plan.grippers[-1]):
         nearest = np.linalg.norm(position - gripper.position, axis=1).min()
         assert nearest < 5e-4  # as near as the samples are
+
+
+def test_it_stops_at_corners(plan):
+    inverse = InverseSimulator(DIRECT)
+    start = Pose((-1.3, 0.2, 1.1), (0, 0, 0, 1))
+    whole = joined(inverse.start_phase(ROUND, plan, start), plan)
+    way = Trajectory(whole)
+    times = np.linspace(0, way.duration, 6001)
+    poses, speeds, _ = way.at(times)
+    still = np.flatnonzero(np.linalg.norm(speeds, axis=1) < 2e-3)
+    rests = np.split(times[still], np.flatnonzero(np.diff(still) > 1) + 1)
+    assert 3 <= len(rests) <= 6  # at both ends, and between backing off, turning, going in
+    assert np.linalg.norm(np.diff([pose.position for pose in poses], axis=0), axis=1).max() < 1e-2
+    mixed = np.array([way.duration, 0.0, 0.5 * way.duration])
+    for pose, time in zip(way.at(mixed)[0], mixed, strict=True):
+        np.testing.assert_allclose(pose.matrix, way.at(time)[0][0].matrix)
+    assert (np.diff(way.progress(times)) >= -1e-12).all()
+    assert way.progress([way.duration])[0] == pytest.approx(whole.times[-1])
 
 
 def test_report_of_a_good_plan(plan):
