@@ -9,6 +9,7 @@ beginning of a threading with a shorter DLO at every depth.
 
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.beginnings import beginnings, with_free_end
+from dlo_planner.inverse.continuity import refusal_for_leap
 from dlo_planner.inverse.draft import Draft
 from dlo_planner.inverse.plan import waypoint_at
 from dlo_planner.inverse.threading import aligned_shape
@@ -45,6 +46,9 @@ def _with_roll(simulator, bore, depths, end, brief):
         if not shape.converged:
             raise draft.refusal('stability', -shape.stability, 'the DLO would not stay in the '
                                 f'shape; stability {shape.stability:.3g}')
+        refusal = refusal_for_leap(outside, draft, shape) if depth == 0 else None
+        if refusal is not None:
+            raise refusal
         draft.add(waypoint_at(shape, bore.centre, shape.s[-1], bore.normal))
     return draft.finished()
 

@@ -36,6 +36,7 @@ class Plan:
         clearances: (n, k, 3) distances in m between the DLO's surface and the sheets around the k
             cut-outs of the task: at the rim (by so much the cut-out may be displaced), of what is
             before the sheet, of what is behind it; infinite where a cut-out has no size
+        sheets: (Sheet, normal (3,)) around each cut-out that has a size
         fraction: part of the requested waypoints that is reached, 1 for a complete plan
         status: PlanStatus
     """
@@ -48,6 +49,7 @@ class Plan:
     times: np.ndarray
     passes: list[tuple]
     clearances: np.ndarray
+    sheets: tuple
     fraction: float
     status: PlanStatus
 
@@ -104,6 +106,7 @@ class Waypoint:
     miss: float = 0.0
     passes: tuple = ()
     clearances: tuple = ()
+    sheets: tuple = ()
 
     @property
     def clearance(self):
@@ -123,9 +126,11 @@ class Waypoint:
             sheets: the Sheet of each, or None
             radius: of the DLO, m
         """
-        return replace(self, clearances=tuple(
-            _FREE if sheet is None else room_in(sheet, cutout.normal, radius, self.shape)
-            for cutout, sheet in zip(cutouts, sheets, strict=True)))
+        both = [(sheet, cutout.normal) for cutout, sheet in zip(cutouts, sheets, strict=True)]
+        return replace(
+            self, sheets=tuple(one for one in both if one[0] is not None), clearances=tuple(
+                _FREE if sheet is None else room_in(sheet, normal, radius, self.shape)
+                for sheet, normal in both))
 
 
 def waypoint_of(shape, centre, s, normal):
@@ -158,6 +163,7 @@ def build_plan(waypoints, depths, speeds, status):
                 times_at_speed(grippers, *speeds),
                 [waypoint.passes for waypoint in waypoints],
                 _padded([waypoint.clearances for waypoint in waypoints]),
+                waypoints[-1].sheets if waypoints else (),
                 len(waypoints) / len(depths), status)
 
 
@@ -174,7 +180,7 @@ def joined(one, other):
         [*getattr(one, name), *getattr(other, name)[1:]] for name in _PER_WAYPOINT)
     times[len(one):] = one.times[-1] + other.times[1:] - other.times[0]
     return Plan(np.array(depths), grippers, shapes, np.array(misalignment), np.array(miss),
-                np.array(times), passes, _padded(clearances),
+                np.array(times), passes, _padded(clearances), other.sheets,
                 min(one.fraction, other.fraction), other.status)
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.clearance import clearance
+from dlo_planner.inverse.clearance import clearance, room_in
 from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.model.checks import number
 from dlo_planner.model.part import before
@@ -74,9 +74,9 @@ def replay(simulator, plan, *, obstacles=(), limits=None, tolerance=None, initia
             if normal is not None:
                 angles.append(np.arctan2(np.linalg.norm(np.cross(axes[:, 0], normal)),
                                          axes[:, 0] @ normal))
-    room = np.inf
-    if len(obstacles):
-        room = min(clearance(obstacles, simulator.rod.radius or 0.0, shape) for shape in shapes)
+    radius = simulator.rod.radius or 0.0
+    rooms = [clearance(obstacles, radius, shape) for shape in shapes if len(obstacles)]
+    rooms += [room_in(*sheet, radius, shape).min() for sheet in plan.sheets for shape in shapes]
     figures = {
         'converged': all(shape.converged and not shape.jumped for shape in shapes),
         'miss': float(max(misses)), 'misalignment': float(max(angles)),
@@ -85,7 +85,7 @@ def replay(simulator, plan, *, obstacles=(), limits=None, tolerance=None, initia
         'bend_margin': min(shape.bend_margin for shape in shapes),
         'contact_force': max((contact.force for shape in shapes for contact in shape.contacts),
                              default=0.0),
-        'clearance': float(min(room, plan.clearance.min())) if len(plan) else np.inf}
+        'clearance': float(min(rooms, default=np.inf))}
     if limits is not None:
         way = Trajectory(plan, limits)
         figures['duration'] = float(way.duration)

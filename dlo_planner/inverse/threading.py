@@ -1,6 +1,5 @@
 """Threading through one cut-out: at every depth the DLO passes the centre along the normal."""
 
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
