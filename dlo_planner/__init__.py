@@ -6,6 +6,7 @@ from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import (
+    DeadlineExceeded,
     DloPlannerError,
     Infeasible,
     InvalidRod,
@@ -35,10 +36,10 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.section import Section
 
-__all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'Contact', 'CutOut', 'DirectSimulator',
-           'DirectionAt', 'DloPlannerError', 'FarEnd', 'Fit', 'Found', 'GraspedInside',
-           'GripperNear', 'Infeasible', 'InvalidRod', 'InvalidTask', 'InverseSimulator',
-           'Limits', 'Motion', 'NotConverged', 'Observation', 'Plan', 'PlanStatus',
-           'Plane', 'Pose', 'PositionAt', 'Report', 'Rod', 'Section', 'Shape', 'Sheet',
-           'Sphere', 'Spread', 'Through', 'Tolerance', 'Trajectory', 'Workspace',
+__all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'Contact', 'CutOut', 'DeadlineExceeded',
+           'DirectSimulator', 'DirectionAt', 'DloPlannerError', 'FarEnd', 'Fit', 'Found',
+           'GraspedInside', 'GripperNear', 'Infeasible', 'InvalidRod', 'InvalidTask',
+           'InverseSimulator', 'Limits', 'Motion', 'NotConverged', 'Observation', 'Plan',
+           'PlanStatus', 'Plane', 'Pose', 'PositionAt', 'Report', 'Rod', 'Section', 'Shape',
+           'Sheet', 'Sphere', 'Spread', 'Through', 'Tolerance', 'Trajectory', 'Workspace',
            'fit_rod', 'minimise_penalty', 'replay', 'tolerance']

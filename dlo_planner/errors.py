@@ -2,7 +2,17 @@
 
 
 class DloPlannerError(Exception):
-    """Base of all errors of this package."""
+    """Base of all errors of this package; each goes through pickle with its evidence."""
+
+    def __reduce__(self):
+        return _rebuilt, (type(self), self.args, self.__dict__)
+
+
+def _rebuilt(kind, args, evidence):
+    error = kind.__new__(kind)
+    error.args = args
+    error.__dict__.update(evidence)
+    return error
 
 
 class InvalidRod(DloPlannerError, ValueError):
@@ -41,3 +51,17 @@ class Infeasible(DloPlannerError):
         self.constraint = constraint
         self.amount = amount
         self.plan = plan
+
+
+class DeadlineExceeded(DloPlannerError, TimeoutError):
+    """A computation did not finish within its `deadline`; whether the task can be done is open.
+
+    Attributes:
+        seconds: that were allowed
+        elapsed: that had passed when the computation was ended
+    """
+
+    def __init__(self, message, seconds, elapsed):
+        super().__init__(message)
+        self.seconds = seconds
+        self.elapsed = elapsed

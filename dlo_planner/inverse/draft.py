@@ -1,7 +1,6 @@
 """A plan in the making: each waypoint keeps all demands, or is refused with what it breaks."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -9,6 +8,7 @@ from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.clearance import clearance
 from dlo_planner.inverse.plan import PlanStatus, build_plan
 from dlo_planner.inverse.workspace import Workspace
+from dlo_planner.progress import Progress
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Brief:
 
     Attributes:
         speeds: m/s and rad/s, for the plan's times
-        progress: called as progress(done, total) after each waypoint, or None
+        progress: Progress, told of each waypoint
         workspace: Workspace or None
         obstacles: that the DLO must not touch; radius: of the DLO, m
         yielding: (3,) strains since the stress-free shape, torsion and both curvatures, at which
@@ -25,7 +25,7 @@ class Brief:
     """
 
     speeds: tuple[float, float]
-    progress: Callable | None = None
+    progress: Progress = field(default_factory=Progress)
     workspace: Workspace | None = None
     obstacles: tuple = ()
     radius: float = 0.0
@@ -101,8 +101,7 @@ class Draft:
         if broken is not None:
             raise self.refusal(*broken)
         self.waypoints.append(waypoint)
-        if self._brief.progress is not None:
-            self._brief.progress(len(self.waypoints), len(self._depths))
+        self._brief.progress.done(len(self.waypoints), len(self._depths))
 
     def refusal(self, constraint, amount, why):
         """Return Infeasible for the next waypoint, with the plan up to it as evidence."""

@@ -18,6 +18,7 @@ from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.checks import choice, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.progress import Progress
 
 _WAYPOINTS = 40
 _FORCES = 40
@@ -57,7 +58,8 @@ class InverseSimulator:
                                        *(rod.yield_curvature or (np.inf, np.inf))])
 
     def thread(self, cutout, *, start=None, initial=None, depths=None, method='coupled',
-               gripper_clearance=None, linear_speed=0.1, angular_speed=0.5, progress=None):
+               gripper_clearance=None, linear_speed=0.1, angular_speed=0.5, progress=None,
+               deadline=None):
         """Plan the threading through one cut-out, anywhere and in any direction in 3-D.
 
         At each depth the DLO passes the centre P_goal along the normal n_goal (paper, section
@@ -78,6 +80,7 @@ class InverseSimulator:
                 no depths are given, the plan ends there
             linear_speed: m/s, angular_speed: rad/s: limits for the plan's times
             progress: called as progress(done, total) after each waypoint
+            deadline: s of computing after which DeadlineExceeded is raised; None: no limit
 
         Returns:
             Plan
@@ -94,14 +97,14 @@ class InverseSimulator:
             raise InvalidTask(f'initial = {initial!r}: expected a Shape or None')
         plan = thread(self._alone, cutout, self._checked(depths), start, initial,
                       choice('method', method, ('coupled', 'nested')),
-                      self._brief(linear_speed, angular_speed, progress))
+                      self._brief(linear_speed, angular_speed, progress, deadline))
         if gripper_clearance is None:
             return plan
         return kept_before(plan, cutout, number('gripper_clearance', gripper_clearance, minimum=0),
                            depths is None)
 
     def insert(self, bore, *, start=None, depths=None, linear_speed=0.1, angular_speed=0.5,
-               progress=None):
+               progress=None, deadline=None):
         """Plan the insertion into a bore of about the DLO's diameter (paper, section 5.2).
 
         The walls carry what is inside; the poses are those at which the mouth has nothing to bear.
@@ -109,7 +112,7 @@ class InverseSimulator:
 
         Args:
             bore: CutOut: its centre is that of the mouth, its normal points inwards
-            start, linear_speed, angular_speed, progress: as for `thread`
+            start, linear_speed, angular_speed, progress, deadline: as for `thread`
             depths: as for `thread`, less than the length
 
         Returns:
@@ -128,10 +131,10 @@ class InverseSimulator:
             raise InvalidTask(f'depths[{len(depths) - 1}] = {depths[-1]:g}: expected at most '
                               f'{_INSERTED:g} of the length')
         return insert(self._alone, bore, depths, start,
-                      self._brief(linear_speed, angular_speed, progress))
+                      self._brief(linear_speed, angular_speed, progress, deadline))
 
     def start_phase(self, cutout, plan, start, *, standoff=0.05, initial=None, linear_speed=0.1,
-                    angular_speed=0.5):
+                    angular_speed=0.5, progress=None, deadline=None):
         """Plan the way from the gripper's present pose to where a threading begins.
 
         The gripper backs off along the normal, turns where the DLO cannot reach the sheet, and
@@ -142,7 +145,7 @@ class InverseSimulator:
             start: Pose of the gripper now, the DLO behind the sheet
             standoff: m
             initial: Shape of the DLO now; None: the one it falls into from its natural shape
-            linear_speed, angular_speed: as for `thread`
+            linear_speed, angular_speed, progress, deadline: as for `thread`
 
         Returns:
             Plan; its `clearance` is the distance of the DLO from the sheet's plane, its last pose
@@ -161,10 +164,10 @@ class InverseSimulator:
             raise InvalidTask(f'start = {start!r}: expected a Pose')
         return start_phase(self._alone, cutout, start, plan.shapes[0],
                            number('standoff', standoff, minimum=0), initial,
-                           self._brief(linear_speed, angular_speed))
+                           self._brief(linear_speed, angular_speed, progress, deadline))
 
     def thread_two(self, first, second, *, start=None, depths=None, linear_speed=0.1,
-                   angular_speed=0.5, progress=None):
+                   angular_speed=0.5, progress=None, deadline=None):
         """Plan the threading through two cut-outs, whose centres count (paper, section 5.2).
 
         From where the free end reaches the second centre, both are hit at once; before, the first
@@ -172,8 +175,8 @@ class InverseSimulator:
 
         Args:
             first, second: CutOut, in the order in which they are passed
-            start, depths, linear_speed, angular_speed, progress: as for `thread`; depths count from
-                the first cut-out
+            start, depths, linear_speed, angular_speed, progress, deadline: as for `thread`; depths
+                count from the first cut-out
 
         Returns:
             Plan; `miss` is the larger of both distances, `misalignment` is 0
@@ -187,10 +190,10 @@ class InverseSimulator:
                 raise InvalidTask(f'{name} = {cutout!r}: expected a CutOut')
         _pose_or_none('start', start)
         return thread_two(self._alone, first, second, self._checked(depths), start,
-                          self._brief(linear_speed, angular_speed, progress))
+                          self._brief(linear_speed, angular_speed, progress, deadline))
 
     def thread_sequence(self, cutouts, *, weights=None, start=None, depths=None, linear_speed=0.1,
-                        angular_speed=0.5, progress=None):
+                        angular_speed=0.5, progress=None, deadline=None):
         """Plan the threading through any number of cut-outs, as well as can be.
 
         One is passed along its normal, as by `thread`, and two at once, as by `thread_two`. More
@@ -200,8 +203,8 @@ class InverseSimulator:
         Args:
             cutouts: CutOuts in the order in which they are passed
             weights: (k,) of their distances; None: all alike
-            start, depths, linear_speed, angular_speed, progress: as for `thread`; depths count from
-                the first cut-out
+            start, depths, linear_speed, angular_speed, progress, deadline: as for `thread`; depths
+                count from the first cut-out
 
         Returns:
             Plan; `Plan.misses` says by how much each is missed
@@ -222,7 +225,8 @@ class InverseSimulator:
                               f'{len(cutouts)}')
         weights = [number(f'weights[{k}]', weight, above=0) for k, weight in enumerate(weights)]
         _pose_or_none('start', start)
-        depths, brief = self._checked(depths), self._brief(linear_speed, angular_speed, progress)
+        depths = self._checked(depths)
+        brief = self._brief(linear_speed, angular_speed, progress, deadline)
         if len(cutouts) == 1:
             return thread(self._alone, cutouts[0], depths, start, None, 'coupled', brief)
         if len(cutouts) == 2:
@@ -242,7 +246,7 @@ class InverseSimulator:
         return found
 
     def hold_contact(self, contact, s, *, condition='least_energy', forces=None, start=None,
-                     linear_speed=0.1, angular_speed=0.5):
+                     linear_speed=0.1, angular_speed=0.5, progress=None, deadline=None):
         """Plan how to hold the DLO in contact with an obstacle (paper, section 5.3, Fig. 16).
 
         Arc length, place and direction at the contact leave the force of contact free: a family of
@@ -257,7 +261,7 @@ class InverseSimulator:
                 None: a motion through the whole family, in order of the force
             forces: (n,) N to be looked at; None: 40 of up to six times what keeps it up
             start: Pose of the gripper before
-            linear_speed, angular_speed: as for `thread`
+            linear_speed, angular_speed, progress, deadline: as for `thread`
 
         Returns:
             Plan
@@ -271,17 +275,18 @@ class InverseSimulator:
         if condition == 'least_motion' and start is None:
             raise InvalidTask('start = None: expected a Pose with condition \'least_motion\'')
         return hold_contact(self.simulator, contact, s, forces, condition, start,
-                            self._brief(linear_speed, angular_speed, touching=True))
+                            self._brief(linear_speed, angular_speed, progress, deadline,
+                                        touching=True))
 
     def slide_contact(self, contact, lengths, *, condition='least_motion', forces=None, start=None,
-                      linear_speed=0.1, angular_speed=0.5, progress=None):
+                      linear_speed=0.1, angular_speed=0.5, progress=None, deadline=None):
         """Plan how to draw the DLO over an obstacle, its direction there kept (Fig. 15).
 
         Args:
             lengths: (n,) arc lengths between gripper and contact, m, one after the other
             contact, condition, forces, start: as for `hold_contact`; 'least_motion' is from one
                 waypoint to the next, the first one has the least energy if there is no `start`
-            linear_speed, angular_speed, progress: as for `thread`
+            linear_speed, angular_speed, progress, deadline: as for `thread`
 
         Returns:
             Plan
@@ -297,7 +302,8 @@ class InverseSimulator:
                               'length at least, and a condition')
         forces = self._contact(contact, forces, condition, start)
         return slide_contact(self.simulator, contact, lengths, forces, condition, start,
-                             self._brief(linear_speed, angular_speed, progress, touching=True))
+                             self._brief(linear_speed, angular_speed, progress, deadline,
+                                         touching=True))
 
     def _contact(self, contact, forces, condition, start):
         """Return the forces to look at; judge what both contact tasks take."""
@@ -339,10 +345,10 @@ class InverseSimulator:
                 f'depths[{bad}] = {depths[bad]}: expected not less than the one before')
         return depths
 
-    def _brief(self, linear_speed, angular_speed, progress=None, touching=False):
+    def _brief(self, linear_speed, angular_speed, progress=None, deadline=None, touching=False):
         speeds = (number('linear_speed', linear_speed, above=0),
                   number('angular_speed', angular_speed, above=0))
-        return Brief(speeds, progress, self.workspace,
+        return Brief(speeds, Progress(progress, deadline), self.workspace,
                      () if touching else self.simulator.obstacles, self.simulator.rod.radius or 0.0,
                      self._yielding)
 

@@ -1,23 +1,46 @@
-"""Judging values that come from outside: one sentence that names argument, value and remedy."""
+"""Judging values that come from outside: one sentence that names argument, value and remedy.
+
+Each function returns the value as it is to be used: what is checked is what is used.
+"""
+
+from collections.abc import Callable, Iterable
+from numbers import Real
 
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
 
+_LONGEST = 120  # characters of a value in a message
 
-def number(name, value, error=InvalidTask, *, minimum=None, above=None, maximum=None):
+
+def shown(value: object) -> str:
+    """Return a short repr of anything, for messages."""
+    try:
+        text = repr(value)
+    except Exception:  # it must not hide what is wrong with the argument
+        text = f'<{type(value).__name__} without a repr>'
+    return text if len(text) <= _LONGEST else f'{text[:_LONGEST - 4]} ...'
+
+
+def number(name, value, error=InvalidTask, *, minimum=None, above=None, maximum=None, below=None):
     """Return `value` as a finite float within the limits, or raise `error`.
+
+    Numbers are Python's and NumPy's real ones; strings and booleans are none.
 
     Args:
         name: how the caller knows the argument
         value: anything
         error: the class to raise
-        minimum, above, maximum: closed lower, open lower and closed upper limit
+        minimum, above, maximum, below: closed lower, open lower, closed upper, open upper limit
     """
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
+        raise error(f'{name} = {shown(value)}: expected a number')
     try:
         result = float(value)
-    except (TypeError, ValueError):
-        raise error(f'{name} = {value!r}: expected a number') from None
+    except (TypeError, ValueError, OverflowError):
+        result = np.inf
     wanted = []
     if minimum is not None:
         wanted.append(f'>= {minimum:g}')
@@ -25,38 +48,113 @@ def number(name, value, error=InvalidTask, *, minimum=None, above=None, maximum=
         wanted.append(f'> {above:g}')
     if maximum is not None:
         wanted.append(f'<= {maximum:g}')
+    if below is not None:
+        wanted.append(f'< {below:g}')
     good = (np.isfinite(result)
             and (minimum is None or result >= minimum)
             and (above is None or result > above)
-            and (maximum is None or result <= maximum))
+            and (maximum is None or result <= maximum)
+            and (below is None or result < below))
     if not good:
-        raise error(f'{name} = {value!r}: expected a finite number {" and ".join(wanted)}'.rstrip())
+        raise error(f'{name} = {shown(value)}: expected a finite number '
+                    f'{" and ".join(wanted)}'.rstrip())
     return result
+
+
+def array(name, value, shape, error=InvalidTask, finite=True):
+    """Return `value` as a new float array, or raise `error`.
+
+    Args:
+        shape: wanted; None stands for any size > 0, e.g. (None, 3)
+        finite: whether infinite entries are refused (nan always is)
+    """
+    sizes = ', '.join('n' if size is None else str(size) for size in shape)
+    expected = f'{shape[0]} numbers' if len(shape) == 1 and shape[0] else f'numbers ({sizes})'
+    try:
+        given = np.asarray(value)
+    except Exception:  # whatever its conversion raises
+        raise error(f'{name} = {shown(value)}: expected {expected}') from None
+    if given.dtype == object and given.size:
+        given = _of_numbers(given)
+    if given is None or given.dtype.kind not in 'iuf':
+        raise error(f'{name} = {shown(value)}: expected {expected}')
+    if given.ndim != len(shape) or any(
+            got != size if size is not None else got == 0
+            for got, size in zip(given.shape, shape, strict=True)):
+        raise error(f'{name} has shape {given.shape}: expected {expected}')
+    result = np.array(given, dtype=float)
+    if np.isnan(result).any() or finite and not np.isfinite(result).all():
+        raise error(f'{name} = {shown(result.tolist())}: expected finite {expected}')
+    return result
+
+
+def _of_numbers(given):
+    """Return an object array of numbers as floats, None if there is anything else in it."""
+    if not all(isinstance(v, Real) and not isinstance(v, bool) for v in given.flat):
+        return None
+    try:
+        return given.astype(float)
+    except (TypeError, ValueError, OverflowError):
+        return None
 
 
 def vector(name, value, size, error=InvalidTask):
     """Return `value` as a new float array of shape (size,), all finite, or raise `error`."""
-    try:
-        result = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise error(f'{name} = {value!r}: expected {size} numbers') from None
-    if result.shape != (size,):
-        raise error(f'{name} has shape {result.shape}: expected {size} numbers')
-    if not np.isfinite(result).all():
-        raise error(f'{name} = {result.tolist()}: expected {size} finite numbers')
-    return result
+    return array(name, value, (size,), error)
 
 
 def integer(name, value, error=InvalidTask, *, minimum, maximum):
     """Return `value` as an int in [minimum, maximum], or raise `error`."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not whole or not minimum <= value <= maximum:
-        raise error(f'{name} = {value!r}: expected an integer from {minimum} to {maximum}')
+        raise error(f'{name} = {shown(value)}: expected an integer from {minimum} to {maximum}')
     return int(value)
 
 
 def choice(name, value, options, error=InvalidTask):
-    """Return `value` if it is one of `options`, or raise `error`."""
-    if value not in options:
-        raise error(f'{name} = {value!r}: expected one of {", ".join(map(repr, options))}')
+    """Return `value` if it is one of the strings `options`, or raise `error`."""
+    if not isinstance(value, str) or value not in options:
+        raise error(f'{name} = {shown(value)}: expected one of {", ".join(map(repr, options))}')
     return value
+
+
+def flag(name, value, error=InvalidTask):
+    """Return `value` as a bool if it is one, or raise `error`."""
+    if not isinstance(value, bool | np.bool_):
+        raise error(f'{name} = {shown(value)}: expected True or False')
+    return bool(value)
+
+
+def instance(name, value, kinds, error=InvalidTask, *, optional=False):
+    """Return `value` if it is of one of the classes `kinds` (or None if `optional`), or raise."""
+    if isinstance(value, kinds) or optional and value is None:
+        return value
+    names = _named(kinds) + (' or None' if optional else '')
+    raise error(f'{name} = {shown(value)}: expected {names}')
+
+
+def items(name, value, kinds, error=InvalidTask, *, least=0):
+    """Return an iterable of instances of `kinds` as a tuple of `least` items or more, or raise."""
+    if isinstance(value, str | bytes | dict) or not isinstance(value, Iterable):
+        raise error(f'{name} = {shown(value)}: expected a sequence of {_named(kinds)}')
+    try:
+        result = tuple(value)
+    except Exception:  # whatever its iteration raises
+        raise error(f'{name} = {shown(value)}: expected a sequence of {_named(kinds)}') from None
+    if len(result) < least:
+        raise error(f'{name} has {len(result)} items: expected {least} or more of {_named(kinds)}')
+    for index, item in enumerate(result):
+        instance(f'{name}[{index}]', item, kinds, error)
+    return result
+
+
+def callback(name, value, error=InvalidTask) -> Callable | None:
+    """Return `value` if it is callable or None, or raise `error`."""
+    if value is not None and not callable(value):
+        raise error(f'{name} = {shown(value)}: expected a function or None')
+    return value
+
+
+def _named(kinds):
+    kinds = kinds if isinstance(kinds, tuple) else (kinds,)
+    return ', '.join(kind.__name__ for kind in kinds)

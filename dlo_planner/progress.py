@@ -1,0 +1,40 @@
+"""How far a long computation has come, and when it has to end."""
+
+from collections.abc import Callable
+from time import monotonic
+
+from dlo_planner.errors import DeadlineExceeded
+from dlo_planner.model.checks import callback, number
+
+
+class Progress:
+    """Reports the steps of one computation and ends it at its deadline.
+
+    Args:
+        report: called as report(done, total) after each step, or None
+        deadline: s from now, after which the next step raises DeadlineExceeded; None: no limit
+
+    Raises:
+        InvalidTask: an argument makes no sense; the message names it
+    """
+
+    def __init__(self, report: Callable[[int, int], object] | None = None,
+                 deadline: float | None = None):
+        self._report = callback('progress', report)
+        self._seconds = None if deadline is None else number('deadline', deadline, above=0)
+        self._begun = monotonic()
+
+    def done(self, done: int, total: int) -> None:
+        """Report that `done` of `total` steps are finished; raises DeadlineExceeded."""
+        if self._report is not None:
+            self._report(done, total)
+        self.check()
+
+    def check(self) -> None:
+        """Raise DeadlineExceeded if the time is over: called in loops that may be long."""
+        if self._seconds is None:
+            return
+        elapsed = monotonic() - self._begun
+        if elapsed > self._seconds:
+            raise DeadlineExceeded(f'deadline = {self._seconds:g} s: not finished after '
+                                   f'{elapsed:.3g} s', self._seconds, elapsed)
