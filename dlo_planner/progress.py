@@ -30,6 +30,12 @@ class Progress:
             self._report(done, total)
         self.check()
 
+    def silent(self) -> 'Progress':
+        """Return one with the same end that reports nothing: for parts of the computation."""
+        other = Progress()
+        other._seconds, other._begun = self._seconds, self._begun
+        return other
+
     def check(self) -> None:
         """Raise DeadlineExceeded if the time is over: called in loops that may be long."""
         if self._seconds is None:

@@ -13,7 +13,9 @@ _ROLLS = 24  # of the free end, tried
 
 
 def beginnings(simulator, cutout, start):
-    """Yield Shapes whose free end points along the normal, and the reference for their roll.
+    """Yield what a threading can begin with: Shape, reference (3, 3) for its roll, depth 0.
+
+    The Shape's free end points along the normal.
 
     The free end's roll about the normal is a choice. The first one is made so that the gripper is
     not rolled: seen along its own axis it stands as `start` does (or upright, without one). A
@@ -44,7 +46,7 @@ def beginnings(simulator, cutout, start):
     if rolls_are_alike(simulator):
         # rolled about itself, the DLO carries the gripper along
         strains, base, reference, _ = end_rolled(-roll(0.0))
-        yield _shape_at(discretisation, strains, base), reference
+        yield _shape_at(discretisation, strains, base), reference, 0.0
         return
     angles = np.linspace(-np.pi, np.pi, _ROLLS + 1)
     rolls = [roll(angle) for angle in angles]
@@ -52,10 +54,10 @@ def beginnings(simulator, cutout, start):
              if rolls[k] * rolls[k + 1] <= 0 and abs(rolls[k] - rolls[k + 1]) < np.pi]
     for root in sorted(roots, key=turn_against_start):
         strains, base, reference, _ = end_rolled(root)
-        yield _shape_at(discretisation, strains, base), reference
+        yield _shape_at(discretisation, strains, base), reference, 0.0
     for angle in sorted(angles[:-1:2], key=turn_against_start):
         strains, base, _, _ = end_rolled(angle)
-        yield _shape_at(discretisation, strains, base), base
+        yield _shape_at(discretisation, strains, base), base, 0.0
 
 
 def with_free_end(simulator, end):

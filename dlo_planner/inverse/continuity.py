@@ -1,4 +1,4 @@
-"""Whether a DLO goes from one planned shape to the next, or falls into another on the way."""
+"""Whether a DLO and its gripper go from one planned shape to the next without a leap."""
 
 import numpy as np
 
@@ -7,6 +7,31 @@ from dlo_planner.direct.continuation import shape_change
 _QUIET = 0.1   # rad: a change of shape, besides the gripper's turn, that needs no second look
 _SAME = 1e-3   # of the length: farther apart, two shapes are not the same
 _SAMPLES = np.linspace(0, 1, 9)[1:]
+# What a step of the gripper may be: a constant and a part per depth, both relative to the length.
+# Of 500 random plans 99 % stay below half of the rates; a fold exceeds any.
+_TURN, _TURN_RATE = 0.05, 10.0
+_SHIFT, _SHIFT_RATE = 0.02, 3.0
+
+
+def largest_turn(step):
+    """Return the turn of the gripper in rad that a step in depth (of the length) may cause."""
+    return _TURN + _TURN_RATE * abs(step)
+
+
+def excess(one, other, step, length):
+    """Return by how much (m) the gripper turns or moves too far for a step; 0 if it does not.
+
+    A turn counts as the way of a point at the DLO's length from the gripper.
+
+    Args:
+        one, other: (rotation (3, 3), position (3,)) of the gripper before and after
+        step: of the depth, relative to the length
+        length: of the DLO, m
+    """
+    cosine = 0.5 * (np.vdot(one[0], other[0]) - 1)
+    turn = np.arccos(min(max(cosine, -1.0), 1.0))
+    shift = np.linalg.norm(other[1] - one[1]) / length
+    return length * max(0.0, turn - largest_turn(step), shift - _SHIFT - _SHIFT_RATE * abs(step))
 
 
 def leap(simulator, before, shape):

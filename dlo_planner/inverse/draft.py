@@ -1,6 +1,6 @@
 """A plan in the making: each waypoint keeps all demands, or is refused with what it breaks."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -30,6 +30,10 @@ class Brief:
     obstacles: tuple = ()
     radius: float = 0.0
     yielding: np.ndarray | None = None
+
+    def silent(self):
+        """Return the same demands for a search, of whose steps nobody is told."""
+        return replace(self, progress=self.progress.silent())
 
     def broken(self, waypoint, before=None):
         """Return None, or the constraint that a Waypoint breaks, by how much, and in words.
@@ -93,6 +97,12 @@ class Draft:
     def last(self):
         """The Shape of the last waypoint; before there is one, the initial Shape or None."""
         return self.waypoints[-1].shape if self.waypoints else self._initial
+
+    @property
+    def step(self):
+        """How much deeper the next waypoint is than the one before, m; 0 at the first."""
+        index = len(self.waypoints)
+        return float(self._depths[index] - self._depths[index - 1]) if index else 0.0
 
     def add(self, waypoint):
         """Take the next Waypoint; raises Infeasible if it breaks a demand."""

@@ -21,7 +21,7 @@ from dlo_planner.model.pose import Pose
 def insert(simulator, bore, depths, start, brief):
     """Return the Plan; see `InverseSimulator.insert`."""
     refused = None
-    for first, _ in beginnings(simulator, bore, start):
+    for first, *_ in beginnings(simulator, bore, start):
         try:
             return _with_roll(simulator, bore, depths, first.frames[-1], brief)
         except Infeasible as error:

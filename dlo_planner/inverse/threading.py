@@ -1,48 +1,218 @@
 """Threading through one cut-out: at every depth the DLO passes the centre along the normal."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import TOLERANCE, shape_of
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.aligned import aligned_newton, free_axis
-from dlo_planner.inverse.beginnings import beginnings, rolls_are_alike
+from dlo_planner.inverse.beginnings import beginnings, rolls_are_alike, with_free_end
 from dlo_planner.inverse.clearance import sheet_of
-from dlo_planner.inverse.continuity import refusal_for_leap
-from dlo_planner.inverse.draft import Draft
+from dlo_planner.inverse.continuity import excess, largest_turn, refusal_for_leap
+from dlo_planner.inverse.draft import Brief, Draft
+from dlo_planner.inverse.following import Passing, follow
+from dlo_planner.inverse.hanging import crossings, hanging_shapes
 from dlo_planner.inverse.nested import nested_alignment
 from dlo_planner.inverse.plan import PlanStatus, first_part, waypoint_of
+from dlo_planner.inverse.route import find_route
 from dlo_planner.minimize.newton import NEUTRAL
+from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 
 _MAX_ITERATIONS = 60
-_LONGEST_STEP = 1 / 16   # of the length: depth steps of the continuation
-_SHORTEST_STEP = 1 / 1024
-_ROLLS = (0.1, -0.1, 0.2, -0.2, 0.35, -0.35, 0.5, -0.5)  # rad, tried between two waypoints
-_DOUBTFUL = 0.05  # stability below which another roll is looked for
+_ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
+_DOUBTFUL = 0.05    # stability below which another roll is looked for
+_FEW = 60           # waypoints at most where a way is only looked for
+_CURVES = 48        # depths at which a route is looked for
+_STARTS = 80, 24    # shapes looked at: set down in the natural shape, brought from an initial one
+_GETS_THERE = 0.05  # of a unit vector: the same shape, as far as the grid can tell
+_PREFERENCE = 0.01  # for a start without a turn, per rad^2, against rad^2 of motion on the way
+_ANY = Pose.looking_along((0, 0, 0), (1, 0, 0))
+_NO_WAY = ('equilibrium', 'stability', 'start', 'continuity')
+_ROUGH = 2e-3       # of the length: accuracy of a search
+_CHEAP = 130        # nodes: a simulator with more, or with an accuracy, is too slow for a search
+
+
+class Aligned:
+    """The shapes whose tangent, at each depth, is along a normal.
+
+    Args:
+        simulator: DirectSimulator
+        normal: (3,) unit vector
+        method: 'coupled' or 'nested', for waypoints; the quick one makes all steps between
+    """
+
+    def __init__(self, simulator, normal, method='coupled'):
+        self.simulator, self.normal = simulator, normal
+        self._align = {'coupled': aligned_shape, 'nested': _nested}[method]
+
+    def axis(self, shape):
+        """Return the axis (3,) of the free roll: the mean of the gripper's and the normal."""
+        return free_axis(shape.gripper.rotation, self.normal)
+
+    def at(self, before, depth, roll=0.0, final=False):
+        """Return the Passing at `depth`; see `following.Task`."""
+        reference = before.shape.gripper.rotation
+        if roll:
+            reference = Rotation.from_rotvec(
+                roll * self.axis(before.shape)).as_matrix() @ reference
+        return self.from_guess(before.shape, depth, reference, final)
+
+    def from_guess(self, guess, depth, reference, final=True):
+        """Return the Passing near a Shape, not turned about the free axis since `reference`."""
+        align = self._align if final else aligned_shape
+        s = self.simulator.rod.length - depth
+        shape = align(self.simulator, guess, s, self.normal, reference)
+        return None if shape is None else Passing(
+            shape, shape.gripper.position - shape.frame_at(s)[1])
+
+    def crossings(self, shapes, depth):
+        """Return where the shapes at `depth` cross the grid of HangingShapes."""
+        s = self.simulator.rod.length - depth
+        return crossings(shapes, shapes.at(s)[1], self.normal, s)
+
+
+@dataclass(frozen=True)
+class Threading:
+    """What is asked of a threading.
+
+    Attributes:
+        cutout: CutOut; depths: (n,) m
+        start: Pose whose roll is kept as far as can be, or None
+        initial: Shape before, or None; brief: Brief
+    """
+
+    cutout: CutOut
+    depths: np.ndarray
+    start: Pose | None
+    initial: object
+    brief: Brief
 
 
 def thread(simulator, cutout, depths, start, initial, method, brief):
     """Return the Plan; see `InverseSimulator.thread` for what the arguments mean.
 
-    Which roll of the DLO the threading begins with is free. If the plan that begins with the
-    first choice is refused, others are tried, unless all rolls are alike (round and straight).
+    Which roll of the DLO the threading begins with is free, and how it rolls on the way. The plan
+    that begins with the first choice and rolls only where it has to is tried first. If it is
+    refused, the sphere of all hanging shapes tells a better way, or that there is none. A way is
+    looked for with a simulator that is quick, whatever the accuracy asked for.
     """
-    refused = None
-    for first, reference in beginnings(simulator, cutout, start):
+    asked = Threading(cutout, depths, start, initial, brief)
+    quick = quick_simulator(simulator)
+    if quick is simulator:
+        return _search(simulator, asked, method)[0]
+    silent = replace(asked, brief=brief.silent())
+    _, begin, route = _search(quick, silent, 'coupled')
+    if begin is None:  # the first choice will do
+        begin = next(beginnings(simulator, cutout, start))
+    return _thread_from(simulator, asked, begin, route, method)
+
+
+def quick_simulator(simulator):
+    """Return a DirectSimulator of the same DLO that is quick, for searches; itself if it is."""
+    if simulator.accuracy is None and len(simulator.discretisation(_ANY, None).s) <= _CHEAP:
+        return simulator
+    around = simulator.surroundings
+    return DirectSimulator(around.rod, accuracy=_ROUGH * around.rod.length, gravity=around.gravity,
+                           load=around.load)
+
+
+def _search(simulator, asked, method):
+    """Return a Plan, what it begins with (None: the first choice), and its Route or None."""
+    begins = beginnings(simulator, asked.cutout, asked.start)
+    try:
+        return _thread_from(simulator, asked, next(begins), None, method), None, None
+    except Infeasible as error:
+        refused = error
+    few = _thinned(asked)
+    best = _depth(asked, refused), None, None
+    for begin, route in _other_ways(simulator, asked, begins, refused):
+        asked.brief.progress.check()
         try:
-            return _thread_from(first, reference, simulator, cutout, depths, initial, method, brief)
+            if few is not asked:
+                _thread_from(simulator, few, begin, route, 'coupled')
+            return _thread_from(simulator, asked, begin, route, method), begin, route
         except Infeasible as error:
-            if refused is None or _says_more(error, refused):
-                refused = error
+            depth = _depth(few if few is not asked else asked, error)
+            if depth > best[0]:
+                best, refused = (depth, begin, route), error
+    if few is not asked and best[1] is not None:  # the same at all depths, as evidence
+        return _thread_from(simulator, asked, *best[1:], method), *best[1:]
     raise refused
 
 
-def _says_more(one, other):
-    """Whether one Infeasible got farther than another, or got as far with a stable shape."""
-    return (one.waypoint, one.constraint == 'start') > (other.waypoint,
-                                                        other.constraint == 'start')
+def _other_ways(simulator, asked, begins, refused):
+    """Yield what else a threading may begin with, and a Route or None, after a refusal."""
+    if refused.constraint not in _NO_WAY:  # a demand: another roll may keep it
+        yield from ((begin, None) for begin in begins)
+        return
+    if rolls_are_alike(simulator):
+        return
+    shapes = hanging_shapes(simulator.surroundings, _nodes(simulator))
+    if shapes is None:
+        yield from ((begin, None) for begin in begins)
+        return
+    route = _route(simulator, shapes, asked)
+    if route is None:
+        return
+    guess = with_free_end(simulator, route.end)
+    yield (guess, guess.gripper.rotation, route.depths[0]), route
+    if route.complete:  # there is a way: what the grid tells about it may not have been enough
+        yield from ((begin, None) for begin in begins)
+
+
+def _nodes(simulator):
+    """Return nodes (N + 1,) for the grid's shapes."""
+    return simulator.discretisation(_ANY, None).s
+
+
+def _route(simulator, shapes, asked):
+    """Return the Route through the curves of all depths, or of some where there are many."""
+    task = Aligned(simulator, asked.cutout.normal)
+    depths = np.union1d(np.interp(np.linspace(0, 1, _CURVES), (0, 1), asked.depths[[0, -1]]),
+                        asked.depths[[0, -1]])
+    layers = [task.crossings(shapes, depth) for depth in depths]
+    return find_route(layers, depths, _starts(simulator, layers[0], asked), simulator.rod.length)
+
+
+def _starts(simulator, curve, asked):
+    """Return the cost (m,) of beginning at each of the Crossings; infinite where it cannot.
+
+    The DLO has to come into the shape by itself; of those it does, the gripper prefers the one in
+    which it is turned least against `start`.
+    """
+    cost = np.full(len(curve), np.inf)
+    most = _STARTS[asked.initial is not None]
+    for k in np.unique(np.linspace(0, len(curve) - 1, min(len(curve), most)).astype(int)):
+        gripper = Pose.from_rotation(asked.cutout.centre + curve.places[k], curve.grippers[k])
+        there = (simulator.solve(gripper) if asked.initial is None
+                 else simulator.track([gripper], initial=asked.initial)[0])
+        if there.converged and np.abs(there.frames[-1] - curve.ends[k]).max() < _GETS_THERE:
+            turn = 0.0 if asked.start is None else _angle_between(gripper, asked.start)
+            cost[k] = _PREFERENCE * turn**2
+    return cost
+
+
+def _angle_between(one, other):
+    cosine = 0.5 * (np.vdot(one.rotation, other.rotation) - 1)
+    return float(np.arccos(np.clip(cosine, -1, 1)))
+
+
+def _thinned(asked):
+    """Return the Threading at some of its depths only, and without reports of progress."""
+    if len(asked.depths) <= _FEW:
+        return asked
+    some = np.unique(np.linspace(0, len(asked.depths) - 1, _FEW).astype(int))
+    return replace(asked, depths=asked.depths[some], brief=asked.brief.silent())
+
+
+def _depth(asked, refused):
+    """Return a number by which refusals compare: how far they come."""
+    return asked.depths[refused.waypoint], refused.constraint == 'start'
 
 
 def kept_before(plan, cutout, wanted, may_end):
@@ -67,76 +237,81 @@ def kept_before(plan, cutout, wanted, may_end):
                      first_part(plan, index, PlanStatus.PARTIAL))
 
 
-def _thread_from(shape, reference, simulator, cutout, depths, initial, method, brief):
-    """Continue `shape` from depth 0, where the free end alone is prescribed, through all depths.
+def _thread_from(simulator, asked, begin, route, method):
+    """Return the Plan that continues a beginning through all depths.
 
-    Between waypoints in steps short enough to stay on one branch.
+    Args:
+        begin: Shape, reference (3, 3) for its roll, and its depth, m
+        route: Route that tells how to roll, or None
     """
-    length, normal = simulator.rod.length, cutout.normal
-    draft = Draft(depths, brief, initial=initial)
+    length, cutout, brief = simulator.rod.length, asked.cutout, asked.brief
+    draft = Draft(asked.depths, brief, initial=asked.initial)
     sheet = sheet_of(cutout, length, brief.obstacles)
-    align = {'coupled': aligned_shape, 'nested': _nested}[method]
+    task = Aligned(simulator, cutout.normal, method)
     alike = rolls_are_alike(simulator)
-    depth = 0.0
-    for wanted in depths:
-        found, depth = _reach(simulator, shape, depth, wanted, align, normal, reference)
-        refusal = _refusal(simulator, draft, found, wanted, depth)
-        doubtful = refusal is not None or found.stability < _DOUBTFUL
-        if doubtful and draft.waypoints and not alike:
-            found = _rolled(simulator, draft, wanted, align, normal, reference,
+    guess, reference, depth = begin
+    here = task.from_guess(guess, depth, reference)
+    for wanted in asked.depths:
+        brief.progress.check()
+        found, reached, too_far = (None, depth, 0.0) if here is None else follow(
+            task, here, depth, wanted, route)
+        before = here if draft.waypoints else None
+        refusal = _refusal(simulator, draft, before, found, wanted, reached, too_far)
+        doubtful = refusal is not None or found.shape.stability < _DOUBTFUL
+        if doubtful and draft.waypoints and not alike and route is None:
+            found = _rolled(simulator, draft, task, here, depth, wanted,
                             found if refusal is None else None)
         elif refusal is not None:
             found = None
         if found is None:
             raise refusal
-        shape, depth, reference = found, wanted, found.gripper.rotation
-        draft.add(waypoint_of(shape, cutout.centre, length - wanted, normal).inside(
+        here, depth = found, wanted
+        draft.add(waypoint_of(here.shape, cutout.centre, length - wanted, cutout.normal).inside(
             [cutout], [sheet], brief.radius))
     return draft.finished()
 
 
-def _refusal(simulator, draft, shape, wanted, depth):
-    """Return why a Shape, or None, cannot be the next waypoint at the depth `wanted`, or None."""
-    if shape is None:
-        return draft.refusal('equilibrium', wanted - depth, 'no equilibrium with the tangent '
-                             f'along the normal was found beyond depth {depth:g} m')
+def _refusal(simulator, draft, before, found, wanted, reached, too_far):
+    """Return why a Passing, or None, cannot be the next waypoint, or None.
+
+    Args:
+        before: Passing of the waypoint before, None at the first
+        wanted, reached: depth of the waypoint, and how far the DLO could be followed, m
+        too_far: m that the gripper would have to leap there
+    """
+    if found is None and too_far:
+        return draft.refusal('continuity', too_far, 'the gripper would have to leap at depth '
+                             f'{reached:.4g} m: the shapes that do the task turn back there')
+    if found is None:
+        return draft.refusal('equilibrium', wanted - reached, 'no equilibrium with the tangent '
+                             f'along the normal was found beyond depth {reached:g} m')
+    shape = found.shape
     if shape.stability < -NEUTRAL:
         return draft.refusal('stability', -shape.stability, 'the DLO would not stay in the shape '
                              f'that passes the cut-out; stability {shape.stability:.3g} < 0')
+    if before is not None:
+        length = shape.s[-1]
+        too_far = excess(before.gripper, found.gripper, draft.step / length, length)
+        if too_far:
+            return draft.refusal('continuity', too_far, 'the gripper would have to turn or move '
+                                 'too far since the waypoint before; closer waypoints may help')
     return refusal_for_leap(simulator, draft, shape)
 
 
-def _rolled(simulator, draft, wanted, align, normal, reference, best):
-    """Return the most stable Shape that will do, the gripper rolled on the way to it, or `best`."""
-    axis = free_axis(reference, normal)
-    for angle in _ROLLS:
-        turn = Rotation.from_rotvec(angle * axis).as_matrix()
-        found = align(simulator, draft.last, simulator.rod.length - wanted, normal,
-                      turn @ reference)
-        if found is None or best is not None and found.stability <= best.stability:
+def _rolled(simulator, draft, task, here, depth, wanted, best):
+    """Return the most stable Passing that will do, the gripper rolled on the way to it, or `best`.
+
+    Args:
+        here: Passing of the waypoint before, at `depth`, m
+    """
+    most = largest_turn((wanted - depth) / simulator.rod.length)
+    for part in _ROLLS:
+        found = task.at(here, wanted, part * most, True)
+        if found is None or best is not None and found.shape.stability <= best.shape.stability:
             continue
-        if _refusal(simulator, draft, found, wanted, wanted) is None:
+        if _refusal(simulator, draft, here, found, wanted, wanted, 0.0) is None:
             best = found
     return best
-
-
-def _reach(simulator, shape, depth, wanted, align, normal, reference):
-    """Return the aligned Shape at depth `wanted` and that depth; None and how far it came."""
-    length = simulator.rod.length
-    step = _LONGEST_STEP * length
-    while True:
-        target = min(wanted, depth + step)
-        # Steps between waypoints are guesses only, so the quick method makes them all.
-        way = align if target == wanted else aligned_shape
-        found = way(simulator, shape, length - target, normal, reference)
-        if found is not None:
-            shape, depth = found, target
-            if depth == wanted:
-                return shape, depth
-        elif step > _SHORTEST_STEP * length and target > depth:
-            step /= 2
-        else:
-            return None, depth
 
 
 def _angle(one, other):

@@ -1,0 +1,86 @@
+"""Following the shapes that do a task from one depth to another, without a leap.
+
+A task leaves the gripper one free rotation, a roll. At each depth the shapes that do it are a curve
+on the sphere of all hanging shapes (`inverse.hanging`); a step goes to the next curve, by Newton's
+method, with no roll or with one that is given.
+"""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.inverse.continuity import excess
+from dlo_planner.inverse.hanging import Crossings, HangingShapes
+
+_LONGEST_STEP = 1 / 16   # of the length
+_SHORTEST_STEP = 1 / 1024
+
+
+class Passing(NamedTuple):
+    """A Shape that does a task at some depth.
+
+    Attributes:
+        shape: Shape
+        place: (3,) the gripper's origin from the first centre, m
+        second: arc length that is at a second centre, m; None if there is none
+    """
+
+    shape: Shape
+    place: np.ndarray
+    second: float | None = None
+
+    @property
+    def gripper(self) -> tuple[np.ndarray, np.ndarray]:
+        """The gripper's rotation (3, 3) and its position (3,) from the first centre."""
+        return self.shape.gripper.rotation, self.place
+
+
+class Task(Protocol):
+    """What the shapes at a depth have to do."""
+
+    def axis(self, shape: Shape) -> np.ndarray:
+        """Return the axis (3,) of the roll that the task leaves free."""
+
+    def at(self, before: Passing, depth: float, roll: float, final: bool) -> Passing | None:
+        """Return the Passing at `depth` (m) near `before`, rolled by `roll` (rad), or None.
+
+        Args:
+            final: whether it will be a waypoint
+        """
+
+    def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
+        """Return where the curve of this depth crosses the grid."""
+
+
+def follow(task, here, depth, wanted, route=None):
+    """Continue a Passing from one depth to another, in steps that do not leap.
+
+    Args:
+        task: Task
+        here: Passing at `depth` (m)
+        wanted: depth where to go, m
+        route: Route that tells how to roll; None: not at all
+
+    Returns:
+        The Passing at `wanted`, or None; the depth that was reached; how far the gripper would have
+        had to leap there, m (0: no shape was found)
+    """
+    length = here.shape.s[-1]
+    step = longest = _LONGEST_STEP * length
+    while True:
+        target = depth + float(np.clip(wanted - depth, -step, step))
+        roll = 0.0 if route is None else route.roll(task, here, depth, target)
+        found = task.at(here, target, roll, target == wanted)
+        too_far = 0.0
+        if found is not None:
+            too_far = excess(here.gripper, found.gripper, (target - depth) / length, length)
+            if not too_far:
+                here, depth = found, target
+                if depth == wanted:
+                    return here, depth, 0.0
+                step = min(2 * step, longest)
+                continue
+        if step <= _SHORTEST_STEP * length or target == depth:
+            return None, depth, too_far
+        step /= 2

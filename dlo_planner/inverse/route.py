@@ -1,0 +1,90 @@
+"""The best way over the sphere of hanging shapes: from curve to curve, one for each depth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from dlo_planner.inverse.continuity import largest_turn
+
+_FARTHEST_TURN, _FARTHEST_SHIFT = 0.6, 0.3  # rad, of the length: what the grid cannot tell
+_WEAK, _DEAR = 0.05, 0.1  # stability below which a shape costs more, and how much
+_AHEAD = 0.05             # of the length: how far a route is looked along to smooth its rolls
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """A way through K curves.
+
+    Attributes:
+        depths: (K,) m, ascending
+        grippers: (K, 3, 3) rotations of the gripper, about
+        end: (3, 3) rotation of the free end where it begins, about
+        length: of the DLO, m
+        complete: whether it goes through all the curves that it was to go through
+    """
+
+    depths: np.ndarray
+    grippers: np.ndarray
+    end: np.ndarray
+    length: float
+    complete: bool
+
+    def roll(self, task, here, depth, target):
+        """Return the roll (rad) to make on the way from one depth to another, m.
+
+        It leads towards the route a little ahead: the grid's roughness averages out.
+        """
+        shape, ahead = here.shape, _AHEAD * self.length
+        wanted = self._gripper(target + ahead)
+        away = Rotation.from_matrix(wanted @ shape.gripper.rotation.T).as_rotvec()
+        step = abs(target - depth)
+        part = 1.0 if ahead + step == 0 else min(1.0, 2 * step / (ahead + step))
+        most = 0.5 * largest_turn(step / self.length)
+        return float(np.clip(part * (away @ task.axis(shape)), -most, most))
+
+    def _gripper(self, depth):
+        if len(self.depths) == 1:
+            return self.grippers[0]
+        depth = np.clip(depth, self.depths[0], self.depths[-1])
+        return Slerp(self.depths, Rotation.from_matrix(self.grippers))(depth).as_matrix()
+
+
+def find_route(layers, depths, first, length):
+    """Return the Route of least motion of the gripper, as deep as it goes; None if none begins.
+
+    Args:
+        layers: K Crossings, of the curves at `depths` (K,), m
+        first: (m,) cost of beginning at each crossing of the first curve; infinite: not there
+        length: of the DLO, m
+    """
+    if not np.isfinite(first).any():
+        return None
+    cost, way = first, []
+    for one, other in zip(layers, layers[1:], strict=False):
+        total = cost[:, None] + _motion(one, other, length) + _weakness(other)
+        if not len(other) or not np.isfinite(total).any():
+            break
+        way.append(np.argmin(total, axis=0))
+        cost = total.min(axis=0)
+    last = int(np.argmin(cost))
+    picks = [last]
+    for step in reversed(way):
+        picks.append(int(step[picks[-1]]))
+    picks.reverse()
+    grippers = np.array([layer.grippers[k] for layer, k in zip(layers, picks, strict=False)])
+    return Route(np.asarray(depths[:len(picks)]), grippers, layers[0].ends[picks[0]], length,
+                 len(picks) == len(layers))
+
+
+def _motion(one, other, length):
+    """Return the cost (m1, m2) of going from each crossing to each other one."""
+    trace = one.grippers.reshape(len(one), 9) @ other.grippers.reshape(len(other), 9).T
+    turn = np.arccos(np.clip(0.5 * (trace - 1), -1, 1))
+    shift = np.linalg.norm(one.places[:, None] - other.places, axis=2) / length
+    far = (turn > _FARTHEST_TURN) | (shift > _FARTHEST_SHIFT)
+    return np.where(far, np.inf, turn**2 + shift**2)
+
+
+def _weakness(crossings):
+    return _DEAR * np.clip(1 - crossings.stability / _WEAK, 0, 1) ** 2
