@@ -17,7 +17,7 @@ class Route:
     """A way through K curves.
 
     Attributes:
-        depths: (K,) m, ascending
+        depths: (K,) m, ascending or descending
         grippers: (K, 3, 3) rotations of the gripper, about
         end: (3, 3) rotation of the free end where it begins, about
         length: of the DLO, m
@@ -36,7 +36,7 @@ class Route:
         It leads towards the route a little ahead: the grid's roughness averages out.
         """
         shape, ahead = here.shape, _AHEAD * self.length
-        wanted = self._gripper(target + ahead)
+        wanted = self._gripper(target + (ahead if target >= depth else -ahead))
         away = Rotation.from_matrix(wanted @ shape.gripper.rotation.T).as_rotvec()
         step = abs(target - depth)
         part = 1.0 if ahead + step == 0 else min(1.0, 2 * step / (ahead + step))
@@ -46,38 +46,53 @@ class Route:
     def _gripper(self, depth):
         if len(self.depths) == 1:
             return self.grippers[0]
-        depth = np.clip(depth, self.depths[0], self.depths[-1])
-        return Slerp(self.depths, Rotation.from_matrix(self.grippers))(depth).as_matrix()
+        order = slice(None, None, 1 if self.depths[0] <= self.depths[-1] else -1)
+        depths, turns = self.depths[order], Rotation.from_matrix(self.grippers[order])
+        return Slerp(depths, turns)(np.clip(depth, depths[0], depths[-1])).as_matrix()
 
 
 def find_route(layers, depths, first, length):
     """Return the Route of least motion of the gripper, as deep as it goes; None if none begins.
 
     Args:
-        layers: K Crossings, of the curves at `depths` (K,), m
+        layers: K Crossings, of the curves at `depths` (K,), m, in the order in which they are gone
+            through
         first: (m,) cost of beginning at each crossing of the first curve; infinite: not there
         length: of the DLO, m
     """
+    costs, ways = sweep(layers, first, length)
     if not np.isfinite(first).any():
         return None
-    cost, way = first, []
-    for one, other in zip(layers, layers[1:], strict=False):
-        total = cost[:, None] + _motion(one, other, length) + _weakness(other)
-        if not len(other) or not np.isfinite(total).any():
-            break
-        way.append(np.argmin(total, axis=0))
-        cost = total.min(axis=0)
-    last = int(np.argmin(cost))
-    picks = [last]
-    for step in reversed(way):
-        picks.append(int(step[picks[-1]]))
-    picks.reverse()
+    picks = picked(ways, int(np.argmin(costs[-1])))
     grippers = np.array([layer.grippers[k] for layer, k in zip(layers, picks, strict=False)])
     return Route(np.asarray(depths[:len(picks)]), grippers, layers[0].ends[picks[0]], length,
                  len(picks) == len(layers))
 
 
-def _motion(one, other, length):
+def sweep(layers, first, length):
+    """Return costs [(m,)] of the best ways to each crossing, and where they come from [(m,)].
+
+    The lists end with the last curve that can be reached: dynamic programming (Bellman 1957).
+    """
+    costs, ways = [first], []
+    for one, other in zip(layers, layers[1:], strict=False):
+        total = costs[-1][:, None] + motion(one, other, length) + _weakness(other)
+        if not len(other) or not np.isfinite(total).any():
+            break
+        ways.append(np.argmin(total, axis=0))
+        costs.append(total.min(axis=0))
+    return costs, ways
+
+
+def picked(ways, last):
+    """Return the indices, one per curve, of the best way that ends at crossing `last`."""
+    picks = [last]
+    for way in reversed(ways):
+        picks.append(int(way[picks[-1]]))
+    return picks[::-1]
+
+
+def motion(one, other, length):
     """Return the cost (m1, m2) of going from each crossing to each other one."""
     trace = one.grippers.reshape(len(one), 9) @ other.grippers.reshape(len(other), 9).T
     turn = np.arccos(np.clip(0.5 * (trace - 1), -1, 1))

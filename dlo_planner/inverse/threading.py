@@ -112,6 +112,12 @@ def thread(simulator, cutout, depths, start, initial, method, brief):
     return _thread_from(simulator, asked, begin, route, method)
 
 
+def first_choice(simulator, asked):
+    """Return the Plan of a Threading that begins with the first choice and is followed as it is."""
+    return _thread_from(simulator, asked, next(beginnings(simulator, asked.cutout, asked.start)),
+                        None, 'coupled')
+
+
 def quick_simulator(simulator):
     """Return a DirectSimulator of the same DLO that is quick, for searches; itself if it is."""
     if simulator.accuracy is None and len(simulator.discretisation(_ANY, None).s) <= _CHEAP:
@@ -152,7 +158,7 @@ def _other_ways(simulator, asked, begins, refused):
         return
     if rolls_are_alike(simulator):
         return
-    shapes = hanging_shapes(simulator.surroundings, _nodes(simulator))
+    shapes = hanging_shapes(simulator.surroundings, grid_nodes(simulator))
     if shapes is None:
         yield from ((begin, None) for begin in begins)
         return
@@ -165,7 +171,7 @@ def _other_ways(simulator, asked, begins, refused):
         yield from ((begin, None) for begin in begins)
 
 
-def _nodes(simulator):
+def grid_nodes(simulator):
     """Return nodes (N + 1,) for the grid's shapes."""
     return simulator.discretisation(_ANY, None).s
 
@@ -189,12 +195,21 @@ def _starts(simulator, curve, asked):
     most = _STARTS[asked.initial is not None]
     for k in np.unique(np.linspace(0, len(curve) - 1, min(len(curve), most)).astype(int)):
         gripper = Pose.from_rotation(asked.cutout.centre + curve.places[k], curve.grippers[k])
-        there = (simulator.solve(gripper) if asked.initial is None
-                 else simulator.track([gripper], initial=asked.initial)[0])
-        if there.converged and np.abs(there.frames[-1] - curve.ends[k]).max() < _GETS_THERE:
+        if gets_there(simulator, gripper, curve.ends[k], asked.initial):
             turn = 0.0 if asked.start is None else _angle_between(gripper, asked.start)
             cost[k] = _PREFERENCE * turn**2
     return cost
+
+
+def gets_there(simulator, gripper, end, initial=None):
+    """Whether the DLO comes by itself into the shape whose free end has the frame `end` (3, 3).
+
+    Args:
+        gripper: Pose; initial: Shape before, or None: it is set down in its natural shape
+    """
+    there = (simulator.solve(gripper) if initial is None
+             else simulator.track([gripper], initial=initial)[0])
+    return there.converged and np.abs(there.frames[-1] - end).max() < _GETS_THERE
 
 
 def _angle_between(one, other):

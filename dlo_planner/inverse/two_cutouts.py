@@ -4,218 +4,345 @@ Until the free end reaches the second cut-out, the DLO passes the first one alon
 from then on it passes both centres at once. The direction is the one it has at the moment of the
 change, so that the gripper's way is continuous. As gravity does not notice where the gripper is,
 its rotation and one arc length are solved for, x(s2) - x(s1) = P2 - P1, and it is displaced after.
+Each cut-out is passed in its direction, be it obliquely.
 """
 
-import numpy as np
-from scipy.spatial.transform import Rotation
+from dataclasses import dataclass, replace
+from functools import cached_property
 
-from dlo_planner.direct.continuation import shape_change
-from dlo_planner.direct.sensitivity import Sensitivity
+import numpy as np
+
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.aligned import free_axis
-from dlo_planner.inverse.beginnings import rolls_are_alike
+from dlo_planner.inverse.beginnings import with_free_end
 from dlo_planner.inverse.clearance import sheet_of
-from dlo_planner.inverse.continuity import refusal_for_leap
+from dlo_planner.inverse.continuity import excess, refusal_for_leap
 from dlo_planner.inverse.draft import Brief, Draft
+from dlo_planner.inverse.following import Passing, follow
+from dlo_planner.inverse.hanging import hanging_shapes
 from dlo_planner.inverse.plan import waypoint_of
-from dlo_planner.inverse.threading import aligned_shape, thread
+from dlo_planner.inverse.route import Route, motion, picked, sweep
+from dlo_planner.inverse.threading import (
+    Aligned,
+    Threading,
+    first_choice,
+    gets_there,
+    grid_nodes,
+    quick_simulator,
+)
+from dlo_planner.inverse.two_points import TwoPoints
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.ritz.arc import rotation_and_chord
 
-_ITERATIONS = 30
-_EXACT = 1e-10          # of the length
-_CHORD = 1e-5           # of the length
-_LARGEST_TURN = 0.3     # rad per step
-_LONGEST_STEP = 1 / 20  # of the length: depth steps of the continuation
-_SHORTEST_STEP = 1 / 2000
-_LEAP = 1.0             # rad: a change of shape between waypoints that is no continuation
 _GUESSES = 9
-_ROLLS = 6               # with which it may begin
+_CURVES = 24        # depths at which a route is looked for, before the change and after it
+_CHANGES = 12       # changes that are tried
+_UNLIKE = 0.3       # rad: between the grippers of two that are tried
+_BEGINNINGS = 12    # of a way back that are looked at
+
+
+@dataclass(frozen=True)
+class Change:
+    """Where the motion changes: the free end is at the second centre.
+
+    Attributes:
+        passing: Passing; depth: m, in the first cut-out
+        back, on: Route before and after it, or None
+    """
+
+    passing: Passing
+    depth: float
+    back: Route | None = None
+    on: Route | None = None
+
+
+@dataclass(frozen=True)
+class Pair:
+    """What is asked of a threading through two cut-outs.
+
+    Attributes:
+        first, second: CutOut; depths: (n,) in the first one, m
+        start: Pose whose roll is kept as far as can be, or None; brief: Brief
+    """
+
+    first: CutOut
+    second: CutOut
+    depths: np.ndarray
+    start: Pose | None
+    brief: Brief
+
+    @property
+    def way(self):
+        """(3,) from the first centre to the second, m."""
+        return self.second.centre - self.first.centre
 
 
 def thread_two(simulator, first, second, depths, start, brief):
-    """Return the Plan; see `InverseSimulator.thread_two` for what the arguments mean."""
-    way = second.centre - first.centre
-    length, apart = simulator.rod.length, float(np.linalg.norm(way))
-    if apart < 1e-6 * length:
+    """Return the Plan; see `InverseSimulator.thread_two` for what the arguments mean.
+
+    As in `thread`, a way is looked for with a quick simulator, first by following one shape, then
+    on the sphere of all.
+    """
+    asked = Pair(first, second, depths, start, brief)
+    if np.linalg.norm(asked.way) < 1e-6 * simulator.rod.length:
         raise InvalidTask('second: expected another centre than the first cut-out\'s')
-    refused = None
-    for begin in _rolled(simulator, way, start):
+    quick = quick_simulator(simulator)
+    plan, change = _search(quick, asked if quick is simulator else
+                           replace(asked, brief=brief.silent()))
+    if quick is simulator:
+        return plan
+    refined = _refined(simulator, asked, change)
+    if refined is None:
+        raise _unreached(simulator, asked)
+    return _thread_through(simulator, asked, refined)
+
+
+def _search(simulator, asked):
+    """Return a Plan and the Change that it makes."""
+    refused, shapes = None, _Sphere(simulator)
+    for change in _changes(simulator, asked, shapes):
+        asked.brief.progress.check()
         try:
-            return _thread_from(simulator, first, second, depths, begin, brief)
+            return _thread_through(simulator, asked, change), change
         except Infeasible as error:
             if refused is None or error.waypoint > refused.waypoint:
                 refused = error
-    raise refused
+    raise refused or _unreached(simulator, asked, shapes.known)
 
 
-def _rolled(simulator, way, start):
-    """Yield Poses, or None, against whose roll the DLO is turned least: first as it is wanted."""
-    yield start
-    if rolls_are_alike(simulator):
-        return
-    upright = Pose.looking_along((0.0, 0.0, 0.0), way) if start is None else start
-    for k in range(1, _ROLLS):
-        turn = Rotation.from_rotvec(2 * np.pi * k / _ROLLS * upright.direction).as_matrix()
-        yield Pose.from_rotation(upright.position, turn @ upright.rotation)
+class _Sphere:
+    """All hanging shapes of a simulator's DLO, if they are needed: made once."""
+
+    def __init__(self, simulator):
+        self._simulator = simulator
+
+    @cached_property
+    def known(self):
+        """HangingShapes, or None where there is no such sphere."""
+        return hanging_shapes(self._simulator.surroundings, grid_nodes(self._simulator))
 
 
-def _thread_from(simulator, first, second, depths, start, brief):
-    """Return the Plan that begins with the roll of `start`, a Pose or None."""
-    way = second.centre - first.centre
-    length, apart = simulator.rod.length, float(np.linalg.norm(way))
-    shape, reached = _change_over(simulator, first, way, apart, start)
-    if shape is None:
-        raise Infeasible(f'no stable shape passes both centres, {apart:g} m apart, as the free end '
-                         'reaches the second one', int(np.searchsorted(depths, apart)), 'reach',
-                         reached, Draft(depths, brief).partial())
-    direction = shape.at(length - reached).direction
-    before = [depth for depth in depths if depth < reached]
-    found = [None] * len(depths)
-    current, at = shape, reached
-    for index in reversed(range(len(before))):
-        current, at = _follow(current, at, depths[index], _one(simulator, direction), length)
-        found[index] = (current, length - depths[index], None)
-        if not _good(current):
-            break
-    current, at, s2 = shape, reached, length
-    for index in range(len(before), len(depths)):
-        step = _both(simulator, way, [s2])
-        current, at = _follow(current, at, depths[index], step, length)
-        s2 = step.s2[0]
-        found[index] = (current, length - depths[index], s2)
-        if not _good(current):
-            break
-    return _judged(simulator, found, first, second, depths, brief)
+def _changes(simulator, asked, shapes):
+    """Yield Changes: first the one that following a single shape finds, if it does."""
+    change = _straight_there(simulator, asked)
+    if change is not None:
+        yield change
+    if shapes.known is not None:
+        yield from _other_changes(simulator, asked, shapes.known)
 
 
-def _judged(simulator, found, first, second, depths, brief):
-    """Return the Plan of all waypoints, or raise Infeasible at the first that is not to be had."""
-    length, draft = simulator.rod.length, Draft(depths, brief)
-    sheets = [sheet_of(cutout, length, brief.obstacles) for cutout in (first, second)]
-    for one in found:
-        shape = one[0] if one is not None else None
-        if not _good(shape):
-            if shape is not None and shape.stability < -NEUTRAL:
-                raise draft.refusal('stability', -shape.stability, 'the DLO would not stay there; '
-                                    f'stability {shape.stability:.3g} < 0')
-            raise draft.refusal('equilibrium', depths[len(draft.waypoints)],
-                                'no equilibrium passes the centres')
-        refusal = refusal_for_leap(simulator, draft, shape)
-        if refusal is not None:
-            raise refusal
-        waypoint = waypoint_of(shape, first.centre, one[1], None)
-        if one[2] is not None:
-            waypoint = waypoint.also(second.centre, one[2])
-        draft.add(waypoint.inside([first, second], sheets, brief.radius))
-    return draft.finished()
+def _unreached(simulator, asked, shapes=None):
+    """Return Infeasible: both centres cannot be passed at once."""
+    apart = float(np.linalg.norm(asked.way))
+    missing = max(apart - simulator.rod.length, 0.0)
+    if shapes is not None:
+        missing = TwoPoints(simulator, asked.way).least_miss(shapes)
+    waypoint = min(int(np.searchsorted(asked.depths, apart)), len(asked.depths) - 1)
+    return Infeasible(f'no stable shape was found that passes both centres, {apart:g} m apart, in '
+                      'their directions as the free end reaches the second one', waypoint, 'reach',
+                      missing, Draft(asked.depths, asked.brief).partial())
 
 
-def _good(shape):
-    return shape is not None and shape.converged
-
-
-def _change_over(simulator, first, way, apart, start):
-    """Return the Shape whose free end is at the second centre, and its depth in the first."""
-    length = simulator.rod.length
-    along = CutOut(Pose.looking_along(first.centre, way))
+def _straight_there(simulator, asked):
+    """Return the Change found from a threading along the way to the second centre, or None."""
+    length, apart = simulator.rod.length, float(np.linalg.norm(asked.way))
+    along = CutOut(Pose.looking_along(asked.first.centre, asked.way))
     for share in np.linspace(1.0, 1.4, _GUESSES):
         depth = share * apart
         if depth >= length:
-            break
+            return None
+        asked.brief.progress.check()
         try:
-            plan = thread(simulator, along, np.linspace(0, depth, 6), start, None, 'coupled',
-                          Brief((1.0, 1.0)))
+            plan = first_choice(simulator, Threading(along, np.linspace(0, depth, 6), asked.start,
+                                                     None, Brief((1.0, 1.0))))
         except Infeasible:
             continue
-        guess = plan.shapes[-1]
-        found = _two_points(simulator, guess, way, length - depth, length, 'first')
-        if found is not None and found[0].converged:
-            return found[0], length - found[1]
-    return None, apart
+        found = TwoPoints(simulator, asked.way).from_end(plan.shapes[-1], depth)
+        if found is not None:
+            return Change(*found)
+    return None
 
 
-def _follow(shape, depth, wanted, solve, length):
-    """Continue from one depth to another in short steps; return the last Shape and depth."""
-    step = _LONGEST_STEP * length
-    while depth != wanted:
-        target = depth + np.clip(wanted - depth, -step, step)
-        found = solve(shape, length - target)
-        if found is not None and shape_change(shape, found) < _LEAP:
-            shape, depth = found, target
-        elif step > _SHORTEST_STEP * length:
-            step /= 2
-        else:
-            return found, depth
-    return shape, depth
+def _refined(simulator, asked, change):
+    """Return the same Change, found with another simulator, or None."""
+    shape = simulator.solve(change.passing.shape.gripper, change.passing.shape)
+    if not shape.converged:
+        return None
+    found = TwoPoints(simulator, asked.way).from_end(shape, change.depth)
+    return None if found is None else replace(change, passing=found[0], depth=found[1])
 
 
-def _one(simulator, direction):
-    """Return a function (shape, s1) -> Shape with its tangent at s1 along `direction`, or None."""
-    def solve(shape, s1):
-        return aligned_shape(simulator, shape, s1, direction, shape.gripper.rotation)
-    return solve
+def _thread_through(simulator, asked, change):
+    """Return the Plan that goes through a Change, before and after it."""
+    length, depths = simulator.rod.length, asked.depths
+    direction = change.passing.shape.frame_at(length - change.depth)[0][:, 0]
+    found = {}
+    for task, route, order in (
+            (Aligned(simulator, direction), change.back,
+             np.flatnonzero(depths < change.depth)[::-1]),
+            (TwoPoints(simulator, asked.way), change.on, np.flatnonzero(depths >= change.depth))):
+        here, depth = change.passing, change.depth
+        for index in order:
+            asked.brief.progress.check()
+            here, depth, too_far = follow(task, here, depth, depths[index], route)
+            found[index] = here, depth, too_far
+            if here is None:
+                break
+    return _judged(simulator, asked, change, found)
 
 
-def _both(simulator, way, s2):
-    """Return a function (shape, s1) -> Shape through both centres; its list s2 has the other s."""
-    def solve(shape, s1):
-        found = _two_points(simulator, shape, way, s1, solve.s2[0], 'second')
-        if found is None:
-            return None
-        solve.s2[0] = found[2]
-        return found[0]
-    solve.s2 = s2
-    return solve
-
-
-def _two_points(simulator, shape, way, s1, s2, free):
-    """Find the gripper's rotation and an arc length such that x(s2) - x(s1) = `way`.
-
-    Newton's method with the sensitivities of the equilibrium. The rotation that is left free, about
-    the line between the points, is not made.
+def _judged(simulator, asked, change, found):
+    """Return the Plan of all waypoints, or raise Infeasible at the first that is not to be had.
 
     Args:
-        free: 'first' or 'second': which of s1 and s2 is sought
-
-    Returns:
-        Shape, s1, s2; None if there is none
+        found: dict of index -> (Passing or None, depth that was reached, m, leap in m)
     """
+    length, draft = simulator.rod.length, Draft(asked.depths, asked.brief)
+    cutouts = [asked.first, asked.second]
+    sheets = [sheet_of(cutout, length, asked.brief.obstacles) for cutout in cutouts]
+    before = None
+    for index, depth in enumerate(asked.depths):
+        missing = None, change.depth, 0.0  # the way back to it ended before it
+        here, reached, too_far = found.get(index, missing)
+        refusal = _refusal(simulator, asked, draft, before, here, abs(depth - reached), too_far)
+        if refusal is not None:
+            raise refusal
+        second = here.second if depth >= change.depth else None
+        waypoint = waypoint_of(here.shape, asked.first.centre, length - depth, None)
+        if second is not None:
+            waypoint = waypoint.also(asked.second.centre, second)
+        draft.add(waypoint.inside(cutouts, sheets, asked.brief.radius))
+        before = here
+    return draft.finished()
+
+
+def _refusal(simulator, asked, draft, before, here, missing, too_far):
+    """Return why a Passing, or None, cannot be the next waypoint, or None.
+
+    Args:
+        before: Passing of the waypoint before, or None
+        missing: m of depth that it could not be followed; too_far: m that it would have to leap
+    """
+    if here is None and too_far:
+        return draft.refusal('continuity', too_far, 'the gripper would have to leap: the shapes '
+                             'that pass the centres turn back there')
+    if here is None:
+        return draft.refusal('equilibrium', missing, 'no equilibrium that passes the centres was '
+                             'found')
+    shape = here.shape
+    if shape.stability < -NEUTRAL:
+        return draft.refusal('stability', -shape.stability, 'the DLO would not stay there; '
+                             f'stability {shape.stability:.3g} < 0')
     length = shape.s[-1]
-    axis = free_axis(shape.gripper.rotation, way / np.linalg.norm(way))
-    rows, turned = None, 0.0
-    turn, chord = np.empty((3, 3)), np.empty(3)
-    for _ in range(_ITERATIONS):
-        (one, begin), (other, end) = shape.frame_at(s1), shape.frame_at(s2)
-        miss = end - begin - way
-        size = np.linalg.norm(miss)
-        if size < _EXACT * length and abs(turned) < 1e-9:
-            return shape, s1, s2
-        if rows is None or size > _CHORD * length:  # so near, the last derivatives will do
-            answer = Sensitivity(shape)
-            rows = np.zeros((4, 4))
-            rows[:3, :3] = answer.at(s2)[3:, :3] - answer.at(s1)[3:, :3]
-            rows[:3, 3] = -one[:, 0] if free == 'first' else other[:, 0]
-            rows[3, :3] = axis
-        try:
-            step = np.linalg.solve(rows, np.append(-miss, -turned))
-        except np.linalg.LinAlgError:
+    depth = asked.depths[len(draft.waypoints)]
+    passes = [('first', asked.first, length - depth)]
+    if here.second is not None:
+        passes.append(('second', asked.second, here.second))
+    for name, cutout, s in passes:
+        along = float(shape.frame_at(s)[0][:, 0] @ cutout.normal)
+        if along <= 0:
+            return draft.refusal('direction', -along, f'the DLO would pass the {name} cut-out '
+                                 'against its direction')
+    if before is not None:
+        leap = excess(before.gripper, here.gripper, draft.step / length, length)
+        if leap:
+            return draft.refusal('continuity', leap, 'the gripper would have to turn or move too '
+                                 'far since the waypoint before; closer waypoints may help')
+    return refusal_for_leap(simulator, draft, shape)
+
+
+def _other_changes(simulator, asked, shapes):
+    """Yield Changes with their Routes, found among all HangingShapes, the best first."""
+    task = TwoPoints(simulator, asked.way)
+    changes, depths = task.last_crossings(shapes)
+    along = _directions(shapes, changes, simulator.rod.length - depths)
+    right = (along @ asked.first.normal > 0) & (changes.ends[:, :, 0] @ asked.second.normal > 0)
+    changes, depths, along = changes.chosen(right), depths[right], along[right]
+    ways_on = _ways_on(task, shapes, changes, depths, asked)
+    for k in _unlike(changes, np.array([cost for cost, _ in ways_on])):
+        asked.brief.progress.check()
+        back = _way_back(simulator, shapes, changes.chosen([k]), depths[k], along[k], asked)
+        if back is None:
+            continue
+        guess = with_free_end(simulator, changes.ends[k])
+        shape = simulator.solve(guess.gripper, guess)
+        found = task.from_end(shape, depths[k]) if shape.converged else None
+        if found is not None:
+            yield Change(*found, back, ways_on[k][1])
+
+
+def _directions(shapes, changes, s):
+    """Return the tangents (m, 3) of Crossings at arc lengths s (m,), about."""
+    a = changes.pairs[:, 0]
+    turns = changes.grippers @ np.swapaxes(shapes.frames[a, 0], 1, 2)
+    return np.array([turn @ shapes.frames[k, np.searchsorted(shapes.s, at), :, 0]
+                     for turn, k, at in zip(turns, a, s, strict=True)]).reshape(-1, 3)
+
+
+def _unlike(changes, costs):
+    """Yield indices of changes, the cheapest first, without those like one before."""
+    taken = []
+    for k in np.argsort(costs):
+        if not np.isfinite(costs[k]) or len(taken) == _CHANGES:
+            return
+        cosines = [0.5 * (np.vdot(changes.grippers[k], changes.grippers[j]) - 1) for j in taken]
+        if max(cosines, default=-1.0) < np.cos(_UNLIKE):
+            taken.append(k)
+            yield k
+
+
+def _ways_on(task, shapes, changes, depths, asked):
+    """Return [(cost, Route or None)] of going on from each change to the deepest waypoint."""
+    length, deepest = shapes.s[-1], asked.depths[-1]
+    if not len(changes):
+        return []
+    grid = np.linspace(depths.min(), deepest, _CURVES)[1:]
+    if deepest <= depths.min():
+        return [(0.0, None)] * len(changes)
+    layers = [task.crossings(shapes, depth) for depth in grid[::-1]]
+    costs, ways = sweep(layers, np.zeros(len(layers[0])), length)
+    found = []
+    for k, depth in enumerate(depths):
+        later = grid[::-1] > depth
+        if not later.any():
+            found.append((0.0, None))
+            continue
+        last = int(later.sum()) - 1  # the curve right after the change, in the order of the sweep
+        if last >= len(costs):
+            found.append((np.inf, None))
+            continue
+        total = motion(changes.chosen([k]), layers[last], length)[0] + costs[last]
+        best = int(np.argmin(total)) if total.size else 0
+        if not total.size or not np.isfinite(total[best]):
+            found.append((np.inf, None))
+            continue
+        picks = picked(ways[:last], best)[::-1]
+        grippers = [changes.grippers[k], *(layers[last - i].grippers[pick]
+                                           for i, pick in enumerate(picks))]
+        route = Route(np.append(depth, grid[::-1][:last + 1][::-1]), np.array(grippers),
+                      changes.ends[k], length, True)
+        found.append((float(total[best]), route))
+    return found
+
+
+def _way_back(simulator, shapes, change, depth, direction, asked):
+    """Return the Route from a change (Crossings of one) to where the DLO begins, or None."""
+    length, first = simulator.rod.length, asked.depths[0]
+    if first >= depth:
+        return Route(np.array([depth]), change.grippers, change.ends[0], length, True)
+    task = Aligned(simulator, direction)
+    grid = np.linspace(depth, first, _CURVES)
+    layers = [change, *(task.crossings(shapes, one) for one in grid[1:])]
+    costs, ways = sweep(layers, np.zeros(1), length)
+    if len(costs) < len(layers):
+        return None
+    for best in np.argsort(costs[-1])[:_BEGINNINGS]:
+        if not np.isfinite(costs[-1][best]):
             return None
-        step *= min(1.0, _LARGEST_TURN / max(np.linalg.norm(step[:3]), 1e-300),
-                    0.1 * length / max(abs(step[3]), 1e-300))
-        rotation_and_chord(step[0], step[1], step[2], 1.0, turn, chord)
-        turned += axis @ step[:3]
-        if free == 'first':
-            s1 = s1 + step[3]
-        else:
-            s2 = s2 + step[3]
-        if not (0 <= s1 < s2 <= length * (1 + 1e-12)):
-            return None
-        s2 = min(s2, length)
-        gripper = Pose.from_rotation(shape.gripper.position, turn @ shape.gripper.rotation)
-        shape = simulator.solve(gripper, shape)
-        if not shape.converged:
-            return None
+        gripper = Pose.from_rotation(layers[-1].places[best], layers[-1].grippers[best])
+        if gets_there(simulator, gripper, layers[-1].ends[best]):
+            picks = picked(ways, int(best))
+            return Route(grid, np.array([layer.grippers[pick] for layer, pick in
+                                         zip(layers, picks, strict=True)]),
+                         layers[-1].ends[best], length, True)
     return None
