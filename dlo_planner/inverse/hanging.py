@@ -222,6 +222,5 @@ def _headings(vectors, goal, up):
 
 
 def _orthonormal(frames):
-    """Return the rotations (m, 3, 3) nearest to nearly orthonormal matrices."""
-    left, _, right = np.linalg.svd(frames)
-    return left @ right
+    """Return (m, 3, 3) nearly orthonormal matrices made more so, by a step of Newton's method."""
+    return frames @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(frames, 1, 2) @ frames)

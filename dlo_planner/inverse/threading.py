@@ -27,7 +27,8 @@ _MAX_ITERATIONS = 60
 _ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
 _DOUBTFUL = 0.05    # stability below which another roll is looked for
 _FEW = 60           # waypoints at most where a way is only looked for
-_CURVES = 48        # depths at which a route is looked for
+_ELEMENTS = 32       # of a shape on the grid
+_CURVES = 32        # depths at which a route is looked for
 _STARTS = 80, 24    # shapes looked at: set down in the natural shape, brought from an initial one
 _GETS_THERE = 0.05  # of a unit vector: the same shape, as far as the grid can tell
 _PREFERENCE = 0.01  # for a start without a turn, per rad^2, against rad^2 of motion on the way
@@ -172,8 +173,9 @@ def _other_ways(simulator, asked, begins, refused):
 
 
 def grid_nodes(simulator):
-    """Return nodes (N + 1,) for the grid's shapes."""
-    return simulator.discretisation(_ANY, None).s
+    """Return nodes (N + 1,) for the grid's shapes, about _ELEMENTS elements."""
+    s = simulator.discretisation(_ANY, None).s
+    return s[np.unique(np.linspace(0, s.size - 1, min(s.size, _ELEMENTS + 1)).astype(int))]
 
 
 def _route(simulator, shapes, asked):

@@ -35,8 +35,8 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 
 _GUESSES = 9
-_CURVES = 24        # depths at which a route is looked for, before the change and after it
-_CHANGES = 12       # changes that are tried
+_CURVES = 16        # depths at which a route is looked for, before the change and after it
+_CHANGES = 8        # changes that are tried
 _UNLIKE = 0.3       # rad: between the grippers of two that are tried
 _BEGINNINGS = 12    # of a way back that are looked at
 
@@ -176,6 +176,9 @@ def _thread_through(simulator, asked, change):
     """Return the Plan that goes through a Change, before and after it."""
     length, depths = simulator.rod.length, asked.depths
     direction = change.passing.shape.frame_at(length - change.depth)[0][:, 0]
+    along = float(direction @ asked.first.normal)
+    if along <= 0 and depths[0] < change.depth:  # it is passed along `direction` from the beginning
+        raise _direction_refusal(Draft(depths, asked.brief), 'first', along)
     found = {}
     for task, route, order in (
             (Aligned(simulator, direction), change.back,
@@ -186,9 +189,29 @@ def _thread_through(simulator, asked, change):
             asked.brief.progress.check()
             here, depth, too_far = follow(task, here, depth, depths[index], route)
             found[index] = here, depth, too_far
-            if here is None:
+            if here is None or _against(asked, here, depth) is not None:
                 break
+        if len(found) < np.sum(depths < change.depth):
+            break  # it is refused before the change
     return _judged(simulator, asked, change, found)
+
+
+def _against(asked, here, depth):
+    """Return the name of a cut-out that a Passing passes against its direction, and its cosine."""
+    length = here.shape.s[-1]
+    passes = [('first', asked.first, length - depth)]
+    if here.second is not None:
+        passes.append(('second', asked.second, here.second))
+    for name, cutout, s in passes:
+        along = float(here.shape.frame_at(s)[0][:, 0] @ cutout.normal)
+        if along <= 0:
+            return name, along
+    return None
+
+
+def _direction_refusal(draft, name, along):
+    return draft.refusal('direction', -along, f'the DLO would pass the {name} cut-out against its '
+                         'direction')
 
 
 def _judged(simulator, asked, change, found):
@@ -235,14 +258,9 @@ def _refusal(simulator, asked, draft, before, here, missing, too_far):
                              f'stability {shape.stability:.3g} < 0')
     length = shape.s[-1]
     depth = asked.depths[len(draft.waypoints)]
-    passes = [('first', asked.first, length - depth)]
-    if here.second is not None:
-        passes.append(('second', asked.second, here.second))
-    for name, cutout, s in passes:
-        along = float(shape.frame_at(s)[0][:, 0] @ cutout.normal)
-        if along <= 0:
-            return draft.refusal('direction', -along, f'the DLO would pass the {name} cut-out '
-                                 'against its direction')
+    against = _against(asked, here, depth)
+    if against is not None:
+        return _direction_refusal(draft, *against)
     if before is not None:
         leap = excess(before.gripper, here.gripper, draft.step / length, length)
         if leap:
