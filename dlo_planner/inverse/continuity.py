@@ -55,15 +55,15 @@ def leap(simulator, before, shape):
         there = simulator.track([shape.gripper], initial=before)[0]
     if there.converged and not there.jumped and same(there, shape):
         return 0.0
-    return max(_apart(there, shape), _SAME * shape.s[-1])
+    return max(apart(there, shape), _SAME * shape.s[-1])
 
 
 def same(one, other):
     """Whether two Shapes in the same gripper, on any meshes, are the same."""
-    return _apart(one, other) < _SAME * one.s[-1]
+    return apart(one, other) < _SAME * one.s[-1]
 
 
-def _apart(one, other):
+def apart(one, other):
     """Return the largest distance (m) of some of their points."""
     samples = _SAMPLES * min(one.s[-1], other.s[-1])
     away = one.positions_at(samples) - other.positions_at(samples)
@@ -72,13 +72,13 @@ def _apart(one, other):
 
 def refusal_for_leap(simulator, draft, shape):
     """Return Infeasible if the next waypoint of a Draft cannot have this Shape, else None."""
-    apart = leap(simulator, draft.last, shape)
-    if not apart:
+    away = leap(simulator, draft.last, shape)
+    if not away:
         return None
     if not draft.waypoints:
         why = ('set down there in its natural shape' if draft.last is None
                else 'brought there from its initial shape')
-        return draft.refusal('start', apart, 'a stable shape does the task, but the DLO, '
+        return draft.refusal('start', away, 'a stable shape does the task, but the DLO, '
                              f'{why}, falls into another one')
-    return draft.refusal('continuity', apart, 'the DLO would fall into another shape on the way '
+    return draft.refusal('continuity', away, 'the DLO would fall into another shape on the way '
                          'there; closer waypoints may help')

@@ -9,11 +9,12 @@ DLO cannot reach the sheet at all.
 
 import numpy as np
 
-from dlo_planner.direct.continuation import between, shape_change
+from dlo_planner.direct.continuation import between
 from dlo_planner.errors import Infeasible
-from dlo_planner.inverse.continuity import same
+from dlo_planner.inverse.continuity import apart, same
 from dlo_planner.inverse.draft import Draft
 from dlo_planner.inverse.plan import Waypoint
+from dlo_planner.inverse.quick import quick_simulator
 from dlo_planner.model.pose import Pose
 
 _MARGIN = 0.02        # of the length
@@ -35,14 +36,20 @@ def start_phase(simulator, cutout, start, first, standoff, initial, brief):
     """
     behind = float((cutout.centre - start.position) @ cutout.normal)
     back = max(0.0, (1 + _MARGIN) * simulator.rod.length + brief.radius - behind)
+    quick = quick_simulator(simulator)
+    own = quick is simulator
+    end = first if own else quick.solve(first.gripper, first)
     refused = None
     for share in _SHARES if back else (0.0,):
         try:
-            return _from_behind(simulator, cutout, start, first, standoff, initial, brief,
-                                share * back)
+            plan = _from_behind(quick, cutout, start, end, standoff, initial,
+                                brief if own else brief.silent(), share * back)
         except Infeasible as error:
             if refused is None or error.waypoint >= refused.waypoint:
                 refused = error
+            continue
+        return plan if own else _from_behind(simulator, cutout, start, first, standoff, initial,
+                                             brief, share * back)
     raise refused
 
 
@@ -53,15 +60,20 @@ def _from_behind(simulator, cutout, start, first, standoff, initial, brief, back
                     back)
     draft = Draft(np.zeros(len(way)), brief, 'start phase, waypoint')
     for gripper, wanted in way:
+        brief.progress.check()
         initial = simulator.track([gripper], initial=initial)[0]
         if not initial.converged:
-            raise draft.refusal('equilibrium', initial.residual, 'no stable shape is found')
+            raise draft.refusal('equilibrium', _way_left(way[len(draft.waypoints):]),
+                                'no stable shape is found')
+        if initial.jumped and draft.waypoints:
+            raise draft.refusal('continuity', apart(initial, draft.last), 'the DLO would fall into '
+                                'another shape on the way there')
         room = float(((cutout.centre - initial.positions) @ normal).min()) - brief.radius
         if room < wanted:
             raise draft.refusal('clearance', wanted - room, 'the DLO is not behind the sheet' if
                                 room < 0 else f'the DLO would turn {room:.3g} m behind the sheet')
         if len(draft.waypoints) == len(way) - 1 and not same(initial, first):
-            raise draft.refusal('start', shape_change(initial, first), 'the DLO does not come into '
+            raise draft.refusal('start', apart(initial, first), 'the DLO does not come into '
                                 'the shape in which the threading begins')
         behind = room if wanted >= 0 else np.inf  # else it is in the hole
         draft.add(Waypoint(initial, clearances=((np.inf, behind, np.inf),)))
@@ -86,6 +98,12 @@ def _stations(cutout, start, first, standoff, radius, length, back):
     entering = [(pose, 0.0) for pose in _way(before, first, length)] or [stations.pop()]
     entering[-1] = (entering[-1][0], hole)
     return stations + entering
+
+
+def _way_left(stations):
+    """Return how far (m) the gripper has still to go through stations [(Pose, room)]."""
+    positions = np.array([pose.position for pose, _ in stations])
+    return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
 
 
 def _way(one, other, length):

@@ -3,78 +3,29 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.statics import TOLERANCE, shape_of
-from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.errors import Infeasible
-from dlo_planner.inverse.aligned import aligned_newton, free_axis
 from dlo_planner.inverse.beginnings import beginnings, rolls_are_alike, with_free_end
 from dlo_planner.inverse.clearance import sheet_of
 from dlo_planner.inverse.continuity import excess, largest_turn, refusal_for_leap
 from dlo_planner.inverse.draft import Brief, Draft
-from dlo_planner.inverse.following import Passing, follow
-from dlo_planner.inverse.hanging import crossings, hanging_shapes
-from dlo_planner.inverse.nested import nested_alignment
+from dlo_planner.inverse.following import follow
+from dlo_planner.inverse.hanging import hanging_shapes
+from dlo_planner.inverse.one_point import Aligned
 from dlo_planner.inverse.plan import PlanStatus, first_part, waypoint_of
+from dlo_planner.inverse.quick import gets_there, grid_nodes, quick_simulator
 from dlo_planner.inverse.route import find_route
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 
-_MAX_ITERATIONS = 60
 _ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
 _DOUBTFUL = 0.05    # stability below which another roll is looked for
 _FEW = 60           # waypoints at most where a way is only looked for
-_ELEMENTS = 32       # of a shape on the grid
 _CURVES = 32        # depths at which a route is looked for
 _STARTS = 80, 24    # shapes looked at: set down in the natural shape, brought from an initial one
-_GETS_THERE = 0.05  # of a unit vector: the same shape, as far as the grid can tell
 _PREFERENCE = 0.01  # for a start without a turn, per rad^2, against rad^2 of motion on the way
-_ANY = Pose.looking_along((0, 0, 0), (1, 0, 0))
 _NO_WAY = ('equilibrium', 'stability', 'start', 'continuity')
-_ROUGH = 2e-3       # of the length: accuracy of a search
-_CHEAP = 130        # nodes: a simulator with more, or with an accuracy, is too slow for a search
-
-
-class Aligned:
-    """The shapes whose tangent, at each depth, is along a normal.
-
-    Args:
-        simulator: DirectSimulator
-        normal: (3,) unit vector
-        method: 'coupled' or 'nested', for waypoints; the quick one makes all steps between
-    """
-
-    def __init__(self, simulator, normal, method='coupled'):
-        self.simulator, self.normal = simulator, normal
-        self._align = {'coupled': aligned_shape, 'nested': _nested}[method]
-
-    def axis(self, shape):
-        """Return the axis (3,) of the free roll: the mean of the gripper's and the normal."""
-        return free_axis(shape.gripper.rotation, self.normal)
-
-    def at(self, before, depth, roll=0.0, final=False):
-        """Return the Passing at `depth`; see `following.Task`."""
-        reference = before.shape.gripper.rotation
-        if roll:
-            reference = Rotation.from_rotvec(
-                roll * self.axis(before.shape)).as_matrix() @ reference
-        return self.from_guess(before.shape, depth, reference, final)
-
-    def from_guess(self, guess, depth, reference, final=True):
-        """Return the Passing near a Shape, not turned about the free axis since `reference`."""
-        align = self._align if final else aligned_shape
-        s = self.simulator.rod.length - depth
-        shape = align(self.simulator, guess, s, self.normal, reference)
-        return None if shape is None else Passing(
-            shape, shape.gripper.position - shape.frame_at(s)[1])
-
-    def crossings(self, shapes, depth):
-        """Return where the shapes at `depth` cross the grid of HangingShapes."""
-        s = self.simulator.rod.length - depth
-        return crossings(shapes, shapes.at(s)[1], self.normal, s)
 
 
 @dataclass(frozen=True)
@@ -117,15 +68,6 @@ def first_choice(simulator, asked):
     """Return the Plan of a Threading that begins with the first choice and is followed as it is."""
     return _thread_from(simulator, asked, next(beginnings(simulator, asked.cutout, asked.start)),
                         None, 'coupled')
-
-
-def quick_simulator(simulator):
-    """Return a DirectSimulator of the same DLO that is quick, for searches; itself if it is."""
-    if simulator.accuracy is None and len(simulator.discretisation(_ANY, None).s) <= _CHEAP:
-        return simulator
-    around = simulator.surroundings
-    return DirectSimulator(around.rod, accuracy=_ROUGH * around.rod.length, gravity=around.gravity,
-                           load=around.load)
 
 
 def _search(simulator, asked, method):
@@ -172,12 +114,6 @@ def _other_ways(simulator, asked, begins, refused):
         yield from ((begin, None) for begin in begins)
 
 
-def grid_nodes(simulator):
-    """Return nodes (N + 1,) for the grid's shapes, about _ELEMENTS elements."""
-    s = simulator.discretisation(_ANY, None).s
-    return s[np.unique(np.linspace(0, s.size - 1, min(s.size, _ELEMENTS + 1)).astype(int))]
-
-
 def _route(simulator, shapes, asked):
     """Return the Route through the curves of all depths, or of some where there are many."""
     task = Aligned(simulator, asked.cutout.normal)
@@ -201,17 +137,6 @@ def _starts(simulator, curve, asked):
             turn = 0.0 if asked.start is None else _angle_between(gripper, asked.start)
             cost[k] = _PREFERENCE * turn**2
     return cost
-
-
-def gets_there(simulator, gripper, end, initial=None):
-    """Whether the DLO comes by itself into the shape whose free end has the frame `end` (3, 3).
-
-    Args:
-        gripper: Pose; initial: Shape before, or None: it is set down in its natural shape
-    """
-    there = (simulator.solve(gripper) if initial is None
-             else simulator.track([gripper], initial=initial)[0])
-    return there.converged and np.abs(there.frames[-1] - end).max() < _GETS_THERE
 
 
 def _angle_between(one, other):
@@ -329,49 +254,3 @@ def _rolled(simulator, draft, task, here, depth, wanted, best):
         if _refusal(simulator, draft, here, found, wanted, wanted, 0.0) is None:
             best = found
     return best
-
-
-def _angle(one, other):
-    return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
-
-
-def aligned_shape(simulator, guess, s, normal, reference):
-    """Return the Shape whose tangent at `s` is `normal`, by `aligned_newton`, or None.
-
-    Args:
-        guess: Shape; reference: (3, 3) gripper rotation since which it does not turn freely
-    """
-    discretisation = guess._discretisation
-    for _ in range(6):
-        shape = _aligned_on(discretisation, guess, s, normal, reference)
-        if shape is None:
-            return None
-        better = simulator.discretisation(shape.gripper, shape)
-        if better is discretisation:
-            return shape
-        discretisation, guess = better, shape
-    return shape
-
-
-def _aligned_on(discretisation, guess, s, normal, reference):
-    system = discretisation.system(guess.gripper.rotation)
-    q = np.empty((discretisation.n_unknowns, 3))
-    unknowns_of(system, discretisation.strains_from(guess.s, guess.element_strains), q)
-    element = min(int(np.searchsorted(discretisation.s, s, side='right')) - 1,
-                  discretisation.s.size - 2)
-    fraction = (s - discretisation.s[element]) / system.lengths[element]
-    state, base, residual, _, stability, iterations, converged = aligned_newton(
-        system, q, element, fraction, np.array(normal), np.array(reference, order='C'),
-        free_axis(reference, normal), TOLERANCE, _MAX_ITERATIONS)
-    if not converged:
-        return None
-    gripper = Pose.from_rotation((0.0, 0.0, 0.0), base)
-    return shape_of(discretisation, gripper,
-                    (state, residual, stability, iterations, 0, system, 0.0))
-
-
-def _nested(simulator, guess, s, normal, reference):
-    """Return the aligned Shape by the paper's nested minimisation, or None."""
-    shape = nested_alignment(simulator, guess, s, normal, reference)
-    aligned = _angle(shape.at(s).direction, normal) < 1e-8
-    return shape if shape.converged and aligned else None

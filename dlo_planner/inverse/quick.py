@@ -1,0 +1,41 @@
+"""A way is looked for with a simulator that is quick, whatever the accuracy asked for.
+
+A refusal costs the same at any accuracy then; only the plan itself is made as accurate as asked.
+"""
+
+import numpy as np
+
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.model.pose import Pose
+
+_ROUGH = 2e-3       # of the length: accuracy of a search
+_CHEAP = 130        # nodes: a simulator with more, or with an accuracy, is too slow for a search
+_ELEMENTS = 32      # of a shape on the grid
+_GETS_THERE = 0.05  # of a unit vector: the same shape, as far as the grid can tell
+_ANY = Pose.looking_along((0, 0, 0), (1, 0, 0))
+
+
+def quick_simulator(simulator):
+    """Return a DirectSimulator of the same DLO that is quick, for searches; itself if it is."""
+    if simulator.accuracy is None and len(simulator.discretisation(_ANY, None).s) <= _CHEAP:
+        return simulator
+    around = simulator.surroundings
+    return DirectSimulator(around.rod, accuracy=_ROUGH * around.rod.length, gravity=around.gravity,
+                           load=around.load)
+
+
+def grid_nodes(simulator):
+    """Return nodes (N + 1,) for the grid's shapes, about _ELEMENTS elements."""
+    s = simulator.discretisation(_ANY, None).s
+    return s[np.unique(np.linspace(0, s.size - 1, min(s.size, _ELEMENTS + 1)).astype(int))]
+
+
+def gets_there(simulator, gripper, end, initial=None):
+    """Whether the DLO comes by itself into the shape whose free end has the frame `end` (3, 3).
+
+    Args:
+        gripper: Pose; initial: Shape before, or None: it is set down in its natural shape
+    """
+    there = (simulator.solve(gripper) if initial is None
+             else simulator.track([gripper], initial=initial)[0])
+    return there.converged and np.abs(there.frames[-1] - end).max() < _GETS_THERE
