@@ -18,6 +18,11 @@ def largest_turn(step):
     return _TURN + _TURN_RATE * abs(step)
 
 
+def largest_shift(step):
+    """Return the same for the gripper's displacement, of the length."""
+    return _SHIFT + _SHIFT_RATE * abs(step)
+
+
 def excess(one, other, step, length):
     """Return by how much (m) the gripper turns or moves too far for a step; 0 if it does not.
 
@@ -31,7 +36,7 @@ def excess(one, other, step, length):
     cosine = 0.5 * (np.vdot(one[0], other[0]) - 1)
     turn = np.arccos(min(max(cosine, -1.0), 1.0))
     shift = np.linalg.norm(other[1] - one[1]) / length
-    return length * max(0.0, turn - largest_turn(step), shift - _SHIFT - _SHIFT_RATE * abs(step))
+    return length * max(0.0, turn - largest_turn(step), shift - largest_shift(step))
 
 
 def leap(simulator, before, shape):

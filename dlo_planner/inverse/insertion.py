@@ -11,8 +11,8 @@ from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.beginnings import beginnings, with_free_end
 from dlo_planner.inverse.continuity import refusal_for_leap
 from dlo_planner.inverse.draft import Draft
-from dlo_planner.inverse.plan import waypoint_at
 from dlo_planner.inverse.one_point import aligned_shape
+from dlo_planner.inverse.plan import waypoint_at
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.part import before
 from dlo_planner.model.pose import Pose

@@ -117,8 +117,7 @@ def _other_ways(simulator, asked, begins, refused):
 def _route(simulator, shapes, asked):
     """Return the Route through the curves of all depths, or of some where there are many."""
     task = Aligned(simulator, asked.cutout.normal)
-    depths = np.union1d(np.interp(np.linspace(0, 1, _CURVES), (0, 1), asked.depths[[0, -1]]),
-                        asked.depths[[0, -1]])
+    depths = np.unique(np.linspace(asked.depths[0], asked.depths[-1], _CURVES))
     layers = [task.crossings(shapes, depth) for depth in depths]
     return find_route(layers, depths, _starts(simulator, layers[0], asked), simulator.rod.length)
 
