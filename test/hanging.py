@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix, eye
 from scipy.spatial import ConvexHull
 
 _SMALL = 1e-5
+_GRAZING = 0.02  # cosine: a cut-out passed more obliquely is not passed, as far as a grid can tell
 
 
 def hanging(rod, weight, ends, steps=96):
@@ -145,3 +146,47 @@ def no_start(rod, weight, normal, gets_there, rolls=180):
     ends = np.stack([np.tile(normal, (rolls, 1)), second, np.cross(normal, second)], axis=-1)
     frames, stable = hanging_and_stable(rod, weight, ends)
     return not any(gets_there(frames[:, k]) for k in np.flatnonzero(stable))
+
+
+def no_pair(rod, weight, first, second, grid=2500):
+    """Return whether no stable shape passes two cut-outs, its free end at the second centre.
+
+    True confirms a refusal. Each cut-out has to be passed in its direction, be it obliquely. A turn
+    about the vertical is free, so a shape does it if the vertical part of x(L) - x(s1) is that of
+    the way between the centres, where s1 is the last place as far from the end as they are apart.
+
+    Args:
+        first, second: CutOuts
+        grid: points on the sphere
+    """
+    way = second.centre - first.centre
+    apart, points = np.linalg.norm(way), sphere(grid)
+    frames, stable = hanging_and_stable(rod, weight, ends_with_gravity_at(points))
+    tangents = frames[..., 0]
+    steps = len(frames) - 1
+    places = np.concatenate([np.zeros((1, grid, 3)), np.cumsum(
+        0.5 * rod.length / steps * (tangents[1:] + tangents[:-1]), axis=0)])
+    away = np.linalg.norm(places[-1] - places, axis=2)
+    last = steps - np.argmax(away[::-1] >= apart, axis=0)
+    reaches = (away[last, np.arange(grid)] >= apart) & (last < steps)
+    low, high = np.minimum(last, steps - 1), np.minimum(last + 1, steps)
+    every = np.arange(grid)
+    gap = away[low, every] - away[high, every]
+    share = ((away[low, every] - apart) / np.where(gap > 0, gap, 1.0))[:, None]
+    place = (1 - share) * places[low, every] + share * places[high, every]
+    tangent = (1 - share) * tangents[low, every] + share * tangents[high, every]
+    chord = places[-1] - place
+    angle = np.arctan2(way[1], way[0]) - np.arctan2(chord[:, 1], chord[:, 0])
+
+    def along(vectors, normal):
+        x = np.cos(angle) * vectors[:, 0] - np.sin(angle) * vectors[:, 1]
+        y = np.sin(angle) * vectors[:, 0] + np.cos(angle) * vectors[:, 1]
+        return x * normal[0] + y * normal[1] + vectors[:, 2] * normal[2]
+
+    right = (along(tangent, first.normal) > _GRAZING) & (
+        along(tangents[-1], second.normal) > _GRAZING)
+    misfit = chord[:, 2] - way[2]
+    hull = ConvexHull(points).simplices
+    a, b = np.vstack([hull[:, [0, 1]], hull[:, [1, 2]], hull[:, [2, 0]]]).T
+    good = reaches & stable & right
+    return not (good[a] & good[b] & (misfit[a] * misfit[b] <= 0)).any()
