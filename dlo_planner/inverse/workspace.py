@@ -75,7 +75,7 @@ class Workspace:
                     yield f'workspace.{name}.{axis}', float(room) - self.gripper_radius
         normal, bend = np.empty(3), np.empty((3, 3))
         for o in range(self._scene.kind.size):
-            room = signed_distance(self._scene, o, position, normal, bend)
+            room = signed_distance(self._scene, o, np.array(position), normal, bend)
             yield (f'workspace.keep_out[{self._scene.source[o]}]',
                    float(room) - self.gripper_radius)
 
