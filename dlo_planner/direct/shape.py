@@ -29,6 +29,8 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Constant, Value, brief, freeze, put
 from dlo_planner.ritz.kinematics import point_inside
 
+_ROUNDING = 1e-9  # of the length
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Shape(Value):
@@ -179,11 +181,16 @@ class Shape(Value):
         s = row('s', s, least=0, minimum=0, maximum=float(self.s[-1]))
         return np.array([self.frame_at(value)[1] for value in s]).reshape(-1, 3)
 
-    def frame_at(self, s):
-        """Return axes (3, 3) and position (3,) at `s` in m within [0, L]: `at` for inner loops.
+    def frame_at(self, s) -> tuple[np.ndarray, np.ndarray]:
+        """Return axes (3, 3) and position (3,) at `s` in m: `at` for inner loops.
 
-        `s` is not judged.
+        Raises:
+            InvalidTask: s outside [0, L] by more than rounding
         """
+        length = self.s[-1]
+        if not (isinstance(s, float) and 0.0 <= s <= length):
+            s = number('s', s, minimum=-_ROUNDING * length, maximum=(1 + _ROUNDING) * length)
+            s = min(max(s, 0.0), length)
         element = min(int(np.searchsorted(self.s, s, side='right')) - 1, self.s.size - 2)
         kernels = self.for_kernels
         rotation, position = np.empty((3, 3)), np.empty(3)

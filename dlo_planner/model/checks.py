@@ -110,7 +110,7 @@ def array(name, value, shape, error=InvalidTask, finite=True):
 
     Args:
         shape: wanted; None stands for any size > 0, e.g. (None, 3)
-        finite: whether infinite entries are refused (nan always is)
+        finite: True: all entries have to be finite; False: some may be infinite; None: or nan
     """
     sizes = ', '.join('n' if size is None else str(size) for size in shape)
     expected = f'{shape[0]} numbers' if len(shape) == 1 and shape[0] else f'numbers ({sizes})'
@@ -130,7 +130,7 @@ def array(name, value, shape, error=InvalidTask, finite=True):
         raise error(f'{name} has shape {given.shape}: expected {expected}')
     with np.errstate(over='ignore'):  # of longer floats
         result = np.array(given, dtype=float)
-    if np.isnan(result).any() or finite and not np.isfinite(result).all():
+    if finite is not None and np.isnan(result).any() or finite and not np.isfinite(result).all():
         raise error(f'{name} = {shown(result.tolist())}: expected finite {expected}')
     if (np.abs(result[np.isfinite(result)]) > _EXTREME).any():
         raise error(f'{name} = {shown(result.tolist())}: expected numbers of a size up to '
@@ -159,7 +159,7 @@ def row(name, value, error=InvalidTask, *, least=1, **limits):
         value = [value]
     if not least and isinstance(value, tuple | list | np.ndarray) and len(value) == 0:
         return np.zeros(0)
-    values = array(name, value, (None,), error)
+    values = array(name, value, (None,), error, finite=None)
     if values.size < least:
         raise error(f'{name} has {values.size} numbers: expected {least} at least')
     for index, one in enumerate(values.tolist()):

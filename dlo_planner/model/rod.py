@@ -8,7 +8,7 @@ import numpy as np
 from dlo_planner.errors import InvalidRod
 from dlo_planner.model.checks import array, choice, instance, number, returned, shown
 from dlo_planner.model.section import MODELS, Section
-from dlo_planner.model.value import Value, put
+from dlo_planner.model.value import Value, brief, put
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -86,6 +86,18 @@ class Rod(Value):
         self.natural_strains(probes)  # callables are judged now, not later
         self.masses_per_length(probes)
         super().__post_init__()
+
+    def __repr__(self):
+        per_length, (first, second) = self.mass_per_length, self.bending_stiffness
+        bent = callable(self.natural_curvature) or any(self.natural_curvature)
+        return brief(self, f'{self.length:.4g} m',
+                     'varying mass' if callable(per_length) else f'{per_length:.3g} kg/m',
+                     f'EI {first:.3g} N m^2' if first == second
+                     else f'EI {first:.3g}, {second:.3g} N m^2',
+                     f'GJ {self.torsional_stiffness:.3g} N m^2',
+                     '' if self.radius is None else f'radius {self.radius:.3g} m',
+                     'naturally bent' if bent else '',
+                     'yields' if self.yields else '')
 
     def _checked_point_masses(self):
         expected = f'Rod.point_masses = {shown(self.point_masses)}: expected ((s, kg), ...)'

@@ -92,6 +92,18 @@ class Constant(Value):
         return self.content
 
 
+class FrozenDict(dict):
+    """A dict that does not change."""
+
+    def _refuse(self, *_, **__):
+        raise TypeError('values do not change: expected dict(...) of it to be changed')
+
+    __setitem__ = __delitem__ = __ior__ = update = pop = popitem = clear = setdefault = _refuse
+
+    def __reduce__(self):
+        return type(self), (dict(self),)
+
+
 def put(value, **contents):
     """Set fields of a value while it is made."""
     value.__dict__.update(contents)
