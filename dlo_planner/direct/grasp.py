@@ -11,10 +11,10 @@ from functools import partial
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator, known_options
+from dlo_planner.direct.simulator import DirectSimulator, known_options, poses
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.along import SeenFrom
-from dlo_planner.model.checks import instance, items, number, shown
+from dlo_planner.model.checks import instance, number, shown
 from dlo_planner.model.part import BACK, part_of_rod
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
@@ -60,7 +60,7 @@ class GraspedInside(Value):
 
     def track(self, grippers, progress=None, initial=None, *, deadline=None) -> list[Shape]:
         """Return the shapes along a slow motion; arguments as `DirectSimulator.track`."""
-        grippers = items('grippers', grippers, Pose)
+        grippers = poses(grippers)
         told = Progress(progress, deadline)
         before = (None, None) if initial is None else _parts_of(initial)
         joined = []

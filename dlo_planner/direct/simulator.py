@@ -202,7 +202,7 @@ class DirectSimulator(Value):
         Raises:
             InvalidTask: an argument makes no sense; the message names it
         """
-        grippers = items('grippers', grippers, Pose)
+        grippers = poses(grippers)
         told = Progress(progress, deadline)
         ends = [None] * len(grippers) if far_ends is None else [
             FarEnd.of(end) for end in items('far_ends', far_ends, object)]
@@ -240,7 +240,7 @@ class DirectSimulator(Value):
 
         A step that cannot be solved ends the motion: `Motion.converged` is False then.
         """
-        grippers = items('grippers', grippers, Pose, least=1)
+        grippers = poses(grippers, 1)
         told = Progress(progress, deadline)
         self._check(grippers[0], initial)
         dt = number('dt', dt, above=0)
@@ -281,6 +281,14 @@ class DirectSimulator(Value):
         if initial is not None and abs(initial.s[-1] - self.rod.length) > 1e-9 * self.rod.length:
             raise InvalidTask(f'initial has length {initial.s[-1]:g} m: '
                               f'expected the rod\'s {self.rod.length:g} m')
+
+
+def poses(grippers, least=0):
+    """Return a sequence of Poses as a tuple of `least` or more; raise InvalidTask."""
+    grippers = items('grippers', grippers, object, least=least)
+    for index, gripper in enumerate(grippers):
+        instance(f'grippers[{index}]: gripper', gripper, Pose)
+    return grippers
 
 
 _OPTIONS = tuple(name for name in signature(DirectSimulator).parameters if name != 'rod')

@@ -26,8 +26,8 @@ def shown(value: object) -> str:
 def number(name, value, error=InvalidTask, *, minimum=None, above=None, maximum=None, below=None):
     """Return `value` as a finite float within the limits, or raise `error`.
 
-    Numbers are Python's and NumPy's real ones; strings and booleans are none. Their size is 0 or
-    between 1e-75 and 1e75, so that products of a few neither overflow nor vanish.
+    Numbers are Python's and NumPy's real ones; strings and booleans are none. Their size is at most
+    1e75, and 1e-75 at least where they have to be above 0: products of a few stay finite.
 
     Args:
         name: how the caller knows the argument
@@ -60,9 +60,9 @@ def number(name, value, error=InvalidTask, *, minimum=None, above=None, maximum=
     if not good:
         raise error(f'{name} = {shown(value)}: expected a finite number '
                     f'{" and ".join(wanted)}'.rstrip())
-    if result != 0 and not 1 / _EXTREME <= abs(result) <= _EXTREME:
-        raise error(f'{name} = {shown(value)}: expected a number of a size between '
-                    f'{1 / _EXTREME:g} and {_EXTREME:g}')
+    if abs(result) > _EXTREME or above == 0 and result < 1 / _EXTREME:
+        raise error(f'{name} = {shown(value)}: expected a size of at most {_EXTREME:g}'
+                    f'{f" and at least {1 / _EXTREME:g}" if above == 0 else ""}')
     return result
 
 
@@ -221,7 +221,7 @@ def items(name, value, kinds, error=InvalidTask, *, least=0):
     except Exception:  # whatever its iteration raises
         raise error(f'{name} = {shown(value)}: expected a sequence of {_named(kinds)}') from None
     if len(result) < least:
-        raise error(f'{name} has {len(result)} items: expected {least} or more of {_named(kinds)}')
+        raise error(f'{name} = {shown(value)}: expected {least} or more of {_named(kinds)}')
     for index, item in enumerate(result):
         instance(f'{name}[{index}]', item, kinds, error)
     return result
