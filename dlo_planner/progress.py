@@ -29,7 +29,7 @@ class Progress:
         if self._report is not None:
             try:
                 self._report(done, total)
-            except TypeError as error:
+            except (TypeError, ValueError) as error:
                 if error.__traceback__.tb_next is not None:
                     raise  # it is the function's own
                 raise InvalidTask(f'progress = {shown(self._report)}: expected a function '

@@ -1,9 +1,8 @@
 """Whatever is given for an argument: an answer, or an error that says what is wrong with it."""
 
-import numpy as np
 import pytest
-from examples import arguments, values
 from misuse import MALFORMED, arguments_of, outcome, public_callables
+from specimens import arguments, values
 
 CALLABLES = {name: (function, kind) for name, function, kind in public_callables()}
 
@@ -22,7 +21,7 @@ def keywords_of(name, parameters):
             keywords[argument] = example(name, argument)
         else:
             assert parameter.default is not parameter.empty, (
-                f'{name}: no example of the argument {argument!r} in test/examples.py')
+                f'{name}: no example of the argument {argument!r} in test/specimens.py')
     return keywords
 
 
@@ -38,8 +37,10 @@ def test_malformed_arguments_are_refused_by_name(name):
     function, kind = CALLABLES[name]
     parameters = arguments_of(function, kind)
     if kind is not None:
-        function = getattr(values()[kind.__name__], function.__name__)
+        owner = values()[name if name in values() else kind.__name__]
+        function = getattr(owner, function.__name__)
     good, wrong = keywords_of(name, parameters), []
+    function(**good)  # or what follows would be no test
     for argument in parameters:
         for label, make in MALFORMED.items():
             what = outcome(function, good | {argument: make()}, argument, (argument,))

@@ -11,7 +11,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import room_in
 from dlo_planner.inverse.timing import times_at_speed
-from dlo_planner.model.checks import instance, items, number, results
+from dlo_planner.model.checks import instance, items, number, results, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 
@@ -60,6 +60,10 @@ class Plan(Value):
     def __post_init__(self):
         grippers = items('Plan.grippers', self.grippers, Pose)
         n = len(grippers)
+        for name in _PER_WAYPOINT:
+            if len(items(f'Plan.{name}', getattr(self, name), object)) != n:
+                raise InvalidTask(f'Plan.{name} = {shown(getattr(self, name))}: expected one entry '
+                                  f'per gripper pose, {n}')
         put(self, grippers=grippers, shapes=items('Plan.shapes', self.shapes, Shape),
             passes=tuple(items('Plan.passes', one, tuple)
                          for one in items('Plan.passes', self.passes, Iterable)),
@@ -69,10 +73,6 @@ class Plan(Value):
             status=instance('Plan.status', self.status, PlanStatus),
             **{name: results(f'Plan.{name}', getattr(self, name), (n,))
                for name in ('depths', 'misalignment', 'miss', 'times')})
-        for name in ('shapes', 'passes'):
-            if len(getattr(self, name)) != n:
-                raise InvalidTask(f'Plan.{name} has {len(getattr(self, name))} entries: expected '
-                                  f'one per gripper pose, {n}')
         super().__post_init__()
 
     def __len__(self):

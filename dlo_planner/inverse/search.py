@@ -133,7 +133,7 @@ class _Search:
     @property
     def squares_only(self):
         """Whether no penalty is a single number that counts as it is."""
-        return all(hasattr(penalty, 'residuals') or np.ndim(penalty(self._last))
+        return all(hasattr(penalty, 'residuals') or np.ndim(_of(penalty, self._last))
                    for penalty in self.penalties)
 
     def residuals(self, x):
@@ -189,7 +189,13 @@ class _Search:
 
 
 def _of(penalty, shape):
-    return penalty.residuals(shape) if hasattr(penalty, 'residuals') else penalty(shape)
+    if hasattr(penalty, 'residuals'):
+        return penalty.residuals(shape)
+    try:
+        return np.asarray(penalty(shape), dtype=float)
+    except Exception as error:  # it is somebody else's function: any may come
+        raise InvalidTask(f'penalties: {shown(penalty)} raised {type(error).__name__}: '
+                          f'{shown(str(error))}') from error
 
 
 def _left_jacobian(v):

@@ -23,6 +23,7 @@ from dlo_planner.progress import Progress
 
 _WAYPOINTS = 40
 _FORCES = 40
+_MOST = 10_000  # waypoints of a plan, or forces
 _DEEPEST = 0.95  # of the length, where no depths are given
 _INSERTED = 0.99
 _FARTHEST = 100  # of the length: from where a start phase may come
@@ -272,7 +273,7 @@ class InverseSimulator(Value):
             InvalidTask: an argument makes no sense; the message names it
             Infeasible: no force is confirmed
         """
-        s = number('s', s, above=0, maximum=self.simulator.rod.length)
+        s = number('s', s, above=0, below=self.simulator.rod.length)
         forces = self._contact(contact, forces, condition, start)
         if condition == 'least_motion' and start is None:
             raise InvalidTask('start = None: expected a Pose with condition \'least_motion\'')
@@ -297,7 +298,7 @@ class InverseSimulator(Value):
             InvalidTask: an argument makes no sense; the message names it
             Infeasible: at a waypoint no force is confirmed; carries the plan up to it
         """
-        lengths = row('lengths', lengths, above=0, maximum=self.simulator.rod.length)
+        lengths = row('lengths', lengths, most=_MOST, above=0, below=self.simulator.rod.length)
         choice('condition', condition, CONDITIONS)
         forces = self._contact(contact, forces, condition, start)
         return slide_contact(self.simulator, contact, lengths, forces, condition, start,
@@ -318,13 +319,13 @@ class InverseSimulator(Value):
                 Pose.identity(), None).load)
             most = 6 * (weight + min(rod.bending_stiffness) / rod.length**2)
             return np.linspace(0, most, _FORCES + 1)[1:]
-        return row('forces', forces, above=0)
+        return row('forces', forces, most=_MOST, above=0)
 
     def _checked(self, depths):
         length = self.simulator.rod.length
         if depths is None:
             return np.linspace(0, _DEEPEST * length, _WAYPOINTS)
-        depths = row('depths', depths, minimum=0, maximum=length)
+        depths = row('depths', depths, most=_MOST, minimum=0, maximum=length)
         if (np.diff(depths) < 0).any():
             bad = int(np.argmax(np.diff(depths) < 0)) + 1
             raise InvalidTask(

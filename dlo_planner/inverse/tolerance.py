@@ -81,9 +81,12 @@ class Tolerance(Value):
     def __post_init__(self):
         causes = items('Tolerance.causes', self.causes, str, least=1)
         first_order = results('Tolerance.first_order', self.first_order, (None,))
-        n = first_order.size
-        put(self, causes=causes, first_order=first_order,
-            by_cause=results('Tolerance.by_cause', self.by_cause, (n, len(causes))),
+        by_cause = results('Tolerance.by_cause', self.by_cause, (None, len(causes)))
+        n = len(by_cause)
+        if first_order.size != n:
+            raise InvalidTask(f'Tolerance.by_cause has {n} rows, Tolerance.first_order '
+                              f'{first_order.size} entries: expected as many')
+        put(self, causes=causes, first_order=first_order, by_cause=by_cause,
             sampled=results('Tolerance.sampled', self.sampled, (None, n)),
             success=figure('Tolerance.success', self.success))
         super().__post_init__()

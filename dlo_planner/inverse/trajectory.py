@@ -10,7 +10,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.model.checks import instance, number, row
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import Value, put
+from dlo_planner.model.value import Value, brief, put
 
 _SAMPLES = 20      # per waypoint, at which speeds and accelerations are looked at, and
 _FEWEST = 800      # in all
@@ -44,7 +44,7 @@ class Limits(Value):
         put(self, ramp=number('Limits.ramp', self.ramp, above=0, maximum=0.5))
 
 
-class Trajectory:
+class Trajectory(Value):
     """The gripper's way in time: at rest at both ends, continuous acceleration between.
 
     SciPy's cubic spline of the positions and its rotation spline run through the plan's poses. It
@@ -59,6 +59,8 @@ class Trajectory:
         InvalidTask: naming the argument
     """
 
+    PARTS = ('plan', 'limits')
+
     def __init__(self, plan, limits=None):
         instance('plan', plan, Plan)
         limits = Limits() if limits is None else instance('limits', limits, Limits)
@@ -71,10 +73,16 @@ class Trajectory:
             raise InvalidTask(f'plan has {len(times)} poses at different times: expected two or '
                               'more')
         stops = [0, *_corners(grippers, plan.shapes[0].s[-1]), len(times) - 1]
-        self._parts = [_Part(times[a:b + 1], grippers[a:b + 1], limits)
-                       for a, b in zip(stops, stops[1:], strict=False)]
-        self._ends = np.cumsum([part.duration for part in self._parts])
-        self.duration = float(self._ends[-1])
+        parts = [_Part(times[a:b + 1], grippers[a:b + 1], limits)
+                 for a, b in zip(stops, stops[1:], strict=False)]
+        ends = np.cumsum([part.duration for part in parts])
+        put(self, plan=plan, limits=limits, _parts=parts, _ends=ends, duration=float(ends[-1]))
+
+    def __reduce__(self):
+        return type(self), (self.plan, self.limits)
+
+    def __repr__(self):
+        return brief(self, f'{self.duration:.4g} s', repr(self.plan))
 
     def at(self, times):
         """Return Poses (list), velocities (n, 6) and accelerations (n, 6) at `times` (n,) s.

@@ -148,11 +148,11 @@ def _of_numbers(given):
         return None
 
 
-def row(name, value, error=InvalidTask, *, least=1, **limits):
+def row(name, value, error=InvalidTask, *, least=1, most=None, **limits):
     """Return one number, or a sequence of them, as a new float array (n,), or raise `error`.
 
     Args:
-        least: how many there are to be
+        least, most: how many there are to be
         limits: of each, as for `number`
     """
     if isinstance(value, Real) or isinstance(value, np.ndarray) and value.ndim == 0:
@@ -160,8 +160,9 @@ def row(name, value, error=InvalidTask, *, least=1, **limits):
     if not least and isinstance(value, tuple | list | np.ndarray) and len(value) == 0:
         return np.zeros(0)
     values = array(name, value, (None,), error, finite=None)
-    if values.size < least:
-        raise error(f'{name} has {values.size} numbers: expected {least} at least')
+    if values.size < least or most is not None and values.size > most:
+        raise error(f'{name} has {values.size} numbers: expected {least} at least'
+                    f'{"" if most is None else f" and {most} at most"}')
     for index, one in enumerate(values.tolist()):
         number(f'{name}[{index}]', one, error, **limits)
     return values

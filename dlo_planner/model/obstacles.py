@@ -71,7 +71,8 @@ class Capsule(Value):
         size = max(self.radius, np.abs(self.start).max(), np.abs(self.end).max())
         if np.linalg.norm(self.end - self.start) <= _NO_LENGTH * size:
             raise InvalidTask(f'Capsule.end = {self.end.tolist()}: expected another point than '
-                              'start (a Sphere has one centre)')
+                              'start, apart by more than rounding of their places and the radius '
+                              '(a Sphere has one centre)')
         super().__post_init__()
 
 
@@ -141,8 +142,8 @@ class Sheet(Value):
                               f'normal along the sheet\'s, got {local[0]:.3g} m and {tilt:.3g} off')
         half = 0.5 * np.array([self.width, self.height])
         if (np.abs(local[1:]) + self._reach(cutout) > half + _ROUNDING * size).any():
-            raise InvalidTask(f'{name} = {shown(cutout)}: expected to lie within the sheet of '
-                              f'{self.width:g} m by {self.height:g} m')
+            raise InvalidTask(f'{name} = {shown(cutout)}: expected to lie within the sheet\'s '
+                              f'width of {self.width:g} m and height of {self.height:g} m')
 
     def _reach(self, cutout):
         """Return how far (2,) a cut-out reaches from its centre along the sheet's y and z, m."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from dlo_planner.errors import InvalidRod
 from dlo_planner.model.checks import array, choice, instance, number, returned, shown
-from dlo_planner.model.section import MODELS, Section
+from dlo_planner.model.section import MODELS, SIZES, Section
 from dlo_planner.model.value import Value, brief, put
 
 
@@ -155,7 +155,7 @@ class Rod(Value):
             yield_stress: Pa; gives yield_curvature and yield_torsion (von Mises)
             more: any other argument of `Rod`
         """
-        d = number('diameter', diameter, InvalidRod, above=0)
+        d = _size('diameter', diameter)
         section = Section.of('round', d / 2, d / 2, youngs_modulus, poisson_ratio)
         return cls._of_section(section, length, density, yield_stress, more)
 
@@ -163,7 +163,7 @@ class Rod(Value):
     def tube(cls, length, outer_diameter, inner_diameter, density, youngs_modulus, poisson_ratio,
              *, yield_stress=None, **more):
         """Return a rod of annular section (hose); arguments as in `circular`."""
-        outer = number('outer_diameter', outer_diameter, InvalidRod, above=0)
+        outer = _size('outer_diameter', outer_diameter)
         inner = number('inner_diameter', inner_diameter, InvalidRod, minimum=0)
         if inner >= outer:
             raise InvalidRod(
@@ -187,8 +187,8 @@ class Rod(Value):
             yield_stress: Pa; gives yield_curvature and yield_torsion
             more: any other argument of `Rod`
         """
-        w = number('width', width, InvalidRod, above=0)
-        t = number('thickness', thickness, InvalidRod, above=0)
+        w = _size('width', width)
+        t = _size('thickness', thickness)
         section = Section.of('rectangular', w / 2, t / 2, youngs_modulus, poisson_ratio)
         return cls._of_section(section, length, density, yield_stress, more)
 
@@ -224,6 +224,10 @@ def _pair(name, value, expected, **limits):
     else:
         first = last = value
     return number(name, first, InvalidRod, **limits), number(name, last, InvalidRod, **limits)
+
+
+def _size(name, value):
+    return number(name, value, InvalidRod, minimum=SIZES[0], maximum=SIZES[1])
 
 
 def _curvature(name, value):

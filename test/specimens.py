@@ -57,6 +57,8 @@ def values():
     inverse = InverseSimulator(simulator)
     plan = inverse.thread(hole, depths=DEPTHS)
     touching = DirectSimulator(wire, n_elements=8, n_terms=4, obstacles=[floor])
+    bar = Capsule((0.5, -1, 0.85), (0.5, 1, 0.85), 0.05)
+    over_bar = DirectSimulator(wire, n_elements=16, n_terms=8, obstacles=[bar])
     grasped = GraspedInside(soft, 0.4, n_elements=8, n_terms=4)
     examples = [
         LEVEL, wire, hole, floor, simulator, shape, inverse, plan, grasped,
@@ -70,7 +72,9 @@ def values():
         Observation(LEVEL, shape.positions[1:], shape.s[1:]), Trajectory(plan),
         minimise_penalty(simulator, PositionAt(1.0, (0.9, 0, 0.9)), LEVEL)]
     examples.append(fit_rod(wire, [examples[-3]], n_elements=8, n_terms=4))
-    return {type(one).__name__: one for one in examples}
+    return {type(one).__name__: one for one in examples} | {
+        name: InverseSimulator(over_bar) for name in (
+            'InverseSimulator.hold_contact', 'InverseSimulator.slide_contact')}
 
 
 @cache
@@ -98,8 +102,11 @@ def arguments():
         'at': 0.4, 'gripper': LEVEL, 'grippers': [LEVEL, LEVEL], 'dt': 0.01, 'shape': shape,
         's': 0.5, 'Rod.masses_per_length.s': [0.1, 0.2], 'Rod.natural_strains.s': [0.1, 0.2],
         'Shape.s': shape.s, 'converged': True, 'n_elements': 8, 'n_terms': 4, 'path': 'saved',
+        'Shape.load.path': 'saved.npz', 'Motion.load.path': 'motion.npz',
+        'InverseSimulator.start_phase.start': Pose.looking_along((-1.2, 0, 1), (1, 0, 0)),
         'displacement': (0.1, 0.0, 0.0), 'simulator': simulator, 'initial': None,
-        'Observation.s': None, 'GraspedInside.n_terms': 4,
+        'Observation.s': None, 'CutOut.radius': None, 'Sheet.cutouts': (),
+        'Sheet.around.width': 1.0, 'Sheet.around.height': 1.0,
         # contacts and motions
         'obstacle': 0, 'force': 1.0, 'friction': (0.0, 0.0, 0.0), 'penetration': 0.0,
         'Plane.friction': 0.0, 'Sphere.friction': 0.0, 'Capsule.friction': 0.0,
@@ -110,7 +117,7 @@ def arguments():
         'bore': hole, 'first': hole, 'cutouts': [hole],
         'second': CutOut(Pose.looking_along((0.6, 0, 1), (1, 0, 0)), radius=0.2),
         'plan': known['Plan'], 'depths': DEPTHS, 'contact': Pose((0.5, 0, 0.9), (0, 0, 0, 1)),
-        'lengths': [0.5], 'forces': [0.1], 'deadline': 2.0, 'penalties': known['PositionAt'],
+        'lengths': [0.5], 'forces': [1.0], 'deadline': 2.0, 'penalties': known['PositionAt'],
         'target': (0.4, 0.0, 1.0), 'obstacles': (known['Sphere'],), 'distance': 0.1,
         'curvature': 1.0, 'sensitivity': Sensitivity(shape), 'max_iterations': 5,
         'DirectSimulator.obstacles': (), 'GraspedInside.obstacles': (), 'fit_rod.obstacles': (),
@@ -131,7 +138,8 @@ def arguments():
         'poses.poses_from_goals.msg': Goals(), 'poses.pose_from_stamped.msg': _stamped(),
         'paths.poses_from_path.path': Path(), 'paths.times_from_path.path': Path(),
         'paths.plan_path.times': [0.0, 1.0], 'seconds': 1.0, 'trajectory': known['Trajectory'],
-        'number': 3, 'tool': LEVEL, 'Trajectory.at.times': [0.0], 'Trajectory.progress.times': [0.0],
+        'number': 3, 'tool': LEVEL, 'Trajectory.at.times': [0.0],
+        'Trajectory.progress.times': [0.0],
     }
 
 
