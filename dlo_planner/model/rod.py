@@ -213,7 +213,9 @@ _FUNCTIONS = ('mass_per_length', 'natural_twist')
 
 
 def _is_row(value):
-    return isinstance(value, tuple | list) or isinstance(value, np.ndarray) and value.ndim == 1
+    """Whether it has places by index: a tuple, list, (n,) array, or an array of ROS parameters."""
+    return (hasattr(value, '__getitem__') and hasattr(value, '__len__')
+            and not isinstance(value, str | bytes | dict) and getattr(value, 'ndim', 1) == 1)
 
 
 def _pair(name, value, expected, **limits):
