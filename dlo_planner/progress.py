@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from time import monotonic
 
-from dlo_planner.errors import DeadlineExceeded
-from dlo_planner.model.checks import callback, number
+from dlo_planner.errors import DeadlineExceeded, InvalidTask
+from dlo_planner.model.checks import callback, number, shown
 
 
 class Progress:
@@ -27,7 +27,13 @@ class Progress:
     def done(self, done: int, total: int) -> None:
         """Report that `done` of `total` steps are finished; raises DeadlineExceeded."""
         if self._report is not None:
-            self._report(done, total)
+            try:
+                self._report(done, total)
+            except (TypeError, ValueError) as error:
+                if error.__traceback__.tb_next is not None:
+                    raise  # it is the function's own
+                raise InvalidTask(f'progress = {shown(self._report)}: expected a function '
+                                  f'of (done, total): {error}') from error
         self.check()
 
     def silent(self) -> 'Progress':

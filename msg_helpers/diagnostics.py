@@ -1,11 +1,16 @@
 """Named values -> diagnostic_msgs."""
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import instance, items
+
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+_LEVELS = (OK, WARN, ERROR, DiagnosticStatus.STALE)
 
 
-def diagnostics_msg(name, hardware_id, level, message, values, stamp):
+def diagnostics_msg(name, hardware_id, level, message, values, stamp) -> DiagnosticArray:
     """Return a DiagnosticArray with one status.
 
     Args:
@@ -16,6 +21,14 @@ def diagnostics_msg(name, hardware_id, level, message, values, stamp):
         values: dict of str -> anything; numbers are written with six digits
         stamp: builtin_interfaces/Time
     """
+    for argument, value in (('name', name), ('hardware_id', hardware_id), ('message', message)):
+        instance(argument, value, str)
+    instance('level', level, bytes)
+    if level not in _LEVELS:
+        raise InvalidTask(f'level = {level!r}: expected OK, WARN, ERROR or STALE')
+    instance('values', values, dict)
+    items('values', tuple(values), str)
+    instance('stamp', stamp, Time)
     status = DiagnosticStatus(name=name, hardware_id=hardware_id, level=level, message=message)
     status.values = [KeyValue(key=key, value=_text(value)) for key, value in values.items()]
     array = DiagnosticArray(status=[status])

@@ -1,16 +1,17 @@
 """visualization_msgs -> obstacles, as RViz shows them."""
 
 import numpy as np
-from visualization_msgs.msg import Marker
+from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import instance
 from dlo_planner.model.obstacles import Box, Capsule, Sphere
 from msg_helpers.poses import pose_from_msg
 
 _ALIKE = 1e-6  # relative: sizes that count as the same
 
 
-def obstacles_after(known, msg, frame_id, name):
+def obstacles_after(known, msg, frame_id, name) -> dict:
     """Return the dict of obstacles, by (namespace, id), after a visualization_msgs/MarkerArray.
 
     CUBE is a Box, SPHERE a Sphere, CYLINDER the Capsule around it (its ends are round and stand out
@@ -25,6 +26,10 @@ def obstacles_after(known, msg, frame_id, name):
     Raises:
         InvalidTask: naming marker, field and value; nothing of the message counts then
     """
+    instance('known', known, dict)
+    instance('msg', msg, MarkerArray)
+    instance('frame_id', frame_id, str)
+    instance('name', name, str)
     after = dict(known)
     for index, marker in enumerate(msg.markers):
         where = f'{name}.markers[{index}]'

@@ -1,16 +1,23 @@
 """Shapes and plans -> nav_msgs/Path, and back to poses."""
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point, PoseStamped, Quaternion
+from geometry_msgs.msg import Pose as PoseMsg
 from nav_msgs.msg import Path
 from scipy.spatial.transform import Rotation
 
-from msg_helpers.poses import header, pose_from_msg, pose_msg_of, pose_stamped_msg
+from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import instance, items, number, row
+from dlo_planner.model.pose import Pose
+from msg_helpers.poses import header, pose_from_msg, pose_stamped_msg
 
 _NANOSECONDS = 10**9
+_LAST = 2**31  # s, of builtin_interfaces/Time
 
 
-def shape_path(shape, frame_id, stamp):
+def shape_path(shape, frame_id, stamp) -> Path:
     """Return the DLO node by node as a Path; x axis of each pose = tangent, s as in `Shape.s`.
 
     Args:
@@ -18,15 +25,22 @@ def shape_path(shape, frame_id, stamp):
         frame_id: of the world
         stamp: builtin_interfaces/Time of the gripper pose that it belongs to
     """
+    instance('shape', shape, Shape)
     top = header(frame_id, stamp)
     quaternions = Rotation.from_matrix(shape.frames).as_quat()
     # Sixty nodes at pose rate: no Pose objects in between, and one header that all share.
     nodes = zip(shape.positions.tolist(), quaternions.tolist(), strict=True)
-    poses = [PoseStamped(header=top, pose=pose_msg_of(*node)) for node in nodes]
+    poses = [PoseStamped(header=top, pose=_node(*node)) for node in nodes]
     return Path(header=top, poses=poses)
 
 
-def plan_path(grippers, times, frame_id, stamp):
+def _node(position, quaternion):
+    """Return geometry_msgs/Pose of lists of floats that are known to be good."""
+    (a, b, c), (x, y, z, w) = position, quaternion
+    return PoseMsg(position=Point(x=a, y=b, z=c), orientation=Quaternion(x=x, y=y, z=z, w=w))
+
+
+def plan_path(grippers, times, frame_id, stamp) -> Path:
     """Return gripper poses as a Path, each stamped with `stamp` plus its time.
 
     Args:
@@ -35,24 +49,35 @@ def plan_path(grippers, times, frame_id, stamp):
         frame_id: of the world
         stamp: builtin_interfaces/Time of the first pose
     """
+    grippers = items('grippers', grippers, Pose)
+    times = row('times', times, least=0)
+    if len(times) != len(grippers):
+        raise InvalidTask(f'times has {len(times)} entries: expected one per gripper pose, '
+                          f'{len(grippers)}')
     poses = [pose_stamped_msg(pose, frame_id, later(stamp, time))
              for pose, time in zip(grippers, times, strict=True)]
     return Path(header=header(frame_id, stamp), poses=poses)
 
 
-def later(stamp, seconds):
+def later(stamp, seconds) -> Time:
     """Return builtin_interfaces/Time `seconds` after `stamp`."""
-    total = stamp.sec * _NANOSECONDS + stamp.nanosec + round(float(seconds) * _NANOSECONDS)
-    return type(stamp)(sec=total // _NANOSECONDS, nanosec=total % _NANOSECONDS)
+    instance('stamp', stamp, Time)
+    seconds = number('seconds', seconds)
+    total = stamp.sec * _NANOSECONDS + stamp.nanosec + round(seconds * _NANOSECONDS)
+    if not -_LAST <= total // _NANOSECONDS < _LAST:
+        raise InvalidTask(f'seconds = {seconds:g}: expected a time that fits in 32 bits of seconds')
+    return Time(sec=total // _NANOSECONDS, nanosec=total % _NANOSECONDS)
 
 
-def poses_from_path(path):
+def poses_from_path(path) -> list[Pose]:
     """Return the list of Pose in a nav_msgs/Path."""
+    instance('path', path, Path)
     return [pose_from_msg(stamped.pose) for stamped in path.poses]
 
 
-def times_from_path(path):
+def times_from_path(path) -> np.ndarray:
     """Return (n,) s: the poses' stamps, counted from the first one's."""
+    instance('path', path, Path)
     stamps = np.array([p.header.stamp.sec * _NANOSECONDS + p.header.stamp.nanosec
                        for p in path.poses], dtype=np.int64)
     return (stamps - stamps[:1]) / _NANOSECONDS

@@ -3,50 +3,59 @@
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, PoseStamped, Quaternion
 from geometry_msgs.msg import Pose as PoseMsg
+from nav_msgs.msg import Goals
 from std_msgs.msg import Header
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import instance, vector
 from dlo_planner.model.pose import Pose
 
 
-def header(frame_id, stamp=None):
-    """Return a std_msgs/Header; `stamp` a builtin_interfaces/Time, None for zero."""
+def header(frame_id, stamp=None) -> Header:
+    """Return a std_msgs/Header; `stamp` a builtin_interfaces/Time, None for zero.
+
+    As all functions of this package it raises InvalidTask where an argument makes no sense.
+    """
+    instance('frame_id', frame_id, str)
+    instance('stamp', stamp, Time, optional=True)
     return Header(frame_id=frame_id, stamp=stamp if stamp is not None else Time())
 
 
-def point_msg(position):
+def point_msg(position) -> Point:
     """Return geometry_msgs/Point of (3,) m; each field a true float, or it arrives as garbage."""
-    x, y, z = map(float, position)
+    x, y, z = vector('position', position, 3).tolist()
     return Point(x=x, y=y, z=z)
 
 
-def pose_msg_of(position, quaternion):
+def pose_msg_of(position, quaternion) -> PoseMsg:
     """Return geometry_msgs/Pose of (3,) m and (4,) x, y, z, w."""
-    x, y, z, w = map(float, quaternion)
+    x, y, z, w = vector('quaternion', quaternion, 4).tolist()
     return PoseMsg(position=point_msg(position), orientation=Quaternion(x=x, y=y, z=z, w=w))
 
 
-def pose_msg(pose):
+def pose_msg(pose) -> PoseMsg:
     """Return geometry_msgs/Pose of a Pose."""
+    instance('pose', pose, Pose)
     return pose_msg_of(pose.position, pose.quaternion)
 
 
-def pose_stamped_msg(pose, frame_id, stamp=None):
+def pose_stamped_msg(pose, frame_id, stamp=None) -> PoseStamped:
     """Return geometry_msgs/PoseStamped of a Pose given in `frame_id`."""
     return PoseStamped(header=header(frame_id, stamp), pose=pose_msg(pose))
 
 
-def pose_from_msg(msg):
+def pose_from_msg(msg) -> Pose:
     """Return the Pose of a geometry_msgs/Pose.
 
     Raises:
         InvalidTask: a component is not finite, or the quaternion is zero
     """
+    instance('msg', msg, PoseMsg)
     p, q = msg.position, msg.orientation
     return Pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
 
-def poses_from_goals(msg, frame_id, name):
+def poses_from_goals(msg, frame_id, name) -> list[Pose]:
     """Return the Poses of a nav_msgs/Goals that must be given in `frame_id`.
 
     A goal's own header may be empty; then the outer one counts.
@@ -59,6 +68,8 @@ def poses_from_goals(msg, frame_id, name):
     Raises:
         InvalidTask: naming the field and its value
     """
+    instance('msg', msg, Goals)
+    _judge(frame_id, name)
     poses = []
     for index, goal in enumerate(msg.goals):
         given = goal.header.frame_id or msg.header.frame_id
@@ -67,7 +78,7 @@ def poses_from_goals(msg, frame_id, name):
     return poses
 
 
-def pose_from_stamped(msg, frame_id, name):
+def pose_from_stamped(msg, frame_id, name) -> Pose:
     """Return the Pose of a geometry_msgs/PoseStamped that must be given in `frame_id`.
 
     Args:
@@ -78,6 +89,8 @@ def pose_from_stamped(msg, frame_id, name):
     Raises:
         InvalidTask: naming the field and its value
     """
+    instance('msg', msg, PoseStamped)
+    _judge(frame_id, name)
     if msg.header.frame_id != frame_id:
         raise InvalidTask(f'{name}.header.frame_id = {msg.header.frame_id!r}: '
                           f'expected {frame_id!r}')
@@ -85,3 +98,8 @@ def pose_from_stamped(msg, frame_id, name):
         return pose_from_msg(msg.pose)
     except InvalidTask as error:
         raise InvalidTask(f'{name}: {error}') from None
+
+
+def _judge(frame_id, name):
+    instance('frame_id', frame_id, str)
+    instance('name', name, str)

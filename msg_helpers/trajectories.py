@@ -1,17 +1,21 @@
 """Trajectory -> trajectory_msgs/MultiDOFJointTrajectory."""
 
 import numpy as np
-from builtin_interfaces.msg import Duration
+from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import Quaternion, Transform, Twist, Vector3
 from scipy.spatial.transform import Rotation
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
+from dlo_planner.inverse.trajectory import Trajectory
+from dlo_planner.model.checks import instance, integer
+from dlo_planner.model.pose import Pose
 from msg_helpers.poses import header
 
 _NANOSECONDS = 10**9
+_MOST = 100_000  # points
 
 
-def timed_trajectory(trajectory, number, tool, frame_id, stamp):
+def timed_trajectory(trajectory, number, tool, frame_id, stamp) -> MultiDOFJointTrajectory:
     """Return poses, velocities and accelerations of the tool frame at even times.
 
     Args:
@@ -20,6 +24,10 @@ def timed_trajectory(trajectory, number, tool, frame_id, stamp):
         tool: Pose of the gripper frame in the tool frame (constant)
         frame_id: of the world; stamp: builtin_interfaces/Time of the start
     """
+    instance('trajectory', trajectory, Trajectory)
+    number = integer('number', number, minimum=2, maximum=_MOST)
+    instance('tool', tool, Pose)
+    top = header(frame_id, instance('stamp', stamp, Time))
     times = np.linspace(0, trajectory.duration, number)
     grippers, speeds, changes = trajectory.at(times)
     poses = [gripper.compose(tool.inverse()) for gripper in grippers]
@@ -39,7 +47,7 @@ def timed_trajectory(trajectory, number, tool, frame_id, stamp):
         time_from_start=_duration(time))
         for time, pose, quaternion, velocity, spin, acceleration, turn in zip(
             times, poses, quaternions, velocities, spins, accelerations, turns, strict=True)]
-    return MultiDOFJointTrajectory(header=header(frame_id, stamp), joint_names=['gripper'],
+    return MultiDOFJointTrajectory(header=top, joint_names=['gripper'],
                                    points=points)
 
 

@@ -38,6 +38,7 @@ def approach(discretisation, previous, strains, gripper, far_end, history):
     if far_end is not None:
         held = _grip_before(discretisation, previous, strains, begin, far_end)
     parts = _parts(begin, gripper, held, far_end, discretisation.s[-1])
+    strains = np.array(strains)  # those of a Shape are read-only, another type for kernels
     if parts == 0:
         return strains, True
     done, step = 0.0, 1.0 / parts

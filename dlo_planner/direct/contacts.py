@@ -4,14 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlo_planner.direct.history import no_points
+from dlo_planner.direct.history import NO_POINTS
 from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.distance import signed_distance
+from dlo_planner.model.checks import figure, integer, results
+from dlo_planner.model.value import Value, brief, put
 from dlo_planner.ritz.kinematics import point_inside
 
 
-@dataclass(frozen=True, eq=False)
-class Contact:
+@dataclass(frozen=True, eq=False, repr=False)
+class Contact(Value):
     """One place where a DLO touches an obstacle.
 
     Attributes:
@@ -32,8 +34,20 @@ class Contact:
     friction: np.ndarray
     penetration: float
 
+    def __post_init__(self):
+        put(self, obstacle=integer('Contact.obstacle', self.obstacle, minimum=0, maximum=2**31),
+            **{name: figure(f'Contact.{name}', getattr(self, name))
+               for name in ('s', 'force', 'penetration')},
+            **{name: results(f'Contact.{name}', getattr(self, name), (3,))
+               for name in ('position', 'normal', 'friction')})
+        super().__post_init__()
+
+    def __repr__(self):
+        return brief(self, f'obstacle {self.obstacle}', f's {self.s:.4g} m',
+                     f'force {self.force:.3g} N', f'penetration {self.penetration:.2g} m')
+
     @property
-    def vector(self):
+    def vector(self) -> np.ndarray:
         """(3,) N, the whole force on the DLO."""
         return self.force * self.normal + self.friction
 
@@ -78,9 +92,6 @@ def contacts_of(discretisation, system, state, gripper):
                          fraction, rotation, x)
             add(o, e + fraction, force, gap, gripper.position + x)
     return tuple(sorted(found, key=lambda contact: contact.s))
-
-
-NO_POINTS = no_points()
 
 
 def points_of(system, state, gripper):

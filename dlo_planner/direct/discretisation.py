@@ -13,6 +13,7 @@ from dlo_planner.energy.loads import distributed, node_masses
 from dlo_planner.energy.plastic import Layers
 from dlo_planner.energy.potential import System
 from dlo_planner.model.section import yielding_layers
+from dlo_planner.model.value import Value, freeze, put
 from dlo_planner.ritz.series import orthonormal_basis
 
 # Springs of constraints yield by 1 / these of the length under the DLO's own forces. Soft ones at
@@ -20,17 +21,21 @@ from dlo_planner.ritz.series import orthonormal_basis
 _STIFF_CONTACT, _STIFF_HOLD = 1e5, 1e7
 
 
-class Discretisation:
+class Discretisation(Value):
     """A rod on a mesh, in a basis, with all that acts on it but the grippers (immutable).
 
     Attributes:
         surroundings: Surroundings, with the rod
         s: (N + 1,) arc lengths of the nodes, m
         basis: 'chebyshev', 'fourier' or 'local'; n_terms: N_c, unused by 'local'
+        spring: stiffness of contacts, N/m
     """
 
+    PARTS = ('surroundings', 's', 'basis', 'n_terms')
+
     def __init__(self, surroundings, s, basis, n_terms):
-        self.surroundings, self.s, self.basis, self.n_terms = surroundings, s, basis, n_terms
+        put(self, surroundings=surroundings, s=s, basis=basis, n_terms=n_terms)
+        freeze(s)
         rod = surroundings.rod
         lengths = np.diff(s)
         scale = np.tile(1 / np.sqrt(rod.stiffness), (lengths.size, 1))
@@ -41,15 +46,18 @@ class Discretisation:
         share, limit = _layers(rod)
         weight = np.linalg.norm(pull, axis=1).sum()
         bend = min(rod.bending_stiffness) / rod.length**2
-        self.spring = _STIFF_CONTACT * (weight + bend) / rod.length
-        self._hold_spring = (_STIFF_CONTACT * weight + _STIFF_HOLD * bend) / rod.length
         scene = build_scene(surroundings.obstacles, rod.radius or 0.0)
-        self._start = History.none(s, len(share), scene.kind.size)
-        self._system = System(
+        put(self, spring=_STIFF_CONTACT * (weight + bend) / rod.length,
+            _hold_spring=(_STIFF_CONTACT * weight + _STIFF_HOLD * bend) / rod.length,
+            _start=History.none(s, len(share), scene.kind.size))
+        put(self, _system=System(
             lengths, rod.natural_strains(0.5 * (s[1:] + s[:-1])), rod.stiffness, scale,
             orthonormal_basis(basis, n_terms, s), pull, np.eye(3), np.zeros((0, 3)), np.zeros(0),
-            Layers(share, limit, self._start.set), self._free, scene,
-            self._contacts(self._start, np.zeros(3)), np.zeros((0, 3)), 0.0)
+            Layers(share, limit, self._start.set.copy()), self._free, scene,
+            self._contacts(self._start, np.zeros(3)), np.zeros((0, 3)), 0.0))
+
+    def __reduce__(self):
+        return type(self), tuple(getattr(self, name) for name in self.PARTS)
 
     @property
     def rod(self):
@@ -79,7 +87,7 @@ class Discretisation:
         """
         system = self._system._replace(base=np.array(rotation, dtype=float, order='C'))
         if history is not None and system.layers.share.size:
-            system = system._replace(layers=system.layers._replace(set=history.set))
+            system = system._replace(layers=system.layers._replace(set=history.set.copy()))
         if origin is None or not (system.scene.kind.size or far_end is not None):
             return system
         origin = np.array(origin, dtype=float)

@@ -6,21 +6,25 @@ The two do not touch each other; nothing else is neglected.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.simulator import DirectSimulator, known_options, poses
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import number
+from dlo_planner.model.along import SeenFrom
+from dlo_planner.model.checks import instance, number, shown
 from dlo_planner.model.part import BACK, part_of_rod
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
+from dlo_planner.model.value import Value, brief, figures, put
+from dlo_planner.progress import Progress
 
 _TURNED = np.diag([-1.0, 1.0, -1.0])  # of frames
 
 
-class GraspedInside:
+class GraspedInside(Value):
     """Predicts the shape of a DLO held at arc length `at`, with two free ends.
 
     Args:
@@ -33,51 +37,51 @@ class GraspedInside:
         InvalidTask, InvalidRod: an argument makes no sense
     """
 
-    def __init__(self, rod, at, **options):
-        if not isinstance(rod, Rod):
-            raise InvalidTask(f'rod = {rod!r}: expected a Rod')
-        at = number('at', at, above=0, maximum=rod.length)
-        if at == rod.length:
-            raise InvalidTask(f'at = {at:g}: expected less than the length {rod.length:g} m')
-        if callable(options.get('load')):
-            load = options.pop('load')
-            loads = (lambda s: load(at - s)), (lambda s: load(at + s))
-        else:
-            loads = (options.pop('load', None),) * 2
-        self.rod, self.at = rod, at
-        self._parts = tuple(DirectSimulator(part, load=load, **options) for part, load in
-                            zip((part_of_rod(rod, at, -1), part_of_rod(rod, at, 1)), loads,
-                                strict=True))
+    PARTS = ('rod', 'at', '_parts')
 
-    def solve(self, gripper, initial=None):
+    def __init__(self, rod, at, **options):
+        instance('rod', rod, Rod)
+        at = number('at', at, above=0, below=rod.length)
+        load = options.pop('load', None)
+        put(self, rod=rod, at=at, _parts=tuple(
+            DirectSimulator(part_of_rod(rod, at, way), **known_options(options),
+                            load=SeenFrom(load, at, way) if callable(load) else load)
+            for way in (-1, 1)))
+
+    def __repr__(self):
+        return brief(self, f'at {self.at:.4g} m', figures(self.rod))
+
+    def solve(self, gripper, initial=None) -> Shape:
         """Return the stable Shape, s from end to end; arguments as `DirectSimulator.solve`."""
         before = (None, None) if initial is None else _parts_of(initial)
         back, on = (part.solve(pose, shape) for part, pose, shape in
                     zip(self._parts, _both(gripper), before, strict=True))
         return _joined(gripper, back, on)
 
-    def track(self, grippers, progress=None, initial=None):
+    def track(self, grippers, progress=None, initial=None, *, deadline=None) -> list[Shape]:
         """Return the shapes along a slow motion; arguments as `DirectSimulator.track`."""
-        grippers = list(grippers)
+        grippers = poses(grippers)
+        told = Progress(progress, deadline)
         before = (None, None) if initial is None else _parts_of(initial)
-        ways = zip(*(_both(gripper) for gripper in grippers), strict=True)
-        shapes = [part.track(way, initial=shape) for part, way, shape in
-                  zip(self._parts, ways, before, strict=True)]
-        joined = [_joined(*both) for both in zip(grippers, *shapes, strict=True)]
-        if progress is not None:
-            progress(len(joined), len(grippers))
+        joined = []
+        for gripper in grippers:
+            back, on = (part.track([pose], initial=shape)[0] for part, pose, shape in
+                        zip(self._parts, _both(gripper), before, strict=True))
+            joined.append(_joined(gripper, back, on))
+            before = tuple(shape if shape.converged else last
+                           for shape, last in zip((back, on), before, strict=True))
+            told.done(len(joined), len(grippers))
         return joined
 
 
 def _both(gripper):
-    if not isinstance(gripper, Pose):
-        raise InvalidTask(f'gripper = {gripper!r}: expected a Pose')
+    instance('gripper', gripper, Pose)
     return Pose.from_rotation(gripper.position, gripper.rotation @ _TURNED), gripper
 
 
 def _parts_of(shape):
     if not isinstance(shape, Shape) or shape.parts is None:
-        raise InvalidTask(f'initial = {shape!r}: expected a Shape of a DLO grasped inside')
+        raise InvalidTask(f'initial = {shown(shape)}: expected a Shape of a DLO grasped inside')
     return shape.parts
 
 
@@ -99,5 +103,9 @@ def _joined(gripper, back, on):
         converged=back.converged and on.converged, jumped=back.jumped or on.jumped,
         contacts=tuple(contacts), violation=max(back.violation, on.violation),
         dissipated=back.dissipated + on.dissipated, parts=(back, on),
-        _estimate=lambda: max(back.error_estimate, on.error_estimate), _discretisation=None,
+        _estimate=partial(_larger_estimate, back, on), _discretisation=None,
         _history=None, _before=None)
+
+
+def _larger_estimate(back, on):
+    return max(back.error_estimate, on.error_estimate)

@@ -4,9 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dlo_planner.model.value import Value, freeze
 
-@dataclass(frozen=True, eq=False)
-class History:
+
+@dataclass(frozen=True, eq=False, repr=False)
+class History(Value):
     """The past of a Shape, as far as the next step depends on it.
 
     Attributes:
@@ -27,11 +29,17 @@ class History:
     hold: np.ndarray
     positions: np.ndarray
 
+    def __post_init__(self):
+        for array in (self.s, self.set, self.node_force, self.hold, self.positions):
+            array.flags.writeable = False
+        if self.points is not NO_POINTS:
+            freeze(self.points)
+
     @classmethod
     def none(cls, s, layers, obstacles):
         """Return the past of a DLO that has none."""
         n = s.size - 1
-        return cls(s, np.zeros((n, layers, 3)), 0.0, np.zeros((obstacles, n + 1)), no_points(),
+        return cls(s, np.zeros((n, layers, 3)), 0.0, np.zeros((obstacles, n + 1)), NO_POINTS,
                    np.zeros((0, 3)), np.zeros((0, 3)))
 
     def on(self, s):
@@ -52,14 +60,13 @@ class History:
 
     def without_contacts(self, obstacles):
         """Return the same past without forces of contact, for a number of obstacles."""
-        return replace(self, points=no_points(), node_force=np.zeros((obstacles, self.s.size)))
+        return replace(self, points=NO_POINTS, node_force=np.zeros((obstacles, self.s.size)))
 
 
-def no_points():
-    """Return an empty `History.points`."""
-    return {'element': np.zeros(0, dtype=np.int64), 'obstacle': np.zeros(0, dtype=np.int64),
-            'multiplier': np.zeros(0), 'fraction': np.zeros(0), 'anchor': np.zeros((0, 3)),
-            'normal': np.zeros((0, 3))}
+NO_POINTS = {'element': np.zeros(0, dtype=np.int64), 'obstacle': np.zeros(0, dtype=np.int64),
+             'multiplier': np.zeros(0), 'fraction': np.zeros(0), 'anchor': np.zeros((0, 3)),
+             'normal': np.zeros((0, 3))}
+freeze(NO_POINTS)
 
 
 def mapped(s, values, wanted):

@@ -6,13 +6,14 @@ import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.storage import load, pack, save, unpack
-from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import items, results
+from dlo_planner.model.value import Value, brief, put
 
 _ARRAYS = ('times', 'velocities', 'kinetic_energy', 'potential_energy')
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
+@dataclass(frozen=True, eq=False, repr=False)
+class Motion(Value):
     """A DLO in motion at n instants.
 
     Attributes:
@@ -24,10 +25,23 @@ class Motion:
     """
 
     times: np.ndarray
-    shapes: list[Shape]
+    shapes: tuple[Shape, ...]
     velocities: np.ndarray
     kinetic_energy: np.ndarray
     potential_energy: np.ndarray
+
+    def __post_init__(self):
+        shapes = items('Motion.shapes', self.shapes, Shape)
+        put(self, shapes=shapes, velocities=results('Motion.velocities', self.velocities,
+                                                    (len(shapes), None, 3)),
+            **{name: results(f'Motion.{name}', getattr(self, name), (len(shapes),))
+               for name in ('times', 'kinetic_energy', 'potential_energy')})
+        super().__post_init__()
+
+    def __repr__(self):
+        return brief(self, f'{len(self)} instants',
+                     f'{self.times[-1]:.4g} s' if len(self) else '',
+                     'converged' if self.converged else 'not converged')
 
     def save(self, path):
         """Write the motion as npz: everything but the rod and its surroundings."""
@@ -37,15 +51,16 @@ class Motion:
         save(path, arrays)
 
     @classmethod
-    def load(cls, path):
+    def load(cls, path) -> 'Motion':
         """Return the Motion saved at `path`.
 
         Raises:
             InvalidTask: not such a file
         """
-        arrays = load(path)
-        if 'times' not in arrays:
-            raise InvalidTask(f'path = {str(path)!r}: expected a Motion, found a Shape')
+        return load(path, cls._read)
+
+    @classmethod
+    def _read(cls, arrays):
         shapes = []
         for k in range(len(arrays['times'])):
             mark = f'{k}/'
@@ -58,11 +73,11 @@ class Motion:
         return len(self.shapes)
 
     @property
-    def energy(self):
+    def energy(self) -> np.ndarray:
         """(n,) kinetic and potential energy, J."""
         return self.kinetic_energy + self.potential_energy
 
     @property
-    def converged(self):
+    def converged(self) -> bool:
         """Whether every step was solved."""
         return all(shape.converged for shape in self.shapes)

@@ -78,7 +78,7 @@ class Sensitivity:
                                      turn @ shape.gripper.rotation)
         strains = shape.element_strains + self.strains @ twist
         rotations, positions = np.empty_like(shape.frames), np.empty_like(shape.positions)
-        march(self._system.lengths, strains, gripper.rotation, rotations, positions)
+        march(self._system.lengths, strains, np.array(gripper.rotation), rotations, positions)
         return replace(shape, gripper=gripper, frames=rotations, element_strains=strains,
                        positions=positions + gripper.position)
 

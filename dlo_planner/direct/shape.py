@@ -2,24 +2,41 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
-from dlo_planner.direct.history import mapped
+from dlo_planner.direct.contacts import Contact
+from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.history import History, mapped
 from dlo_planner.direct.storage import load, pack, save, unpack
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import integer, number
+from dlo_planner.model.checks import (
+    array,
+    figure,
+    flag,
+    instance,
+    integer,
+    items,
+    number,
+    row,
+    shown,
+    vector,
+)
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
+from dlo_planner.model.value import Constant, Value, brief, freeze, put
 from dlo_planner.ritz.kinematics import point_inside
 
+_ROUNDING = 1e-9  # of the length
 
-@dataclass(frozen=True, eq=False)
-class Shape:
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Shape(Value):
     """A static shape of a DLO held by a gripper; N_L elements, N_L + 1 nodes, world frame, SI.
 
-    Its arrays are shared with whatever was computed from it: copy one before changing it.
+    Two shapes are equal if all that is listed here is, and the past that the next step begins with.
 
     Attributes:
         gripper: the pose for which it was computed
@@ -67,18 +84,65 @@ class Shape:
     far_wrench: np.ndarray = field(default_factory=lambda: np.zeros(6))
     dissipated: float = 0.0
     parts: tuple | None = None
-    _estimate: Callable = field(default=lambda: np.nan, repr=False)
-    _discretisation: object = field(default=None, repr=False)
-    _history: object = field(default=None, repr=False)  # what it leaves to the next step
-    _before: object = field(default=None, repr=False)   # what the step began with
+    _estimate: Callable = field(default=Constant(np.nan), compare=False)
+    _discretisation: Discretisation | None = field(default=None, compare=False)
+    _history: History | None = None                            # what it leaves to the next step
+    _before: History | None = field(default=None, compare=False)  # what the step began with
+
+    REMEMBERED = ('error_estimate',)
+
+    def __post_init__(self):
+        if not isinstance(self._discretisation, Discretisation):  # else a simulator made it
+            self._judge()
+        for content in (self.s, self.positions, self.frames, self.element_strains,
+                        self.gripper_wrench, self.far_wrench):
+            freeze(content)
+
+    def _judge(self):
+        """Check what comes from elsewhere."""
+        instance('Shape.gripper', self.gripper, Pose)
+        s = row('Shape.s', self.s, least=2, minimum=0)
+        if s[0] != 0 or (np.diff(s) <= 0).any():
+            raise InvalidTask(f'Shape.s = {shown(s.tolist())}: expected arc lengths that grow '
+                              'from 0')
+        put(self, s=s, contacts=items('Shape.contacts', self.contacts, Contact),
+            **{name: array(f'Shape.{name}', getattr(self, name), (s.size, *size))
+               for name, size in (('positions', (3,)), ('frames', (3, 3)))},
+            **{name: array(f'Shape.{name}', getattr(self, name), size) for name, size in (
+                ('element_strains', (s.size - 1, 3)), ('gripper_wrench', (6,)),
+                ('far_wrench', (6,)))},
+            **{name: figure(f'Shape.{name}', getattr(self, name)) for name in (
+                'energy', 'elastic_energy', 'residual', 'stability', 'violation', 'dissipated')},
+            **{name: integer(f'Shape.{name}', getattr(self, name), minimum=0, maximum=10**12)
+               for name in ('iterations', 'evaluations')},
+            **{name: flag(f'Shape.{name}', getattr(self, name))
+               for name in ('converged', 'jumped')})
+        instance('Shape.far_end', self.far_end, FarEnd, optional=True)
+        instance('Shape._discretisation', self._discretisation, Discretisation, optional=True)
+        for name in ('_history', '_before'):
+            instance(f'Shape.{name}', getattr(self, name), History, optional=True)
+        if not callable(self._estimate):
+            raise InvalidTask(f'Shape._estimate = {shown(self._estimate)}: expected a function')
+        if self.parts is not None:
+            put(self, parts=items('Shape.parts', self.parts, Shape, least=2))
+
+    def __repr__(self):
+        cheap = not (self.contacts or self.far_end or self.rod is None or self.rod.yields)
+        known = cheap or 'error_estimate' in self.__dict__
+        return brief(self, f'{self.s[-1]:.4g} m', f'{len(self.element_strains)} elements',
+                     'converged' if self.converged else 'not converged',
+                     'jumped' if self.jumped else '', f'residual {self.residual:.1g}',
+                     f'stability {self.stability:.2g}',
+                     f'error {self.error_estimate:.1g} m' if known else '',
+                     f'{len(self.contacts)} contacts' if self.contacts else '')
 
     @property
-    def tangents(self):
+    def tangents(self) -> np.ndarray:
         """(N_L + 1, 3) unit tangents at the nodes."""
         return self.frames[:, :, 0]
 
-    @cached_property
-    def strains(self):
+    @property
+    def strains(self) -> np.ndarray:
         """(N_L + 1, 3) strains at the nodes, 1/m, interpolated from the elements' middles."""
         u = self.element_strains
         if len(u) == 1:
@@ -90,7 +154,7 @@ class Shape:
         return np.vstack([first, inner, last])
 
     @cached_property
-    def error_estimate(self):
+    def error_estimate(self) -> float:
         """Largest distance of a node from the true rod's, m.
 
         From an embedded solution with every element halved and freed from the series (computed
@@ -98,51 +162,64 @@ class Shape:
         """
         return self._estimate()
 
-    def at(self, s):
+    def at(self, s) -> Pose:
         """Return the Pose (x axis = tangent) at arc length `s` in m, on the element's exact arc.
 
         Raises:
             InvalidTask: s outside [0, L]
         """
-        s = number('s', s, minimum=0, maximum=self.s[-1])
+        s = number('s', s, minimum=0, maximum=float(self.s[-1]))
         rotation, position = self.frame_at(s)
         return Pose.from_rotation(position, rotation)
 
-    def positions_at(self, s):
+    def positions_at(self, s) -> np.ndarray:
         """Return (m, 3) positions in m at arc lengths `s` (m,) in m, as `at`, but quicker.
 
         Raises:
             InvalidTask: one is outside [0, L]
         """
-        s = [number('s', value, minimum=0, maximum=self.s[-1]) for value in np.ravel(s)]
+        s = row('s', s, least=0, minimum=0, maximum=float(self.s[-1]))
         return np.array([self.frame_at(value)[1] for value in s]).reshape(-1, 3)
 
-    def frame_at(self, s):
-        """Return axes (3, 3) and position (3,) at `s` in m within [0, L]: `at` for inner loops."""
+    def frame_at(self, s) -> tuple[np.ndarray, np.ndarray]:
+        """Return axes (3, 3) and position (3,) at `s` in m: `at` for inner loops.
+
+        Raises:
+            InvalidTask: s outside [0, L] by more than rounding
+        """
+        length = self.s[-1]
+        if not (isinstance(s, float) and 0.0 <= s <= length):
+            s = number('s', s, minimum=-_ROUNDING * length, maximum=(1 + _ROUNDING) * length)
+            s = min(max(s, 0.0), length)
         element = min(int(np.searchsorted(self.s, s, side='right')) - 1, self.s.size - 2)
-        lengths = self._lengths
+        kernels = self.for_kernels
         rotation, position = np.empty((3, 3)), np.empty(3)
-        point_inside(lengths, self.element_strains, self.frames, self.positions, element,
-                     (s - self.s[element]) / lengths[element], rotation, position)
+        point_inside(*kernels, element, (s - self.s[element]) / kernels[0][element], rotation,
+                     position)
         return rotation, position
 
     @cached_property
-    def _lengths(self):
-        return np.diff(self.s)
+    def for_kernels(self) -> tuple:
+        """Lengths (N,), strains (N, 3), frames and positions of the nodes, for kernels alone.
+
+        Copies: read-only arrays are another type for numba, and would compile everything again.
+        """
+        return (np.diff(self.s), self.element_strains.copy(), self.frames.copy(),
+                self.positions.copy())
 
     @property
-    def rod(self):
+    def rod(self) -> Rod | None:
         """The Rod; None for a shape from a file."""
         return None if self._discretisation is None else self._discretisation.rod
 
     @property
-    def bend_radius(self):
+    def bend_radius(self) -> np.ndarray:
         """(N_L,) radius of curvature of the elements, m; infinite where straight."""
         with np.errstate(divide='ignore'):
             return 1 / np.hypot(self.element_strains[:, 1], self.element_strains[:, 2])
 
     @property
-    def bend_margin(self):
+    def bend_margin(self) -> float:
         """How much less than the rod's max_bend_curvature the sharpest bend is, 1/m (< 0: more).
 
         Infinite without a limit.
@@ -151,7 +228,7 @@ class Shape:
         return np.inf if limit is None else float(limit - 1 / self.bend_radius.min())
 
     @property
-    def bent(self):
+    def bent(self) -> np.ndarray:
         """(N_L, 3) strains since the stress-free shape, permanent set included there, 1/m.
 
         Raises:
@@ -162,12 +239,12 @@ class Shape:
         return self.element_strains - self._discretisation.stress_free(self._history)
 
     @property
-    def surface_strain(self):
+    def surface_strain(self) -> np.ndarray:
         """(N_L, 2) largest axial and shear strain at the surface; needs `Rod.section`."""
         return self._section().surface_strain(self.bent)
 
     @property
-    def surface_stress(self):
+    def surface_stress(self) -> np.ndarray:
         """(N_L, 2) largest axial and shear stress at the surface, Pa; needs `Rod.section`.
 
         Elastic, and so an upper bound where the section has yielded.
@@ -181,7 +258,7 @@ class Shape:
                               'the surface are asked for (Rod.circular and the like give one)')
         return self.rod.section
 
-    def resample(self, n_elements):
+    def resample(self, n_elements) -> 'Shape':
         """Return the same shape on `n_elements` elements of equal length, for pictures and such.
 
         Nodes lie exactly on this shape's arcs; strains are averaged.
@@ -189,11 +266,10 @@ class Shape:
         n = integer('n_elements', n_elements, minimum=1, maximum=1_000_000)
         s = np.linspace(0, self.s[-1], n + 1)
         poses = [self.at(value) for value in s]
-        estimate = self.error_estimate
         return replace(self, s=s, positions=np.array([pose.position for pose in poses]),
                        frames=np.array([pose.rotation for pose in poses]),
                        element_strains=mapped(self.s, self.element_strains, s),
-                       _estimate=lambda: estimate, _discretisation=None,
+                       _estimate=Constant(self.error_estimate), _discretisation=None,
                        _history=None if self._history is None else self._history.on(s))
 
     def save(self, path):
@@ -201,22 +277,20 @@ class Shape:
         save(path, pack(self))
 
     @classmethod
-    def load(cls, path):
+    def load(cls, path) -> 'Shape':
         """Return the Shape saved at `path`; it can start a simulation of the same rod.
 
         Raises:
             InvalidTask: not such a file
         """
-        return unpack(cls, load(path))
+        return load(path, partial(unpack, cls))
 
-    def moved(self, displacement):
+    def moved(self, displacement) -> 'Shape':
         """Return the same shape carried by `displacement` (3,) m: gravity does not notice.
 
         Obstacles and a far end's grip would: only for shapes that touch nothing.
         """
-        displacement = np.asarray(displacement, dtype=float)
-        if displacement.shape != (3,) or not np.isfinite(displacement).all():
-            raise InvalidTask(f'displacement = {displacement!r}: expected 3 finite numbers')
+        displacement = vector('displacement', displacement, 3)
         gripper = Pose.from_rotation(self.gripper.position + displacement, self.gripper.rotation)
         return replace(self, gripper=gripper, positions=self.positions + displacement,
                        energy=self.energy + float(displacement @ self.gripper_wrench[:3]))

@@ -1,7 +1,7 @@
 """The direct simulator: from gripper poses to shapes."""
 
-from copy import copy
 from dataclasses import replace
+from inspect import signature
 
 import numpy as np
 
@@ -11,17 +11,22 @@ from dlo_planner.direct.described import STRAINS
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.dynamics import simulate
 from dlo_planner.direct.integrator import INTEGRATORS
+from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import METHODS
 from dlo_planner.direct.surroundings import STANDARD_GRAVITY, Surroundings
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import choice, integer, number
+from dlo_planner.model.along import Stepwise
+from dlo_planner.model.checks import choice, instance, integer, items, number, shown
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
+from dlo_planner.model.value import Value, brief, figures, put
+from dlo_planner.progress import Progress
 from dlo_planner.ritz.series import BASES
 
 
-class DirectSimulator:
+class DirectSimulator(Value):
     """Predicts the static shape of a DLO for a gripper pose, by minimising its potential.
 
     Args:
@@ -45,31 +50,33 @@ class DirectSimulator:
 
     A DLO that yields remembers: the permanent set goes from a shape to the next by `initial`, and
     through `track` and `simulate`. `with_set` and `reset` return simulators that start from it.
+    A simulator does not change; two of the same rod, surroundings and options are equal.
     """
+
+    PARTS = ('surroundings', 'method', 'strains', 'accuracy', 'basis', '_history',
+             '_discretisation')
 
     def __init__(self, rod, *, n_elements=None, n_terms=None, basis=None, method='newton',
                  strains='components', accuracy=None, gravity=STANDARD_GRAVITY, load=None,
                  obstacles=()):
-        self.surroundings = Surroundings(rod, gravity, load, obstacles)
-        self._history = None
-        self.method = choice('method', method, METHODS)
-        self.strains = choice('strains', strains, STRAINS)
-        self.accuracy = accuracy
-        self.basis = choice('basis', basis or ('chebyshev' if accuracy is None else 'local'),
-                            BASES)
+        if basis is None:
+            basis = 'chebyshev' if accuracy is None else 'local'
+        put(self, surroundings=Surroundings(rod, gravity, load, obstacles), _history=None,
+            method=choice('method', method, METHODS), strains=choice('strains', strains, STRAINS),
+            accuracy=None, basis=choice('basis', basis, BASES), _discretisation=None)
         if strains == 'paper' and (method == 'newton' or self.basis == 'local'):
             raise InvalidTask(f'strains = {strains!r}: expected a series as basis and \'dfp\' or '
                               f'\'downhill_simplex\' as method, got {self.basis!r}, {method!r}')
         if method != 'newton' and self.obstacles:
             raise InvalidTask(f'method = {method!r}: expected \'newton\' with obstacles')
-        self._discretisation = None
         if accuracy is not None:
             if n_elements is not None or n_terms is not None:
                 raise InvalidTask(
-                    'accuracy picks n_elements and n_terms: give it or them, not both')
+                    f'accuracy = {shown(accuracy)} picks n_elements and n_terms: expected it or '
+                    'them, not both')
             if method != 'newton':
                 raise InvalidTask(f'method = {method!r}: expected \'newton\' with an accuracy')
-            self.accuracy = number('accuracy', accuracy, minimum=1e-9 * rod.length)
+            put(self, accuracy=number('accuracy', accuracy, minimum=1e-9 * rod.length))
             return
         n_elements = integer('n_elements', 64 if n_elements is None else n_elements,
                              minimum=2, maximum=100_000)
@@ -79,38 +86,56 @@ class DirectSimulator:
             raise InvalidTask(f'n_terms = {n_terms}: expected at most n_elements = {n_elements}')
         s = np.arange(n_elements + 1) * (rod.length / n_elements)
         s[-1] = rod.length
-        self._discretisation = Discretisation(self.surroundings, s, self.basis, n_terms)
+        put(self, _discretisation=Discretisation(self.surroundings, s, self.basis, n_terms))
+
+    def __repr__(self):
+        mesh = self._discretisation
+        how = f'accuracy {self.accuracy:.2g} m' if mesh is None else f'{mesh.s.size - 1} elements'
+        terms = '' if mesh is None or self.basis == 'local' else f'{mesh.n_terms} terms'
+        return brief(self, how, terms, self.basis, '' if self.method == 'newton' else self.method,
+                     f'{len(self.obstacles)} obstacles' if self.obstacles else '',
+                     'set' if self._history is not None else '', figures(self.rod))
 
     @property
-    def rod(self):
+    def rod(self) -> Rod:
         """The Rod."""
         return self.surroundings.rod
 
     @property
-    def gravity(self):
+    def gravity(self) -> np.ndarray:
         """(3,) m/s^2."""
         return self.surroundings.gravity
 
     @property
-    def obstacles(self):
+    def obstacles(self) -> tuple:
         """Tuple of obstacles."""
         return self.surroundings.obstacles
 
-    def with_set(self, shape):
-        """Return a simulator of the DLO as `shape` leaves it, with its permanent set."""
+    def with_set(self, shape) -> 'DirectSimulator':
+        """Return a simulator of the DLO as `shape` leaves it, with its permanent set.
+
+        Raises:
+            InvalidTask: not a Shape of this DLO, or of one that is grasped inside
+        """
+        instance('shape', shape, Shape)
         self._check(shape.gripper, shape)
-        other = copy(self)
+        if shape._history is None:
+            raise InvalidTask(f'shape = {shown(shape)}: expected one of a DLO that is held at its '
+                              'beginning, as this simulator finds them')
         past = replace(shape._history, positions=np.zeros((0, 3)))
-        other._history = past.without_contacts(len(past.node_force))
-        return other
+        return self._changed(_history=past.without_contacts(len(past.node_force)))
 
-    def reset(self):
+    def reset(self) -> 'DirectSimulator':
         """Return a simulator of the DLO as it was made, without any permanent set."""
-        other = copy(self)
-        other._history = None
+        return self._changed(_history=None)
+
+    def _changed(self, **contents):
+        other = object.__new__(type(self))
+        put(other, **self.__dict__)
+        put(other, **contents)
         return other
 
-    def elastic(self):
+    def elastic(self) -> 'DirectSimulator':
         """Return a simulator of the same DLO, set as it is, that does not yield any further."""
         rod = self.rod
         if not rod.yields:
@@ -120,34 +145,27 @@ class DirectSimulator:
             mesh = self._discretisation or Discretisation(self.surroundings, self._history.s,
                                                           'local', 0)
             strains = mesh.stress_free(self._history)
-
-            def natural(s):
-                last = len(strains) - 1
-                return strains[np.clip(np.searchsorted(mesh.s, s, side='right') - 1, 0, last)]
-
-            free |= {'natural_curvature': lambda s: natural(s)[1:],
-                     'natural_twist': lambda s: natural(s)[0]}
+            free |= {'natural_curvature': Stepwise(mesh.s, strains[:, 1:]),
+                     'natural_twist': Stepwise(mesh.s, strains[:, 0])}
         return self._with(replace(self.surroundings, rod=replace(rod, **free)), None)
 
-    def without_obstacles(self):
+    def without_obstacles(self) -> 'DirectSimulator':
         """Return a simulator of the same DLO, set as it is, with nothing in its way."""
         return self._with(replace(self.surroundings, obstacles=()), self._history)
 
-    def with_rod(self, rod):
+    def with_rod(self, rod) -> 'DirectSimulator':
         """Return a simulator of another Rod (as long or not), all else equal, without a set."""
         return self._with(replace(self.surroundings, rod=rod), None)
 
     def _with(self, surroundings, history):
-        other = copy(self)
-        other.surroundings, other._history = surroundings, history
-        here = self._discretisation
-        if here is not None:
-            s = here.s * (surroundings.rod.length / here.s[-1])
+        mesh = self._discretisation
+        if mesh is not None:
+            s = mesh.s * (surroundings.rod.length / mesh.s[-1])
             s[-1] = surroundings.rod.length
-            other._discretisation = Discretisation(surroundings, s, here.basis, here.n_terms)
-        return other
+            mesh = Discretisation(surroundings, s, mesh.basis, mesh.n_terms)
+        return self._changed(surroundings=surroundings, _history=history, _discretisation=mesh)
 
-    def solve(self, gripper, initial=None, *, far_end=None):
+    def solve(self, gripper, initial=None, *, far_end=None) -> Shape:
         """Return the stable Shape that the DLO falls into.
 
         Args:
@@ -166,7 +184,8 @@ class DirectSimulator:
             return replace(shape, jumped=True)
         return shape
 
-    def track(self, grippers, progress=None, initial=None, *, far_ends=None):
+    def track(self, grippers, progress=None, initial=None, *, far_ends=None,
+              deadline=None) -> list[Shape]:
         """Return the shapes along a slow motion, each the continuation of the one before.
 
         Between poses the motion is taken as straight (position linear, rotation about one axis).
@@ -178,9 +197,15 @@ class DirectSimulator:
             progress: called as progress(done, total) after each shape
             initial: Shape before the first pose; None starts from the natural shape
             far_ends: one per gripper pose, as in `solve`; None: the far end is free
+            deadline: s of computing after which DeadlineExceeded is raised; None: no limit
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
         """
-        grippers = list(grippers)
-        ends = [None] * len(grippers) if far_ends is None else [FarEnd.of(e) for e in far_ends]
+        grippers = poses(grippers)
+        told = Progress(progress, deadline)
+        ends = [None] * len(grippers) if far_ends is None else [
+            FarEnd.of(end) for end in items('far_ends', far_ends, object)]
         if len(ends) != len(grippers):
             raise InvalidTask(f'far_ends has {len(ends)} entries: expected one per gripper pose, '
                               f'{len(grippers)}')
@@ -194,12 +219,11 @@ class DirectSimulator:
             shapes.append(shape)
             if shape.converged:  # a failure is reported, not carried on
                 initial = shape
-            if progress is not None:
-                progress(len(shapes), len(grippers))
+            told.done(len(shapes), len(grippers))
         return shapes
 
     def simulate(self, grippers, dt, initial=None, *, integrator='generalized_alpha',
-                 progress=None):
+                 progress=None, deadline=None) -> Motion:
         """Return the Motion of the DLO under a moving gripper, with inertia and damping.
 
         Args:
@@ -209,25 +233,24 @@ class DirectSimulator:
             integrator: 'generalized_alpha' (second order) or 'paper' (Eq. 8 to 10: first order,
                 damps), see `direct.integrator`
             progress: called as progress(done, total) after each step
+            deadline: s of computing after which DeadlineExceeded is raised; None: no limit
 
         Raises:
             InvalidTask: an argument makes no sense; the message names it
 
         A step that cannot be solved ends the motion: `Motion.converged` is False then.
         """
-        grippers = list(grippers)
-        if not grippers:
-            raise InvalidTask('grippers = []: expected at least one Pose')
-        for gripper in grippers:
-            self._check(gripper, initial)
+        grippers = poses(grippers, 1)
+        told = Progress(progress, deadline)
+        self._check(grippers[0], initial)
         dt = number('dt', dt, above=0)
         choice('integrator', integrator, INTEGRATORS)
         if initial is None:
             initial, _ = self._equilibrium(grippers[0], None, None)
         return simulate(self.discretisation(grippers[0], initial), grippers, dt, initial,
-                        initial._history or self._history, integrator, progress)
+                        initial._history or self._history, integrator, told.done)
 
-    def discretisation(self, gripper, shape):
+    def discretisation(self, gripper, shape) -> Discretisation:
         """Return the Discretisation that this simulator uses at a gripper's pose.
 
         Args:
@@ -235,6 +258,7 @@ class DirectSimulator:
             shape: Shape found there, None if there is none yet; with `accuracy`, its mesh is
                 returned if it is good enough, and else the one that is
         """
+        self._check(gripper, shape)
         if self._discretisation is not None:
             return self._discretisation
         if shape is not None and shape.error_estimate <= self.accuracy:
@@ -252,10 +276,26 @@ class DirectSimulator:
                     self.strains)
 
     def _check(self, gripper, initial):
-        if not isinstance(gripper, Pose):
-            raise InvalidTask(f'gripper = {gripper!r}: expected a Pose')
-        if initial is not None and not isinstance(initial, Shape):
-            raise InvalidTask(f'initial = {initial!r}: expected a Shape or None')
+        instance('gripper', gripper, Pose)
+        instance('initial', initial, Shape, optional=True)
         if initial is not None and abs(initial.s[-1] - self.rod.length) > 1e-9 * self.rod.length:
             raise InvalidTask(f'initial has length {initial.s[-1]:g} m: '
                               f'expected the rod\'s {self.rod.length:g} m')
+
+
+def poses(grippers, least=0):
+    """Return a sequence of Poses as a tuple of `least` or more; raise InvalidTask."""
+    grippers = items('grippers', grippers, object, least=least)
+    for index, gripper in enumerate(grippers):
+        instance(f'grippers[{index}]: gripper', gripper, Pose)
+    return grippers
+
+
+_OPTIONS = tuple(name for name in signature(DirectSimulator).parameters if name != 'rod')
+
+
+def known_options(options):
+    """Return a dict of options of `DirectSimulator`; raise InvalidTask if there is another."""
+    for name in options:
+        choice('option', name, _OPTIONS)
+    return options

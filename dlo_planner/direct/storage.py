@@ -1,14 +1,17 @@
 """Shapes and motions as npz files."""
 
 from dataclasses import fields
+from os import PathLike
 
 import numpy as np
 
 from dlo_planner.direct.contacts import Contact
 from dlo_planner.direct.history import History
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import instance, shown
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Constant
 
 _FORMAT = 1
 _ARRAYS = ('s', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
@@ -59,26 +62,41 @@ def unpack(shape_class, stored, prefix=''):
     values = {name: get(name) for name in _ARRAYS}
     values |= {name: get(name).item() for name in _NUMBERS}
     return shape_class(gripper=Pose(gripper[:3], gripper[3:]), contacts=contacts, far_end=far_end,
-                       _estimate=lambda: estimate, _history=history, **values)
+                       _estimate=Constant(estimate), _history=history, **values)
 
 
 def save(path, arrays):
-    """Write a mapping of arrays as compressed npz."""
-    np.savez_compressed(path, format=_FORMAT, **arrays)
+    """Write a mapping of arrays as compressed npz.
+
+    Raises:
+        InvalidTask: nothing can be written there
+    """
+    instance('path', path, (str, PathLike))
+    try:
+        np.savez_compressed(path, format=_FORMAT, **arrays)
+    except (OSError, ValueError) as error:
+        raise InvalidTask(f'path = {shown(str(path))}: expected a file to write, '
+                          f'{error}') from None
 
 
-def load(path):
-    """Return the mapping of arrays in an npz file written by `save`.
+def load(path, read):
+    """Return what `read` makes of the mapping of arrays in an npz file written by `save`.
 
     Raises:
         InvalidTask: not such a file
     """
+    instance('path', path, (str, PathLike))
     try:
         with np.load(path) as stored:
             arrays = dict(stored)
-    except (OSError, ValueError) as error:
-        raise InvalidTask(f'path = {str(path)!r}: expected an npz file, {error}') from None
-    if int(arrays.pop('format', -1)) != _FORMAT:
-        raise InvalidTask(f'path = {str(path)!r}: expected a file saved by this package, format '
-                          f'{_FORMAT}')
-    return arrays
+        known = int(arrays.pop('format', -1)) == _FORMAT
+    except Exception as error:  # whatever another file makes of the reader
+        raise InvalidTask(f'path = {shown(str(path))}: expected an npz file, {error}') from None
+    if not known:
+        raise InvalidTask(f'path = {shown(str(path))}: expected a file saved by this package, '
+                          f'format {_FORMAT}')
+    try:
+        return read(arrays)
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise InvalidTask(f'path = {shown(str(path))}: expected another kind of file, or it is '
+                          f'damaged: {error}') from None

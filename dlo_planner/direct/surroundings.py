@@ -6,15 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import vector
+from dlo_planner.model.checks import instance, items, vector
 from dlo_planner.model.obstacles import OBSTACLES, Sheet
 from dlo_planner.model.rod import Rod
+from dlo_planner.model.value import Value, put
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 
-@dataclass(frozen=True, eq=False)
-class Surroundings:
+@dataclass(frozen=True, eq=False, repr=False)
+class Surroundings(Value):
     """A Rod and all that acts on it but its grippers.
 
     Attributes:
@@ -33,20 +34,12 @@ class Surroundings:
     obstacles: tuple = ()
 
     def __post_init__(self):
-        if not isinstance(self.rod, Rod):
-            raise InvalidTask(f'rod = {self.rod!r}: expected a Rod')
-        object.__setattr__(self, 'gravity', vector('gravity', self.gravity, 3))
+        instance('rod', self.rod, Rod)
+        put(self, gravity=vector('gravity', self.gravity, 3),
+            obstacles=items('obstacles', self.obstacles, OBSTACLES))
         if self.load is not None and not callable(self.load):
-            object.__setattr__(self, 'load', vector('load', self.load, 3))
-        try:
-            obstacles = tuple(self.obstacles)
-        except TypeError:
-            raise InvalidTask(f'obstacles = {self.obstacles!r}: expected a sequence') from None
-        for index, obstacle in enumerate(obstacles):
-            if not isinstance(obstacle, OBSTACLES):
-                names = ', '.join(kind.__name__ for kind in OBSTACLES)
-                raise InvalidTask(f'obstacles[{index}] = {obstacle!r}: expected one of {names}')
-            if isinstance(obstacle, Sheet) and self.rod.radius is None:
-                raise InvalidTask('Rod.radius = None: expected the DLO\'s radius where a Sheet is '
-                                  'an obstacle')
-        object.__setattr__(self, 'obstacles', obstacles)
+            put(self, load=vector('load', self.load, 3))
+        if self.rod.radius is None and any(isinstance(one, Sheet) for one in self.obstacles):
+            raise InvalidTask('Rod.radius = None: expected the DLO\'s radius where a Sheet is an '
+                              'obstacle')
+        super().__post_init__()

@@ -3,8 +3,7 @@
 import numpy as np
 from numba import njit
 
-from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import vector
+from dlo_planner.model.checks import returned, vector
 
 
 def node_masses(rod, s):
@@ -39,8 +38,8 @@ def distributed(load, s):
     if load is None:
         return forces
     middle = 0.5 * (s[1:] + s[:-1])
-    density = np.array([vector(f'load({v:g})', load(v), 3, InvalidTask) if callable(load) else load
-                        for v in middle])
+    density = np.array([vector(f'load({v:g})', returned('load', load, v), 3)
+                        if callable(load) else load for v in middle])
     half = 0.5 * np.diff(s)[:, None] * density
     forces[:-1] += half
     forces[1:] += half

@@ -37,8 +37,7 @@ def clearance(obstacles, radius, shape):
         shape: Shape
     """
     scene = build_scene(obstacles, radius)
-    return float(_smallest(scene, np.diff(shape.s), shape.element_strains, shape.frames,
-                           shape.positions, np.zeros(3), np.inf)[3])
+    return float(_smallest(scene, *shape.for_kernels, np.zeros(3), np.inf)[3])
 
 
 def room_in(sheet, normal, radius, shape):
@@ -52,11 +51,11 @@ def room_in(sheet, normal, radius, shape):
     Args:
         normal: (3,) from before the plate to behind it; radius: of the DLO, m
     """
-    middle = sheet.pose.position
+    middle = np.array(sheet.pose.position)
     scene = build_scene([sheet], radius)._replace(origin=middle)
-    return _smallest(scene, np.diff(shape.s), shape.element_strains, shape.frames,
-                     shape.positions - middle, np.asarray(normal, dtype=float),
-                     0.5 * sheet.thickness)[:3]
+    lengths, strains, frames, positions = shape.for_kernels
+    return _smallest(scene, lengths, strains, frames, positions - middle,
+                     np.array(normal, dtype=float), 0.5 * sheet.thickness)[:3]
 
 
 @njit(cache=True)
@@ -142,9 +141,8 @@ def nearest(scene, shape):
     Args:
         scene: of `energy.distance.build_scene`, one entry per body; shape: Shape
     """
-    lengths = np.diff(shape.s)
-    return [_nearest(scene, o, shape.s, lengths, shape.element_strains, shape.frames,
-                     shape.positions) for o in range(scene.kind.size)]
+    s = np.array(shape.s)
+    return [_nearest(scene, o, s, *shape.for_kernels) for o in range(scene.kind.size)]
 
 
 @njit(cache=True)

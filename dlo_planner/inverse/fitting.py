@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.simulator import DirectSimulator, known_options
 from dlo_planner.errors import InvalidTask, NotConverged
-from dlo_planner.model.checks import choice
+from dlo_planner.model.checks import array, choice, figure, flag, instance, items, vector
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
+from dlo_planner.model.value import FrozenDict, Value, brief, figures, put
 
 PARAMETERS = ('bending_stiffness', 'torsional_stiffness', 'natural_curvature')
 _STARTS = (0.0, -0.7, 0.7)  # logarithms of stiffness from which the search begins
@@ -17,8 +18,8 @@ _FARTHEST = 60.0            # of logarithms and units of curvature
 _BENT = 0.1  # rad along the length: how far natural curvature is moved as one unit
 
 
-@dataclass(frozen=True, eq=False)
-class Observation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Observation(Value):
     """Points of a DLO at rest, seen at a known pose of the gripper.
 
     Attributes:
@@ -32,25 +33,15 @@ class Observation:
     s: np.ndarray | None = None
 
     def __post_init__(self):
-        if not isinstance(self.gripper, Pose):
-            raise InvalidTask(f'Observation.gripper = {self.gripper!r}: expected a Pose')
-        points = np.array(self.points, dtype=float)
-        if points.ndim != 2 or points.shape[1] != 3 or not len(points):
-            raise InvalidTask(f'Observation.points has shape {points.shape}: expected (m, 3), '
-                              'm > 0')
-        if not np.isfinite(points).all():
-            raise InvalidTask('Observation.points: expected finite numbers')
-        object.__setattr__(self, 'points', points)
+        instance('Observation.gripper', self.gripper, Pose)
+        put(self, points=array('Observation.points', self.points, (None, 3)))
         if self.s is not None:
-            s = np.array(self.s, dtype=float)
-            if s.shape != (len(points),) or not np.isfinite(s).all():
-                raise InvalidTask(f'Observation.s has shape {s.shape}: expected one finite arc '
-                                  f'length per point, {len(points)}')
-            object.__setattr__(self, 's', s)
+            put(self, s=vector('Observation.s', self.s, len(self.points)))
+        super().__post_init__()
 
 
-@dataclass(frozen=True, eq=False)
-class Fit:
+@dataclass(frozen=True, eq=False, repr=False)
+class Fit(Value):
     """A rod that explains observations.
 
     Attributes:
@@ -68,8 +59,20 @@ class Fit:
     misfit: float
     converged: bool
 
+    def __post_init__(self):
+        instance('Fit.rod', self.rod, Rod)
+        for name in ('values', 'deviations'):
+            put(self, **{name: FrozenDict(instance(f'Fit.{name}', getattr(self, name), dict))})
+        put(self, misfit=figure('Fit.misfit', self.misfit),
+            converged=flag('Fit.converged', self.converged))
 
-def fit_rod(rod, observations, parameters=('bending_stiffness',), **options):
+    def __repr__(self):
+        return brief(self, 'converged' if self.converged else 'not converged',
+                     f'misfit {self.misfit:.2g} m',
+                     *(f'{name} {figures(value)}' for name, value in self.values.items()))
+
+
+def fit_rod(rod, observations, parameters=('bending_stiffness',), **options) -> Fit:
     """Return the Fit of a rod's properties to observed shapes (least squares of distances).
 
     The weight is taken as known: gravity bends a DLO by the ratio of weight and stiffness only.
@@ -85,12 +88,14 @@ def fit_rod(rod, observations, parameters=('bending_stiffness',), **options):
         InvalidTask: an argument makes no sense
         NotConverged: no equilibrium is found with the first guess
     """
-    observations = list(observations)
-    if not observations or not all(isinstance(one, Observation) for one in observations):
-        raise InvalidTask(f'observations = {observations!r}: expected Observations')
-    parameters = tuple(parameters)
+    instance('rod', rod, Rod)
+    observations = items('observations', observations, Observation, least=1)
+    parameters = items('parameters', parameters, str, least=1)
     for name in parameters:
         choice('parameters', name, PARAMETERS)
+    if len(set(parameters)) < len(parameters):
+        raise InvalidTask(f'parameters = {parameters!r}: expected each name once')
+    options = known_options(options)
     for index, one in enumerate(observations):
         if one.s is not None and ((one.s < 0) | (one.s > rod.length)).any():
             raise InvalidTask(f'observations[{index}].s: expected 0 to the length {rod.length:g} m')

@@ -11,54 +11,81 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.shape import Shape
 from dlo_planner.energy.distance import build_scene
 from dlo_planner.inverse.clearance import nearest
-from dlo_planner.model.checks import vector
+from dlo_planner.model.checks import direction, instance, items, number, vector
+from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value, put
 
 
-@dataclass(frozen=True)
-class PositionAt:
+def _length(penalty, name):
+    return number(f'{type(penalty).__name__}.{name}', getattr(penalty, name), minimum=0)
+
+
+def _weight(penalty):
+    return number(f'{type(penalty).__name__}.weight', penalty.weight, above=0)
+
+
+def _judge(shape, *sensitivity):
+    instance('shape', shape, Shape)
+    for one in sensitivity:
+        instance('sensitivity', one, Sensitivity)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PositionAt(Value):
     """The DLO's point at arc length s (m) lies at `target` (3,) m; weight 1/m."""
 
     s: float
     target: np.ndarray
     weight: float = 1.0
 
-    def residuals(self, shape):
-        """Return (3,)."""
-        return self.weight * (shape.frame_at(self.s)[1] - np.asarray(self.target))
+    def __post_init__(self):
+        put(self, s=_length(self, 's'), target=vector('PositionAt.target', self.target, 3),
+            weight=_weight(self))
+        super().__post_init__()
 
-    def slopes(self, shape, sensitivity):
+    def residuals(self, shape) -> np.ndarray:
+        """Return (3,)."""
+        _judge(shape)
+        return self.weight * (shape.frame_at(self.s)[1] - self.target)
+
+    def slopes(self, shape, sensitivity) -> np.ndarray:
         """Return (3, 6)."""
-        del shape
+        _judge(shape, sensitivity)
         return self.weight * sensitivity.at(self.s)[3:]
 
 
-@dataclass(frozen=True)
-class DirectionAt:
+@dataclass(frozen=True, eq=False, repr=False)
+class DirectionAt(Value):
     """The DLO's tangent at arc length s (m) is along `direction` (3,); weight 1/rad."""
 
     s: float
     direction: np.ndarray
     weight: float = 1.0
 
-    def residuals(self, shape):
-        """Return (3,): the difference of two unit vectors."""
-        return self.weight * (shape.frame_at(self.s)[0][:, 0] - self._unit())
+    def __post_init__(self):
+        put(self, s=_length(self, 's'), weight=_weight(self),
+            direction=direction('DirectionAt.direction', self.direction))
+        super().__post_init__()
 
-    def slopes(self, shape, sensitivity):
+    def residuals(self, shape) -> np.ndarray:
+        """Return (3,): the difference of two unit vectors."""
+        _judge(shape)
+        return self.weight * (shape.frame_at(self.s)[0][:, 0] - self.direction)
+
+    def slopes(self, shape, sensitivity) -> np.ndarray:
         """Return (3, 6)."""
+        _judge(shape, sensitivity)
         tangent = shape.frame_at(self.s)[0][:, 0]
         return self.weight * np.cross(sensitivity.at(self.s)[:3].T, tangent).T
 
-    def _unit(self):
-        direction = vector('DirectionAt.direction', self.direction, 3)
-        return direction / np.linalg.norm(direction)
 
-
-@dataclass(frozen=True)
-class GripperNear:
+@dataclass(frozen=True, eq=False, repr=False)
+class GripperNear(Value):
     """The gripper stays near a pose: weak, it makes an answer unique that is not.
 
     Attributes:
@@ -68,20 +95,26 @@ class GripperNear:
     pose: Pose
     weight: float = 1e-3
 
-    def residuals(self, shape):
+    def __post_init__(self):
+        instance('GripperNear.pose', self.pose, Pose)
+        put(self, weight=_weight(self))
+        super().__post_init__()
+
+    def residuals(self, shape) -> np.ndarray:
         """Return (6,)."""
+        _judge(shape)
         turn = Rotation.from_matrix(shape.gripper.rotation @ self.pose.rotation.T).as_rotvec()
         away = shape.gripper.position - self.pose.position
         return self.weight * np.concatenate([turn, away])
 
-    def slopes(self, shape, sensitivity):
+    def slopes(self, shape, sensitivity) -> np.ndarray:
         """Return (6, 6); the rotation's to first order about the pose."""
-        del shape, sensitivity
+        _judge(shape, sensitivity)
         return self.weight * np.eye(6)
 
 
-@dataclass(frozen=True)
-class Through:
+@dataclass(frozen=True, eq=False, repr=False)
+class Through(Value):
     """The DLO passes a point, wherever along it; a DLO that ends before aims at it, straight on.
 
     Attributes:
@@ -94,8 +127,14 @@ class Through:
     after: float = 0.0
     weight: float = 1.0
 
-    def passage(self, shape):
+    def __post_init__(self):
+        put(self, point=vector('Through.point', self.point, 3), after=_length(self, 'after'),
+            weight=_weight(self))
+        super().__post_init__()
+
+    def passage(self, shape) -> float:
         """Return the arc length that is nearest to the point, m; beyond L if it only aims."""
+        _judge(shape)
         known = np.flatnonzero(shape.s > self.after)
         if not known.size:
             known = np.array([shape.s.size - 1])
@@ -114,12 +153,13 @@ class Through:
             s = np.clip(s - off @ tangent / (1 + off @ turn), low, high)
         return float(s)
 
-    def residuals(self, shape):
+    def residuals(self, shape) -> np.ndarray:
         """Return (3,)."""
         return self.weight * self._off(shape, self.passage(shape))
 
-    def slopes(self, shape, sensitivity):
+    def slopes(self, shape, sensitivity) -> np.ndarray:
         """Return (3, 6); the nearest arc length gives way."""
+        _judge(shape, sensitivity)
         s = self.passage(shape)
         beyond = max(s - shape.s[-1], 0.0)
         by_twist = sensitivity.at(s - beyond)
@@ -148,8 +188,8 @@ def _curve(shape, s):
     return axes[:, 0], strain[2] * axes[:, 1] - strain[1] * axes[:, 2]
 
 
-@dataclass(frozen=True, eq=False)
-class AwayFrom:
+@dataclass(frozen=True, eq=False, repr=False)
+class AwayFrom(Value):
     """The DLO's surface keeps a distance from obstacles (of the simulator or not).
 
     Attributes:
@@ -164,23 +204,31 @@ class AwayFrom:
     radius: float = 0.0
     weight: float = 1.0
 
+    def __post_init__(self):
+        put(self, obstacles=items('AwayFrom.obstacles', self.obstacles, OBSTACLES, least=1),
+            distance=_length(self, 'distance'), radius=_length(self, 'radius'),
+            weight=_weight(self))
+        super().__post_init__()
+
     @cached_property
     def _scene(self):
         return build_scene(self.obstacles, self.radius)
 
-    def residuals(self, shape):
+    def residuals(self, shape) -> np.ndarray:
         """Return what is missing of the distance, one number per body."""
+        _judge(shape)
         gaps = np.array([gap for gap, _, _ in nearest(self._scene, shape)])
         return self.weight * np.maximum(self.distance - gaps, 0.0)
 
-    def slopes(self, shape, sensitivity):
+    def slopes(self, shape, sensitivity) -> np.ndarray:
         """Return (bodies, 6): the nearest point stays the nearest to first order."""
+        _judge(shape, sensitivity)
         return np.array([-self.weight * (normal @ sensitivity.at(s)[3:]) * (gap < self.distance)
                          for gap, s, normal in nearest(self._scene, shape)]).reshape(-1, 6)
 
 
-@dataclass(frozen=True)
-class BentAtMost:
+@dataclass(frozen=True, eq=False, repr=False)
+class BentAtMost(Value):
     """The DLO is nowhere bent more sharply than this.
 
     Attributes:
@@ -191,13 +239,19 @@ class BentAtMost:
     curvature: float
     weight: float = 1.0
 
-    def residuals(self, shape):
+    def __post_init__(self):
+        put(self, curvature=_length(self, 'curvature'), weight=_weight(self))
+        super().__post_init__()
+
+    def residuals(self, shape) -> np.ndarray:
         """Return (N,): the excess of each element, so that squares add up to the mean square."""
+        _judge(shape)
         excess = np.hypot(*shape.element_strains[:, 1:].T) - self.curvature
         return self.weight * np.sqrt(np.diff(shape.s) / shape.s[-1]) * np.maximum(excess, 0.0)
 
-    def slopes(self, shape, sensitivity):
+    def slopes(self, shape, sensitivity) -> np.ndarray:
         """Return (N, 6)."""
+        _judge(shape, sensitivity)
         bend = shape.element_strains[:, 1:]
         size = np.hypot(*bend.T)
         share = np.sqrt(np.diff(shape.s) / shape.s[-1]) * (size > self.curvature)

@@ -1,5 +1,6 @@
 """The answer of the inverse simulation: gripper poses, the shapes they make, and their proof."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -7,9 +8,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import room_in
 from dlo_planner.inverse.timing import times_at_speed
+from dlo_planner.model.checks import instance, items, number, results, shown
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value, brief, put
 
 _FREE = (np.inf,) * 3
 
@@ -21,8 +25,8 @@ class PlanStatus(Enum):
     PARTIAL = 'partial'  # only ever as the evidence inside `Infeasible`
 
 
-@dataclass(frozen=True, eq=False)
-class Plan:
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan(Value):
     """A sequence of gripper poses; n waypoints.
 
     Attributes:
@@ -42,33 +46,59 @@ class Plan:
     """
 
     depths: np.ndarray
-    grippers: list[Pose]
-    shapes: list[Shape]
+    grippers: tuple[Pose, ...]
+    shapes: tuple[Shape, ...]
     misalignment: np.ndarray
     miss: np.ndarray
     times: np.ndarray
-    passes: list[tuple]
+    passes: tuple[tuple, ...]
     clearances: np.ndarray
     sheets: tuple
     fraction: float
     status: PlanStatus
 
+    def __post_init__(self):
+        grippers = items('Plan.grippers', self.grippers, Pose)
+        n = len(grippers)
+        for name in _PER_WAYPOINT:
+            if len(items(f'Plan.{name}', getattr(self, name), object)) != n:
+                raise InvalidTask(f'Plan.{name} = {shown(getattr(self, name))}: expected one entry '
+                                  f'per gripper pose, {n}')
+        put(self, grippers=grippers, shapes=items('Plan.shapes', self.shapes, Shape),
+            passes=tuple(items('Plan.passes', one, tuple)
+                         for one in items('Plan.passes', self.passes, Iterable)),
+            clearances=results('Plan.clearances', self.clearances, (n, None, 3)),
+            sheets=items('Plan.sheets', self.sheets, tuple),
+            fraction=number('Plan.fraction', self.fraction, minimum=0, maximum=1),
+            status=instance('Plan.status', self.status, PlanStatus),
+            **{name: results(f'Plan.{name}', getattr(self, name), (n,))
+               for name in ('depths', 'misalignment', 'miss', 'times')})
+        super().__post_init__()
+
     def __len__(self):
         return len(self.grippers)
 
+    def __repr__(self):
+        n = len(self)
+        return brief(self, f'{n} waypoints', self.status.value,
+                     *([f'{self.times[-1]:.4g} s', f'miss {self.miss.max():.1g} m',
+                        f'stability {self.stability.min():.2g}',
+                        f'clearance {self.clearance.min():.2g} m'
+                        if np.isfinite(self.clearance).any() else ''] if n else []))
+
     @property
-    def clearance(self):
+    def clearance(self) -> np.ndarray:
         """(n,) smallest of the `clearances` of each waypoint, m."""
         return self.clearances.min(axis=(1, 2), initial=np.inf)
 
     @property
-    def misses(self):
+    def misses(self) -> list[list[float]]:
         """N lists of the DLO's distances from each centre that it should pass there, m."""
         return [[float(np.linalg.norm(shape.frame_at(s)[1] - centre)) for centre, s, _ in passes]
                 for shape, passes in zip(self.shapes, self.passes, strict=True)]
 
     @property
-    def velocities(self):
+    def velocities(self) -> np.ndarray:
         """(n, 6) linear (m/s) and angular (rad/s) velocity of the gripper, world axes.
 
         Of the straight way to the next waypoint at even speed; zero at the end.
@@ -82,17 +112,17 @@ class Plan:
         return velocities
 
     @property
-    def bend_margin(self):
+    def bend_margin(self) -> np.ndarray:
         """(n,) `Shape.bend_margin` of each waypoint, 1/m."""
         return np.array([shape.bend_margin for shape in self.shapes])
 
     @property
-    def residual(self):
+    def residual(self) -> np.ndarray:
         """(n,) `Shape.residual` of each waypoint."""
         return np.array([shape.residual for shape in self.shapes])
 
     @property
-    def stability(self):
+    def stability(self) -> np.ndarray:
         """(n,) `Shape.stability` of each waypoint."""
         return np.array([shape.stability for shape in self.shapes])
 

@@ -1,22 +1,27 @@
 """Proof with a plan: it is run through the direct simulator, slowly and at its own pace."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import clearance, room_in
-from dlo_planner.inverse.trajectory import Trajectory
-from dlo_planner.model.checks import number
+from dlo_planner.inverse.plan import Plan
+from dlo_planner.inverse.trajectory import Limits, Trajectory
+from dlo_planner.model.checks import figure, flag, instance, items, number
+from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.model.part import before
+from dlo_planner.model.value import Value, brief, put
 
 _PER_PERIOD = 25           # steps in a period of the DLO's slowest vibration
 _STEPS = 150, 2000         # at least, at most
 _DOUBLINGS, _HALVINGS = 4, 3  # of the pace that is tried
 
 
-@dataclass(frozen=True, eq=False)
-class Report:
+@dataclass(frozen=True, eq=False, repr=False)
+class Report(Value):
     """What the direct simulator says of a plan; worst values over all waypoints.
 
     Attributes:
@@ -44,8 +49,21 @@ class Report:
     duration: float = np.nan
     fastest: float = np.nan
 
+    def __post_init__(self):
+        put(self, converged=flag('Report.converged', self.converged),
+            **{item.name: figure(f'Report.{item.name}', getattr(self, item.name))
+               for item in fields(self) if item.name != 'converged'})
 
-def replay(simulator, plan, *, obstacles=(), limits=None, tolerance=None, initial=None):
+    def __repr__(self):
+        said = {'miss': 'm', 'stability': '', 'clearance': 'm', 'dynamic_miss': 'm',
+                'duration': 's', 'fastest': 's'}
+        return brief(self, 'converged' if self.converged else 'not converged', *(
+            f'{name.replace("_", " ")} {getattr(self, name):.3g} {unit}'.rstrip()
+            for name, unit in said.items() if np.isfinite(getattr(self, name))))
+
+
+def replay(simulator, plan, *, obstacles=(), limits=None, tolerance=None,
+           initial=None) -> Report:
     """Return the Report of a Plan.
 
     Args:
@@ -60,6 +78,14 @@ def replay(simulator, plan, *, obstacles=(), limits=None, tolerance=None, initia
     Raises:
         InvalidTask: limits with an insertion
     """
+    instance('simulator', simulator, DirectSimulator)
+    if not len(instance('plan', plan, Plan)):
+        raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
+    obstacles = items('obstacles', obstacles, OBSTACLES)
+    instance('limits', limits, Limits, optional=True)
+    instance('initial', initial, Shape, optional=True)
+    if tolerance is not None:
+        tolerance = number('tolerance', tolerance, above=0)
     whole = all(shape.s[-1] == simulator.rod.length for shape in plan.shapes)
     if limits is not None and not whole:
         raise InvalidTask('limits: expected None for an insertion; it is not run dynamically')
@@ -91,7 +117,6 @@ def replay(simulator, plan, *, obstacles=(), limits=None, tolerance=None, initia
         figures['duration'] = float(way.duration)
         figures['dynamic_miss'] = _dynamic_miss(simulator, plan, way, 1.0, shapes[0])
         if tolerance is not None:
-            number('tolerance', tolerance, above=0)
             figures['fastest'] = float(way.duration * _fastest(
                 lambda scale: _dynamic_miss(simulator, plan, way, scale, shapes[0]) <= tolerance))
     return Report(**figures)

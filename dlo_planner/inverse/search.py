@@ -17,17 +17,20 @@ from scipy.optimize import least_squares, minimize
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask, NotConverged
-from dlo_planner.model.checks import number
+from dlo_planner.model.checks import figure, flag, instance, integer, shown
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value, brief, put
 
 _STILL = 1e-4       # slope per residual that counts as zero
 _FLAT = 1e-5        # slope per 1 + penalty that counts as zero, where it is no sum of squares
 _DIFFERENCE = 1e-6  # rad, and of the length
 
 
-@dataclass(frozen=True, eq=False)
-class Found:
+@dataclass(frozen=True, eq=False, repr=False)
+class Found(Value):
     """Where the search ended.
 
     Attributes:
@@ -39,14 +42,28 @@ class Found:
     """
 
     gripper: Pose
-    shape: object
+    shape: Shape
     penalty: float
     slope: float
     iterations: int
     converged: bool
 
+    def __post_init__(self):
+        instance('Found.gripper', self.gripper, Pose)
+        instance('Found.shape', self.shape, Shape)
+        put(self, penalty=figure('Found.penalty', self.penalty),
+            slope=figure('Found.slope', self.slope), converged=flag('Found.converged',
+                                                                    self.converged),
+            iterations=integer('Found.iterations', self.iterations, minimum=0, maximum=10**12))
 
-def minimise_penalty(simulator, penalties, start, *, initial=None, max_iterations=200):
+    def __repr__(self):
+        return brief(self, 'converged' if self.converged else 'not converged',
+                     f'penalty {self.penalty:.3g}', f'slope {self.slope:.1g}',
+                     f'{self.iterations} iterations', repr(self.gripper))
+
+
+def minimise_penalty(simulator, penalties, start, *, initial=None,
+                     max_iterations=200) -> Found:
     """Return the Found of a task given as penalties of the shape (paper, section 5.1).
 
     Args:
@@ -60,24 +77,26 @@ def minimise_penalty(simulator, penalties, start, *, initial=None, max_iteration
         InvalidTask: an argument makes no sense
         NotConverged: there is no equilibrium at the start
     """
-    if not isinstance(start, Pose):
-        raise InvalidTask(f'start = {start!r}: expected a Pose')
-    number('max_iterations', max_iterations, minimum=1)
+    instance('simulator', simulator, DirectSimulator)
+    instance('start', start, Pose)
+    instance('initial', initial, Shape, optional=True)
+    max_iterations = integer('max_iterations', max_iterations, minimum=1, maximum=1_000_000)
     penalties = list(penalties) if isinstance(penalties, list | tuple) else [penalties]
     for penalty in penalties:
         if not callable(penalty) and not hasattr(penalty, 'residuals'):
-            raise InvalidTask(f'penalties: {penalty!r} is neither a function nor has residuals')
+            raise InvalidTask(f'penalties: {shown(penalty)}: expected a penalty, or a function of '
+                              'the shape')
     search = _Search(simulator, penalties, start, initial)
     if search.squares_only:
         found = least_squares(search.residuals, np.zeros(6), search.jacobian, x_scale=search.scale,
-                              xtol=1e-11, ftol=1e-11, gtol=1e-12, max_nfev=int(max_iterations))
+                              xtol=1e-11, ftol=1e-11, gtol=1e-12, max_nfev=max_iterations)
         x, penalty, slope = found.x, 2 * float(found.cost), found.grad * search.scale
         # SciPy also ends where it can step no farther, e.g. at the edge of what is stable
         enough = _STILL * (np.sqrt(penalty) + _STILL)
     else:
         found = minimize(lambda y: search.value(y * search.scale), np.zeros(6), method='BFGS',
                          jac=lambda y: search.gradient(y * search.scale) * search.scale,
-                         options={'gtol': 1e-9, 'maxiter': int(max_iterations)})
+                         options={'gtol': 1e-9, 'maxiter': max_iterations})
         x, penalty, slope = found.x * search.scale, float(found.fun), 0.5 * found.jac
         enough = _FLAT * (1 + abs(penalty))
     shape, slope = search.shape_at(x), float(np.linalg.norm(slope))
@@ -114,7 +133,7 @@ class _Search:
     @property
     def squares_only(self):
         """Whether no penalty is a single number that counts as it is."""
-        return all(hasattr(penalty, 'residuals') or np.ndim(penalty(self._last))
+        return all(hasattr(penalty, 'residuals') or np.ndim(_of(penalty, self._last))
                    for penalty in self.penalties)
 
     def residuals(self, x):
@@ -170,7 +189,13 @@ class _Search:
 
 
 def _of(penalty, shape):
-    return penalty.residuals(shape) if hasattr(penalty, 'residuals') else penalty(shape)
+    if hasattr(penalty, 'residuals'):
+        return penalty.residuals(shape)
+    try:
+        return np.asarray(penalty(shape), dtype=float)
+    except Exception as error:  # it is somebody else's function: any may come
+        raise InvalidTask(f'penalties: {shown(penalty)} raised {type(error).__name__}: '
+                          f'{shown(str(error))}') from error
 
 
 def _left_jacobian(v):

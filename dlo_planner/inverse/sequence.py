@@ -147,11 +147,12 @@ def _tasks(asked, depth, length):
     if share[1] < 1:
         tasks.append(DirectionAt(length - depth, cutouts[0].normal,
                                  _FREE * (1 - share[1]) * length))
-    # Two can be hit, whatever the weight: so the second one may decide what the normal did, and has
-    # to count in full before a third one does.
-    second = share[1] * max(_FREE, min(1.0, share[2] / _SOON))
-    tasks.append(Through(cutouts[1].centre, length - depth,
-                         weights[1] * (1.0 if share[1] == 1 else second)))
+    if share[1] > 0:
+        # Two can be hit, whatever the weight: so the second one may decide what the normal did,
+        # and has to count in full before a third one does.
+        second = share[1] * max(_FREE, min(1.0, share[2] / _SOON))
+        tasks.append(Through(cutouts[1].centre, length - depth,
+                             weights[1] * (1.0 if share[1] == 1 else second)))
     return tasks + [Through(cutout.centre, length - depth, weight * part)
                     for cutout, weight, part in zip(cutouts[2:], weights[2:], share[2:],
                                                     strict=True) if part > 0]

@@ -15,18 +15,21 @@ from dlo_planner.inverse.start_phase import start_phase
 from dlo_planner.inverse.threading import kept_before, thread
 from dlo_planner.inverse.two_cutouts import thread_two
 from dlo_planner.inverse.workspace import Workspace
-from dlo_planner.model.checks import choice, number
+from dlo_planner.model.checks import choice, flag, instance, items, number, row
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value, brief, freeze, put
 from dlo_planner.progress import Progress
 
 _WAYPOINTS = 40
 _FORCES = 40
+_MOST = 10_000  # waypoints of a plan, or forces
 _DEEPEST = 0.95  # of the length, where no depths are given
 _INSERTED = 0.99
+_FARTHEST = 100  # of the length: from where a start phase may come
 
 
-class InverseSimulator:
+class InverseSimulator(Value):
     """Finds the gripper poses that make the DLO's shape do a task.
 
     Args:
@@ -43,23 +46,27 @@ class InverseSimulator:
     them.
     """
 
+    PARTS = ('simulator', 'workspace', '_yielding', '_alone')
+
     def __init__(self, simulator, *, workspace=None, may_yield=True):
-        if not isinstance(simulator, DirectSimulator):
-            raise InvalidTask(f'simulator = {simulator!r}: expected a DirectSimulator')
-        if workspace is not None and not isinstance(workspace, Workspace):
-            raise InvalidTask(f'workspace = {workspace!r}: expected a Workspace or None')
-        self.simulator = simulator.elastic()
-        self.workspace = workspace
-        self._alone = self.simulator.without_obstacles()
-        self._yielding = None
-        if not may_yield and simulator.rod.yields:
+        instance('simulator', simulator, DirectSimulator)
+        instance('workspace', workspace, Workspace, optional=True)
+        yielding = None
+        if not flag('may_yield', may_yield) and simulator.rod.yields:
             rod = simulator.rod
-            self._yielding = np.array([rod.yield_torsion or np.inf,
-                                       *(rod.yield_curvature or (np.inf, np.inf))])
+            yielding = np.array([rod.yield_torsion or np.inf,
+                                 *(rod.yield_curvature or (np.inf, np.inf))])
+        put(self, simulator=simulator.elastic(), workspace=workspace, _yielding=yielding)
+        put(self, _alone=self.simulator.without_obstacles())
+        freeze(yielding)
+
+    def __repr__(self):
+        return brief(self, repr(self.simulator), '' if self.workspace is None else
+                     repr(self.workspace))
 
     def thread(self, cutout, *, start=None, initial=None, depths=None, method='coupled',
                gripper_clearance=None, linear_speed=0.1, angular_speed=0.5, progress=None,
-               deadline=None):
+               deadline=None) -> Plan:
         """Plan the threading through one cut-out, anywhere and in any direction in 3-D.
 
         At each depth the DLO passes the centre P_goal along the normal n_goal (paper, section
@@ -90,21 +97,20 @@ class InverseSimulator:
             Infeasible: a waypoint has no stable solution, or the gripper comes too near; carries
                 the plan up to it
         """
-        if not isinstance(cutout, CutOut):
-            raise InvalidTask(f'cutout = {cutout!r}: expected a CutOut')
-        _pose_or_none('start', start)
-        if initial is not None and not isinstance(initial, Shape):
-            raise InvalidTask(f'initial = {initial!r}: expected a Shape or None')
+        instance('cutout', cutout, CutOut)
+        instance('start', start, Pose, optional=True)
+        instance('initial', initial, Shape, optional=True)
+        if gripper_clearance is not None:
+            gripper_clearance = number('gripper_clearance', gripper_clearance, minimum=0)
         plan = thread(self._alone, cutout, self._checked(depths), start, initial,
                       choice('method', method, ('coupled', 'nested')),
                       self._brief(linear_speed, angular_speed, progress, deadline))
         if gripper_clearance is None:
             return plan
-        return kept_before(plan, cutout, number('gripper_clearance', gripper_clearance, minimum=0),
-                           depths is None)
+        return kept_before(plan, cutout, gripper_clearance, depths is None)
 
     def insert(self, bore, *, start=None, depths=None, linear_speed=0.1, angular_speed=0.5,
-               progress=None, deadline=None):
+               progress=None, deadline=None) -> Plan:
         """Plan the insertion into a bore of about the DLO's diameter (paper, section 5.2).
 
         The walls carry what is inside; the poses are those at which the mouth has nothing to bear.
@@ -123,9 +129,8 @@ class InverseSimulator:
             InvalidTask: an argument makes no sense; the message names it
             Infeasible: a waypoint has no stable solution; carries the plan up to it
         """
-        if not isinstance(bore, CutOut):
-            raise InvalidTask(f'bore = {bore!r}: expected a CutOut')
-        _pose_or_none('start', start)
+        instance('bore', bore, CutOut)
+        instance('start', start, Pose, optional=True)
         depths = self._checked(depths)
         if depths[-1] > _INSERTED * self.simulator.rod.length:
             raise InvalidTask(f'depths[{len(depths) - 1}] = {depths[-1]:g}: expected at most '
@@ -134,7 +139,7 @@ class InverseSimulator:
                       self._brief(linear_speed, angular_speed, progress, deadline))
 
     def start_phase(self, cutout, plan, start, *, standoff=0.05, initial=None, linear_speed=0.1,
-                    angular_speed=0.5, progress=None, deadline=None):
+                    angular_speed=0.5, progress=None, deadline=None) -> Plan:
         """Plan the way from the gripper's present pose to where a threading begins.
 
         The gripper backs off along the normal, turns where the DLO cannot reach the sheet, and
@@ -156,18 +161,23 @@ class InverseSimulator:
             Infeasible: the DLO is beyond the sheet at the start, has no stable shape on the way, or
                 does not come into the shape in which the plan begins
         """
-        if not isinstance(cutout, CutOut):
-            raise InvalidTask(f'cutout = {cutout!r}: expected a CutOut')
-        if not isinstance(plan, Plan) or not len(plan):
+        instance('cutout', cutout, CutOut)
+        if not len(instance('plan', plan, Plan)):
             raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
-        if not isinstance(start, Pose):
-            raise InvalidTask(f'start = {start!r}: expected a Pose')
+        instance('initial', initial, Shape, optional=True)
+        farthest = _FARTHEST * self.simulator.rod.length
+        for name, pose in (('start', instance('start', start, Pose)),
+                           ('plan.grippers[0]', plan.grippers[0])):
+            away = np.linalg.norm(pose.position - cutout.centre)
+            if away > farthest:
+                raise InvalidTask(f'{name} = {pose!r}: expected at most {farthest:g} m from the '
+                                  f'cut-out, is {away:.3g} m')
         return start_phase(self._alone, cutout, start, plan.shapes[0],
-                           number('standoff', standoff, minimum=0), initial,
+                           number('standoff', standoff, minimum=0, maximum=farthest), initial,
                            self._brief(linear_speed, angular_speed, progress, deadline))
 
     def thread_two(self, first, second, *, start=None, depths=None, linear_speed=0.1,
-                   angular_speed=0.5, progress=None, deadline=None):
+                   angular_speed=0.5, progress=None, deadline=None) -> Plan:
         """Plan the threading through two cut-outs, whose centres count (paper, section 5.2).
 
         From where the free end reaches the second centre, both are hit at once; before, the first
@@ -186,14 +196,13 @@ class InverseSimulator:
             Infeasible: a waypoint has no stable solution; carries the plan up to it
         """
         for name, cutout in (('first', first), ('second', second)):
-            if not isinstance(cutout, CutOut):
-                raise InvalidTask(f'{name} = {cutout!r}: expected a CutOut')
-        _pose_or_none('start', start)
+            instance(name, cutout, CutOut)
+        instance('start', start, Pose, optional=True)
         return thread_two(self._alone, first, second, self._checked(depths), start,
                           self._brief(linear_speed, angular_speed, progress, deadline))
 
     def thread_sequence(self, cutouts, *, weights=None, start=None, depths=None, linear_speed=0.1,
-                        angular_speed=0.5, progress=None, deadline=None):
+                        angular_speed=0.5, progress=None, deadline=None) -> Plan:
         """Plan the threading through any number of cut-outs, as well as can be.
 
         One is passed along its normal, as by `thread`, and two at once, as by `thread_two`. More
@@ -213,18 +222,12 @@ class InverseSimulator:
             InvalidTask: an argument makes no sense; the message names it
             Infeasible: a waypoint has no stable solution; carries the plan up to it
         """
-        cutouts = list(cutouts)
-        if not cutouts:
-            raise InvalidTask('cutouts = []: expected one CutOut at least')
-        for index, cutout in enumerate(cutouts):
-            if not isinstance(cutout, CutOut):
-                raise InvalidTask(f'cutouts[{index}] = {cutout!r}: expected a CutOut')
-        weights = np.ones(len(cutouts)) if weights is None else np.ravel(weights)
+        cutouts = items('cutouts', cutouts, CutOut, least=1)
+        weights = np.ones(len(cutouts)) if weights is None else row('weights', weights, above=0)
         if weights.size != len(cutouts):
             raise InvalidTask(f'weights has {weights.size} entries: expected one per cut-out, '
                               f'{len(cutouts)}')
-        weights = [number(f'weights[{k}]', weight, above=0) for k, weight in enumerate(weights)]
-        _pose_or_none('start', start)
+        instance('start', start, Pose, optional=True)
         depths = self._checked(depths)
         brief = self._brief(linear_speed, angular_speed, progress, deadline)
         if len(cutouts) == 1:
@@ -246,7 +249,7 @@ class InverseSimulator:
         return found
 
     def hold_contact(self, contact, s, *, condition='least_energy', forces=None, start=None,
-                     linear_speed=0.1, angular_speed=0.5, progress=None, deadline=None):
+                     linear_speed=0.1, angular_speed=0.5, progress=None, deadline=None) -> Plan:
         """Plan how to hold the DLO in contact with an obstacle (paper, section 5.3, Fig. 16).
 
         Arc length, place and direction at the contact leave the force of contact free: a family of
@@ -270,7 +273,7 @@ class InverseSimulator:
             InvalidTask: an argument makes no sense; the message names it
             Infeasible: no force is confirmed
         """
-        s = number('s', s, above=0, maximum=self.simulator.rod.length)
+        s = number('s', s, above=0, below=self.simulator.rod.length)
         forces = self._contact(contact, forces, condition, start)
         if condition == 'least_motion' and start is None:
             raise InvalidTask('start = None: expected a Pose with condition \'least_motion\'')
@@ -279,7 +282,7 @@ class InverseSimulator:
                                         touching=True))
 
     def slide_contact(self, contact, lengths, *, condition='least_motion', forces=None, start=None,
-                      linear_speed=0.1, angular_speed=0.5, progress=None, deadline=None):
+                      linear_speed=0.1, angular_speed=0.5, progress=None, deadline=None) -> Plan:
         """Plan how to draw the DLO over an obstacle, its direction there kept (Fig. 15).
 
         Args:
@@ -295,11 +298,8 @@ class InverseSimulator:
             InvalidTask: an argument makes no sense; the message names it
             Infeasible: at a waypoint no force is confirmed; carries the plan up to it
         """
-        lengths = [number(f'lengths[{k}]', s, above=0, maximum=self.simulator.rod.length)
-                   for k, s in enumerate(np.ravel(lengths))]
-        if not lengths or condition is None:
-            raise InvalidTask(f'lengths = {lengths}, condition = {condition!r}: expected one '
-                              'length at least, and a condition')
+        lengths = row('lengths', lengths, most=_MOST, above=0, below=self.simulator.rod.length)
+        choice('condition', condition, CONDITIONS)
         forces = self._contact(contact, forces, condition, start)
         return slide_contact(self.simulator, contact, lengths, forces, condition, start,
                              self._brief(linear_speed, angular_speed, progress, deadline,
@@ -307,11 +307,10 @@ class InverseSimulator:
 
     def _contact(self, contact, forces, condition, start):
         """Return the forces to look at; judge what both contact tasks take."""
-        if not isinstance(contact, Pose):
-            raise InvalidTask(f'contact = {contact!r}: expected a Pose')
+        instance('contact', contact, Pose)
         if not self.simulator.obstacles:
             raise InvalidTask('simulator has no obstacles: expected the one to touch among them')
-        _pose_or_none('start', start)
+        instance('start', start, Pose, optional=True)
         if condition is not None:
             choice('condition', condition, CONDITIONS)
         if forces is None:
@@ -320,25 +319,13 @@ class InverseSimulator:
                 Pose.identity(), None).load)
             most = 6 * (weight + min(rod.bending_stiffness) / rod.length**2)
             return np.linspace(0, most, _FORCES + 1)[1:]
-        forces = np.ravel(forces)
-        return np.array([number(f'forces[{k}]', force, above=0)
-                         for k, force in enumerate(forces)])
+        return row('forces', forces, most=_MOST, above=0)
 
     def _checked(self, depths):
         length = self.simulator.rod.length
         if depths is None:
             return np.linspace(0, _DEEPEST * length, _WAYPOINTS)
-        try:
-            depths = np.atleast_1d(np.asarray(depths, dtype=float))
-        except (TypeError, ValueError):
-            raise InvalidTask(f'depths = {depths!r}: expected numbers in m') from None
-        if depths.ndim != 1 or depths.size == 0:
-            raise InvalidTask(f'depths has shape {depths.shape}: expected (n,), n > 0')
-        inside = np.isfinite(depths) & (depths >= 0) & (depths <= length)
-        if not inside.all():
-            bad = int(np.argmin(inside))
-            raise InvalidTask(
-                f'depths[{bad}] = {depths[bad]}: expected 0 to the length {length:g} m')
+        depths = row('depths', depths, most=_MOST, minimum=0, maximum=length)
         if (np.diff(depths) < 0).any():
             bad = int(np.argmax(np.diff(depths) < 0)) + 1
             raise InvalidTask(
@@ -351,8 +338,3 @@ class InverseSimulator:
         return Brief(speeds, Progress(progress, deadline), self.workspace,
                      () if touching else self.simulator.obstacles, self.simulator.rod.radius or 0.0,
                      self._yielding)
-
-
-def _pose_or_none(name, value):
-    if value is not None and not isinstance(value, Pose):
-        raise InvalidTask(f'{name} = {value!r}: expected a Pose or None')

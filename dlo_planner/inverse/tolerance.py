@@ -5,25 +5,29 @@ which needs no smallness. A miss is the distance of the DLO, extended straight o
 short to get there, from a centre that it should pass.
 """
 
+from concurrent.futures import Executor
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.penalties import Through
 from dlo_planner.inverse.plan import Plan
-from dlo_planner.model.checks import integer, number
+from dlo_planner.model.along import Scaled, Shifted
+from dlo_planner.model.checks import figure, instance, integer, items, number, results
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value, brief, put
 
 _SMALL = 1e-3   # of a spread: step of the differences
 _NEAR = 0.1     # of the length: how far from the planned arc length the DLO may pass a centre
 _AT_ONCE = 25   # samples in one piece of work
 
 
-@dataclass(frozen=True)
-class Spread:
+@dataclass(frozen=True, eq=False, repr=False)
+class Spread(Value):
     """Standard deviations of what is not known exactly; all independent and normal.
 
     Attributes:
@@ -44,8 +48,9 @@ class Spread:
     gripper_rotation: float = 0.0
 
     def __post_init__(self):
-        for name in CAUSES:
-            number(f'Spread.{name}', getattr(self, name), minimum=0)
+        put(self, **{name: number(f'Spread.{name}', getattr(self, name), minimum=0)
+                     for name in CAUSES})
+        super().__post_init__()
 
 
 CAUSES = tuple(field.name for field in fields(Spread))
@@ -54,8 +59,8 @@ _DRAWN = tuple(name for name in CAUSES for _ in range(
     {'natural_curvature': 2, 'gripper_position': 3, 'gripper_rotation': 3}.get(name, 1)))
 
 
-@dataclass(frozen=True, eq=False)
-class Tolerance:
+@dataclass(frozen=True, eq=False, repr=False)
+class Tolerance(Value):
     """How far off a plan is under a Spread; n waypoints, m samples.
 
     Attributes:
@@ -73,17 +78,44 @@ class Tolerance:
     sampled: np.ndarray
     success: float
 
+    def __post_init__(self):
+        causes = items('Tolerance.causes', self.causes, str, least=1)
+        first_order = results('Tolerance.first_order', self.first_order, (None,))
+        by_cause = results('Tolerance.by_cause', self.by_cause, (None, len(causes)))
+        n = len(by_cause)
+        if first_order.size != n:
+            raise InvalidTask(f'Tolerance.by_cause has {n} rows, Tolerance.first_order '
+                              f'{first_order.size} entries: expected as many')
+        put(self, causes=causes, first_order=first_order, by_cause=by_cause,
+            sampled=results('Tolerance.sampled', self.sampled, (None, n)),
+            success=figure('Tolerance.success', self.success))
+        super().__post_init__()
+
+    def __repr__(self):
+        return brief(self, f'{self.first_order.size} waypoints',
+                     f'first order {self.first_order.max(initial=0):.2g} m',
+                     f'worst {self.worst}' if self.first_order.any() else '',
+                     f'{len(self.sampled)} samples' if len(self.sampled) else '',
+                     '' if np.isnan(self.success) else f'success {self.success:.3g}')
+
     @property
-    def worst(self):
+    def worst(self) -> str:
         """Name of the cause that hurts most: whose miss is the largest of all waypoints."""
         return self.causes[int(np.argmax(self.by_cause.max(axis=0)))]
 
-    def quantile(self, part):
-        """Return (n,): the miss that `part` of the samples do not exceed, m."""
-        return np.quantile(self.sampled, part, axis=0, method='higher')
+    def quantile(self, part) -> np.ndarray:
+        """Return (n,): the miss that `part` (0 to 1) of the samples do not exceed, m.
+
+        Raises:
+            InvalidTask: no such part, or there are no samples
+        """
+        part = number('part', part, minimum=0, maximum=1)
+        if not len(self.sampled):
+            raise InvalidTask('samples = 0: expected some where a quantile is asked for')
+        return np.sort(self.sampled, axis=0)[int(np.ceil(part * (len(self.sampled) - 1)))]
 
 
-def tolerance(simulator, plan, spread, *, samples=0, seed=0, executor=None):
+def tolerance(simulator, plan, spread, *, samples=0, seed=0, executor=None) -> Tolerance:
     """Return the Tolerance of a plan under a Spread.
 
     Args:
@@ -97,13 +129,16 @@ def tolerance(simulator, plan, spread, *, samples=0, seed=0, executor=None):
     Raises:
         InvalidTask: an argument makes no sense; the message names it
     """
-    if not isinstance(plan, Plan) or not len(plan):
+    instance('simulator', simulator, DirectSimulator)
+    if not len(instance('plan', plan, Plan)):
         raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
     if any(shape.s[-1] != simulator.rod.length for shape in plan.shapes):
         raise InvalidTask('plan: expected shapes of the simulator\'s whole DLO')
-    if not isinstance(spread, Spread):
-        raise InvalidTask(f'spread = {spread!r}: expected a Spread')
+    instance('spread', spread, Spread)
     samples = integer('samples', samples, minimum=0, maximum=1_000_000)
+    seed = integer('seed', seed, minimum=0, maximum=2**63)
+    if executor is not None:
+        instance('executor', executor, Executor)
     simulator = simulator.elastic()
     if not any(shape.contacts for shape in plan.shapes):
         simulator = simulator.without_obstacles()  # a rim would hold it back, and hide the miss
@@ -195,32 +230,10 @@ def _varied(rod, spread, draw):
     return replace(
         rod, length=length, bending_stiffness=tuple(bend * k for k in rod.bending_stiffness),
         torsional_stiffness=twist * rod.torsional_stiffness,
-        mass_per_length=_Scaled(per_length, mass) if callable(per_length) else mass * per_length,
+        mass_per_length=Scaled(per_length, mass) if callable(per_length) else mass * per_length,
         tip_mass=mass * rod.tip_mass,
         point_masses=tuple((min(s, length), mass * m) for s, m in rod.point_masses),
-        natural_curvature=_Shifted(known, curve) if callable(known) else tuple(curve + known))
-
-
-@dataclass(frozen=True)
-class _Scaled:
-    """A function of s times a number; an object, so that it can be sent to another process."""
-
-    known: object
-    factor: float
-
-    def __call__(self, s):
-        return self.factor * self.known(s)
-
-
-@dataclass(frozen=True, eq=False)
-class _Shifted:
-    """A function of s plus a constant."""
-
-    known: object
-    shift: np.ndarray
-
-    def __call__(self, s):
-        return np.asarray(self.known(s)) + self.shift
+        natural_curvature=Shifted(known, curve) if callable(known) else tuple(curve + known))
 
 
 def _twist(gripper, spread, draw):

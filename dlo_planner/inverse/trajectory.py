@@ -7,8 +7,10 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import number
+from dlo_planner.inverse.plan import Plan
+from dlo_planner.model.checks import instance, number, row
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value, brief, put
 
 _SAMPLES = 20      # per waypoint, at which speeds and accelerations are looked at, and
 _FEWEST = 800      # in all
@@ -16,8 +18,8 @@ _CORNER = 0.5      # cosine between legs: a sharper turn is a corner
 _AT_ONCE = 1e-9    # s: waypoints nearer in time are one
 
 
-@dataclass(frozen=True)
-class Limits:
+@dataclass(frozen=True, eq=False, repr=False)
+class Limits(Value):
     """Of the gripper; each may be infinite.
 
     Attributes:
@@ -37,12 +39,12 @@ class Limits:
         for name in ('linear_speed', 'angular_speed', 'linear_acceleration',
                      'angular_acceleration'):
             value = getattr(self, name)
-            if value != np.inf:
-                number(f'Limits.{name}', value, above=0)
-        number('Limits.ramp', self.ramp, above=0, maximum=0.5)
+            put(self, **{name: np.inf if isinstance(value, float) and value == np.inf
+                         else number(f'Limits.{name}', value, above=0)})
+        put(self, ramp=number('Limits.ramp', self.ramp, above=0, maximum=0.5))
 
 
-class Trajectory:
+class Trajectory(Value):
     """The gripper's way in time: at rest at both ends, continuous acceleration between.
 
     SciPy's cubic spline of the positions and its rotation spline run through the plan's poses. It
@@ -57,10 +59,11 @@ class Trajectory:
         InvalidTask: naming the argument
     """
 
+    PARTS = ('plan', 'limits')
+
     def __init__(self, plan, limits=None):
-        limits = Limits() if limits is None else limits
-        if not isinstance(limits, Limits):
-            raise InvalidTask(f'limits = {limits!r}: expected Limits')
+        instance('plan', plan, Plan)
+        limits = Limits() if limits is None else instance('limits', limits, Limits)
         times, grippers = [], []
         for time, gripper in zip(plan.times, plan.grippers, strict=True):
             if not times or time - times[-1] > _AT_ONCE:
@@ -70,10 +73,16 @@ class Trajectory:
             raise InvalidTask(f'plan has {len(times)} poses at different times: expected two or '
                               'more')
         stops = [0, *_corners(grippers, plan.shapes[0].s[-1]), len(times) - 1]
-        self._parts = [_Part(times[a:b + 1], grippers[a:b + 1], limits)
-                       for a, b in zip(stops, stops[1:], strict=False)]
-        self._ends = np.cumsum([part.duration for part in self._parts])
-        self.duration = float(self._ends[-1])
+        parts = [_Part(times[a:b + 1], grippers[a:b + 1], limits)
+                 for a, b in zip(stops, stops[1:], strict=False)]
+        ends = np.cumsum([part.duration for part in parts])
+        put(self, plan=plan, limits=limits, _parts=parts, _ends=ends, duration=float(ends[-1]))
+
+    def __reduce__(self):
+        return type(self), (self.plan, self.limits)
+
+    def __repr__(self):
+        return brief(self, f'{self.duration:.4g} s', repr(self.plan))
 
     def at(self, times):
         """Return Poses (list), velocities (n, 6) and accelerations (n, 6) at `times` (n,) s.
@@ -101,7 +110,7 @@ class Trajectory:
 
     def _split(self, times):
         """Return indices of parts (n,) and the times (n,) since their beginnings."""
-        times = np.clip(np.atleast_1d(np.asarray(times, dtype=float)), 0, self.duration)
+        times = np.clip(row('times', times), 0, self.duration)
         which = np.minimum(np.searchsorted(self._ends, times), len(self._parts) - 1)
         begins = np.append(0.0, self._ends[:-1])
         return which, times - begins[which]

@@ -7,14 +7,16 @@ import numpy as np
 
 from dlo_planner.energy.distance import build_scene, signed_distance
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import number
+from dlo_planner.model.checks import array, instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value, put
 
 _SPACING, _MOST_PARTS = 5e-3, 200  # m, between places of the gripper that are looked at
 
 
-@dataclass(frozen=True, eq=False)
-class Workspace:
+@dataclass(frozen=True, eq=False, repr=False)
+class Workspace(Value):
     """A box that the gripper stays inside, and bodies that it stays outside.
 
     Attributes:
@@ -32,33 +34,28 @@ class Workspace:
     gripper_radius: float = 0.0
 
     def __post_init__(self):
-        for name in ('lower', 'upper'):
-            object.__setattr__(self, name, _corner(f'Workspace.{name}', getattr(self, name)))
+        put(self, **{name: array(f'Workspace.{name}', getattr(self, name), (3,), finite=False)
+                     for name in ('lower', 'upper')})
         if not (self.lower < self.upper).all():
             raise InvalidTask(f'Workspace.upper = {self.upper.tolist()}: expected more than lower '
                               f'= {self.lower.tolist()}')
-        keep_out = tuple(self.keep_out)
-        for index, body in enumerate(keep_out):
-            if not isinstance(body, OBSTACLES):
-                names = ', '.join(kind.__name__ for kind in OBSTACLES)
-                raise InvalidTask(f'Workspace.keep_out[{index}] = {body!r}: expected one of '
-                                  f'{names}')
-        object.__setattr__(self, 'keep_out', keep_out)
-        object.__setattr__(self, 'gripper_radius', number(
-            'Workspace.gripper_radius', self.gripper_radius, minimum=0))
+        put(self, keep_out=items('Workspace.keep_out', self.keep_out, OBSTACLES),
+            gripper_radius=number('Workspace.gripper_radius', self.gripper_radius, minimum=0))
+        super().__post_init__()
 
     @cached_property
     def _scene(self):
         return build_scene(self.keep_out, self.gripper_radius)
 
-    def least_room(self, before, gripper):
+    def least_room(self, before, gripper) -> tuple[str, float]:
         """Return (name, m) of the limit that is nearest on a gripper's straight way, < 0 beyond.
 
         Args:
             before: Pose where it comes from, None: it is there
             gripper: Pose where it goes
         """
-        way = [gripper.position]
+        instance('before', before, Pose, optional=True)
+        way = [instance('gripper', gripper, Pose).position]
         if before is not None and self.keep_out:  # the box is convex: its ends tell
             apart = np.linalg.norm(gripper.position - before.position)
             parts = int(min(np.ceil(apart / _SPACING), _MOST_PARTS))
@@ -75,17 +72,6 @@ class Workspace:
                     yield f'workspace.{name}.{axis}', float(room) - self.gripper_radius
         normal, bend = np.empty(3), np.empty((3, 3))
         for o in range(self._scene.kind.size):
-            room = signed_distance(self._scene, o, position, normal, bend)
+            room = signed_distance(self._scene, o, np.array(position), normal, bend)
             yield (f'workspace.keep_out[{self._scene.source[o]}]',
                    float(room) - self.gripper_radius)
-
-
-def _corner(name, value):
-    """Return (3,) numbers, each of which may be infinite."""
-    try:
-        corner = np.array([float(v) for v in value])
-    except (TypeError, ValueError):
-        corner = np.full(0, np.nan)
-    if corner.shape != (3,) or np.isnan(corner).any():
-        raise InvalidTask(f'{name} = {value!r}: expected 3 numbers in m, infinite for no limit')
-    return corner

@@ -10,7 +10,8 @@ import numpy as np
 
 from dlo_planner.errors import InvalidTask
 
-_LONGEST = 120  # characters of a value in a message
+_LONGEST = 120    # characters of a value in a message
+_EXTREME = 1e75   # beyond it, and below its inverse, products of four leave the range of floats
 
 
 def shown(value: object) -> str:
@@ -25,7 +26,8 @@ def shown(value: object) -> str:
 def number(name, value, error=InvalidTask, *, minimum=None, above=None, maximum=None, below=None):
     """Return `value` as a finite float within the limits, or raise `error`.
 
-    Numbers are Python's and NumPy's real ones; strings and booleans are none.
+    Numbers are Python's and NumPy's real ones; strings and booleans are none. Their size is at most
+    1e75, and 1e-75 at least where they have to be above 0: products of a few stay finite.
 
     Args:
         name: how the caller knows the argument
@@ -58,7 +60,49 @@ def number(name, value, error=InvalidTask, *, minimum=None, above=None, maximum=
     if not good:
         raise error(f'{name} = {shown(value)}: expected a finite number '
                     f'{" and ".join(wanted)}'.rstrip())
+    if abs(result) > _EXTREME or above == 0 and result < 1 / _EXTREME:
+        raise error(f'{name} = {shown(value)}: expected a size of at most {_EXTREME:g}'
+                    f'{f" and at least {1 / _EXTREME:g}" if above == 0 else ""}')
     return result
+
+
+def figure(name, value, error=InvalidTask):
+    """Return a number that was computed as a float: it may be infinite, or nan if not known."""
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
+        raise error(f'{name} = {shown(value)}: expected a number, infinity or nan')
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise error(f'{name} = {shown(value)}: expected a number, infinity or nan') from None
+
+
+def results(name, value, shape, error=InvalidTask):
+    """Return an array (..) that was computed; its entries may be infinite, or nan if not known."""
+    if (type(value) is np.ndarray and value.dtype == np.float64 and value.ndim == len(shape)
+            and all(size is None or size == got
+                    for size, got in zip(shape, value.shape, strict=True))):
+        return value
+    sizes = ', '.join('n' if size is None else str(size) for size in shape)
+    try:
+        given = np.array(value)
+        if given.dtype.kind not in 'iuf':
+            raise TypeError
+        given = given.astype(float)
+    except Exception:  # whatever its conversion raises
+        raise error(f'{name} = {shown(value)}: expected numbers ({sizes})') from None
+    if given.ndim != len(shape) or any(size is not None and size != got for size, got in
+                                       zip(shape, given.shape, strict=True)):
+        raise error(f'{name} has shape {given.shape}: expected numbers ({sizes})')
+    return given
+
+
+def returned(name, function, s, error=InvalidTask):
+    """Return what a user's function of arc length returns at `s`; raise `error` if it cannot."""
+    try:
+        return function(float(s))
+    except Exception as problem:  # it is somebody else's function: any may come
+        raise error(f'{name}({s:g}): {shown(function)} raised {type(problem).__name__}: '
+                    f'{shown(str(problem))}') from problem
 
 
 def array(name, value, shape, error=InvalidTask, finite=True):
@@ -66,7 +110,7 @@ def array(name, value, shape, error=InvalidTask, finite=True):
 
     Args:
         shape: wanted; None stands for any size > 0, e.g. (None, 3)
-        finite: whether infinite entries are refused (nan always is)
+        finite: True: all entries have to be finite; False: some may be infinite; None: or nan
     """
     sizes = ', '.join('n' if size is None else str(size) for size in shape)
     expected = f'{shape[0]} numbers' if len(shape) == 1 and shape[0] else f'numbers ({sizes})'
@@ -74,6 +118,8 @@ def array(name, value, shape, error=InvalidTask, finite=True):
         given = np.asarray(value)
     except Exception:  # whatever its conversion raises
         raise error(f'{name} = {shown(value)}: expected {expected}') from None
+    if np.ma.is_masked(value):
+        raise error(f'{name} = {shown(value)}: expected {expected}, none masked')
     if given.dtype == object and given.size:
         given = _of_numbers(given)
     if given is None or given.dtype.kind not in 'iuf':
@@ -82,9 +128,13 @@ def array(name, value, shape, error=InvalidTask, finite=True):
             got != size if size is not None else got == 0
             for got, size in zip(given.shape, shape, strict=True)):
         raise error(f'{name} has shape {given.shape}: expected {expected}')
-    result = np.array(given, dtype=float)
-    if np.isnan(result).any() or finite and not np.isfinite(result).all():
+    with np.errstate(over='ignore'):  # of longer floats
+        result = np.array(given, dtype=float)
+    if finite is not None and np.isnan(result).any() or finite and not np.isfinite(result).all():
         raise error(f'{name} = {shown(result.tolist())}: expected finite {expected}')
+    if (np.abs(result[np.isfinite(result)]) > _EXTREME).any():
+        raise error(f'{name} = {shown(result.tolist())}: expected numbers of a size up to '
+                    f'{_EXTREME:g}')
     return result
 
 
@@ -98,9 +148,39 @@ def _of_numbers(given):
         return None
 
 
+def row(name, value, error=InvalidTask, *, least=1, most=None, **limits):
+    """Return one number, or a sequence of them, as a new float array (n,), or raise `error`.
+
+    Args:
+        least, most: how many there are to be
+        limits: of each, as for `number`
+    """
+    if isinstance(value, Real) or isinstance(value, np.ndarray) and value.ndim == 0:
+        value = [value]
+    if not least and isinstance(value, tuple | list | np.ndarray) and len(value) == 0:
+        return np.zeros(0)
+    values = array(name, value, (None,), error, finite=None)
+    if values.size < least or most is not None and values.size > most:
+        raise error(f'{name} has {values.size} numbers: expected {least} at least'
+                    f'{"" if most is None else f" and {most} at most"}')
+    for index, one in enumerate(values.tolist()):
+        number(f'{name}[{index}]', one, error, **limits)
+    return values
+
+
 def vector(name, value, size, error=InvalidTask):
     """Return `value` as a new float array of shape (size,), all finite, or raise `error`."""
     return array(name, value, (size,), error)
+
+
+def direction(name, value, error=InvalidTask):
+    """Return a vector (3,) of any length but zero as a new unit vector, or raise `error`."""
+    value = vector(name, value, 3, error)
+    size = np.abs(value).max()
+    if size == 0:
+        raise error(f'{name} = {value.tolist()}: expected a vector that is not zero')
+    value = value / size
+    return value / np.linalg.norm(value)
 
 
 def integer(name, value, error=InvalidTask, *, minimum, maximum):
@@ -142,7 +222,7 @@ def items(name, value, kinds, error=InvalidTask, *, least=0):
     except Exception:  # whatever its iteration raises
         raise error(f'{name} = {shown(value)}: expected a sequence of {_named(kinds)}') from None
     if len(result) < least:
-        raise error(f'{name} has {len(result)} items: expected {least} or more of {_named(kinds)}')
+        raise error(f'{name} = {shown(value)}: expected {least} or more of {_named(kinds)}')
     for index, item in enumerate(result):
         instance(f'{name}[{index}]', item, kinds, error)
     return result

@@ -3,12 +3,13 @@
 from dataclasses import dataclass
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import number
+from dlo_planner.model.checks import instance, number, shown
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value, put
 
 
-@dataclass(frozen=True)
-class CutOut:
+@dataclass(frozen=True, eq=False, repr=False)
+class CutOut(Value):
     """A round or rectangular hole in a thin sheet; without a size, just its centre and normal.
 
     Attributes:
@@ -27,16 +28,19 @@ class CutOut:
     height: float | None = None
 
     def __post_init__(self):
-        if not isinstance(self.pose, Pose):
-            raise InvalidTask(f'CutOut.pose = {self.pose!r}: expected a Pose')
+        instance('CutOut.pose', self.pose, Pose)
         if self.radius is not None and (self.width is not None or self.height is not None):
             raise InvalidTask(
-                'CutOut: give radius (round) or width and height (rectangular), not both')
+                f'CutOut.radius = {shown(self.radius)}: expected radius (round) or width and '
+                'height (rectangular), not both')
         if (self.width is None) != (self.height is None):
-            raise InvalidTask('CutOut: a rectangular cut-out needs both width and height')
+            raise InvalidTask(f'CutOut.width = {shown(self.width)}, CutOut.height = '
+                              f'{shown(self.height)}: expected both width and height, or '
+                              'neither')
         for name in ('radius', 'width', 'height'):
             if getattr(self, name) is not None:
-                number(f'CutOut.{name}', getattr(self, name), above=0)
+                put(self, **{name: number(f'CutOut.{name}', getattr(self, name), above=0)})
+        super().__post_init__()
 
     @property
     def centre(self):

@@ -4,15 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import choice, vector
+from dlo_planner.model.checks import choice, instance, vector
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value
 
 GRIPS = ('clamped', 'pinned', 'sleeve')
 
 
-@dataclass(frozen=True)
-class FarEnd:
+@dataclass(frozen=True, eq=False, repr=False)
+class FarEnd(Value):
     """What holds the far end of a DLO.
 
     Attributes:
@@ -26,12 +26,12 @@ class FarEnd:
     grip: str = 'clamped'
 
     def __post_init__(self):
-        if not isinstance(self.pose, Pose):
-            raise InvalidTask(f'FarEnd.pose = {self.pose!r}: expected a Pose')
+        instance('FarEnd.pose', self.pose, Pose)
         choice('FarEnd.grip', self.grip, GRIPS)
+        super().__post_init__()
 
     @classmethod
-    def of(cls, value):
+    def of(cls, value) -> 'FarEnd | None':
         """Return a FarEnd from one, a Pose (clamped), a position (3,) (pinned), or None."""
         if value is None or isinstance(value, FarEnd):
             return value

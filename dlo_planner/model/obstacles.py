@@ -5,15 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import number, vector
+from dlo_planner.model.checks import direction, instance, items, number, shown, vector
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value, put
 
-_FLUSH = 1e-6  # m and rad: how far a cut-out may lie off its sheet's middle plane
+_FLUSH = 1e-6  # of the sheet, and rad: how far a cut-out may lie off its sheet's middle plane
+_NO_LENGTH = 1e-9  # of its other measures: a capsule that short has no direction
+_ROUNDING = 1e-9   # of the sheet
 
 
-@dataclass(frozen=True)
-class Plane:
+@dataclass(frozen=True, eq=False, repr=False)
+class Plane(Value):
     """A floor or wall that fills everything behind it.
 
     Attributes:
@@ -27,12 +30,13 @@ class Plane:
     friction: float = 0.0
 
     def __post_init__(self):
-        _put(self, point=vector('Plane.point', self.point, 3),
-             normal=_direction('Plane.normal', self.normal), friction=_friction(self))
+        put(self, point=vector('Plane.point', self.point, 3),
+            normal=direction('Plane.normal', self.normal), friction=_friction(self))
+        super().__post_init__()
 
 
-@dataclass(frozen=True)
-class Sphere:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sphere(Value):
     """A ball; centre (3,) m, radius m, friction: Coulomb's coefficient."""
 
     centre: np.ndarray
@@ -40,12 +44,13 @@ class Sphere:
     friction: float = 0.0
 
     def __post_init__(self):
-        _put(self, centre=vector('Sphere.centre', self.centre, 3),
-             radius=number('Sphere.radius', self.radius, above=0), friction=_friction(self))
+        put(self, centre=vector('Sphere.centre', self.centre, 3),
+            radius=number('Sphere.radius', self.radius, above=0), friction=_friction(self))
+        super().__post_init__()
 
 
-@dataclass(frozen=True)
-class Capsule:
+@dataclass(frozen=True, eq=False, repr=False)
+class Capsule(Value):
     """A round bar with round ends: all that is within `radius` of the line from start to end.
 
     Attributes:
@@ -60,16 +65,19 @@ class Capsule:
     friction: float = 0.0
 
     def __post_init__(self):
-        _put(self, start=vector('Capsule.start', self.start, 3),
-             end=vector('Capsule.end', self.end, 3),
-             radius=number('Capsule.radius', self.radius, above=0), friction=_friction(self))
-        if np.linalg.norm(self.end - self.start) < 1e-9:
+        put(self, start=vector('Capsule.start', self.start, 3),
+            end=vector('Capsule.end', self.end, 3),
+            radius=number('Capsule.radius', self.radius, above=0), friction=_friction(self))
+        size = max(self.radius, np.abs(self.start).max(), np.abs(self.end).max())
+        if np.linalg.norm(self.end - self.start) <= _NO_LENGTH * size:
             raise InvalidTask(f'Capsule.end = {self.end.tolist()}: expected another point than '
-                              'start (a Sphere has one centre)')
+                              'start, apart by more than rounding of their places and the radius '
+                              '(a Sphere has one centre)')
+        super().__post_init__()
 
 
-@dataclass(frozen=True)
-class Box:
+@dataclass(frozen=True, eq=False, repr=False)
+class Box(Value):
     """A block; pose of its centre, full sizes (3,) m along the pose's axes, friction."""
 
     pose: Pose
@@ -77,15 +85,15 @@ class Box:
     friction: float = 0.0
 
     def __post_init__(self):
-        _pose(self)
+        instance('Box.pose', self.pose, Pose)
         size = vector('Box.size', self.size, 3)
-        if (size <= 0).any():
-            raise InvalidTask(f'Box.size = {size.tolist()}: expected three lengths > 0')
-        _put(self, size=size, friction=_friction(self))
+        put(self, size=np.array([number(f'Box.size[{k}]', length, above=0)
+                                 for k, length in enumerate(size)]), friction=_friction(self))
+        super().__post_init__()
 
 
-@dataclass(frozen=True)
-class Sheet:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sheet(Value):
     """A flat plate with cut-outs; its pose is that of its centre, x axis = normal.
 
     Attributes:
@@ -107,55 +115,46 @@ class Sheet:
     friction: float = 0.0
 
     def __post_init__(self):
-        _pose(self)
-        cutouts = (self.cutouts,) if isinstance(self.cutouts, CutOut) else tuple(self.cutouts)
-        _put(self, width=number('Sheet.width', self.width, above=0),
-             height=number('Sheet.height', self.height, above=0),
-             thickness=number('Sheet.thickness', self.thickness, minimum=0),
-             cutouts=cutouts, friction=_friction(self))
-        for index, cutout in enumerate(cutouts):
+        instance('Sheet.pose', self.pose, Pose)
+        cutouts = (self.cutouts,) if isinstance(self.cutouts, CutOut) else self.cutouts
+        put(self, width=number('Sheet.width', self.width, above=0),
+            height=number('Sheet.height', self.height, above=0),
+            thickness=number('Sheet.thickness', self.thickness, minimum=0),
+            cutouts=items('Sheet.cutouts', cutouts, CutOut), friction=_friction(self))
+        for index, cutout in enumerate(self.cutouts):
             self._check(f'Sheet.cutouts[{index}]', cutout)
+        super().__post_init__()
 
     @classmethod
-    def around(cls, cutout, width=0.4, height=0.4, thickness=1e-3, friction=0.0):
+    def around(cls, cutout, width=0.4, height=0.4, thickness=1e-3, friction=0.0) -> 'Sheet':
         """Return a sheet centred at the one cut-out that it has."""
+        instance('cutout', cutout, CutOut)
         return cls(cutout.pose, width, height, thickness, (cutout,), friction)
 
     def _check(self, name, cutout):
-        if not isinstance(cutout, CutOut) or (cutout.radius is None and cutout.width is None):
-            raise InvalidTask(f'{name} = {cutout!r}: expected a CutOut with radius or width')
+        if cutout.radius is None and cutout.width is None:
+            raise InvalidTask(f'{name} = {shown(cutout)}: expected a CutOut with radius or width')
         local = self.pose.rotation.T @ (cutout.centre - self.pose.position)
         tilt = np.linalg.norm(np.cross(self.pose.direction, cutout.normal))
-        if abs(local[0]) > _FLUSH or tilt > _FLUSH:
+        size = max(self.width, self.height, np.abs(self.pose.position).max())
+        if abs(local[0]) > _FLUSH * size or tilt > _FLUSH:
             raise InvalidTask(f'{name}: expected its centre in the sheet\'s middle plane and its '
                               f'normal along the sheet\'s, got {local[0]:.3g} m and {tilt:.3g} off')
-        reach = cutout.radius if cutout.radius is not None else min(cutout.width,
-                                                                    cutout.height) / 2
-        if (np.abs(local[1:]) + reach > np.array([self.width, self.height]) / 2).any():
-            raise InvalidTask(f'{name}: expected to lie within the sheet of {self.width:g} m by '
-                              f'{self.height:g} m')
+        half = 0.5 * np.array([self.width, self.height])
+        if (np.abs(local[1:]) + self._reach(cutout) > half + _ROUNDING * size).any():
+            raise InvalidTask(f'{name} = {shown(cutout)}: expected to lie within the sheet\'s '
+                              f'width of {self.width:g} m and height of {self.height:g} m')
+
+    def _reach(self, cutout):
+        """Return how far (2,) a cut-out reaches from its centre along the sheet's y and z, m."""
+        if cutout.radius is not None:
+            return np.full(2, cutout.radius)
+        roll = self.pose.rotation[:, 1:].T @ cutout.pose.rotation[:, 1:]
+        return 0.5 * np.abs(roll) @ np.array([cutout.width, cutout.height])
 
 
 OBSTACLES = (Plane, Sphere, Capsule, Box, Sheet)
 
 
-def _put(self, **values):
-    for name, value in values.items():
-        object.__setattr__(self, name, value)
-
-
 def _friction(self):
     return number(f'{type(self).__name__}.friction', self.friction, minimum=0)
-
-
-def _pose(self):
-    if not isinstance(self.pose, Pose):
-        raise InvalidTask(f'{type(self).__name__}.pose = {self.pose!r}: expected a Pose')
-
-
-def _direction(name, value):
-    value = vector(name, value, 3)
-    size = np.linalg.norm(value)
-    if size < 1e-9:
-        raise InvalidTask(f'{name} = {value.tolist()}: expected a vector that is not zero')
-    return value / size

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from dlo_planner.model.along import SeenFrom
+
 BACK = np.array([1.0, -1.0, 1.0])  # strains, seen along the DLO in the other direction
 
 
@@ -16,20 +18,15 @@ def before(rod, end):
 def part_of_rod(rod, at, way):
     """Return the Rod from `at` to one end: way = 1 on to L, -1 back to 0."""
     length = at if way < 0 else rod.length - at
-    signs = BACK if way < 0 else np.ones(3)
-
-    def place(s):
-        return at + way * s
-
-    def natural(s):
-        return signs * rod.natural_strains(np.array([place(s)]))[0]
-
     masses = []
     for s, mass in rod.point_masses:
         if (s - at) * way > 0 or (s == at and way > 0):
             masses.append((abs(s - at), mass))
-    return replace(
-        rod, length=length, point_masses=tuple(masses), tip_mass=rod.tip_mass if way > 0 else 0.0,
-        natural_curvature=lambda s: natural(s)[1:], natural_twist=lambda s: natural(s)[0],
-        mass_per_length=(lambda s: rod.masses_per_length(np.array([place(s)]))[0])
-        if callable(rod.mass_per_length) else rod.mass_per_length)
+    signs = tuple(BACK[1:]) if way < 0 else (1.0, 1.0)
+    curvature = rod.natural_curvature
+    changed = {name: SeenFrom(getattr(rod, name), at, way)
+               for name in ('mass_per_length', 'natural_twist') if callable(getattr(rod, name))}
+    return replace(rod, length=length, point_masses=tuple(masses),
+                   tip_mass=rod.tip_mass if way > 0 else 0.0,
+                   natural_curvature=SeenFrom(curvature, at, way, signs) if callable(curvature)
+                   else tuple(np.array(signs) * curvature), **changed)

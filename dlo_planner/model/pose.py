@@ -6,19 +6,22 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import vector
+from dlo_planner.model.checks import array, instance, shown, vector
+from dlo_planner.model.checks import direction as unit
+from dlo_planner.model.value import Value, brief, figures, put
 
 _UNIT = np.eye(3)
-_HARDLY = 1e-6  # off a rotation matrix
+_HARDLY, _NEARLY = 1e-9, 1e-5  # off a rotation matrix: as computed; as it may be given
+_ROUNDING = 1e-15              # of a unit quaternion's norm
 WORLD_UP = np.array([0.0, 0.0, 1.0])
 
 
-@dataclass(frozen=True, eq=False)
-class Pose:
+@dataclass(frozen=True, eq=False, repr=False)
+class Pose(Value):
     """A right-handed frame in the world.
 
     The gripper's x axis is the DLO's tangent where it leaves the gripper; a cut-out's x axis is
-    the direction in which the free end travels through it. Copy an array before changing it.
+    the direction in which the free end travels through it.
 
     Attributes:
         position: (3,) origin, metres, world frame
@@ -31,32 +34,27 @@ class Pose:
 
     position: np.ndarray
     quaternion: np.ndarray
-    rotation: np.ndarray = field(init=False, repr=False)
+    rotation: np.ndarray = field(init=False, compare=False)
 
     def __post_init__(self):
         position = vector('Pose.position', self.position, 3)
         quaternion = vector('Pose.quaternion', self.quaternion, 4)
-        norm = np.linalg.norm(quaternion)
-        if norm < 1e-6:
+        size = np.abs(quaternion).max()
+        if size < 1e-6:
             raise InvalidTask(
                 f'Pose.quaternion = {quaternion.tolist()}: expected a unit quaternion x, y, z, w')
-        quaternion = quaternion / norm
-        rotation = Rotation.from_quat(quaternion).as_matrix()
-        for name, value in (('position', position), ('quaternion', quaternion),
-                            ('rotation', rotation)):
-            object.__setattr__(self, name, value)
+        norm = size * np.linalg.norm(quaternion / size)
+        if abs(norm - 1) > _ROUNDING:  # so that a pose made of a pose's parts is the same
+            quaternion = quaternion / norm
+        put(self, position=position, quaternion=quaternion,
+            rotation=Rotation.from_quat(quaternion).as_matrix())
+        super().__post_init__()
 
-    def __eq__(self, other):
-        if not isinstance(other, Pose):
-            return NotImplemented
-        return (np.array_equal(self.position, other.position)
-                and np.array_equal(self.quaternion, other.quaternion))
-
-    def __hash__(self):
-        return hash((self.position.tobytes(), self.quaternion.tobytes()))
+    def __repr__(self):
+        return brief(self, figures(self.position), figures(self.quaternion))
 
     @property
-    def matrix(self):
+    def matrix(self) -> np.ndarray:
         """(4, 4) homogeneous transform from this frame to the world."""
         matrix = np.eye(4)
         matrix[:3, :3] = self.rotation
@@ -64,58 +62,65 @@ class Pose:
         return matrix
 
     @property
-    def direction(self):
+    def direction(self) -> np.ndarray:
         """(3,) the x axis: DLO tangent or cut-out normal, world frame."""
         return self.rotation[:, 0]
 
     @classmethod
-    def identity(cls):
+    def identity(cls) -> 'Pose':
         """Return the world frame itself."""
         return cls((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
     @classmethod
-    def from_rotation(cls, position, rotation):
-        """Return the pose with the given origin (3,) and axes (3, 3), made orthonormal."""
-        rotation = np.asarray(rotation, dtype=float)
-        square = rotation.T @ rotation if rotation.shape == (3, 3) else np.full((3, 3), np.inf)
-        drift = square - _UNIT
-        if not np.abs(drift).max() < _HARDLY or _volume(rotation) < 0:
-            return cls(position, Rotation.from_matrix(rotation).as_quat())
-        # Nearly a rotation, as all are that the simulators make: one step of Newton's method for
-        # the nearest one, and the quaternion only when it is asked for.
+    def from_rotation(cls, position, rotation) -> 'Pose':
+        """Return the pose with the given origin (3,) and axes (3, 3), made orthonormal.
+
+        Raises:
+            InvalidTask: the axes are no rotation: orthonormal to 1e-5 and right-handed
+        """
+        if type(rotation) is not np.ndarray or rotation.dtype != float or rotation.shape != (3, 3):
+            rotation = array('rotation', rotation, (3, 3))
+        drift = rotation.T @ rotation - _UNIT
+        off = np.abs(drift).max()
+        if not off < _NEARLY or _volume(rotation) < 0:
+            raise InvalidTask(f'rotation = {shown(rotation.tolist())}: expected orthonormal, '
+                              'right-handed axes')
+        # Newton's method for the nearest rotation; the quaternion is made when it is asked for.
+        rotation = rotation - 0.5 * rotation @ drift
+        if off > _HARDLY:
+            rotation = rotation - 0.5 * rotation @ (rotation.T @ rotation - _UNIT)
         pose = object.__new__(cls)
-        object.__setattr__(pose, 'position', vector('Pose.position', position, 3))
-        object.__setattr__(pose, 'rotation', rotation - 0.5 * rotation @ drift)
+        put(pose, position=vector('Pose.position', position, 3), rotation=rotation)
+        pose.position.flags.writeable = rotation.flags.writeable = False
         return pose
 
     def __getattr__(self, name):
         """Make the quaternion of a pose that came from axes."""
         if name != 'quaternion' or 'rotation' not in self.__dict__:
-            raise AttributeError(name)
+            raise AttributeError(f'{type(self).__name__} has no attribute {name!r}')
         quaternion = Rotation.from_matrix(self.rotation).as_quat()
-        object.__setattr__(self, 'quaternion', quaternion)
+        quaternion.flags.writeable = False
+        put(self, quaternion=quaternion)
         return quaternion
 
     @classmethod
-    def from_matrix(cls, matrix):
+    def from_matrix(cls, matrix) -> 'Pose':
         """Return the pose of a (4, 4) homogeneous transform.
 
         Raises:
-            InvalidTask: not a rigid transform (rotation orthonormal to 1e-6, last row 0 0 0 1)
+            InvalidTask: not a rigid transform (rotation orthonormal to 1e-5, last row 0 0 0 1)
         """
-        matrix = np.asarray(matrix, dtype=float)
-        if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-            raise InvalidTask(f'matrix: expected 4 x 4 finite numbers, got shape {matrix.shape}')
-        rotation = matrix[:3, :3]
-        rigid = (np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-6)
-                 and np.linalg.det(rotation) > 0
-                 and np.allclose(matrix[3], (0, 0, 0, 1), atol=1e-9))
-        if not rigid:
-            raise InvalidTask(f'matrix = {matrix.tolist()}: expected a rigid transform')
-        return cls.from_rotation(matrix[:3, 3], rotation)
+        matrix = array('matrix', matrix, (4, 4))
+        if not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
+            raise InvalidTask(f'matrix = {shown(matrix.tolist())}: expected a rigid transform, its '
+                              'last row 0, 0, 0, 1')
+        try:
+            return cls.from_rotation(matrix[:3, 3], matrix[:3, :3])
+        except InvalidTask as error:
+            raise InvalidTask(f'matrix: expected a rigid transform; {error}') from None
 
     @classmethod
-    def looking_along(cls, position, direction):
+    def looking_along(cls, position, direction) -> 'Pose':
         """Return the pose whose x axis is `direction` and whose z axis is as far up as it can be.
 
         For a vertical direction, where no roll is more level than another, y stays world y.
@@ -124,12 +129,7 @@ class Pose:
             position: (3,) metres
             direction: (3,) any length but zero
         """
-        direction = vector('direction', direction, 3)
-        length = np.linalg.norm(direction)
-        if length < 1e-9:
-            raise InvalidTask(
-                f'direction = {direction.tolist()}: expected a vector that is not zero')
-        x = direction / length
+        x = unit('direction', direction)
         y = np.cross(WORLD_UP, x)
         # Near the vertical the cross product is noise; world y is then the stable choice.
         y = y / np.linalg.norm(y) if np.linalg.norm(y) > 1e-9 else np.array([0.0, 1.0, 0.0])
@@ -137,12 +137,13 @@ class Pose:
         y /= np.linalg.norm(y)
         return cls.from_rotation(position, np.column_stack([x, y, np.cross(x, y)]))
 
-    def compose(self, other):
+    def compose(self, other) -> 'Pose':
         """Return self * other: the pose `other`, given in this frame, seen from the world."""
+        instance('other', other, Pose)
         return Pose.from_rotation(self.position + self.rotation @ other.position,
                                   self.rotation @ other.rotation)
 
-    def inverse(self):
+    def inverse(self) -> 'Pose':
         """Return the pose of the world in this frame."""
         return Pose.from_rotation(-self.rotation.T @ self.position, self.rotation.T)
 

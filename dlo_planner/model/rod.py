@@ -6,12 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.errors import InvalidRod
-from dlo_planner.model.checks import choice, number
-from dlo_planner.model.section import MODELS, Section
+from dlo_planner.model.checks import array, choice, instance, number, returned, shown
+from dlo_planner.model.section import MODELS, SIZES, Section
+from dlo_planner.model.value import Value, brief, put
 
 
-@dataclass(frozen=True)
-class Rod:
+@dataclass(frozen=True, eq=False, repr=False)
+class Rod(Value):
     """An inextensible, unshearable elastic rod (Kirchhoff), straight or naturally curved.
 
     Material frame (t, n, b); strains are (torsion, curvature about n, curvature about b), 1/m.
@@ -60,93 +61,83 @@ class Rod:
     section: Section | None = None
 
     def __post_init__(self):
-        def put(name, value):
-            object.__setattr__(self, name, value)
-
-        put('length', number('Rod.length', self.length, InvalidRod, above=0))
-        if not callable(self.mass_per_length):
-            put('mass_per_length',
-                number('Rod.mass_per_length', self.mass_per_length, InvalidRod, minimum=0))
-        put('bending_stiffness',
-            _pair('Rod.bending_stiffness', self.bending_stiffness, 'EI or (EI_n, EI_b)', above=0))
-        put('torsional_stiffness',
-            number('Rod.torsional_stiffness', self.torsional_stiffness, InvalidRod, above=0))
-        put('tip_mass', number('Rod.tip_mass', self.tip_mass, InvalidRod, minimum=0))
-        if np.size(self.damping) == 1:
-            put('damping', (0.0, np.ravel(np.asarray(self.damping, dtype=object))[0]))
-        put('damping', _pair('Rod.damping', self.damping, 'b or (a, b)', minimum=0))
-        put('point_masses', self._checked_point_masses())
+        put(self, **{name: number(f'Rod.{name}', getattr(self, name), InvalidRod, **limits)
+                     for name, limits in _NUMBERS.items()
+                     if not (getattr(self, name) is None and name in _OPTIONAL
+                             or callable(getattr(self, name)) and name in _FUNCTIONS)})
+        damping = self.damping
+        if not _is_row(damping):
+            damping = (0.0, damping)
+        elif len(damping) == 1:
+            damping = (0.0, damping[0])
+        put(self, damping=_pair('Rod.damping', damping, 'b or (a, b)', minimum=0),
+            bending_stiffness=_pair('Rod.bending_stiffness', self.bending_stiffness,
+                                    'EI or (EI_n, EI_b)', above=0),
+            point_masses=self._checked_point_masses())
         if self.yield_curvature is not None:
-            put('yield_curvature', _pair('Rod.yield_curvature', self.yield_curvature,
-                                         'a threshold or (about n, about b)', above=0))
-        for name in ('radius', 'yield_torsion', 'max_bend_curvature'):
-            if getattr(self, name) is not None:
-                put(name, number(f'Rod.{name}', getattr(self, name), InvalidRod, above=0))
+            put(self, yield_curvature=_pair('Rod.yield_curvature', self.yield_curvature,
+                                            'a threshold or (about n, about b)', above=0))
         choice('Rod.section_model', self.section_model, MODELS, InvalidRod)
-        put('hardening', number('Rod.hardening', self.hardening, InvalidRod, minimum=0))
-        if self.hardening >= 1:
-            raise InvalidRod(f'Rod.hardening = {self.hardening!r}: expected less than 1')
-        if self.section is not None and not isinstance(self.section, Section):
-            raise InvalidRod(f'Rod.section = {self.section!r}: expected a Section')
+        instance('Rod.section', self.section, Section, InvalidRod, optional=True)
         if not callable(self.natural_curvature):
-            put('natural_curvature', self._checked_curvature(self.natural_curvature))
-        if not callable(self.natural_twist):
-            put('natural_twist', number('Rod.natural_twist', self.natural_twist, InvalidRod))
+            put(self, natural_curvature=_curvature('Rod.natural_curvature',
+                                                   self.natural_curvature))
         probes = np.linspace(0, self.length, 9)
         self.natural_strains(probes)  # callables are judged now, not later
         self.masses_per_length(probes)
+        super().__post_init__()
+
+    def __repr__(self):
+        per_length, (first, second) = self.mass_per_length, self.bending_stiffness
+        bent = callable(self.natural_curvature) or any(self.natural_curvature)
+        return brief(self, f'{self.length:.4g} m',
+                     'varying mass' if callable(per_length) else f'{per_length:.3g} kg/m',
+                     f'EI {first:.3g} N m^2' if first == second
+                     else f'EI {first:.3g}, {second:.3g} N m^2',
+                     f'GJ {self.torsional_stiffness:.3g} N m^2',
+                     '' if self.radius is None else f'radius {self.radius:.3g} m',
+                     'naturally bent' if bent else '',
+                     'yields' if self.yields else '')
 
     def _checked_point_masses(self):
+        expected = f'Rod.point_masses = {shown(self.point_masses)}: expected ((s, kg), ...)'
         try:
             masses = [(s, m) for s, m in self.point_masses]
-        except (TypeError, ValueError):
-            raise InvalidRod(f'Rod.point_masses = {self.point_masses!r}: '
-                             'expected ((s, kg), ...)') from None
+        except Exception:  # whatever its iteration raises
+            raise InvalidRod(expected) from None
         return tuple((number('Rod.point_masses s', s, InvalidRod, minimum=0, maximum=self.length),
                       number('Rod.point_masses kg', m, InvalidRod, minimum=0)) for s, m in masses)
 
-    @staticmethod
-    def _checked_curvature(value, where=''):
-        try:
-            first, second = value
-        except (TypeError, ValueError):
-            raise InvalidRod(f'Rod.natural_curvature{where} = {value!r}: '
-                             'expected (k_n, k_b)') from None
-        return tuple(number(f'Rod.natural_curvature{where}', v, InvalidRod)
-                     for v in (first, second))
-
     @property
-    def stiffness(self):
+    def stiffness(self) -> np.ndarray:
         """(3,) GJ, EI_n, EI_b in N m^2, in the order of the strains."""
         return np.array([self.torsional_stiffness, *self.bending_stiffness])
 
     @property
-    def yields(self):
+    def yields(self) -> bool:
         """Whether there is a threshold beyond which the DLO is set for good."""
         return self.yield_curvature is not None or self.yield_torsion is not None
 
-    def masses_per_length(self, s):
+    def masses_per_length(self, s) -> np.ndarray:
         """Return the mass per length at arc lengths `s` (n,) as (n,), kg/m."""
-        s = np.asarray(s, dtype=float)
-        if not callable(self.mass_per_length):
-            return np.full(s.size, self.mass_per_length)
-        return np.array([number(f'Rod.mass_per_length({v:g})', self.mass_per_length(v), InvalidRod,
+        s = array('s', s, (None,), InvalidRod)
+        known, name = self.mass_per_length, 'Rod.mass_per_length'
+        if not callable(known):
+            return np.full(s.size, known)
+        return np.array([number(f'{name}({v:g})', returned(name, known, v, InvalidRod), InvalidRod,
                                 minimum=0) for v in s])
 
-    def natural_strains(self, s):
+    def natural_strains(self, s) -> np.ndarray:
         """Return the stress-free strains at arc lengths `s` (n,) as (n, 3), 1/m."""
-        s = np.asarray(s, dtype=float)
+        s = array('s', s, (None,), InvalidRod)
         strains = np.empty((s.size, 3))
-        if callable(self.natural_twist):
-            strains[:, 0] = [number(f'Rod.natural_twist({v:g})', self.natural_twist(v), InvalidRod)
-                             for v in s]
-        else:
-            strains[:, 0] = self.natural_twist
-        if callable(self.natural_curvature):
-            strains[:, 1:] = [self._checked_curvature(self.natural_curvature(v), f'({v:g})')
-                              for v in s]
-        else:
-            strains[:, 1:] = self.natural_curvature
+        twist, curvature = self.natural_twist, self.natural_curvature
+        strains[:, 0] = twist if not callable(twist) else [
+            number(f'Rod.natural_twist({v:g})', returned('Rod.natural_twist', twist, v, InvalidRod),
+                   InvalidRod) for v in s]
+        strains[:, 1:] = curvature if not callable(curvature) else [
+            _curvature(f'Rod.natural_curvature({v:g})',
+                       returned('Rod.natural_curvature', curvature, v, InvalidRod)) for v in s]
         return strains
 
     @classmethod
@@ -164,7 +155,7 @@ class Rod:
             yield_stress: Pa; gives yield_curvature and yield_torsion (von Mises)
             more: any other argument of `Rod`
         """
-        d = number('diameter', diameter, InvalidRod, above=0)
+        d = _size('diameter', diameter)
         section = Section.of('round', d / 2, d / 2, youngs_modulus, poisson_ratio)
         return cls._of_section(section, length, density, yield_stress, more)
 
@@ -172,7 +163,7 @@ class Rod:
     def tube(cls, length, outer_diameter, inner_diameter, density, youngs_modulus, poisson_ratio,
              *, yield_stress=None, **more):
         """Return a rod of annular section (hose); arguments as in `circular`."""
-        outer = number('outer_diameter', outer_diameter, InvalidRod, above=0)
+        outer = _size('outer_diameter', outer_diameter)
         inner = number('inner_diameter', inner_diameter, InvalidRod, minimum=0)
         if inner >= outer:
             raise InvalidRod(
@@ -196,8 +187,8 @@ class Rod:
             yield_stress: Pa; gives yield_curvature and yield_torsion
             more: any other argument of `Rod`
         """
-        w = number('width', width, InvalidRod, above=0)
-        t = number('thickness', thickness, InvalidRod, above=0)
+        w = _size('width', width)
+        t = _size('thickness', thickness)
         section = Section.of('rectangular', w / 2, t / 2, youngs_modulus, poisson_ratio)
         return cls._of_section(section, length, density, yield_stress, more)
 
@@ -212,9 +203,38 @@ class Rod:
                    section.torsional_stiffness, **{**given, **more})
 
 
+_NUMBERS = {
+    'length': {'above': 0}, 'mass_per_length': {'minimum': 0}, 'torsional_stiffness': {'above': 0},
+    'natural_twist': {}, 'tip_mass': {'minimum': 0}, 'radius': {'above': 0},
+    'yield_torsion': {'above': 0}, 'hardening': {'minimum': 0, 'below': 1},
+    'max_bend_curvature': {'above': 0}}
+_OPTIONAL = ('radius', 'yield_torsion', 'max_bend_curvature')
+_FUNCTIONS = ('mass_per_length', 'natural_twist')
+
+
+def _is_row(value):
+    """Whether it has places by index: a tuple, list, (n,) array, or an array of ROS parameters."""
+    return (hasattr(value, '__getitem__') and hasattr(value, '__len__')
+            and not isinstance(value, str | bytes | dict) and getattr(value, 'ndim', 1) == 1)
+
+
 def _pair(name, value, expected, **limits):
-    values = np.atleast_1d(np.asarray(value, dtype=object))
-    if values.size not in (1, 2):
-        raise InvalidRod(f'{name} = {value!r}: expected {expected}')
-    values = tuple(number(name, v, InvalidRod, **limits) for v in values)
-    return values if len(values) == 2 else values * 2
+    if _is_row(value):
+        if len(value) not in (1, 2):
+            raise InvalidRod(f'{name} = {shown(value)}: expected {expected}')
+        first, last = value[0], value[-1]
+    else:
+        first = last = value
+    return number(name, first, InvalidRod, **limits), number(name, last, InvalidRod, **limits)
+
+
+def _size(name, value):
+    return number(name, value, InvalidRod, minimum=SIZES[0], maximum=SIZES[1])
+
+
+def _curvature(name, value):
+    try:
+        first, second = value
+    except Exception:  # whatever its iteration raises
+        raise InvalidRod(f'{name} = {shown(value)}: expected (k_n, k_b)') from None
+    return number(name, first, InvalidRod), number(name, second, InvalidRod)

@@ -5,15 +5,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.errors import InvalidRod
-from dlo_planner.model.checks import number
+from dlo_planner.model.checks import array, choice, number
+from dlo_planner.model.value import Value, put
 
+KINDS = ('round', 'tube', 'rectangular')
 MODELS = ('ideal', 'round', 'rectangular')
+SIZES = 1e-12, 1e9     # m, of a section from side to side: beyond, stiffness is out of range
+_MODULUS = 1e-6, 1e30  # Pa
 _LAYERS = 24
 _TANGENTS = 400  # terms of Saint-Venant's series
 
 
-@dataclass(frozen=True)
-class Section:
+@dataclass(frozen=True, eq=False, repr=False)
+class Section(Value):
     """A solid or hollow cross-section of one material.
 
     Attributes:
@@ -21,6 +25,9 @@ class Section:
         half_n, half_b: from the axis to the surface along n and b, m (round: the radius twice)
         youngs_modulus, shear_modulus: Pa
         inner: radius of a tube's bore, m
+
+    Raises:
+        InvalidRod: naming the argument
     """
 
     kind: str
@@ -30,10 +37,26 @@ class Section:
     shear_modulus: float
     inner: float = 0.0
 
+    def __post_init__(self):
+        choice('Section.kind', self.kind, KINDS, InvalidRod)
+        put(self, **{name: number(f'Section.{name}', getattr(self, name), InvalidRod,
+                                  minimum=SIZES[0] / 2, maximum=SIZES[1] / 2)
+                     for name in ('half_n', 'half_b')})
+        put(self, **{name: number(f'Section.{name}', getattr(self, name), InvalidRod,
+                                  minimum=_MODULUS[0], maximum=_MODULUS[1])
+                     for name in ('youngs_modulus', 'shear_modulus')})
+        put(self, inner=number('Section.inner', self.inner, InvalidRod, minimum=0,
+                               below=min(self.half_n, self.half_b)))
+        if self.kind != 'rectangular' and self.half_n != self.half_b:
+            raise InvalidRod(f'Section.half_b = {self.half_b:g}: expected half_n = '
+                             f'{self.half_n:g} where the section is {self.kind}')
+        super().__post_init__()
+
     @classmethod
     def of(cls, kind, half_n, half_b, youngs_modulus, poisson_ratio, inner=0.0):
         """Return the section, with its material judged (InvalidRod)."""
-        modulus = number('youngs_modulus', youngs_modulus, InvalidRod, above=0)
+        modulus = number('youngs_modulus', youngs_modulus, InvalidRod, minimum=10 * _MODULUS[0],
+                         maximum=_MODULUS[1])
         nu = number('poisson_ratio', poisson_ratio, InvalidRod, above=-1, maximum=0.5)
         return cls(kind, half_n, half_b, modulus, modulus / (2 * (1 + nu)), inner)
 
@@ -83,7 +106,7 @@ class Section:
         Args:
             bend: (n, 3) torsion and curvatures about n and b since the stress-free shape, 1/m
         """
-        bend = np.asarray(bend, dtype=float)
+        bend = array('bend', bend, (None, 3), InvalidRod)
         if self.kind == 'rectangular':
             axial = np.abs(bend[:, 1]) * self.half_b + np.abs(bend[:, 2]) * self.half_n
         else:
@@ -95,6 +118,7 @@ class Section:
 
         Torsion by von Mises: shear yields at yield_stress / sqrt(3).
         """
+        yield_stress = number('yield_stress', yield_stress, InvalidRod, above=0)
         strain = yield_stress / self.youngs_modulus
         shear = yield_stress / np.sqrt(3) / self.shear_modulus
         return (strain / self.half_b, strain / self.half_n), shear / self.shear_arm

@@ -1,38 +1,60 @@
 """What a value is: it does not change, and two that say the same are equal.
 
-All that users get or give is a frozen dataclass with numpy arrays in it; those are read-only, so
-that nothing which was computed from a value can be changed through it.
+All that users get or give is such a value. Its arrays are read-only, so that nothing which was
+computed from it can be changed through it.
 """
 
-from dataclasses import fields
+from dataclasses import MISSING, FrozenInstanceError, fields, is_dataclass
 from math import isnan
 
 import numpy as np
 
+_LONGEST, _SHOWN = 160, 4  # characters of a repr; items of a sequence in it
+
 
 class Value:
-    """Base of `@dataclass(frozen=True, eq=False)` classes.
+    """Base of `@dataclass(frozen=True, eq=False, repr=False)`, and of classes with `PARTS`.
 
     Arrays in fields become read-only, equality and hash go by the content of all fields that are
-    compared (`field(compare=True)`), copies are the value itself, pickles come back read-only. A
-    class with a `__post_init__` of its own ends it with `super().__post_init__()`.
+    compared (`field(compare=True)`), copies are the value itself, pickles come back read-only
+    (with the fields, and of what was computed since, what `REMEMBERED` lists). A class with a
+    `__post_init__` of its own ends it with `super().__post_init__()`; a class that is no dataclass
+    lists what is compared in `PARTS`, and makes itself with `put`.
     """
 
+    PARTS = REMEMBERED = ()
+
     def __post_init__(self):
-        for item in fields(self):
-            freeze(self.__dict__.get(item.name))
+        for name in self.__dict__:
+            freeze(self.__dict__[name])
+
+    def __setattr__(self, name, value):
+        raise FrozenInstanceError(f'{type(self).__name__}.{name} cannot be set: values do not '
+                                  'change')
+
+    def __delattr__(self, name):
+        raise FrozenInstanceError(f'{type(self).__name__}.{name} cannot be deleted: values do not '
+                                  'change')
 
     def __eq__(self, other):
         if self is other:
             return True
         if type(other) is not type(self):
             return NotImplemented
-        return all(same(getattr(self, item.name), getattr(other, item.name))
-                   for item in fields(self) if item.compare)
+        return all(same(getattr(self, name), getattr(other, name)) for name in self._compared())
 
     def __hash__(self):
-        return hash((type(self).__name__, *(_hashable(getattr(self, item.name))
-                                            for item in fields(self) if item.compare)))
+        return hash((type(self).__name__, *(_hashable(getattr(self, name))
+                                            for name in self._compared())))
+
+    def __repr__(self):
+        """Say what differs from the defaults."""
+        said = []
+        for item in fields(self) if is_dataclass(self) else ():
+            content = getattr(self, item.name)
+            if item.repr and not (item.default is not MISSING and same(content, item.default)):
+                said.append(f'{item.name}={figures(content)}')
+        return brief(self, *said)
 
     def __copy__(self):
         return self
@@ -40,16 +62,80 @@ class Value:
     def __deepcopy__(self, memo):
         return self
 
+    def __getstate__(self):
+        kept = {item.name for item in fields(self)} if is_dataclass(self) else set(self.PARTS)
+        return {name: content for name, content in self.__dict__.items()
+                if name in kept or name in self.REMEMBERED}
+
     def __setstate__(self, state):
         self.__dict__.update(state)
         for content in state.values():
             freeze(content)
 
+    @classmethod
+    def _compared(cls):
+        if is_dataclass(cls):
+            return [item.name for item in fields(cls) if item.compare]
+        return cls.PARTS
+
+
+class Constant(Value):
+    """A function that returns the same whatever it is called with; unlike a lambda it travels."""
+
+    PARTS = ('content',)
+
+    def __init__(self, content):
+        put(self, content=content)
+
+    def __call__(self, *_):
+        """Return it."""
+        return self.content
+
+
+class FrozenDict(dict):
+    """A dict that does not change."""
+
+    def _refuse(self, *_, **__):
+        raise TypeError('values do not change: expected dict(...) of it to be changed')
+
+    __setitem__ = __delitem__ = __ior__ = update = pop = popitem = clear = setdefault = _refuse
+
+    def __reduce__(self):
+        return type(self), (dict(self),)
+
 
 def put(value, **contents):
-    """Set fields of a frozen dataclass while it is made."""
-    for name, content in contents.items():
-        object.__setattr__(value, name, content)
+    """Set fields of a value while it is made."""
+    value.__dict__.update(contents)
+
+
+def brief(value, *parts):
+    """Return the repr of a value in a line: its class and what is to be said of it.
+
+    Args:
+        parts: strings; empty ones are left out
+    """
+    text = ', '.join(part for part in parts if part)
+    return f'{type(value).__name__}({text if len(text) <= _LONGEST else text[:_LONGEST] + " ..."})'
+
+
+def figures(content):
+    """Return a content in a few characters: up to four numbers in six digits, else how many."""
+    if isinstance(content, float):
+        return f'{content:.6g}'
+    if isinstance(content, np.ndarray):
+        content = content.tolist() if content.size <= _SHOWN else content
+    if isinstance(content, np.ndarray):
+        return 'x'.join(map(str, content.shape)) + ' numbers'
+    if isinstance(content, tuple | list | dict):
+        if len(content) > _SHOWN or content and isinstance(next(iter(content)), Value | tuple):
+            return f'{len(content)} items'
+        if isinstance(content, dict):
+            return ', '.join(f'{key}: {figures(part)}' for key, part in content.items())
+        return '(' + ', '.join(map(figures, content)) + ')'
+    if callable(content) and hasattr(content, '__name__'):
+        return content.__name__
+    return repr(content)
 
 
 def freeze(content):
@@ -81,8 +167,8 @@ def same(one, other):
 
 def _hashable(content):
     if isinstance(content, np.ndarray):
-        # -0.0 equals 0.0
-        return content.shape, (content + 0.0 if content.dtype.kind == 'f' else content).tobytes()
+        # -0.0 equals 0.0, and 1 equals 1.0
+        return content.shape, (content + 0.0 if content.dtype.kind in 'iuf' else content).tobytes()
     if isinstance(content, tuple | list):
         return tuple(map(_hashable, content))
     if isinstance(content, dict):

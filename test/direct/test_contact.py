@@ -47,8 +47,9 @@ def depth_everywhere(simulator, shape):
     """Return how far the DLO is inside an obstacle, looked at closely along its arcs."""
     scene = build_scene(simulator.obstacles, simulator.rod.radius)
     normal, bend = np.empty(3), np.empty((3, 3))
-    gaps = [signed_distance(scene, o, shape.at(s).position, normal, bend) - simulator.rod.radius
-            for s in np.linspace(0.01, shape.s[-1], 1500) for o in range(len(simulator.obstacles))]
+    places = [np.array(shape.at(s).position) for s in np.linspace(0.01, shape.s[-1], 1500)]
+    gaps = [signed_distance(scene, o, place, normal, bend) - simulator.rod.radius
+            for place in places for o in range(len(simulator.obstacles))]
     return max(0.0, -min(gaps))
 
 

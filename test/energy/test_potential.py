@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -49,8 +51,7 @@ def plastic(curly, basis, rng):
     rod = Rod(1.3, 0.2, (0.3, 0.8), 0.4, natural_curvature=(1.0, -0.5), yield_curvature=(0.4, 0.7),
               yield_torsion=0.5, section_model='round', hardening=0.1)
     here = discretised(rod, basis)
-    past = here.start
-    past.set[:] = 0.1 * rng.normal(size=past.set.shape)
+    past = replace(here.start, set=0.1 * rng.normal(size=here.start.set.shape))
     return here.system(BASE, history=past)
 
 

@@ -83,11 +83,12 @@ def test_weightless_straight_rod_goes_straight_through():
 def test_plan_turns_with_the_world(rng):
     turn = Rotation.from_rotvec([0.0, 0.0, 1.1])  # about gravity
     goal = Pose.looking_along((0.3, 0.1, 0.8), (1.0, 0.4, 0.2))
-    turned = Pose(turn.apply(goal.position), (turn * Rotation.from_quat(goal.quaternion)).as_quat())
+    turned = Pose(turn.as_matrix() @ goal.position,
+                  (turn * Rotation.from_quat(goal.quaternion)).as_quat())
     inverse = InverseSimulator(simulator('strip'))
     one, two = (inverse.thread(CutOut(pose), depths=[0.0, 0.3, 0.6]) for pose in (goal, turned))
     for here, there in zip(one.grippers, two.grippers, strict=True):
-        np.testing.assert_allclose(there.position, turn.apply(here.position), atol=1e-9)
+        np.testing.assert_allclose(there.position, turn.as_matrix() @ here.position, atol=1e-9)
 
 
 def test_roll_stays_near_the_start_and_moves_smoothly():

@@ -66,3 +66,24 @@ def test_bad_values_are_named(make, named):
     with pytest.raises(InvalidTask) as caught:
         make()
     assert named in str(caught.value)
+
+
+@pytest.mark.parametrize('axes', [
+    2 * np.eye(3), 0.5 * np.eye(3), np.diag([1.0, 1.0, -1.0]), -np.eye(3), np.zeros((3, 3)),
+    np.eye(3) + 1e-3, np.diag([1.0, 1.0, 1.0001])])
+def test_axes_that_are_no_rotation_are_refused(axes):
+    with pytest.raises(InvalidTask, match='rotation = .*expected orthonormal, right-handed axes'):
+        Pose.from_rotation((0, 0, 0), axes)
+    with pytest.raises(InvalidTask, match='rigid transform'):
+        Pose.from_matrix(np.block([[axes, np.zeros((3, 1))], [np.zeros((1, 3)), np.ones((1, 1))]]))
+
+
+def test_axes_that_are_nearly_a_rotation_are_made_one(rng):
+    exact = Pose(rng.normal(size=3), rng.normal(size=4)).rotation
+    near = Pose.from_rotation((0, 0, 0), exact + 1e-6 * rng.uniform(-1, 1, (3, 3))).rotation
+    np.testing.assert_allclose(near.T @ near, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(near, exact, atol=3e-6)
+
+
+def test_a_quaternion_may_be_large():
+    np.testing.assert_allclose(Pose((0, 0, 0), (0, 0, 0, 1e70)).quaternion, (0, 0, 0, 1))

@@ -1,4 +1,5 @@
 import math
+from array import array
 
 import numpy as np
 import pytest
@@ -71,3 +72,16 @@ def test_bad_section_is_named():
         Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.7)
     with pytest.raises(InvalidRod, match='inner_diameter = 0.02'):
         Rod.tube(1.0, 0.01, 0.02, 1000.0, 1e7, 0.4)
+
+
+def test_pairs_may_be_any_row():
+    for row in (tuple, list, np.array, lambda pair: array('d', pair)):
+        rod = Rod(1.0, 0.1, row([1.0, 2.0]), 0.7, damping=row([0.5, 0.1]))
+        assert rod.bending_stiffness == (1.0, 2.0)
+        assert rod.damping == (0.5, 0.1)
+    assert Rod(1.0, 0.1, [1.0], 0.7, damping=[0.1]) == Rod(1.0, 0.1, 1.0, 0.7, damping=(0.0, 0.1))
+
+
+def test_a_function_that_fails_is_named():
+    with pytest.raises(InvalidRod, match=r'Rod.natural_twist\(0\).* raised ZeroDivisionError'):
+        Rod(1.0, 0.1, 1.0, 0.7, natural_twist=lambda s: 1 / s)

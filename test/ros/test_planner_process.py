@@ -13,6 +13,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
+from dlo_planner.model.value import put
 from dlo_planner.ros.planner_node import LATCHED
 from msg_helpers.paths import poses_from_path, times_from_path
 
@@ -194,7 +195,7 @@ def test_unreachable_goal_is_an_empty_plan_with_a_reason(client, planner):
 
 def test_bad_requests_are_answered(client):
     bad = Pose.identity()
-    bad.quaternion[:] = 0.0
+    put(bad, quaternion=np.zeros(4))  # what no Pose accepts, a message may carry
     for call in (lambda: client.predict_shape(bad), lambda: client.plan_threading(bad, GOAL),
                  lambda: client.plan_threading(GRIPPER, bad)):
         path, _ = call()

@@ -1,0 +1,150 @@
+"""Good examples of every public type, and of every argument by its name."""
+
+from functools import cache
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Goals, Path
+from visualization_msgs.msg import MarkerArray
+
+from dlo_planner import (
+    AwayFrom,
+    BentAtMost,
+    Box,
+    Capsule,
+    CutOut,
+    DirectionAt,
+    DirectSimulator,
+    FarEnd,
+    GraspedInside,
+    GripperNear,
+    InverseSimulator,
+    Limits,
+    Observation,
+    Plane,
+    PlanStatus,
+    Pose,
+    PositionAt,
+    Rod,
+    Section,
+    Sheet,
+    Sphere,
+    Spread,
+    Through,
+    Trajectory,
+    Workspace,
+    fit_rod,
+    minimise_penalty,
+    replay,
+    tolerance,
+)
+from dlo_planner.direct.sensitivity import Sensitivity
+
+LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
+DEPTHS = (0.0, 0.2)
+
+
+@cache
+def values():
+    """Return a dict of examples by the name of their class."""
+    wire = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01)
+    soft = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, yield_curvature=0.3, hardening=0.1)
+    hole = CutOut(Pose.looking_along((0.4, 0, 1), (1, 0, 0)), radius=0.2)
+    floor = Plane((0, 0, 0.9), (0, 0, 1), 0.2)
+    simulator = DirectSimulator(wire, n_elements=8, n_terms=4)
+    shape = simulator.solve(LEVEL)
+    inverse = InverseSimulator(simulator)
+    plan = inverse.thread(hole, depths=DEPTHS)
+    touching = DirectSimulator(wire, n_elements=8, n_terms=4, obstacles=[floor])
+    bar = Capsule((0.5, -1, 0.85), (0.5, 1, 0.85), 0.05)
+    over_bar = DirectSimulator(wire, n_elements=16, n_terms=8, obstacles=[bar])
+    grasped = GraspedInside(soft, 0.4, n_elements=8, n_terms=4)
+    examples = [
+        LEVEL, wire, hole, floor, simulator, shape, inverse, plan, grasped,
+        touching.track([LEVEL])[0].contacts[0], Section.of('round', 0.01, 0.01, 1e9, 0.3),
+        Sphere((1, 0, 0), 0.1), Capsule((1, 0, 0), (2, 0, 0), 0.1), Box(LEVEL, (1, 2, 3)),
+        Sheet.around(hole, 1.0, 1.0), FarEnd(LEVEL), simulator.simulate([LEVEL] * 3, 0.01),
+        replay(simulator, plan), Limits(), Workspace((-9, -9, -9), keep_out=[floor]),
+        Spread(length=0.01), tolerance(simulator, plan, Spread(length=0.01), samples=2),
+        PositionAt(0.5, (0.4, 0, 1)), DirectionAt(0.5, (1, 0, 0)), GripperNear(LEVEL),
+        Through((0.4, 0, 1)), AwayFrom((floor,), 0.1), BentAtMost(1.0),
+        Observation(LEVEL, shape.positions[1:], shape.s[1:]), Trajectory(plan),
+        minimise_penalty(simulator, PositionAt(1.0, (0.9, 0, 0.9)), LEVEL)]
+    examples.append(fit_rod(wire, [examples[-3]], n_elements=8, n_terms=4))
+    return {type(one).__name__: one for one in examples} | {
+        name: InverseSimulator(over_bar) for name in (
+            'InverseSimulator.hold_contact', 'InverseSimulator.slide_contact')}
+
+
+@cache
+def arguments():
+    """Return a dict of examples by the name of the argument, or by 'callable.argument'."""
+    known = values()
+    wire, simulator, hole, shape = (known[name] for name in (
+        'Rod', 'DirectSimulator', 'CutOut', 'Shape'))
+    plain = {name: getattr(shape, name) for name in (
+        'positions', 'frames', 'element_strains', 'energy', 'elastic_energy', 'gripper_wrench',
+        'residual', 'stability', 'iterations')}
+    return plain | {
+        # what it is, where it is
+        'rod': wire, 'length': 1.0, 'mass_per_length': 0.1, 'bending_stiffness': 1.0,
+        'torsional_stiffness': 0.7, 'diameter': 0.01, 'outer_diameter': 0.02,
+        'inner_diameter': 0.01, 'width': 0.3, 'thickness': 0.01, 'height': 0.2, 'density': 1000.0,
+        'youngs_modulus': 1e9, 'shear_modulus': 4e8, 'poisson_ratio': 0.3, 'kind': 'round',
+        'half_n': 0.01, 'half_b': 0.01, 'yield_stress': 1e6, 'bend': np.ones((4, 3)),
+        'pose': LEVEL, 'position': (0.0, 0.0, 1.0), 'quaternion': (0.0, 0.0, 0.0, 1.0),
+        'rotation': np.eye(3), 'matrix': np.eye(4), 'direction': (1.0, 0.0, 0.0), 'other': LEVEL,
+        'value': LEVEL, 'point': (0.0, 0.0, 0.0), 'normal': (0.0, 0.0, 1.0), 'centre': (0, 0, 0),
+        'radius': 0.01, 'start': LEVEL, 'end': (0.0, 0.0, 0.0), 'size': (1.0, 1.0, 1.0),
+        'Capsule.start': (1.0, 0.0, 0.0), 'cutout': hole,
+        # simulators
+        'at': 0.4, 'gripper': LEVEL, 'grippers': [LEVEL, LEVEL], 'dt': 0.01, 'shape': shape,
+        's': 0.5, 'Rod.masses_per_length.s': [0.1, 0.2], 'Rod.natural_strains.s': [0.1, 0.2],
+        'Shape.s': shape.s, 'converged': True, 'n_elements': 8, 'n_terms': 4, 'path': 'saved',
+        'Shape.load.path': 'saved.npz', 'Motion.load.path': 'motion.npz',
+        'InverseSimulator.start_phase.start': Pose.looking_along((-1.2, 0, 1), (1, 0, 0)),
+        'displacement': (0.1, 0.0, 0.0), 'simulator': simulator, 'initial': None,
+        'Observation.s': None, 'CutOut.radius': None, 'Sheet.cutouts': (),
+        'Sheet.around.width': 1.0, 'Sheet.around.height': 1.0,
+        # contacts and motions
+        'obstacle': 0, 'force': 1.0, 'friction': (0.0, 0.0, 0.0), 'penetration': 0.0,
+        'Plane.friction': 0.0, 'Sphere.friction': 0.0, 'Capsule.friction': 0.0,
+        'Box.friction': 0.0, 'Sheet.friction': 0.0, 'Sheet.around.friction': 0.0,
+        'times': np.zeros(1), 'shapes': [shape], 'velocities': np.zeros((1, 9, 3)),
+        'kinetic_energy': np.zeros(1), 'potential_energy': np.zeros(1),
+        # tasks
+        'bore': hole, 'first': hole, 'cutouts': [hole],
+        'second': CutOut(Pose.looking_along((0.6, 0, 1), (1, 0, 0)), radius=0.2),
+        'plan': known['Plan'], 'depths': DEPTHS, 'contact': Pose((0.5, 0, 0.9), (0, 0, 0, 1)),
+        'lengths': [0.5], 'forces': [1.0], 'deadline': 2.0, 'penalties': known['PositionAt'],
+        'target': (0.4, 0.0, 1.0), 'obstacles': (known['Sphere'],), 'distance': 0.1,
+        'curvature': 1.0, 'sensitivity': Sensitivity(shape), 'max_iterations': 5,
+        'DirectSimulator.obstacles': (), 'GraspedInside.obstacles': (), 'fit_rod.obstacles': (),
+        'before': None, 'misalignment': np.zeros(1), 'miss': np.zeros(1), 'passes': [()],
+        'clearances': np.zeros((1, 0, 3)), 'sheets': (), 'fraction': 1.0,
+        'status': PlanStatus.COMPLETE, 'Plan.depths': np.zeros(1), 'Plan.grippers': [LEVEL],
+        'bend_margin': 1.0, 'contact_force': 0.0, 'clearance': 0.1, 'Report.miss': 0.0,
+        'Report.misalignment': 0.0, 'spread': known['Spread'], 'causes': ('length',),
+        'by_cause': np.zeros((1, 1)), 'first_order': np.zeros(1), 'sampled': np.zeros((0, 1)),
+        'success': 1.0, 'part': 0.5, 'penalty': 0.0, 'slope': 0.0, 'points': np.ones((2, 3)),
+        'observations': [known['Observation']], 'values': {}, 'deviations': {}, 'misfit': 0.0,
+        'keep_out': (), 'Spread.length': 0.01, 'limits': None, 'samples': 0,
+        # messages
+        'name': 'wire', 'hardware_id': 'wire', 'level': b'\x00', 'message': 'ok',
+        'diagnostics.diagnostics_msg.values': {'a': 1.0}, 'stamp': Time(), 'frame_id': 'world',
+        'markers.obstacle_markers.before': 0, 'known': {}, 'poses.pose_from_msg.msg':
+        PoseStamped().pose, 'obstacles.obstacles_after.msg': MarkerArray(),
+        'poses.poses_from_goals.msg': Goals(), 'poses.pose_from_stamped.msg': _stamped(),
+        'paths.poses_from_path.path': Path(), 'paths.times_from_path.path': Path(),
+        'paths.plan_path.times': [0.0, 1.0], 'seconds': 1.0, 'trajectory': known['Trajectory'],
+        'number': 3, 'tool': LEVEL, 'Trajectory.at.times': [0.0],
+        'Trajectory.progress.times': [0.0],
+    }
+
+
+def _stamped():
+    stamped = PoseStamped()
+    stamped.header.frame_id = 'world'
+    stamped.pose.orientation.w = 1.0
+    return stamped

@@ -1,0 +1,49 @@
+"""Whatever is given for an argument: an answer, or an error that says what is wrong with it."""
+
+import pytest
+from misuse import MALFORMED, arguments_of, outcome, public_callables
+from specimens import arguments, values
+
+CALLABLES = {name: (function, kind) for name, function, kind in public_callables()}
+
+
+def example(callable_name, argument):
+    known = arguments()
+    name = f'{callable_name}.{argument}'
+    return known[name if name in known else argument]
+
+
+def keywords_of(name, parameters):
+    """Return good arguments, those with defaults where there is an example."""
+    known, keywords = arguments(), {}
+    for argument, parameter in parameters.items():
+        if argument in known or f'{name}.{argument}' in known:
+            keywords[argument] = example(name, argument)
+        else:
+            assert parameter.default is not parameter.empty, (
+                f'{name}: no example of the argument {argument!r} in test/specimens.py')
+    return keywords
+
+
+@pytest.fixture(autouse=True)
+def somewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # some malformed names of files are good ones
+    values()['Shape'].save('saved.npz')
+    values()['Motion'].save('motion.npz')
+
+
+@pytest.mark.parametrize('name', CALLABLES)
+def test_malformed_arguments_are_refused_by_name(name):
+    function, kind = CALLABLES[name]
+    parameters = arguments_of(function, kind)
+    if kind is not None:
+        owner = values()[name if name in values() else kind.__name__]
+        function = getattr(owner, function.__name__)
+    good, wrong = keywords_of(name, parameters), []
+    function(**good)  # or what follows would be no test
+    for argument in parameters:
+        for label, make in MALFORMED.items():
+            what = outcome(function, good | {argument: make()}, argument, (argument,))
+            if what:
+                wrong.append(f'{name}({argument}={label}) {what}')
+    assert not wrong, '\n'.join([f'{len(wrong)} of {len(parameters) * len(MALFORMED)}:', *wrong])
