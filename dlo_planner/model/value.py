@@ -4,7 +4,7 @@ All that users get or give is a frozen dataclass with numpy arrays in it; those 
 that nothing which was computed from a value can be changed through it.
 """
 
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from math import isnan
 
 import numpy as np
@@ -76,6 +76,9 @@ def same(one, other):
         return len(one) == len(other) and all(map(same, one, other))
     if isinstance(one, dict) and isinstance(other, dict):
         return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    if is_dataclass(one) and not isinstance(one, Value) and type(one) is type(other):
+        return all(same(getattr(one, item.name), getattr(other, item.name))
+                   for item in fields(one) if item.compare)
     return bool(one == other) or _is_nan(one) and _is_nan(other)
 
 
