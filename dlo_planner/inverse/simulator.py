@@ -233,15 +233,19 @@ class InverseSimulator:
             return thread_two(self._alone, *cutouts, depths, start, brief)
         return thread_sequence(self._alone, cutouts, weights, depths, start, brief)
 
-    def minimise_penalty(self, penalties, start, *, initial=None, max_iterations=200):
+    def minimise_penalty(self, penalties, start, *, initial=None, max_iterations=200,
+                         progress=None, deadline=None):
         """Return what `minimise_penalty` finds for this simulator (paper, section 5.1).
+
+        Its arguments are explained there.
 
         Raises:
             InvalidTask, NotConverged: as there
             Infeasible: what it finds breaks a demand
         """
         found = minimise_penalty(self.simulator, penalties, start, initial=initial,
-                                 max_iterations=max_iterations)
+                                 max_iterations=max_iterations, progress=progress,
+                                 deadline=deadline)
         Draft([0.0], self._brief(1.0, 1.0, touching=True)).add(Waypoint(found.shape))
         return found
 
