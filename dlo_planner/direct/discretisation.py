@@ -1,5 +1,6 @@
 """A rod cut into elements: everything about it that does not depend on the gripper."""
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -161,6 +162,11 @@ class Discretisation:
         s[::2] = self.s
         s[1::2] = 0.5 * (self.s[1:] + self.s[:-1])
         return Discretisation(self.surroundings, s, 'local', 0)
+
+    def of(self, rod):
+        """Return the Discretisation of another Rod (as long or not) with the same elements."""
+        s = np.append(self.s[:-1] * (rod.length / self.s[-1]), rod.length)
+        return Discretisation(replace(self.surroundings, rod=rod), s, self.basis, self.n_terms)
 
     def strains_from(self, s, strains):
         """Return (N, 3), new: strains given on a mesh `s`, averaged over this one's elements."""

@@ -233,7 +233,7 @@ class _Search:
             (squares if np.ndim(columns[0]) else plain).append(np.column_stack(
                 [np.ravel(column) for column in columns]))
         # a change of the rotation vector turns the gripper by its left Jacobian
-        turn = _left_jacobian(x[:3])
+        turn = left_jacobian(x[:3])
         return tuple(np.hstack([rows[:, :3] @ turn, rows[:, 3:]])
                      for rows in (np.vstack(squares), np.vstack(plain)))
 
@@ -248,7 +248,7 @@ def _total(penalties, shape):
     return sum(float(np.sum(value**2 if value.ndim else value)) for value in values)
 
 
-def _left_jacobian(v):
+def left_jacobian(v):
     """Return (3, 3) the turn of exp(v) per change of v (Bullo and Murray 1995)."""
     angle = np.linalg.norm(v)
     if angle < 1e-6:
