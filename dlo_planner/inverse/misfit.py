@@ -102,8 +102,9 @@ class Observed:
         m = len(one.points)
         s, counts = one.s, np.ones((m, 3), dtype=bool)
         if s is None:
-            s, outward = nearest(shape.s, np.diff(shape.s), shape.element_strains, shape.frames,
-                                 shape.positions, one.points)
+            # copies: the kernel is compiled for arrays that may be written
+            s, outward = nearest(*map(np.array, (shape.s, np.diff(shape.s), shape.element_strains,
+                                                 shape.frames, shape.positions, one.points)))
             counts[:, 0] = outward
         axes, positions = (np.array(part) for part in zip(*map(shape.frame_at, s), strict=True))
         if one.s is not None:

@@ -9,7 +9,7 @@ from dlo_planner.model.checks import number, vector
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 
-_FLUSH = 1e-6  # m and rad: how far a cut-out may lie off its sheet's middle plane
+_FLUSH = 1e-6  # of the sheet's size, and rad: how far a cut-out may lie off its middle plane
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Capsule:
         _put(self, start=vector('Capsule.start', self.start, 3),
              end=vector('Capsule.end', self.end, 3),
              radius=number('Capsule.radius', self.radius, above=0), friction=_friction(self))
-        if np.linalg.norm(self.end - self.start) < 1e-9:
+        if np.linalg.norm(self.end - self.start) < 1e-9 * self.radius:
             raise InvalidTask(f'Capsule.end = {self.end.tolist()}: expected another point than '
                               'start (a Sphere has one centre)')
 
@@ -126,7 +126,7 @@ class Sheet:
             raise InvalidTask(f'{name} = {cutout!r}: expected a CutOut with radius or width')
         local = self.pose.rotation.T @ (cutout.centre - self.pose.position)
         tilt = np.linalg.norm(np.cross(self.pose.direction, cutout.normal))
-        if abs(local[0]) > _FLUSH or tilt > _FLUSH:
+        if abs(local[0]) > _FLUSH * max(self.width, self.height) or tilt > _FLUSH:
             raise InvalidTask(f'{name}: expected its centre in the sheet\'s middle plane and its '
                               f'normal along the sheet\'s, got {local[0]:.3g} m and {tilt:.3g} off')
         reach = cutout.radius if cutout.radius is not None else min(cutout.width,
@@ -156,6 +156,6 @@ def _pose(self):
 def _direction(name, value):
     value = vector(name, value, 3)
     size = np.linalg.norm(value)
-    if size < 1e-9:
+    if size == 0:
         raise InvalidTask(f'{name} = {value.tolist()}: expected a vector that is not zero')
     return value / size

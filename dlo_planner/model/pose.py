@@ -126,7 +126,7 @@ class Pose:
         """
         direction = vector('direction', direction, 3)
         length = np.linalg.norm(direction)
-        if length < 1e-9:
+        if length == 0:
             raise InvalidTask(
                 f'direction = {direction.tolist()}: expected a vector that is not zero')
         x = direction / length
