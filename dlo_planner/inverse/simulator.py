@@ -15,7 +15,7 @@ from dlo_planner.inverse.start_phase import start_phase
 from dlo_planner.inverse.threading import kept_before, thread
 from dlo_planner.inverse.two_cutouts import thread_two
 from dlo_planner.inverse.workspace import Workspace
-from dlo_planner.model.checks import choice, number
+from dlo_planner.model.checks import choice, instance, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.progress import Progress
@@ -48,6 +48,10 @@ class InverseSimulator:
             raise InvalidTask(f'simulator = {simulator!r}: expected a DirectSimulator')
         if workspace is not None and not isinstance(workspace, Workspace):
             raise InvalidTask(f'workspace = {workspace!r}: expected a Workspace or None')
+        if simulator.method != 'newton':
+            raise InvalidTask(f'simulator.method = {simulator.method!r}: expected \'newton\', '
+                              'which plans are made with')
+        self._given = simulator
         self.simulator = simulator.elastic()
         self.workspace = workspace
         self._alone = self.simulator.without_obstacles()
@@ -70,8 +74,9 @@ class InverseSimulator:
         Args:
             cutout: CutOut
             start: Pose of the gripper before, for its roll; None: as upright as it can be
-            initial: Shape of the DLO before, from which it has to get into the first shape of the
-                plan; None: it is set down there in its natural shape
+            initial: Shape of the DLO before, its far end free, from which it has to get into the
+                first shape of the plan; a permanent set that it has counts; None: it is set down
+                there in its natural shape
             depths: (n,) arc lengths that have gone through, m, not decreasing, in [0, L]; None:
                 40 of them from 0 to 0.95 L
             method: 'coupled' solves equilibrium and alignment as one Newton system; 'nested' is
@@ -93,9 +98,7 @@ class InverseSimulator:
         if not isinstance(cutout, CutOut):
             raise InvalidTask(f'cutout = {cutout!r}: expected a CutOut')
         _pose_or_none('start', start)
-        if initial is not None and not isinstance(initial, Shape):
-            raise InvalidTask(f'initial = {initial!r}: expected a Shape or None')
-        plan = thread(self._alone, cutout, self._checked(depths), start, initial,
+        plan = thread(self._left_by(initial), cutout, self._checked(depths), start, initial,
                       choice('method', method, ('coupled', 'nested')),
                       self._brief(linear_speed, angular_speed, progress, deadline))
         if gripper_clearance is None:
@@ -144,7 +147,8 @@ class InverseSimulator:
             cutout: CutOut; plan: the Plan of its threading
             start: Pose of the gripper now, the DLO behind the sheet
             standoff: m
-            initial: Shape of the DLO now; None: the one it falls into from its natural shape
+            initial: Shape of the DLO now, as for `thread`; None: the one it falls into from its
+                natural shape
             linear_speed, angular_speed, progress, deadline: as for `thread`
 
         Returns:
@@ -162,7 +166,7 @@ class InverseSimulator:
             raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
         if not isinstance(start, Pose):
             raise InvalidTask(f'start = {start!r}: expected a Pose')
-        return start_phase(self._alone, cutout, start, plan.shapes[0],
+        return start_phase(self._left_by(initial), cutout, start, plan.shapes[0],
                            number('standoff', standoff, minimum=0), initial,
                            self._brief(linear_speed, angular_speed, progress, deadline))
 
@@ -327,6 +331,20 @@ class InverseSimulator:
         forces = np.ravel(forces)
         return np.array([number(f'forces[{k}]', force, above=0)
                          for k, force in enumerate(forces)])
+
+    def _left_by(self, initial):
+        """Return the simulator of the DLO as the Shape `initial` (or None) leaves it, elastic."""
+        if initial is None:
+            return self._alone
+        instance('initial', initial, Shape)
+        self._alone._check(initial.gripper, initial)
+        if initial.far_end is not None:
+            raise InvalidTask('initial is held at its far end: expected a Shape whose far end is '
+                              'free, as it is in the plan')
+        past = initial._history
+        if past is None or not past.set.any():
+            return self._alone
+        return self._given.with_set(initial).elastic().without_obstacles()
 
     def _checked(self, depths):
         length = self.simulator.rod.length
