@@ -8,6 +8,7 @@ from dlo_planner.direct.approach import approach
 from dlo_planner.direct.described import described_equilibrium
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.statics import equilibrium
+from dlo_planner.model.value import same
 
 _FIRST_ELEMENTS, _MOST_ELEMENTS = 48, 8192
 _FIRST_TERMS, _MOST_TERMS = 12, 48
@@ -19,10 +20,11 @@ def step(discretisation, gripper, initial, history, far_end, method='newton',
     """Return the Shape that follows `initial` (a Shape or None) on a mesh, and the kicks.
 
     Args:
-        history: History that the DLO starts with if there is no `initial`
+        initial: of this DLO, then its past counts, or of any other, then it is only a start
+        history: History that the DLO starts with if `initial` is none of its own
         method, unknowns: as `method` and `strains` of `DirectSimulator`
     """
-    past = discretisation.past(initial._history if initial is not None else history)
+    past = past_of(discretisation, initial, history)
     if initial is None:
         strains = discretisation.stress_free(past)
     else:
@@ -34,18 +36,26 @@ def step(discretisation, gripper, initial, history, far_end, method='newton',
     return (shape if clear else replace(shape, converged=False, jumped=True)), kicks
 
 
+def past_of(discretisation, initial, history):
+    """Return the History, on a mesh, of the DLO in the Shape `initial` or None.
+
+    Args:
+        history: History that counts if `initial` is None or of another rod
+    """
+    known = None if initial is None else initial._history
+    if known is not None and not np.array_equal(known.positions, initial.positions):
+        # carried somewhere else since, or predicted: there it has touched nothing yet
+        known = known.set_alone(len(known.node_force))
+    return discretisation.past(known, history)
+
+
 def accurate_equilibrium(surroundings, basis, accuracy, gripper, initial, history, far_end):
     """Return the Shape whose error estimate is within `accuracy` (m), and the number of kicks.
 
     Starts on the mesh of `initial` (a Shape or None), so that a motion pays for grading once.
     A shape that misses the accuracy on the largest mesh says so: `converged` is False.
     """
-    known = initial is not None and initial._discretisation is not None
-    if known and initial._discretisation.basis == basis:
-        discretisation = initial._discretisation
-    else:
-        s = np.linspace(0, surroundings.rod.length, _FIRST_ELEMENTS + 1)
-        discretisation = Discretisation(surroundings, s, basis, _FIRST_TERMS)
+    discretisation = _first_mesh(surroundings, basis, initial)
     kicks = 0
     while True:
         shape, kicked = step(discretisation, gripper, initial, history, far_end)
@@ -58,6 +68,18 @@ def accurate_equilibrium(surroundings, basis, accuracy, gripper, initial, histor
         discretisation = better
         if not surroundings.rod.yields and not surroundings.obstacles and far_end is None:
             initial = shape  # a better start; where the way counts, the step is made again
+
+
+def _first_mesh(surroundings, basis, initial):
+    """Return the Discretisation to begin with: in these surroundings, on the mesh of `initial`."""
+    known = None if initial is None else initial._discretisation
+    if known is None or known.basis != basis:
+        s = np.linspace(0, surroundings.rod.length, _FIRST_ELEMENTS + 1)
+        return Discretisation(surroundings, s, basis, _FIRST_TERMS)
+    if same(known.surroundings, surroundings):
+        return known
+    s = np.append(known.s[:-1], surroundings.rod.length)
+    return Discretisation(surroundings, s, basis, known.n_terms)
 
 
 def _refined(discretisation, shape, accuracy):

@@ -13,7 +13,7 @@ from dlo_planner.energy.loads import distributed, node_masses
 from dlo_planner.energy.plastic import Layers
 from dlo_planner.energy.potential import System
 from dlo_planner.model.section import yielding_layers
-from dlo_planner.model.value import Value, freeze, put
+from dlo_planner.model.value import Value, freeze, put, same
 from dlo_planner.ritz.series import orthonormal_basis
 
 # Springs of constraints yield by 1 / these of the length under the DLO's own forces. Soft ones at
@@ -49,7 +49,7 @@ class Discretisation(Value):
         scene = build_scene(surroundings.obstacles, rod.radius or 0.0)
         put(self, spring=_STIFF_CONTACT * (weight + bend) / rod.length,
             _hold_spring=(_STIFF_CONTACT * weight + _STIFF_HOLD * bend) / rod.length,
-            _start=History.none(s, len(share), scene.kind.size))
+            _start=History.none(s, len(share), scene.kind.size, surroundings))
         put(self, _system=System(
             lengths, rod.natural_strains(0.5 * (s[1:] + s[:-1])), rod.stiffness, scale,
             orthonormal_basis(basis, n_terms, s), pull, np.eye(3), np.zeros((0, 3)), np.zeros(0),
@@ -128,19 +128,29 @@ class Discretisation(Value):
         """The History of a DLO without a past, on this mesh."""
         return self._start
 
-    def past(self, history):
+    def past(self, history, own=None):
         """Return `history` (a History or None) on this mesh, as far as it belongs to this DLO.
 
-        A set of another DLO (other layers) and contacts with other obstacles are forgotten.
+        A permanent set belongs to a rod; contacts and grips to a rod and all that acts on it: all
+        by value. What does not belong here is forgotten.
+
+        Args:
+            own: History that counts if `history` is None or of another rod; None: no past
         """
-        if history is None:
+        if history is None or not self._suits(history):
+            history = own
+        if history is None or not self._suits(history):
             return self._start
-        history = history.on(self.s)
-        if history.set.shape != self._start.set.shape:
-            history = replace(history, set=self._start.set, lost=0.0)
-        if history.node_force.shape != self._start.node_force.shape:
-            history = history.without_contacts(self._system.scene.kind.size)
-        return history
+        bodies = self._system.scene.kind.size
+        known = history.of is None or same(history.of, self.surroundings)
+        if not known or len(history.node_force) != bodies:
+            history = history.set_alone(bodies)
+        return history.on(self.s)
+
+    def _suits(self, history):
+        """Whether a permanent set can be this rod's: its own, or of a rod that is not known."""
+        return (history.set.shape[1] == self._start.set.shape[1]
+                and (history.of is None or same(history.of.rod, self.rod)))
 
     @property
     def n_unknowns(self):
@@ -159,6 +169,11 @@ class Discretisation(Value):
         s[::2] = self.s
         s[1::2] = 0.5 * (self.s[1:] + self.s[:-1])
         return Discretisation(self.surroundings, s, 'local', 0)
+
+    def of(self, rod):
+        """Return the Discretisation of another Rod (as long or not) with the same elements."""
+        s = np.append(self.s[:-1] * (rod.length / self.s[-1]), rod.length)
+        return Discretisation(replace(self.surroundings, rod=rod), s, self.basis, self.n_terms)
 
     def strains_from(self, s, strains):
         """Return (N, 3), new: strains given on a mesh `s`, averaged over this one's elements."""

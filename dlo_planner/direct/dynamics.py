@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from dlo_planner.direct.accuracy import past_of
 from dlo_planner.direct.approach import approach
 from dlo_planner.direct.continuation import between
 from dlo_planner.direct.integrator import Course, Scheme
@@ -17,8 +18,11 @@ from dlo_planner.direct.statics import elastic_energy, shape_of, solve
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.plastic import Layers
 from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.newton import newton
 
+_SAME_POSE = 1e-6      # of the length, and rad: poses nearer to each other are the same
+_DEEP = 1e-3           # of the length: a DLO so far inside an obstacle is no state of a motion
 _FIRST_INSTANT = 0.01  # of a step: how long the DLO is watched to find its first acceleration
 
 
@@ -26,14 +30,17 @@ def simulate(discretisation, grippers, dt, initial, history, integrator, progres
     """Return the Motion that begins at rest with `initial`; see `DirectSimulator.simulate`.
 
     Args:
-        history: History of the DLO before
+        history: History that the DLO has if `initial` is none of its own
+
+    Raises:
+        InvalidTask: `initial` is held elsewhere than the motion begins, or lies in an obstacle
     """
     scheme = Scheme.named(integrator, dt)
     masses = node_masses(discretisation.rod, discretisation.s)
-    strains = discretisation.strains_from(initial.s, initial.element_strains)
-    history = discretisation.past(history)
-    nodes, bends = _let_go(discretisation, grippers, masses, strains, history, dt)
-    shapes = [replace(initial, _estimate=_unknown)]
+    history = past_of(discretisation, initial, history)
+    first = _at_first(discretisation, grippers[0], initial, history)
+    nodes, bends = _let_go(discretisation, grippers, masses, first.element_strains, history, dt)
+    shapes = [replace(first, _estimate=_unknown)]
     velocities = [nodes.velocity]
     energies = [_energies(discretisation, shapes[0], history, masses, nodes.velocity)]
     for gripper in grippers[1:]:
@@ -50,6 +57,28 @@ def simulate(discretisation, grippers, dt, initial, history, integrator, progres
             break  # what would follow from a wrong shape is worth nothing
     kinetic, potential = np.array(energies).T
     return Motion(dt * np.arange(len(shapes)), shapes, np.array(velocities), kinetic, potential)
+
+
+def _at_first(discretisation, gripper, initial, history):
+    """Return the Shape at time 0: that of `initial`, on this mesh and in these surroundings."""
+    length = discretisation.s[-1]
+    shift = np.linalg.norm(initial.gripper.position - gripper.position)
+    turn = np.abs(initial.gripper.rotation - gripper.rotation).max()
+    if shift > _SAME_POSE * length or turn > _SAME_POSE:
+        raise InvalidTask('initial: expected a Shape whose gripper is at grippers[0], where the '
+                          f'motion begins; it is {shift:.3g} m away and {turn:.3g} rad turned')
+    if initial._discretisation is discretisation:
+        first = initial
+    else:
+        system = discretisation.system(gripper.rotation, gripper.position, history)
+        q = discretisation.unknowns(discretisation.strains_from(initial.s, initial.element_strains))
+        found = solve(discretisation, system, gripper, q, history, 0, False)
+        # nothing was solved yet that could have failed
+        first = replace(shape_of(discretisation, gripper, found, history), converged=True)
+    if first.converged and first.violation > _DEEP * length:
+        raise InvalidTask(f'initial: expected a Shape outside of all obstacles, it is '
+                          f'{first.violation:.3g} m inside one')
+    return first
 
 
 def _step(discretisation, gripper, before, history, masses, nodes, bends, scheme):

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.model.value import Value, freeze
 
 
@@ -19,6 +20,7 @@ class History(Value):
         points: dict of arrays, contacts inside elements and points of friction, world frame
         hold: (P, 3) forces of the far end's grip, N
         positions: (N + 1, 3) of the nodes, m, from which friction counts
+        of: Surroundings in which it happened; None: not known, as of a shape from a file
     """
 
     s: np.ndarray
@@ -28,6 +30,7 @@ class History(Value):
     points: dict
     hold: np.ndarray
     positions: np.ndarray
+    of: Surroundings | None = None
 
     def __post_init__(self):
         for array in (self.s, self.set, self.node_force, self.hold, self.positions):
@@ -36,11 +39,11 @@ class History(Value):
             freeze(self.points)
 
     @classmethod
-    def none(cls, s, layers, obstacles):
+    def none(cls, s, layers, obstacles, of=None):
         """Return the past of a DLO that has none."""
         n = s.size - 1
         return cls(s, np.zeros((n, layers, 3)), 0.0, np.zeros((obstacles, n + 1)), NO_POINTS,
-                   np.zeros((0, 3)), np.zeros((0, 3)))
+                   np.zeros((0, 3)), np.zeros((0, 3)), of)
 
     def on(self, s):
         """Return the same past on another mesh `s` (n + 1,); forces of contact are forgotten."""
@@ -61,6 +64,11 @@ class History(Value):
     def without_contacts(self, obstacles):
         """Return the same past without forces of contact, for a number of obstacles."""
         return replace(self, points=NO_POINTS, node_force=np.zeros((obstacles, self.s.size)))
+
+    def set_alone(self, obstacles):
+        """Return the permanent set without contacts, grips and the way so far."""
+        return replace(self.without_contacts(obstacles), hold=np.zeros((0, 3)),
+                       positions=np.zeros((0, 3)))
 
 
 NO_POINTS = {'element': np.zeros(0, dtype=np.int64), 'obstacle': np.zeros(0, dtype=np.int64),

@@ -11,7 +11,6 @@ import numpy as np
 from numba import njit
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.energy.potential import at_element, evaluate, new_state, project
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve
@@ -88,14 +87,15 @@ class Sensitivity:
         To first order: what one step of Newton's method with the known Hessian makes of it. Its
         arc lengths are those of the same elements; energy and wrench are those of before.
         """
-        shape, here = self.shape, self.shape._discretisation
-        s = np.append(here.s[:-1] * (rod.length / here.s[-1]), rod.length)
-        other = Discretisation(replace(here.surroundings, rod=rod), s, here.basis, here.n_terms)
-        gripper = shape.gripper
+        return self.predicted_on(self.shape._discretisation.of(rod))
+
+    def predicted_on(self, other):
+        """Return `predicted` for a rod whose Discretisation, with as many elements, is known."""
+        shape, gripper = self.shape, self.shape.gripper
         system = other.system(gripper.rotation, gripper.position,
                               shape._before.holding(shape._history), shape.far_end)
         strains, rotations, positions = _one_step(system, self._system, self._state, self._hessian)
-        return replace(shape, s=s, element_strains=strains, frames=rotations,
+        return replace(shape, s=other.s, element_strains=strains, frames=rotations,
                        positions=positions + gripper.position)
 
 

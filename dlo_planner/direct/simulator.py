@@ -21,7 +21,7 @@ from dlo_planner.model.checks import choice, instance, integer, items, number, s
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.value import Value, brief, figures, put
+from dlo_planner.model.value import Value, brief, figures, put, same
 from dlo_planner.progress import Progress
 from dlo_planner.ritz.series import BASES
 
@@ -119,11 +119,11 @@ class DirectSimulator(Value):
         """
         instance('shape', shape, Shape)
         self._check(shape.gripper, shape)
-        if shape._history is None:
-            raise InvalidTask(f'shape = {shown(shape)}: expected one of a DLO that is held at its '
-                              'beginning, as this simulator finds them')
-        past = replace(shape._history, positions=np.zeros((0, 3)))
-        return self._changed(_history=past.without_contacts(len(past.node_force)))
+        past = shape._history
+        if past is None or past.of is not None and not same(past.of.rod, self.rod):
+            raise InvalidTask(f'shape = {shown(shape)}: expected one of this simulator\'s rod, '
+                              'held at its beginning, which knows its permanent set')
+        return self._changed(_history=past.set_alone(len(past.node_force)))
 
     def reset(self) -> 'DirectSimulator':
         """Return a simulator of the DLO as it was made, without any permanent set."""
@@ -212,10 +212,11 @@ class DirectSimulator(Value):
         shapes = []
         for gripper, end in zip(grippers, ends, strict=True):
             self._check(gripper, initial)
-            if initial is None:
-                shape, _ = self._equilibrium(gripper, None, end)
+            before = self._settled(initial)
+            if before is None:
+                shape, _ = self._equilibrium(gripper, initial, end)
             else:
-                shape = follow(self._equilibrium, initial, gripper, end)
+                shape = follow(self._equilibrium, before, gripper, end)
             shapes.append(shape)
             if shape.converged:  # a failure is reported, not carried on
                 initial = shape
@@ -229,7 +230,8 @@ class DirectSimulator(Value):
         Args:
             grippers: n Pose at the times 0, dt, 2 dt, ...: a prescribed motion
             dt: step, s
-            initial: Shape at time 0, at rest, in equilibrium or not; None: the static shape
+            initial: Shape at time 0, at rest, in equilibrium or not, held at the first pose by its
+                gripper alone; None: the static shape
             integrator: 'generalized_alpha' (second order) or 'paper' (Eq. 8 to 10: first order,
                 damps), see `direct.integrator`
             progress: called as progress(done, total) after each step
@@ -245,10 +247,18 @@ class DirectSimulator(Value):
         self._check(grippers[0], initial)
         dt = number('dt', dt, above=0)
         choice('integrator', integrator, INTEGRATORS)
+        if self.method != 'newton':
+            raise InvalidTask(f'method = {self.method!r}: expected a simulator with \'newton\' '
+                              'where motions are simulated')
+        if initial is not None and initial.far_end is not None:
+            raise InvalidTask('initial is held at its far end: expected a Shape whose far end is '
+                              'free, as it is in the motion')
         if initial is None:
             initial, _ = self._equilibrium(grippers[0], None, None)
+            if not initial.converged:  # what would follow from a wrong shape is worth nothing
+                grippers = grippers[:1]
         return simulate(self.discretisation(grippers[0], initial), grippers, dt, initial,
-                        initial._history or self._history, integrator, told.done)
+                        self._history, integrator, told.done)
 
     def discretisation(self, gripper, shape) -> Discretisation:
         """Return the Discretisation that this simulator uses at a gripper's pose.
@@ -261,8 +271,10 @@ class DirectSimulator(Value):
         self._check(gripper, shape)
         if self._discretisation is not None:
             return self._discretisation
-        if shape is not None and shape.error_estimate <= self.accuracy:
-            return shape._discretisation
+        known = None if shape is None else shape._discretisation
+        if (shape is not None and self._made(shape) and known.basis == self.basis
+                and shape.error_estimate <= self.accuracy):
+            return known
         return self._equilibrium(gripper, shape, None)[0]._discretisation
 
     def _equilibrium(self, gripper, initial, far_end):
@@ -275,9 +287,23 @@ class DirectSimulator(Value):
         return step(self._discretisation, gripper, initial, self._history, far_end, self.method,
                     self.strains)
 
+    def _made(self, shape):
+        """Whether a Shape is of this DLO, with all that acts on it here."""
+        known = shape._discretisation
+        return known is not None and same(known.surroundings, self.surroundings)
+
+    def _settled(self, shape):
+        """Return what a Shape or None, made anywhere, becomes here in its grippers; or None."""
+        if shape is None or self._made(shape):
+            return shape
+        found, _ = self._equilibrium(shape.gripper, shape, shape.far_end)
+        return found if found.converged else None
+
     def _check(self, gripper, initial):
         instance('gripper', gripper, Pose)
         instance('initial', initial, Shape, optional=True)
+        if initial is not None and initial.parts is not None:
+            raise InvalidTask('initial is grasped inside: expected a Shape held at s = 0')
         if initial is not None and abs(initial.s[-1] - self.rod.length) > 1e-9 * self.rod.length:
             raise InvalidTask(f'initial has length {initial.s[-1]:g} m: '
                               f'expected the rod\'s {self.rod.length:g} m')

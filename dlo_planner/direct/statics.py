@@ -106,7 +106,8 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None):
     positions = state.positions + gripper.position
     touching = contacts_of(discretisation, system, state, gripper)
     past = History(discretisation.s, new_set, history.lost + lost, system.contacts.node,
-                   points_of(system, state, gripper), system.hold.multiplier, positions)
+                   points_of(system, state, gripper), system.hold.multiplier, positions,
+                   discretisation.surroundings)
     kept = violation <= KEPT * discretisation.s[-1]
     promised, neutral = CONVERGED, NEUTRAL
     if system.scene.kind.size or far_end is not None:

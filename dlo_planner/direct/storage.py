@@ -32,6 +32,8 @@ def pack(shape, prefix=''):
                                     c.penetration] for c in shape.contacts]).reshape(-1, 13)
     if shape._history is not None:
         for item in fields(History):
+            if item.name == 'of':
+                continue
             value = getattr(shape._history, item.name)
             if item.name == 'points':
                 packed |= {f'past_point_{key}': array for key, array in value.items()}

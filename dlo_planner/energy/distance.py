@@ -11,6 +11,7 @@ from dlo_planner.ritz.record import Record, makes
 
 PLANE, SPHERE, CAPSULE, BOX, SHEET = range(5)
 _MOST_FOILS = 5
+_CENTRE = 1e-12  # of a radius: so near to the middle, no direction leads out
 
 
 class Scene(Record):
@@ -99,7 +100,9 @@ def _foils(sheet, radius):
     """Return Sheets without thickness that stand for `sheet`."""
     if sheet.thickness == 0:
         return [sheet]
-    number = min(_MOST_FOILS, 2 + int(sheet.thickness / max(4 * radius, 1e-9)))
+    number = _MOST_FOILS
+    if sheet.thickness < 4 * _MOST_FOILS * radius:
+        number = min(_MOST_FOILS, 2 + int(sheet.thickness / (4 * radius)))
     shifts = np.linspace(-0.5, 0.5, number) * sheet.thickness
     return [_moved(sheet, shift) for shift in shifts]
 
@@ -166,7 +169,7 @@ def _from_axis(p, half, radius, normal, bend):
     sign = 1.0 if p[0] >= 0 else -1.0
     along = sign * beyond if beyond > 0 or half == 0.0 else 0.0
     rho = np.sqrt(along * along + p[1] * p[1] + p[2] * p[2])
-    if rho < 1e-12:
+    if rho < _CENTRE * radius:
         normal[2] = 1.0
         return -radius
     normal[0], normal[1], normal[2] = along / rho, p[1] / rho, p[2] / rho
@@ -249,7 +252,8 @@ def in_plane(scene, o, y, z, slope):
             continue
         away_y, away_z = y - scene.hole_centre[hole, 0], z - scene.hole_centre[hole, 1]
         if scene.hole_size[hole, 1] < 0:
-            rho = max(np.sqrt(away_y * away_y + away_z * away_z), 1e-12)
+            rho = max(np.sqrt(away_y * away_y + away_z * away_z),
+                      _CENTRE * scene.hole_size[hole, 0])
             inside = scene.hole_size[hole, 0] - rho
             if inside > a:
                 a, turn = inside, -1.0 / rho

@@ -13,7 +13,7 @@ from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.distance import BOX, PLANE, SHEET, in_plane, signed_distance
 from dlo_planner.ritz.kinematics import point_inside
 
-_NOISE = 1e-9  # m
+_NOISE = 1e-9  # of the length
 
 
 @njit(cache=True)
@@ -42,6 +42,7 @@ def _through_solid(scene, o, lengths, strains, rotations, old, new):
     if scene.kind[o] == BOX:
         inner = np.min(scene.size[o])
     depth = 0.5 * (inner + scene.radius)  # this far in a point still knows its way out
+    noise = _NOISE * np.sum(lengths)
     last_gap = last_move = 0.0
     for k in range(lengths.size + 1):
         change = 0.0
@@ -59,7 +60,7 @@ def _through_solid(scene, o, lengths, strains, rotations, old, new):
         if moved <= near - 0.5 * lengths[e] + depth:
             continue
         gap, fraction = nearest_inside(scene, o, e, lengths, strains, rotations, old, normal, bend)
-        deep = max(gap + depth, _NOISE)  # what is deeper inside may only come out
+        deep = max(gap + depth, noise)  # what is deeper inside may only come out
         if moved <= deep:
             continue
         point_inside(lengths, strains, rotations, old, e, fraction, rotation, x)

@@ -164,6 +164,6 @@ def _with_force(simulator, here, node, end, axis, contact, force):
     found = sum(one.force for one in at)
     off = np.linalg.norm(shape.positions_at([s])[0] - axis)
     confirmed = (shape.converged and bool(at)
-                 and abs(found - force) <= _SAME_FORCE * force + 1e-9
+                 and abs(found - force) <= _SAME_FORCE * force
                  and off <= _SAME_PLACE * here.s[-1])
     return Holding(gripper, shape, float(force), float(s), axis, direction, bool(confirmed))

@@ -146,7 +146,8 @@ class Through(Value):
         k = known[np.argmin(away)]
         low, high = max(self.after, shape.s[k - 1]), shape.s[min(k + 1, shape.s.size - 1)]
         s = minimize_scalar(lambda s: self._off(shape, s) @ self._off(shape, s),
-                            bounds=(low, high), method='bounded', options={'xatol': 1e-9}).x
+                            bounds=(low, high), method='bounded',
+                            options={'xatol': 1e-9 * shape.s[-1]}).x
         for _ in range(4):  # what the bounded search leaves, Newton's method finds
             tangent, turn = _curve(shape, s)
             off = self._off(shape, s)

@@ -20,13 +20,18 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask, NotConverged
-from dlo_planner.model.checks import figure, flag, instance, integer, shown
+from dlo_planner.inverse.penalties import DirectionAt, PositionAt, Through
+from dlo_planner.model.checks import figure, flag, instance, integer, number, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
+from dlo_planner.progress import Progress
 
-_STILL = 1e-4       # slope per residual that counts as zero
-_FLAT = 1e-5        # slope per 1 + penalty that counts as zero, where it is no sum of squares
+# What counts as zero, all per rad and per length of the DLO:
+_STILL = 1e-4       # slope of residuals, as a part of their size times that of their derivatives
+_FLAT = 1e-5        # slope of a number, as a part of what a step of the gripper changes
+_STEP = 0.1         # rad, and of the length: that step
 _DIFFERENCE = 1e-6  # rad, and of the length
+_WORSE = 1e3        # what has no equilibrium is worse than anything seen by so much
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -38,7 +43,8 @@ class Found(Value):
         penalty: sum of the squared residuals, and of what is no residual
         slope: size of half its derivative by the gripper's pose, per rad and per length of the DLO
         iterations: equilibria computed
-        converged: the slope is practically zero, and the shape is an equilibrium
+        converged: the slope is practically zero for what the penalties are, and the shape is an
+            equilibrium
     """
 
     gripper: Pose
@@ -62,60 +68,117 @@ class Found(Value):
                      f'{self.iterations} iterations', repr(self.gripper))
 
 
-def minimise_penalty(simulator, penalties, start, *, initial=None,
-                     max_iterations=200) -> Found:
+def minimise_penalty(simulator: DirectSimulator, penalties: object, start: Pose, *,
+                     initial: Shape | None = None, max_iterations: int = 200,
+                     progress=None, deadline: float | None = None) -> Found:
     """Return the Found of a task given as penalties of the shape (paper, section 5.1).
+
+    Where the past counts (a DLO that yields, friction), each pose is judged as if the gripper went
+    there straight from `start`.
 
     Args:
         simulator: DirectSimulator, with obstacles or without
         penalties: one or several, see above
         start: Pose of the gripper where the search begins
-        initial: Shape near it; None: the natural shape is set down there
+        initial: Shape near it, its far end free; None: the natural shape is set down there
         max_iterations: equilibria at most
+        progress: called as progress(done, max_iterations) after each equilibrium
+        deadline: s of computing after which DeadlineExceeded is raised; None: no limit
 
     Raises:
         InvalidTask: an argument makes no sense
         NotConverged: there is no equilibrium at the start
+        DeadlineExceeded: the deadline is over
     """
     instance('simulator', simulator, DirectSimulator)
     instance('start', start, Pose)
+    most = integer('max_iterations', max_iterations, minimum=1, maximum=1_000_000)
+    if simulator.strains != 'components':
+        raise InvalidTask(f'simulator.strains = {simulator.strains!r}: expected \'components\', '
+                          'whose sensitivities guide the search')
     instance('initial', initial, Shape, optional=True)
-    max_iterations = integer('max_iterations', max_iterations, minimum=1, maximum=1_000_000)
+    if initial is not None and initial.far_end is not None:
+        raise InvalidTask('initial is held at its far end: expected a Shape whose far end is free, '
+                          'as it is in the search')
+    search = _Search(simulator, _judged(penalties, simulator.rod.length), start, initial,
+                     Progress(progress, deadline), most)
+    return search.of_squares(most) if search.squares_only else search.of_numbers(most)
+
+
+def _judged(penalties, length):
+    """Return the penalties as a list; raise InvalidTask for what is none on a DLO so long."""
     penalties = list(penalties) if isinstance(penalties, list | tuple) else [penalties]
+    if not penalties:
+        raise InvalidTask('penalties = []: expected one at least, something to minimize')
     for penalty in penalties:
         if not callable(penalty) and not hasattr(penalty, 'residuals'):
-            raise InvalidTask(f'penalties: {shown(penalty)}: expected a penalty, or a function of '
-                              'the shape')
-    search = _Search(simulator, penalties, start, initial)
-    if search.squares_only:
-        found = least_squares(search.residuals, np.zeros(6), search.jacobian, x_scale=search.scale,
-                              xtol=1e-11, ftol=1e-11, gtol=1e-12, max_nfev=max_iterations)
-        x, penalty, slope = found.x, 2 * float(found.cost), found.grad * search.scale
-        # SciPy also ends where it can step no farther, e.g. at the edge of what is stable
-        enough = _STILL * (np.sqrt(penalty) + _STILL)
-    else:
-        found = minimize(lambda y: search.value(y * search.scale), np.zeros(6), method='BFGS',
-                         jac=lambda y: search.gradient(y * search.scale) * search.scale,
-                         options={'gtol': 1e-9, 'maxiter': max_iterations})
-        x, penalty, slope = found.x * search.scale, float(found.fun), 0.5 * found.jac
-        enough = _FLAT * (1 + abs(penalty))
-    shape, slope = search.shape_at(x), float(np.linalg.norm(slope))
-    return Found(shape.gripper, shape, penalty, slope, search.count,
-                 bool(slope <= enough and shape.converged))
+            raise InvalidTask(f'penalties: {shown(penalty)} is neither a function nor has '
+                              'residuals')
+        if isinstance(penalty, PositionAt | DirectionAt):
+            number(f'{type(penalty).__name__}.s', penalty.s, minimum=0, maximum=length)
+        if isinstance(penalty, Through):
+            number('Through.after', penalty.after, minimum=0, maximum=length)
+    return penalties
 
 
 class _Search:
-    """The penalties as functions of a twist (rotation, displacement) of the gripper since start."""
+    """The penalties as functions of a twist (rotation, displacement) of the gripper since start.
 
-    def __init__(self, simulator, penalties, start, initial):
+    SciPy's tolerances are absolute: it gets twists per rad and length, and penalties divided by
+    what the gripper changes of them.
+    """
+
+    def __init__(self, simulator, penalties, start, initial, progress=None, most=0):
         self.simulator, self.penalties, self.start = simulator, penalties, start
         self.count, self._known = 0, {}
+        self._progress, self._most = progress or Progress(), most
         self.scale = np.array([1.0] * 3 + [simulator.rod.length] * 3)
         shape = simulator.solve(start, initial)
         if not shape.converged:
             raise NotConverged('start: no equilibrium was found there', shape)
-        self._last = shape
+        self._last, self._worse = shape, 0.0
+        self._depends_on_the_way = simulator.rod.yields or any(
+            obstacle.friction for obstacle in simulator.obstacles)
         self._known[np.zeros(6).tobytes()] = shape
+
+    def of_squares(self, most):
+        """Return the Found where the sum of the squared residuals is least."""
+        unit = self._size_of_slopes(np.zeros(6)) or 1.0
+        self._worse = _WORSE * (unit + np.linalg.norm(self.residuals(np.zeros(6))))
+        found = least_squares(lambda y: self.residuals(y * self.scale) / unit, np.zeros(6),
+                              lambda y: self.jacobian(y * self.scale) * self.scale / unit,
+                              xtol=1e-11, ftol=1e-11, gtol=1e-12, max_nfev=most)
+        x, size = found.x * self.scale, np.sqrt(2 * found.cost) * unit
+        slope, typical = np.linalg.norm(found.grad) * unit**2, self._size_of_slopes(x)
+        # SciPy also ends where it can step no farther, e.g. at the edge of what is stable
+        return self._found(x, size**2, slope, _STILL * typical * (size + _STILL * typical))
+
+    def of_numbers(self, most):
+        """Return the Found where the penalty, which is no sum of squares, is least."""
+        unit = self._change(np.zeros(6)) or 1.0
+        self._worse = _WORSE * (unit + abs(self.value(np.zeros(6))))
+        found = minimize(lambda y: self.value(y * self.scale) / unit, np.zeros(6), method='BFGS',
+                         jac=lambda y: self.gradient(y * self.scale) * self.scale / unit,
+                         options={'gtol': 1e-9, 'maxiter': most})
+        x = found.x * self.scale
+        return self._found(x, found.fun * unit, 0.5 * unit * np.linalg.norm(found.jac),
+                           _FLAT * self._change(x))
+
+    def _found(self, x, penalty, slope, enough):
+        shape = self.shape_at(x)
+        return Found(shape.gripper, shape, float(penalty), float(slope), self.count,
+                     bool(slope <= enough and shape.converged))
+
+    def _size_of_slopes(self, x):
+        """Return the size of all derivatives of the residuals, per rad and per length."""
+        return float(np.linalg.norm(self.jacobian(x) * self.scale))
+
+    def _change(self, x):
+        """Return how much the penalty changes per step of the gripper, by predicted shapes."""
+        sensitivity, here = Sensitivity(self.shape_at(x)), self.value(x)
+        changes = [abs(_total(self.penalties, sensitivity.moved(step)) - here)
+                   for step in _STEP * np.vstack([np.diag(self.scale), -np.diag(self.scale)])]
+        return float(np.max(changes, initial=0.0, where=np.isfinite(changes))) / _STEP
 
     def shape_at(self, x):
         key = x.tobytes()
@@ -125,7 +188,8 @@ class _Search:
                 Pose.from_rotation(self.start.position + x[3:], turn @ self.start.rotation),
                 self._last)
             self.count += 1
-            if shape.converged:
+            self._progress.done(min(self.count, self._most), self._most)
+            if shape.converged and not self._depends_on_the_way:
                 self._last = shape
             self._known = {**dict(list(self._known.items())[-3:]), key: shape}
         return self._known[key]
@@ -164,7 +228,7 @@ class _Search:
                 raise InvalidTask(f'penalties: expected finite numbers, got {value.tolist()}')
             (squares if value.ndim else plain).append(value.ravel())
         # where there is no equilibrium, it is worse than anywhere else
-        worse = 0.0 if shape.converged else 1e3 * self.scale[3]
+        worse = 0.0 if shape.converged else self._worse
         return np.concatenate(squares) + worse, np.concatenate(plain) + worse
 
     def _slopes(self, x):
@@ -183,7 +247,7 @@ class _Search:
             (squares if np.ndim(columns[0]) else plain).append(np.column_stack(
                 [np.ravel(column) for column in columns]))
         # a change of the rotation vector turns the gripper by its left Jacobian
-        turn = _left_jacobian(x[:3])
+        turn = left_jacobian(x[:3])
         return tuple(np.hstack([rows[:, :3] @ turn, rows[:, 3:]])
                      for rows in (np.vstack(squares), np.vstack(plain)))
 
@@ -198,7 +262,13 @@ def _of(penalty, shape):
                           f'{shown(str(error))}') from error
 
 
-def _left_jacobian(v):
+def _total(penalties, shape):
+    """Return the whole penalty of a Shape."""
+    values = [np.asarray(_of(penalty, shape), dtype=float) for penalty in penalties]
+    return sum(float(np.sum(value**2 if value.ndim else value)) for value in values)
+
+
+def left_jacobian(v):
     """Return (3, 3) the turn of exp(v) per change of v (Bullo and Murray 1995)."""
     angle = np.linalg.norm(v)
     if angle < 1e-6:

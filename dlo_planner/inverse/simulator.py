@@ -46,11 +46,15 @@ class InverseSimulator(Value):
     them.
     """
 
-    PARTS = ('simulator', 'workspace', '_yielding', '_alone')
+    PARTS = ('simulator', 'workspace', '_yielding', '_alone', '_given')
 
     def __init__(self, simulator, *, workspace=None, may_yield=True):
         instance('simulator', simulator, DirectSimulator)
         instance('workspace', workspace, Workspace, optional=True)
+        if simulator.method != 'newton':
+            raise InvalidTask(f'simulator.method = {simulator.method!r}: expected \'newton\', '
+                              'which plans are made with')
+        put(self, _given=simulator)
         yielding = None
         if not flag('may_yield', may_yield) and simulator.rod.yields:
             rod = simulator.rod
@@ -77,8 +81,9 @@ class InverseSimulator(Value):
         Args:
             cutout: CutOut
             start: Pose of the gripper before, for its roll; None: as upright as it can be
-            initial: Shape of the DLO before, from which it has to get into the first shape of the
-                plan; None: it is set down there in its natural shape
+            initial: Shape of the DLO before, its far end free, from which it has to get into the
+                first shape of the plan; a permanent set that it has counts; None: it is set down
+                there in its natural shape
             depths: (n,) arc lengths that have gone through, m, not decreasing, in [0, L]; None:
                 40 of them from 0 to 0.95 L
             method: 'coupled' solves equilibrium and alignment as one Newton system; 'nested' is
@@ -99,10 +104,9 @@ class InverseSimulator(Value):
         """
         instance('cutout', cutout, CutOut)
         instance('start', start, Pose, optional=True)
-        instance('initial', initial, Shape, optional=True)
         if gripper_clearance is not None:
             gripper_clearance = number('gripper_clearance', gripper_clearance, minimum=0)
-        plan = thread(self._alone, cutout, self._checked(depths), start, initial,
+        plan = thread(self._left_by(initial), cutout, self._checked(depths), start, initial,
                       choice('method', method, ('coupled', 'nested')),
                       self._brief(linear_speed, angular_speed, progress, deadline))
         if gripper_clearance is None:
@@ -149,7 +153,8 @@ class InverseSimulator(Value):
             cutout: CutOut; plan: the Plan of its threading
             start: Pose of the gripper now, the DLO behind the sheet
             standoff: m
-            initial: Shape of the DLO now; None: the one it falls into from its natural shape
+            initial: Shape of the DLO now, as for `thread`; None: the one it falls into from its
+                natural shape
             linear_speed, angular_speed, progress, deadline: as for `thread`
 
         Returns:
@@ -164,7 +169,6 @@ class InverseSimulator(Value):
         instance('cutout', cutout, CutOut)
         if not len(instance('plan', plan, Plan)):
             raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
-        instance('initial', initial, Shape, optional=True)
         farthest = _FARTHEST * self.simulator.rod.length
         for name, pose in (('start', instance('start', start, Pose)),
                            ('plan.grippers[0]', plan.grippers[0])):
@@ -172,7 +176,7 @@ class InverseSimulator(Value):
             if away > farthest:
                 raise InvalidTask(f'{name} = {pose!r}: expected at most {farthest:g} m from the '
                                   f'cut-out, is {away:.3g} m')
-        return start_phase(self._alone, cutout, start, plan.shapes[0],
+        return start_phase(self._left_by(initial), cutout, start, plan.shapes[0],
                            number('standoff', standoff, minimum=0, maximum=farthest), initial,
                            self._brief(linear_speed, angular_speed, progress, deadline))
 
@@ -236,15 +240,19 @@ class InverseSimulator(Value):
             return thread_two(self._alone, *cutouts, depths, start, brief)
         return thread_sequence(self._alone, cutouts, weights, depths, start, brief)
 
-    def minimise_penalty(self, penalties, start, *, initial=None, max_iterations=200):
+    def minimise_penalty(self, penalties, start, *, initial=None, max_iterations=200,
+                         progress=None, deadline=None):
         """Return what `minimise_penalty` finds for this simulator (paper, section 5.1).
+
+        Its arguments are explained there.
 
         Raises:
             InvalidTask, NotConverged: as there
             Infeasible: what it finds breaks a demand
         """
         found = minimise_penalty(self.simulator, penalties, start, initial=initial,
-                                 max_iterations=max_iterations)
+                                 max_iterations=max_iterations, progress=progress,
+                                 deadline=deadline)
         Draft([0.0], self._brief(1.0, 1.0, touching=True)).add(Waypoint(found.shape))
         return found
 
@@ -320,6 +328,20 @@ class InverseSimulator(Value):
             most = 6 * (weight + min(rod.bending_stiffness) / rod.length**2)
             return np.linspace(0, most, _FORCES + 1)[1:]
         return row('forces', forces, most=_MOST, above=0)
+
+    def _left_by(self, initial):
+        """Return the simulator of the DLO as the Shape `initial` (or None) leaves it, elastic."""
+        if initial is None:
+            return self._alone
+        instance('initial', initial, Shape)
+        self._alone._check(initial.gripper, initial)
+        if initial.far_end is not None:
+            raise InvalidTask('initial is held at its far end: expected a Shape whose far end is '
+                              'free, as it is in the plan')
+        past = initial._history
+        if past is None or not past.set.any():
+            return self._alone
+        return self._given.with_set(initial).elastic().without_obstacles()
 
     def _checked(self, depths):
         length = self.simulator.rod.length

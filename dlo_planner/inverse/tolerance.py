@@ -19,7 +19,7 @@ from dlo_planner.inverse.plan import Plan
 from dlo_planner.model.along import Scaled, Shifted
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import Value, brief, put
+from dlo_planner.model.value import Value, brief, put, same
 
 _SMALL = 1e-3   # of a spread: step of the differences
 _NEAR = 0.1     # of the length: how far from the planned arc length the DLO may pass a centre
@@ -139,7 +139,11 @@ def tolerance(simulator, plan, spread, *, samples=0, seed=0, executor=None) -> T
     seed = integer('seed', seed, minimum=0, maximum=2**63)
     if executor is not None:
         instance('executor', executor, Executor)
+    own = simulator._history is not None  # its set makes a rod of its own
     simulator = simulator.elastic()
+    if not own and not all(_acts_alike(shape, simulator) for shape in plan.shapes):
+        raise InvalidTask('simulator: expected the one for which the plan was made, with its rod, '
+                          'gravity and load')
     if not any(shape.contacts for shape in plan.shapes):
         simulator = simulator.without_obstacles()  # a rim would hold it back, and hide the miss
     by_cause = _first_order(simulator.rod, plan, spread)
@@ -153,6 +157,13 @@ def tolerance(simulator, plan, spread, *, samples=0, seed=0, executor=None) -> T
     if samples and np.isfinite(room).any():
         success = float((sampled < room).all(axis=1).mean())
     return Tolerance(CAUSES, by_cause, np.sqrt((by_cause**2).sum(axis=1)), sampled, success)
+
+
+def _acts_alike(shape, simulator):
+    """Whether a Shape is of a simulator's rod with its gravity and load; obstacles may differ."""
+    here = shape._discretisation
+    return here is not None and same(*(replace(around, obstacles=()) for around in (
+        here.surroundings, simulator.surroundings)))
 
 
 def _first_order(rod, plan, spread):

@@ -162,6 +162,9 @@ def same(one, other):
         return len(one) == len(other) and all(map(same, one, other))
     if isinstance(one, dict) and isinstance(other, dict):
         return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    if is_dataclass(one) and not isinstance(one, Value) and type(one) is type(other):
+        return all(same(getattr(one, item.name), getattr(other, item.name))
+                   for item in fields(one) if item.compare)
     return bool(one == other) or _is_nan(one) and _is_nan(other)
 
 

@@ -8,6 +8,7 @@ from dlo_planner import (
     AwayFrom,
     BentAtMost,
     CutOut,
+    DeadlineExceeded,
     DirectionAt,
     DirectSimulator,
     GripperNear,
@@ -140,6 +141,74 @@ def test_with_an_obstacle():
     assert found.shape.converged
     assert np.linalg.norm(found.shape.positions[-1] - (0.75, 0.1, 0.703)) < 1e-2
     assert all(contact.penetration < 1e-8 for contact in found.shape.contacts)
+
+
+@pytest.mark.parametrize('weight', [1e-6, 1.0, 1e6])
+def test_weights_are_only_weights(weight):
+    direct = DirectSimulator(STIFF)
+    there = direct.solve(START).positions[-1]
+    for target in (there + 5e-13, there + [-0.2, 0.1, 0.0]):
+        near = GripperNear(START, 0.05 * weight)
+        one = minimise_penalty(direct, [PositionAt(1.0, target), GripperNear(START, 0.05)], START)
+        other = minimise_penalty(direct, [PositionAt(1.0, target, weight), near], START)
+        assert one.converged and other.converged
+        np.testing.assert_allclose(other.gripper.matrix, one.gripper.matrix, atol=1e-6)
+        assert other.penalty == pytest.approx(weight**2 * one.penalty, rel=1e-5,
+                                              abs=weight**2 * 1e-24)
+
+    def height(shape):
+        return weight * (np.sum((shape.positions[-1] - there) ** 2) + 7.0)
+
+    found = minimise_penalty(direct, height, Pose((0.1, 0, 1), (0, 0, 0, 1)))
+    assert found.converged and found.penalty == pytest.approx(7 * weight, rel=1e-8)
+
+
+def test_what_cannot_be_met_does_not_converge_half_way():
+    found = minimise_penalty(DirectSimulator(STIFF), PositionAt(1.0, (0.5, 0.3, 0.8)), START,
+                             max_iterations=2)
+    assert not found.converged and found.penalty > 1e-6
+
+
+def test_where_the_past_counts_the_answer_is_that_of_one_step():
+    soft = Rod(1.0, 0.05, 0.05, 0.04, yield_curvature=2.0)
+    direct = DirectSimulator(soft)
+    found = minimise_penalty(direct, [PositionAt(1.0, (0.6, 0.1, 0.6)), GripperNear(START, 0.05)],
+                             START)
+    again = direct.solve(found.gripper, direct.solve(START))
+    assert found.converged and again.dissipated > 0
+    np.testing.assert_allclose(found.shape.positions, again.positions, atol=1e-9)
+
+
+def test_progress_and_deadline():
+    calls = []
+    found = minimise_penalty(DirectSimulator(STIFF), ANY, START,
+                             progress=lambda *step: calls.append(step), max_iterations=50)
+    assert calls == [(k + 1, 50) for k in range(found.iterations)]
+    inverse = InverseSimulator(DirectSimulator(STIFF))
+    with pytest.raises(DeadlineExceeded, match='deadline'):
+        inverse.minimise_penalty(ANY, START, deadline=1e-9)
+
+
+@pytest.mark.parametrize(('penalty', 'named'), [
+    (PositionAt(1.5, (0, 0, 0)), r'PositionAt.s = 1.5'), ([], 'penalties'), ((), 'penalties'),
+    (DirectionAt(-0.1, (1, 0, 0)), r'DirectionAt.s = -0.1'),
+    ([*ANY, PositionAt(np.nan, (0, 0, 0))], 'PositionAt.s'),
+    (Through((0, 0, 0), 1.2), 'Through.after')])
+def test_places_beyond_the_ends_are_named(penalty, named):
+    with pytest.raises(InvalidTask, match=named):
+        minimise_penalty(DirectSimulator(STIFF), penalty, START)
+
+
+def test_what_is_not_taken_into_account_is_refused():
+    direct = DirectSimulator(STIFF)
+    held = direct.solve(START, far_end=Pose((0.9, 0, 1), (0, 0, 0, 1)))
+    for search in (minimise_penalty, lambda simulator, *task, **more:
+                   InverseSimulator(simulator).minimise_penalty(*task, **more)):
+        with pytest.raises(InvalidTask, match='initial is held at its far end'):
+            search(direct, ANY, START, initial=held)
+    paper = DirectSimulator(STIFF, method='dfp', strains='paper')
+    with pytest.raises(InvalidTask, match='strains'):
+        minimise_penalty(paper, ANY, START)
 
 
 def test_nonsense_is_named():
