@@ -1,11 +1,17 @@
-"""A plan in the making: each waypoint keeps all demands, or is refused with what it breaks."""
+"""A plan in the making: it keeps all demands, or is refused with what it breaks.
+
+Each waypoint is judged when it is added, the way between them when the plan is complete.
+"""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.between import broken_between
 from dlo_planner.inverse.clearance import clearance
+from dlo_planner.inverse.path import GripperPath
 from dlo_planner.inverse.plan import PlanStatus, build_plan
 from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.progress import Progress
@@ -13,7 +19,7 @@ from dlo_planner.progress import Progress
 
 @dataclass(frozen=True)
 class Brief:
-    """What every waypoint of a plan has to keep, whatever the task.
+    """What a plan has to keep, whatever the task.
 
     Attributes:
         speeds: m/s and rad/s, for the plan's times
@@ -22,6 +28,8 @@ class Brief:
         obstacles: that the DLO must not touch; radius: of the DLO, m
         yielding: (3,) strains since the stress-free shape, torsion and both curvatures, at which
             the DLO would yield, 1/m, or None where it may
+        simulator: DirectSimulator without obstacles that tells the DLO's shapes between the
+            waypoints; None: the DLO is looked at at the waypoints only
     """
 
     speeds: tuple[float, float]
@@ -30,16 +38,21 @@ class Brief:
     obstacles: tuple = ()
     radius: float = 0.0
     yielding: np.ndarray | None = None
+    simulator: DirectSimulator | None = None
 
-    def broken(self, waypoint, before=None):
-        """Return None, or the constraint that a Waypoint breaks, by how much, and in words.
+    def broken_between(self, plan):
+        """Return what a Plan breaks between its waypoints as a Broken, None if nothing."""
+        around = plan.sheets or self.obstacles
+        if len(plan) < 2 or not plan.times[-1] > plan.times[0] or (
+                self.workspace is None and (self.simulator is None or not around)):
+            return None
+        return broken_between(GripperPath.of(plan), plan.shapes, plan.sheets, self)
 
-        Args:
-            before: Pose where the gripper comes from, straight, or None
-        """
+    def broken(self, waypoint):
+        """Return None, or the constraint that a Waypoint breaks, by how much, and in words."""
         shape = waypoint.shape
         if self.workspace is not None:
-            name, room = self.workspace.least_room(before, shape.gripper)
+            name, room = self.workspace.least_room(shape.gripper)
             if room < 0:
                 return name, -room, f'the gripper is {-room:.3g} m beyond {name}'
         if waypoint.clearance < 0:
@@ -96,27 +109,34 @@ class Draft:
 
     def add(self, waypoint):
         """Take the next Waypoint; raises Infeasible if it breaks a demand."""
-        before = self.waypoints[-1].shape.gripper if self.waypoints else None
-        broken = self._brief.broken(waypoint, before)
+        broken = self._brief.broken(waypoint)
         if broken is not None:
             raise self.refusal(*broken)
         self.waypoints.append(waypoint)
         self._brief.progress.done(len(self.waypoints), len(self._depths))
 
-    def refusal(self, constraint, amount, why):
-        """Return Infeasible for the next waypoint, with the plan up to it as evidence."""
-        index = len(self.waypoints)
+    def refusal(self, constraint, amount, why, index=None):
+        """Return Infeasible for a waypoint, with the plan up to it as evidence.
+
+        Args:
+            index: of the waypoint; None: the next one
+        """
+        index = len(self.waypoints) if index is None else index
         depth = f' (depth {self._depths[index]:g} m)' if np.any(self._depths) else ''
         return Infeasible(f'{self._what} {index}{depth}: {why}', index, constraint, float(amount),
-                          self.partial())
+                          self._plan(PlanStatus.PARTIAL, index))
 
     def finished(self):
-        """Return the Plan."""
-        return self._plan(PlanStatus.COMPLETE)
+        """Return the Plan; raises Infeasible if it breaks a demand between two waypoints."""
+        plan = self._plan(PlanStatus.COMPLETE)
+        broken = self._brief.broken_between(plan)
+        if broken is not None:
+            raise self.refusal(broken.constraint, broken.amount, broken.why, broken.waypoint)
+        return plan
 
     def partial(self):
         """Return the Plan so far, as evidence."""
         return self._plan(PlanStatus.PARTIAL)
 
-    def _plan(self, status):
-        return build_plan(self.waypoints, self._depths, self._brief.speeds, status)
+    def _plan(self, status, count=None):
+        return build_plan(self.waypoints[:count], self._depths, self._brief.speeds, status)

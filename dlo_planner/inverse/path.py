@@ -171,22 +171,20 @@ class GripperPath(Value):
         if not times[-1] > times[0]:
             raise InvalidTask(f'plan.times end at {times[-1]:g} s as they begin: expected poses at '
                               'different times')
+        apart = np.linalg.norm(_ways(grippers, length), axis=1)
         legs, knots = [], [0]
-        steps = _steps(grippers, length)
-        for k in range(1, len(grippers)):
-            span = times[k] - times[knots[-1]]
-            if np.linalg.norm(steps(knots[-1], k)) <= _SAME * length:
-                if span > _WAITING * (times[-1] - times[0]):
-                    legs += _between_corners(knots, grippers, times, steps)
-                    here = grippers[knots[-1]]
-                    legs.append(_leg([times[knots[-1]], times[k]], [here, here]))
-                    knots = [k]
-                continue
-            if not span > 0:
-                raise InvalidTask(f'plan.times[{k}] = {times[k]:g}: expected more than the '
-                                  f'{times[knots[-1]]:g} s of the pose before, which is another')
-            knots.append(k)
-        return cls(times, tuple(legs + _between_corners(knots, grippers, times, steps)))
+        for k, way in enumerate(apart, start=1):
+            span = times[k] - times[k - 1]
+            if way > _SAME * length:
+                if not span > 0:
+                    raise InvalidTask(f'plan.times[{k}] = {times[k]:g}: expected more than the '
+                                      f'{times[k - 1]:g} s of the pose before, which is another')
+                knots.append(k)
+            elif span > _WAITING * (times[-1] - times[0]):
+                legs += _between_corners(knots, grippers, times, length)
+                legs.append(_leg(times[[knots[-1], k]], [grippers[knots[-1]]] * 2))
+                knots = [k]
+        return cls(times, tuple(legs + _between_corners(knots, grippers, times, length)))
 
     def at(self, u):
         """Return the Poses' positions (n, 3) and rotations (n, 3, 3) at parameters `u` (n,)."""
@@ -204,25 +202,24 @@ class GripperPath(Value):
         return int(np.clip(np.searchsorted(self.times, u, side='left'), 1, self.times.size - 1))
 
 
-def _steps(grippers, length):
-    """Return a function of two indices: the way (6,) from one of n Poses to another, in m."""
+def _ways(grippers, length):
+    """Return (n - 1, 6) the ways between n Poses in m, a turn of 1 rad counted as `length`."""
     positions = np.array([gripper.position for gripper in grippers])
     turns = Rotation.from_matrix([gripper.rotation for gripper in grippers])
-
-    def step(one, other):
-        return np.concatenate([positions[other] - positions[one],
-                               length * (turns[other] * turns[one].inv()).as_rotvec()])
-    return step
+    return np.hstack([np.diff(positions, axis=0),
+                      length * (turns[1:] * turns[:-1].inv()).as_rotvec()])
 
 
-def _between_corners(knots, grippers, times, steps):
-    """Return the Legs through the poses with the indices `knots`, which all differ."""
-    ways = np.array([steps(a, b) for a, b in zip(knots, knots[1:], strict=False)]).reshape(-1, 6)
+def _between_corners(knots, grippers, times, length):
+    """Return the Legs through those of n Poses with the indices `knots`, which all differ."""
+    if len(knots) < 2:
+        return []
+    grippers, times = [grippers[k] for k in knots], times[knots]
+    ways = _ways(grippers, length)
     ways /= np.linalg.norm(ways, axis=1)[:, None]
     corners = np.flatnonzero((ways[1:] * ways[:-1]).sum(axis=1) < _CORNER) + 1
     stops = [0, *corners, len(knots) - 1]
-    return [_leg(times[knots[a:b + 1]], [grippers[k] for k in knots[a:b + 1]])
-            for a, b in zip(stops, stops[1:], strict=False) if b > a]
+    return [_leg(times[a:b + 1], grippers[a:b + 1]) for a, b in zip(stops, stops[1:], strict=False)]
 
 
 def _leg(times, grippers):

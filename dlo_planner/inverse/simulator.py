@@ -350,7 +350,7 @@ class InverseSimulator:
                   number('angular_speed', angular_speed, above=0))
         return Brief(speeds, Progress(progress, deadline), self.workspace,
                      () if touching else self.simulator.obstacles, self.simulator.rod.radius or 0.0,
-                     self._yielding)
+                     self._yielding, None if touching else self._alone)
 
 
 def _pose_or_none(name, value):
