@@ -42,7 +42,7 @@ class Broken:
     why: str
 
 
-def broken_between(path, shapes, sheets, brief):
+def broken_between(path, shapes, sheets, brief, known=None):
     """Return what a plan breaks between its waypoints as a Broken, None if nothing.
 
     Args:
@@ -52,6 +52,7 @@ def broken_between(path, shapes, sheets, brief):
         brief: Brief: workspace, obstacles, radius; its simulator tells the shapes between the
             waypoints; without one, and for shapes that are parts of its rod, the DLO is not
             looked at
+        known: (n,) least room in the sheets at the waypoints, m; None: it is computed
     """
     found = None
     if brief.workspace is not None:
@@ -62,15 +63,23 @@ def broken_between(path, shapes, sheets, brief):
     if brief.simulator is None or not (sheets or brief.obstacles) or any(
             shape.s[-1] != brief.simulator.rod.length for shape in shapes):
         return found
-    return _Sweep(path, sheets, brief).broken(shapes, found) or found
+    return _Sweep(path, sheets, brief).broken(shapes, known, found) or found
 
 
 @dataclass(frozen=True)
 class _Look:
-    """A Shape at a parameter of the path, and its room: (N,) of each element, least of all, m."""
+    """A Shape at a parameter of the path, and how much room it has.
+
+    Attributes:
+        u: parameter; shape: Shape
+        arms: (N + 1, 3) m, from the gripper to the nodes; levers: (N + 1,) their lengths
+        rooms: (N,) m, of each element, a lower bound; least: m, of all, exact
+    """
 
     u: float
     shape: object
+    arms: np.ndarray
+    levers: np.ndarray
     rooms: np.ndarray
     least: float
 
@@ -85,38 +94,45 @@ class _Sweep:
                         if not any(obstacle is sheet for sheet in around)]
         self._scene = build_scene([*around, *self._others], brief.radius)
 
-    def broken(self, shapes, found):
+    def broken(self, shapes, known, found):
         """Return the first Broken on the way to n Shapes, before the one that is `found`."""
+        known = [None] * len(shapes) if known is None else known
         for leg in self._path.legs:
             if leg.still:
                 continue
-            before = None
-            for a, b in zip(*leg.pieces(), strict=True):
+            before, pieces = None, leg.pieces()
+            for a, b, bends in zip(*pieces, leg.bounds(*pieces)[:, :, 1], strict=True):
                 goal = self._path.goal(b)
                 if found is not None and goal > found.waypoint:
                     return None
                 self._brief.progress.check()
                 if before is None:
                     start = np.searchsorted(self._path.times, a, side='right') - 1
-                    before = self._look(a, shapes[start])
-                after = self._look(b, shapes[goal])
-                what = self._between(leg, before, after, _HALVINGS)
+                    before = self._look(a, shapes[start], known[start])
+                after = self._look(b, shapes[goal], known[goal])
+                what = self._between(leg, before, after, bends, _HALVINGS)
                 if what is not None:
                     return Broken(goal, *what)
                 before = after
         return None
 
-    def _look(self, u, shape):
-        rooms = [room_in(*sheet, self._brief.radius, shape).min() for sheet in self._sheets]
+    def _look(self, u, shape, known=None):
+        rooms = [room_in(*sheet, self._brief.radius, shape).min()
+                 for sheet in self._sheets] if known is None else [known]
         if self._others:
             rooms.append(clearance(self._others, self._brief.radius, shape))
         least = float(min(rooms))
-        return _Look(u, shape, _element_rooms(self._scene, np.diff(shape.s), shape.positions,
-                                              least), least)
+        arms = shape.positions - shape.gripper.position
+        return _Look(u, shape, arms, np.sqrt(np.einsum('ij,ij->i', arms, arms)), _element_rooms(
+            self._scene, np.diff(shape.s), shape.positions, least), least)
 
-    def _between(self, leg, one, other, halvings):
-        """Return constraint, amount and words of what is broken between two Looks, or None."""
-        short, far = self._short(leg, one, other)
+    def _between(self, leg, one, other, bends, halvings):
+        """Return constraint, amount and words of what is broken between two Looks, or None.
+
+        Args:
+            bends: (2,) bounds of the path's second derivatives in between, linear and angular
+        """
+        short, far = _short(one, other, bends)
         if short <= 0:
             return None
         if not halvings:
@@ -136,38 +152,36 @@ class _Sweep:
         if middle.least < 0:
             return 'clearance', -middle.least, (f'on the way there the DLO is {-middle.least:.3g} m '
                                                 'in the sheet or an obstacle')
-        return (self._between(leg, one, middle, halvings - 1)
-                or self._between(leg, middle, other, halvings - 1))
+        return (self._between(leg, one, middle, bends, halvings - 1)
+                or self._between(leg, middle, other, bends, halvings - 1))
 
-    def _short(self, leg, one, other):
-        """Return by how much (m) room is missing to prove that nothing is touched between.
 
-        Also how far (m) the DLO moves, if that is more than a turn of the gripper can cause, or 0.
-        """
-        shapes = one.shape, other.shape
-        bulge, bend = (other.u - one.u) ** 2 / 8 * leg.bounds(
-            np.array([one.u]), np.array([other.u]))[0, :, 1]
-        cosine = 0.5 * (np.vdot(*(shape.gripper.rotation for shape in shapes)) - 1)
-        turn = float(np.arccos(min(max(cosine, -1.0), 1.0)))
-        arms = [shape.positions - shape.gripper.position for shape in shapes]
-        short, far = -np.inf, 0.0
-        answer = np.zeros(1)
-        if shapes[0].s.size == shapes[1].s.size:
-            answer = np.linalg.norm(arms[1] - arms[0], axis=1)
-            far = float(answer.max()) if answer.max() > _LEAP * shapes[0].s[-1] * turn else 0.0
-        for this, that, arm, rooms in ((*shapes, arms[0], one.rooms),
-                                       (*shapes[::-1], arms[1], other.rooms)):
-            lever = np.maximum(np.linalg.norm(arm, axis=1), answer.max() / max(turn, 1e-9)
-                               if answer.max() > 1e-12 * this.s[-1] else 0.0)
-            away = 0.5 * _apart(this, that) + bulge + lever * (bend + turn**2 / 8)
-            short = max(short, float((np.maximum(away[1:], away[:-1]) - rooms).max()))
-        return short, far
+def _short(one, other, bends):
+    """Return by how much (m) room is missing to prove that nothing is touched between two Looks.
+
+    Also how far (m) the DLO moves, if that is more than a turn of the gripper can cause, or 0.
+    """
+    shift, bend = 0.125 * (other.u - one.u) ** 2 * bends
+    cosine = 0.5 * (np.vdot(one.shape.gripper.rotation, other.shape.gripper.rotation) - 1)
+    turn = float(np.arccos(min(max(cosine, -1.0), 1.0)))
+    length = one.shape.s[-1]
+    moved = 0.0  # seen from the gripper
+    if len(one.arms) == len(other.arms):
+        moved = float(np.sqrt(((other.arms - one.arms) ** 2).sum(axis=1).max()))
+    lever = moved / max(turn, 1e-9) if moved > 1e-12 * length else 0.0
+    short = -np.inf
+    for this, that in ((one, other), (other, one)):
+        away = (0.5 * _apart(this.shape, that.shape) + shift
+                + np.maximum(this.levers, lever) * (bend + turn**2 / 8))
+        short = max(short, float((np.maximum(away[1:], away[:-1]) - this.rooms).max()))
+    return short, moved if moved > _LEAP * length * turn else 0.0
 
 
 def _apart(this, that):
     """Return (N + 1,) distances in m of the nodes of a Shape from another, prolonged, as curves."""
-    reach = max(np.linalg.norm(this.positions[k] - that.positions[k]) for k in (0, -1))
-    return _distances(this.positions, np.diff(that.s), that.element_strains, that.frames,
+    ends = this.positions[[0, -1]] - that.positions[[0, -1]]
+    reach = float(np.sqrt((ends**2).sum(axis=1).max()))
+    return _distances(this.s, this.positions, that.s, that.element_strains, that.frames,
                       that.positions, reach)
 
 
@@ -189,17 +203,28 @@ def _element_rooms(scene, lengths, positions, least):
 
 
 @njit(cache=True)
-def _distances(points, lengths, strains, rotations, positions, reach):
-    """Return distances (n,) in m, none too small, of points (n, 3) from a DLO prolonged by reach.
+def _distances(at, points, s, strains, rotations, positions, reach):
+    """Return distances (n,) in m, none too small, of points from a DLO prolonged by `reach`.
 
-    The nearest place is sought on the chords of the elements, the distance is from the arc there.
+    The nearest place is sought on the chords of the elements whose arc length is within twice
+    `reach` of the point's own, the distance is from the arc there.
+
+    Args:
+        at: (n,) arc lengths of the points, m; points: (n, 3) m
+        s: (N + 1,) of the DLO's nodes, m; reach: m
     """
-    n = lengths.size
+    n = s.size - 1
+    lengths = np.diff(s)
     out = np.empty(points.shape[0])
     frame, x = np.empty((3, 3)), np.empty(3)
+    first = 0
     for k in range(points.shape[0]):
+        while first < n - 1 and s[first + 1] < at[k] - 2.0 * reach:
+            first += 1
         nearest, element, share = np.inf, 0, 0.0
-        for e in range(n):
+        for e in range(first, n):
+            if s[e] > at[k] + 2.0 * reach and e > first:
+                break
             along = square = size = 0.0
             for i in range(3):
                 way = positions[e + 1, i] - positions[e, i]
@@ -216,16 +241,18 @@ def _distances(points, lengths, strains, rotations, positions, reach):
         for i in range(3):
             square += (points[k, i] - x[i]) ** 2
         for end, sign in ((0, -1.0), (n, 1.0)):
-            along = away = 0.0
-            for i in range(3):
-                gap = points[k, i] - positions[end, i]
-                along += sign * rotations[end, i, 0] * gap
-                away += gap * gap
-            along = min(max(along, 0.0), reach)
-            beyond = 0.0
-            for i in range(3):
-                gap = points[k, i] - positions[end, i]
-                beyond += (gap - sign * along * rotations[end, i, 0]) ** 2
-            square = min(square, beyond)
+            square = min(square, _from_ray(points[k], positions[end], rotations[end], sign, reach))
         out[k] = np.sqrt(square)
     return out
+
+
+@njit(cache=True)
+def _from_ray(point, end, rotation, sign, reach):
+    """Return the squared distance of a point from where an end is prolonged to by `reach`."""
+    along = away = 0.0
+    for i in range(3):
+        along += sign * rotation[i, 0] * (point[i] - end[i])
+    along = min(max(along, 0.0), reach)
+    for i in range(3):
+        away += (point[i] - end[i] - sign * along * rotation[i, 0]) ** 2
+    return away

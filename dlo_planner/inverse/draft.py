@@ -40,13 +40,17 @@ class Brief:
     yielding: np.ndarray | None = None
     simulator: DirectSimulator | None = None
 
-    def broken_between(self, plan):
-        """Return what a Plan breaks between its waypoints as a Broken, None if nothing."""
+    def broken_between(self, plan, known=None):
+        """Return what a Plan breaks between its waypoints as a Broken, None if nothing.
+
+        Args:
+            known: (n,) least room in the plan's sheets at its waypoints, m; None: not known
+        """
         around = plan.sheets or self.obstacles
         if len(plan) < 2 or not plan.times[-1] > plan.times[0] or (
                 self.workspace is None and (self.simulator is None or not around)):
             return None
-        return broken_between(GripperPath.of(plan), plan.shapes, plan.sheets, self)
+        return broken_between(GripperPath.of(plan), plan.shapes, plan.sheets, self, known)
 
     def broken(self, waypoint):
         """Return None, or the constraint that a Waypoint breaks, by how much, and in words."""
@@ -129,7 +133,7 @@ class Draft:
     def finished(self):
         """Return the Plan; raises Infeasible if it breaks a demand between two waypoints."""
         plan = self._plan(PlanStatus.COMPLETE)
-        broken = self._brief.broken_between(plan)
+        broken = self._brief.broken_between(plan, plan.clearance)
         if broken is not None:
             raise self.refusal(broken.constraint, broken.amount, broken.why, broken.waypoint)
         return plan
