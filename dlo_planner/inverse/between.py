@@ -29,6 +29,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.ritz.kinematics import point_inside
 
 _HALVINGS = 7   # of the way between two waypoints
+_CLOSER = 5     # looks for where the DLO is deepest in something
 _LEAP = 3.0     # motion of the DLO per lever and turn of the gripper: more is no continuation
 
 
@@ -141,19 +142,38 @@ class _Sweep:
                                            'the gripper does not bring it')
             return 'clearance', short, (f'on the way there {short:.3g} m are missing to show that '
                                         'the DLO touches nothing; closer waypoints may help')
+        middle, jumped = self._middle(leg, one, other)
+        if jumped is not None:
+            return jumped
+        if middle.least < 0:
+            deepest = self._deepest(leg, one, middle, other)
+            return 'clearance', deepest, (f'on the way there the DLO is {deepest:.3g} m in the '
+                                          'sheet or an obstacle')
+        return (self._between(leg, one, middle, bends, halvings - 1)
+                or self._between(leg, middle, other, bends, halvings - 1))
+
+
+    def _middle(self, leg, one, other):
+        """Return the Look half way between two, and None or what `_between` says of a jump."""
         u = 0.5 * (one.u + other.u)
         (position,), (rotation,) = leg.poses(np.array([u]))
         shape = self._brief.simulator.track([Pose.from_rotation(position, rotation)],
                                             initial=one.shape)[0]
-        if not shape.converged or shape.jumped:
-            away = np.linalg.norm(shape.positions - one.shape.positions, axis=1).max()
-            return 'continuity', float(away), 'on the way there the DLO falls into another shape'
-        middle = self._look(u, shape)
-        if middle.least < 0:
-            return 'clearance', -middle.least, (f'on the way there the DLO is {-middle.least:.3g} m '
-                                                'in the sheet or an obstacle')
-        return (self._between(leg, one, middle, bends, halvings - 1)
-                or self._between(leg, middle, other, bends, halvings - 1))
+        if shape.converged and not shape.jumped:
+            return self._look(u, shape), None
+        away = float(np.linalg.norm(shape.positions[-1] - one.shape.positions[-1]))
+        return None, ('continuity', away, 'on the way there the DLO falls into another shape: its '
+                      f'free end comes {away:.3g} m away')
+
+    def _deepest(self, leg, before, deep, after):
+        """Return how deep (m) the DLO is in something near a Look where it is, at the worst."""
+        for _ in range(_CLOSER):
+            looks = [before, self._middle(leg, before, deep)[0], deep,
+                     self._middle(leg, deep, after)[0], after]
+            looks = [look for look in looks if look is not None]
+            k = min(range(1, len(looks) - 1), key=lambda k: looks[k].least)
+            before, deep, after = looks[k - 1:k + 2]
+        return -deep.least
 
 
 def _short(one, other, bends):

@@ -12,7 +12,7 @@ from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.between import broken_between
 from dlo_planner.inverse.clearance import clearance
 from dlo_planner.inverse.path import GripperPath
-from dlo_planner.inverse.plan import PlanStatus, build_plan
+from dlo_planner.inverse.plan import PlanStatus, build_plan, first_part
 from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.progress import Progress
 
@@ -39,18 +39,6 @@ class Brief:
     radius: float = 0.0
     yielding: np.ndarray | None = None
     simulator: DirectSimulator | None = None
-
-    def broken_between(self, plan, known=None):
-        """Return what a Plan breaks between its waypoints as a Broken, None if nothing.
-
-        Args:
-            known: (n,) least room in the plan's sheets at its waypoints, m; None: not known
-        """
-        around = plan.sheets or self.obstacles
-        if len(plan) < 2 or not plan.times[-1] > plan.times[0] or (
-                self.workspace is None and (self.simulator is None or not around)):
-            return None
-        return broken_between(GripperPath.of(plan), plan.shapes, plan.sheets, self, known)
 
     def broken(self, waypoint):
         """Return None, or the constraint that a Waypoint breaks, by how much, and in words."""
@@ -119,28 +107,48 @@ class Draft:
         self.waypoints.append(waypoint)
         self._brief.progress.done(len(self.waypoints), len(self._depths))
 
-    def refusal(self, constraint, amount, why, index=None):
-        """Return Infeasible for a waypoint, with the plan up to it as evidence.
-
-        Args:
-            index: of the waypoint; None: the next one
-        """
-        index = len(self.waypoints) if index is None else index
-        depth = f' (depth {self._depths[index]:g} m)' if np.any(self._depths) else ''
-        return Infeasible(f'{self._what} {index}{depth}: {why}', index, constraint, float(amount),
-                          self._plan(PlanStatus.PARTIAL, index))
+    def refusal(self, constraint, amount, why):
+        """Return Infeasible for the next waypoint, with the plan up to it as evidence."""
+        return _refusal(self._what, len(self.waypoints), self._depths,
+                        (constraint, float(amount), why), self.partial())
 
     def finished(self):
         """Return the Plan; raises Infeasible if it breaks a demand between two waypoints."""
         plan = self._plan(PlanStatus.COMPLETE)
-        broken = self._brief.broken_between(plan, plan.clearance)
-        if broken is not None:
-            raise self.refusal(broken.constraint, broken.amount, broken.why, broken.waypoint)
-        return plan
+        return kept_between(plan, self._brief, self._what, plan.clearance)
 
     def partial(self):
         """Return the Plan so far, as evidence."""
         return self._plan(PlanStatus.PARTIAL)
 
-    def _plan(self, status, count=None):
-        return build_plan(self.waypoints[:count], self._depths, self._brief.speeds, status)
+    def _plan(self, status):
+        return build_plan(self.waypoints, self._depths, self._brief.speeds, status)
+
+
+def kept_between(plan, brief, what='waypoint', known=None):
+    """Return a Plan that keeps a Brief between its waypoints, on the path of its Trajectory.
+
+    Args:
+        what: how a waypoint is called in a refusal
+        known: (n,) least room in the plan's sheets at its waypoints, m; None: it is computed
+
+    Raises:
+        Infeasible: it does not; the waypoint is the one to which the gripper is going
+    """
+    looked_at = brief.workspace is not None or brief.simulator is not None and (
+        plan.sheets or brief.obstacles)
+    if len(plan) < 2 or not plan.times[-1] > plan.times[0] or not looked_at:
+        return plan
+    broken = broken_between(GripperPath.of(plan), plan.shapes, plan.sheets, brief, known)
+    if broken is None:
+        return plan
+    raise _refusal(what, broken.waypoint, plan.depths,
+                   (broken.constraint, broken.amount, broken.why),
+                   first_part(plan, broken.waypoint, PlanStatus.PARTIAL))
+
+
+def _refusal(what, index, depths, broken, plan):
+    """Return Infeasible for the waypoint `index`; broken: constraint, amount and words."""
+    constraint, amount, why = broken
+    depth = f' (depth {depths[index]:g} m)' if np.any(depths) else ''
+    return Infeasible(f'{what} {index}{depth}: {why}', index, constraint, amount, plan)

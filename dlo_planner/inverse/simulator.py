@@ -6,7 +6,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.contact import CONDITIONS, hold_contact, slide_contact
-from dlo_planner.inverse.draft import Brief, Draft
+from dlo_planner.inverse.draft import Brief, Draft, kept_between
 from dlo_planner.inverse.insertion import insert
 from dlo_planner.inverse.plan import Plan, Waypoint
 from dlo_planner.inverse.search import minimise_penalty
@@ -15,7 +15,7 @@ from dlo_planner.inverse.start_phase import start_phase
 from dlo_planner.inverse.threading import kept_before, thread
 from dlo_planner.inverse.two_cutouts import thread_two
 from dlo_planner.inverse.workspace import Workspace
-from dlo_planner.model.checks import choice, number
+from dlo_planner.model.checks import choice, instance, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.progress import Progress
@@ -39,7 +39,9 @@ class InverseSimulator:
 
     A waypoint that leaves the workspace, touches what it should not, bends more sharply than
     `Rod.max_bend_curvature`, or yields though it must not, is refused: `Infeasible` names the
-    waypoint, the constraint and the amount. Where a task leaves a choice, it is made so as to keep
+    waypoint, the constraint and the amount. Workspace and contacts are looked at between waypoints
+    as well, on the path that `Trajectory` takes: there the waypoint is the next one. Not looked at
+    is the DLO between the waypoints of contact tasks and of `insert`, whose shapes are of parts. Where a task leaves a choice, it is made so as to keep
     them.
     """
 
@@ -95,13 +97,14 @@ class InverseSimulator:
         _pose_or_none('start', start)
         if initial is not None and not isinstance(initial, Shape):
             raise InvalidTask(f'initial = {initial!r}: expected a Shape or None')
+        brief = self._brief(linear_speed, angular_speed, progress, deadline)
         plan = thread(self._alone, cutout, self._checked(depths), start, initial,
-                      choice('method', method, ('coupled', 'nested')),
-                      self._brief(linear_speed, angular_speed, progress, deadline))
+                      choice('method', method, ('coupled', 'nested')), brief)
         if gripper_clearance is None:
             return plan
-        return kept_before(plan, cutout, number('gripper_clearance', gripper_clearance, minimum=0),
+        kept = kept_before(plan, cutout, number('gripper_clearance', gripper_clearance, minimum=0),
                            depths is None)
+        return kept if len(kept) == len(plan) else kept_between(kept, brief)
 
     def insert(self, bore, *, start=None, depths=None, linear_speed=0.1, angular_speed=0.5,
                progress=None, deadline=None):
@@ -304,6 +307,24 @@ class InverseSimulator:
         return slide_contact(self.simulator, contact, lengths, forces, condition, start,
                              self._brief(linear_speed, angular_speed, progress, deadline,
                                          touching=True))
+
+    def check(self, plan, *, progress=None, deadline=None):
+        """Return a Plan if it keeps all demands between its waypoints too.
+
+        The path of its `Trajectory` is looked at, all of it: the gripper in the workspace and, if
+        the plan does not mean to touch anything, the DLO beside the sheets around the cut-outs and
+        the obstacles. Every plan made here was; one that was joined or shortened has another path.
+
+        Args:
+            plan: Plan
+            progress, deadline: as for `thread`
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            Infeasible: it does not; the waypoint is the one to which the gripper is going
+        """
+        touching = any(shape.contacts for shape in instance('plan', plan, Plan).shapes)
+        return kept_between(plan, self._brief(1.0, 1.0, progress, deadline, touching))
 
     def _contact(self, contact, forces, condition, start):
         """Return the forces to look at; judge what both contact tasks take."""

@@ -4,7 +4,6 @@ from dataclasses import InitVar, dataclass, field
 
 import numpy as np
 
-from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.path import GripperPath
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.model.checks import array, instance, number
