@@ -41,8 +41,8 @@ class InverseSimulator:
     `Rod.max_bend_curvature`, or yields though it must not, is refused: `Infeasible` names the
     waypoint, the constraint and the amount. Workspace and contacts are looked at between waypoints
     as well, on the path that `Trajectory` takes: there the waypoint is the next one. Not looked at
-    is the DLO between the waypoints of contact tasks and of `insert`, whose shapes are of parts. Where a task leaves a choice, it is made so as to keep
-    them.
+    is the DLO between the waypoints of contact tasks and of `insert`, whose shapes are of parts.
+    Where a task leaves a choice, it is made so as to keep them.
     """
 
     def __init__(self, simulator, *, workspace=None, may_yield=True):
