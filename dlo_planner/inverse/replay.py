@@ -157,7 +157,7 @@ def _in_motion(motion, tolerance):
     judged = 'swing' if np.isnan(figures['dynamic_miss']) else 'dynamic_miss'
     scale = fastest_scale(lambda scale: motion.figures(scale, judged)[judged] <= tolerance,
                           bool(figures[judged] <= tolerance))
-    return figures | {'fastest': figures['duration'] * scale}
+    return figures | {'fastest': float(figures['duration'] * scale)}
 
 
 def _apart(one, other):

@@ -174,7 +174,7 @@ class _TimeLaw:
         """Return times between which the leg has no knot and the ramps are smooth and monotonic."""
         wanted = self._leg.knots
         low, high = np.zeros(wanted.size), np.full(wanted.size, self.duration)
-        for _ in range(60):  # the time of each knot, by halving
+        for _ in range(35):  # the time of each knot, by halving
             middle = 0.5 * (low + high)
             before = self.progress(middle)[0] < wanted
             low, high = np.where(before, middle, low), np.where(before, high, middle)

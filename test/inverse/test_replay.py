@@ -1,8 +1,7 @@
-"""Clearance, trajectory and report of a plan, against brute force, differences and limits."""
+"""Clearance and report of a plan, against brute force."""
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
     CutOut,
@@ -14,11 +13,9 @@ from dlo_planner import (
     Rod,
     Sheet,
     Sphere,
-    Trajectory,
     replay,
 )
 from dlo_planner.inverse.clearance import clearance
-from dlo_planner.inverse.plan import joined
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, damping=(0.5, 0.01))
 DIRECT = DirectSimulator(WIRE)
@@ -64,49 +61,6 @@ def test_a_hole_without_a_size_has_no_clearance():
     assert (plan.clearance == np.inf).all()
 
 
-def test_trajectory_keeps_limits_and_poses(plan):
-    limits = Limits(0.2, 0.3, 0.1, 1.0)
-    way = Trajectory(plan, limits)
-    times = np.linspace(0, way.duration, 4001)
-    poses, speeds, accelerations = way.at(times)
-    most = [np.linalg.norm(v, axis=1).max() for v in (
-        speeds[:, :3], speeds[:, 3:], accelerations[:, :3], accelerations[:, 3:])]
-    allowed = [limits.linear_speed, limits.angular_speed, limits.linear_acceleration,
-               limits.angular_acceleration]
-    used = np.array(most) / allowed
-    assert used[:2].max() <= 1.001 and used[2:].max() <= 1.001
-    assert used.max() > 0.98  # no slower than it has to be
-    step = times[1] - times[0]
-    position = np.array([pose.position for pose in poses])
-    np.testing.assert_allclose(np.gradient(position, step, axis=0)[5:-5], speeds[5:-5, :3],
-                               atol=1e-5)
-    turns = np.array([Rotation.from_matrix(b.rotation @ a.rotation.T).as_rotvec()
-                      for a, b in zip(poses, poses[1:], strict=False)]) / step
-    np.testing.assert_allclose(turns, 0.5 * (speeds[1:, 3:] + speeds[:-1, 3:]), atol=1e-4)
-    np.testing.assert_allclose(speeds[[0, -1]], 0, atol=1e-12)
-    for gripper in (plan.grippers[0], plan.grippers[17], plan.grippers[-1]):
-        nearest = np.linalg.norm(position - gripper.position, axis=1).min()
-        assert nearest < 5e-4  # as near as the samples are
-
-
-def test_it_stops_at_corners(plan):
-    inverse = InverseSimulator(DIRECT)
-    start = Pose((-1.3, 0.2, 1.1), (0, 0, 0, 1))
-    whole = joined(inverse.start_phase(ROUND, plan, start), plan)
-    way = Trajectory(whole)
-    times = np.linspace(0, way.duration, 6001)
-    poses, speeds, _ = way.at(times)
-    still = np.flatnonzero(np.linalg.norm(speeds, axis=1) < 2e-3)
-    rests = np.split(times[still], np.flatnonzero(np.diff(still) > 1) + 1)
-    assert 3 <= len(rests) <= 6  # at both ends, and between backing off, turning, going in
-    assert np.linalg.norm(np.diff([pose.position for pose in poses], axis=0), axis=1).max() < 1e-2
-    mixed = np.array([way.duration, 0.0, 0.5 * way.duration])
-    for pose, time in zip(way.at(mixed)[0], mixed, strict=True):
-        np.testing.assert_allclose(pose.matrix, way.at(time)[0][0].matrix)
-    assert (np.diff(way.progress(times)) >= -1e-12).all()
-    assert way.progress([way.duration])[0] == pytest.approx(whole.times[-1])
-
-
 def test_report_of_a_good_plan(plan):
     report = replay(DIRECT, plan, obstacles=[Sphere((0, 0, 3), 0.5)], limits=Limits())
     assert report.converged
@@ -139,8 +93,3 @@ def test_a_plan_for_another_dlo_misses(plan):
 def test_nonsense_is_named(plan):
     with pytest.raises(InvalidTask, match='linear_speed'):
         Limits(linear_speed=0)
-    with pytest.raises(InvalidTask, match='limits'):
-        Trajectory(plan, 3)
-    single = InverseSimulator(DIRECT).thread(ROUND, depths=[0.5])
-    with pytest.raises(InvalidTask, match='plan has 1'):
-        Trajectory(single)
