@@ -88,6 +88,16 @@ def test_velocities_and_accelerations_are_those_of_the_poses_in_world_axes(rng, 
         assert np.quantile(off, 0.9) < 1e-4 and off.max() < 0.05
 
 
+def test_the_plans_own_velocities_are_in_world_axes(rng):
+    made = random_plan(rng, 2.0)
+    for k, (one, other) in enumerate(zip(made.grippers, made.grippers[1:], strict=False)):
+        span = made.times[k + 1] - made.times[k]
+        velocity = made.velocities[k]
+        np.testing.assert_allclose(one.position + span * velocity[:3], other.position, atol=1e-9)
+        turn = Rotation.from_rotvec(span * velocity[3:]).as_matrix()
+        np.testing.assert_allclose(turn @ one.rotation, other.rotation, atol=1e-9)
+
+
 def test_limits_are_never_exceeded(rng):
     limits = Limits(0.2, 0.3, 0.1, 1.0)
     allowed = np.array([limits.linear_speed, limits.angular_speed, limits.linear_acceleration,
