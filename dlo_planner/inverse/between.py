@@ -29,7 +29,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.ritz.kinematics import point_inside
 
 _HALVINGS = 7   # of the way between two waypoints
-_CLOSER = 5     # looks for where the DLO is deepest in something
+_CLOSER = 4     # looks for where the DLO is deepest in something
 _LEAP = 3.0     # motion of the DLO per lever and turn of the gripper: more is no continuation
 
 
