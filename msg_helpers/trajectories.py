@@ -12,7 +12,7 @@ _NANOSECONDS = 10**9
 
 
 def timed_trajectory(trajectory, number, tool, frame_id, stamp):
-    """Return poses, velocities and accelerations of the tool frame at even times.
+    """Return poses, velocities and accelerations of the tool frame at even times, world axes.
 
     Args:
         trajectory: Trajectory of the gripper frame

@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import array
 from dlo_planner.model.value import Value, put
 
 _CORNER = 0.5     # cosine between directions: a sharper turn is a corner
@@ -167,7 +168,11 @@ class GripperPath(Value):
         Args:
             length: of the DLO, m: what a turn of the gripper by 1 rad counts as
         """
-        times = np.array(times, dtype=float)
+        times = array('plan.times', times, (len(grippers),))
+        if (np.diff(times) < 0).any():
+            k = int(np.argmax(np.diff(times) < 0)) + 1
+            raise InvalidTask(f'plan.times[{k}] = {times[k]:g}: expected not less than the '
+                              f'{times[k - 1]:g} s before')
         if not times[-1] > times[0]:
             raise InvalidTask(f'plan.times end at {times[-1]:g} s as they begin: expected poses at '
                               'different times')

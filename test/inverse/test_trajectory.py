@@ -200,6 +200,8 @@ def test_nonsense_is_named(plan):
     one, other = Pose.identity(), Pose((0.1, 0, 0), (0, 0, 0, 1))
     for made, named in ((through([one]), 'plan has 1'), (through([one, one]), 'plan.times'),
                         (through([one, other, one], [0, 0, 1]), r'plan.times\[1\]'),
+                        (through([one, other, other], [0, 2, 1]), r'plan.times\[2\]'),
+                        (through([one, other], [0, np.nan]), 'plan.times'),
                         ('plan', "plan = 'plan'")):
         with pytest.raises(InvalidTask, match=named):
             Trajectory(made)
