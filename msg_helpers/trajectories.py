@@ -16,7 +16,7 @@ _MOST = 100_000  # points
 
 
 def timed_trajectory(trajectory, number, tool, frame_id, stamp) -> MultiDOFJointTrajectory:
-    """Return poses, velocities and accelerations of the tool frame at even times.
+    """Return poses, velocities and accelerations of the tool frame at even times, world axes.
 
     Args:
         trajectory: Trajectory of the gripper frame

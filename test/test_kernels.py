@@ -3,12 +3,22 @@
 import numpy as np
 import pytest
 
-from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Plane, Pose, Rod, Sheet
+from dlo_planner import (
+    CutOut,
+    DirectSimulator,
+    InverseSimulator,
+    Plane,
+    Pose,
+    Rod,
+    Sheet,
+    Workspace,
+)
 from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.plastic import settled
 from dlo_planner.energy.potential import evaluate, unknowns_of
+from dlo_planner.inverse import between, workspace
 from dlo_planner.inverse.aligned import aligned_newton
 from dlo_planner.inverse.marching import march_from_end
 from dlo_planner.minimize.multipliers import _update, _watching, _with_friction
@@ -16,7 +26,8 @@ from dlo_planner.minimize.newton import descend
 from dlo_planner.ritz.kinematics import point_inside
 
 KERNELS = [descend, unknowns_of, aligned_newton, march_from_end, point_inside, passes_through,
-           nearest_inside, signed_distance, settled, _update, _watching, _with_friction]
+           nearest_inside, signed_distance, settled, _update, _watching, _with_friction,
+           between._element_rooms, between._distances, workspace._distances]
 
 
 @pytest.fixture(scope='module')
@@ -42,6 +53,12 @@ def everything_used():
     shapes = direct.track([Pose.identity(), Pose((0, 0, -0.05), (0, 0, 0, 1))])
     direct.simulate([Pose.identity()] * 2, 0.01, shapes[0])
     direct.solve(Pose.identity(), far_end=Pose((0.8, 0, 0), (0, 0, 0, 1)))
+    cell = Workspace(keep_out=[Plane((0, 0, -9), (0, 0, 1))])
+    for gripper in (start, Pose.from_matrix(start.matrix)):
+        cell.least_room(gripper)
+    for simulator in (DirectSimulator(touching), direct):
+        InverseSimulator(simulator, workspace=cell).thread(
+            CutOut(Pose.looking_along((9, 0, 1), (1, 0, 0)), radius=0.2), depths=[0, 0.5])
 
 
 @pytest.mark.parametrize('kernel', KERNELS, ids=lambda kernel: kernel.__name__)

@@ -1,19 +1,25 @@
-"""A plan in the making: each waypoint keeps all demands, or is refused with what it breaks."""
+"""A plan in the making: it keeps all demands, or is refused with what it breaks.
+
+Each waypoint is judged when it is added, the way between them when the plan is complete.
+"""
 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.between import broken_between
 from dlo_planner.inverse.clearance import clearance
-from dlo_planner.inverse.plan import PlanStatus, build_plan
+from dlo_planner.inverse.path import GripperPath
+from dlo_planner.inverse.plan import PlanStatus, build_plan, first_part
 from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.progress import Progress
 
 
 @dataclass(frozen=True)
 class Brief:
-    """What every waypoint of a plan has to keep, whatever the task.
+    """What a plan has to keep, whatever the task.
 
     Attributes:
         speeds: m/s and rad/s, for the plan's times
@@ -22,6 +28,8 @@ class Brief:
         obstacles: that the DLO must not touch; radius: of the DLO, m
         yielding: (3,) strains since the stress-free shape, torsion and both curvatures, at which
             the DLO would yield, 1/m, or None where it may
+        simulator: DirectSimulator without obstacles that tells the DLO's shapes between the
+            waypoints; None: the DLO is looked at at the waypoints only
     """
 
     speeds: tuple[float, float]
@@ -30,20 +38,17 @@ class Brief:
     obstacles: tuple = ()
     radius: float = 0.0
     yielding: np.ndarray | None = None
+    simulator: DirectSimulator | None = None
 
     def silent(self):
         """Return the same demands for a search, of whose steps nobody is told."""
         return replace(self, progress=self.progress.silent())
 
-    def broken(self, waypoint, before=None):
-        """Return None, or the constraint that a Waypoint breaks, by how much, and in words.
-
-        Args:
-            before: Pose where the gripper comes from, straight, or None
-        """
+    def broken(self, waypoint):
+        """Return None, or the constraint that a Waypoint breaks, by how much, and in words."""
         shape = waypoint.shape
         if self.workspace is not None:
-            name, room = self.workspace.least_room(before, shape.gripper)
+            name, room = self.workspace.least_room(shape.gripper)
             if room < 0:
                 return name, -room, f'the gripper is {-room:.3g} m beyond {name}'
         if waypoint.clearance < 0:
@@ -106,8 +111,7 @@ class Draft:
 
     def add(self, waypoint):
         """Take the next Waypoint; raises Infeasible if it breaks a demand."""
-        before = self.waypoints[-1].shape.gripper if self.waypoints else None
-        broken = self._brief.broken(waypoint, before)
+        broken = self._brief.broken(waypoint)
         if broken is not None:
             raise self.refusal(*broken)
         self.waypoints.append(waypoint)
@@ -115,14 +119,13 @@ class Draft:
 
     def refusal(self, constraint, amount, why):
         """Return Infeasible for the next waypoint, with the plan up to it as evidence."""
-        index = len(self.waypoints)
-        depth = f' (depth {self._depths[index]:g} m)' if np.any(self._depths) else ''
-        return Infeasible(f'{self._what} {index}{depth}: {why}', index, constraint, float(amount),
-                          self.partial())
+        return _refusal(self._what, len(self.waypoints), self._depths,
+                        (constraint, float(amount), why), self.partial())
 
     def finished(self):
-        """Return the Plan."""
-        return self._plan(PlanStatus.COMPLETE)
+        """Return the Plan; raises Infeasible if it breaks a demand between two waypoints."""
+        plan = self._plan(PlanStatus.COMPLETE)
+        return kept_between(plan, self._brief, self._what, plan.clearance)
 
     def partial(self):
         """Return the Plan so far, as evidence."""
@@ -130,3 +133,32 @@ class Draft:
 
     def _plan(self, status):
         return build_plan(self.waypoints, self._depths, self._brief.speeds, status)
+
+
+def kept_between(plan, brief, what='waypoint', known=None):
+    """Return a Plan that keeps a Brief between its waypoints, on the path of its Trajectory.
+
+    Args:
+        what: how a waypoint is called in a refusal
+        known: (n,) least room in the plan's sheets at its waypoints, m; None: it is computed
+
+    Raises:
+        Infeasible: it does not; the waypoint is the one to which the gripper is going
+    """
+    looked_at = brief.workspace is not None or brief.simulator is not None and (
+        plan.sheets or brief.obstacles)
+    if len(plan) < 2 or not plan.times[-1] > plan.times[0] or not looked_at:
+        return plan
+    broken = broken_between(GripperPath.of(plan), plan.shapes, plan.sheets, brief, known)
+    if broken is None:
+        return plan
+    raise _refusal(what, broken.waypoint, plan.depths,
+                   (broken.constraint, broken.amount, broken.why),
+                   first_part(plan, broken.waypoint, PlanStatus.PARTIAL))
+
+
+def _refusal(what, index, depths, broken, plan):
+    """Return Infeasible for the waypoint `index`; broken: constraint, amount and words."""
+    constraint, amount, why = broken
+    depth = f' (depth {depths[index]:g} m)' if np.any(depths) else ''
+    return Infeasible(f'{what} {index}{depth}: {why}', index, constraint, amount, plan)

@@ -6,7 +6,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.contact import CONDITIONS, hold_contact, slide_contact
-from dlo_planner.inverse.draft import Brief, Draft
+from dlo_planner.inverse.draft import Brief, Draft, kept_between
 from dlo_planner.inverse.insertion import insert
 from dlo_planner.inverse.plan import Plan, Waypoint
 from dlo_planner.inverse.search import minimise_penalty
@@ -18,7 +18,8 @@ from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.checks import choice, flag, instance, items, number, row
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import Value, brief, freeze, put
+from dlo_planner.model.value import Value, freeze, put
+from dlo_planner.model.value import brief as one_line
 from dlo_planner.progress import Progress
 
 _WAYPOINTS = 40
@@ -42,8 +43,10 @@ class InverseSimulator(Value):
 
     A waypoint that leaves the workspace, touches what it should not, bends more sharply than
     `Rod.max_bend_curvature`, or yields though it must not, is refused: `Infeasible` names the
-    waypoint, the constraint and the amount. Where a task leaves a choice, it is made so as to keep
-    them.
+    waypoint, the constraint and the amount. Workspace and contacts are looked at between waypoints
+    as well, on the path that `Trajectory` takes: there the waypoint is the next one. Not looked at
+    is the DLO between the waypoints of contact tasks and of `insert`, whose shapes are of parts.
+    Where a task leaves a choice, it is made so as to keep them.
     """
 
     PARTS = ('simulator', 'workspace', '_yielding', '_alone', '_given')
@@ -65,7 +68,7 @@ class InverseSimulator(Value):
         freeze(yielding)
 
     def __repr__(self):
-        return brief(self, repr(self.simulator), '' if self.workspace is None else
+        return one_line(self, repr(self.simulator), '' if self.workspace is None else
                      repr(self.workspace))
 
     def thread(self, cutout, *, start=None, initial=None, depths=None, method='coupled',
@@ -106,12 +109,13 @@ class InverseSimulator(Value):
         instance('start', start, Pose, optional=True)
         if gripper_clearance is not None:
             gripper_clearance = number('gripper_clearance', gripper_clearance, minimum=0)
+        brief = self._brief(linear_speed, angular_speed, progress, deadline)
         plan = thread(self._left_by(initial), cutout, self._checked(depths), start, initial,
-                      choice('method', method, ('coupled', 'nested')),
-                      self._brief(linear_speed, angular_speed, progress, deadline))
+                      choice('method', method, ('coupled', 'nested')), brief)
         if gripper_clearance is None:
             return plan
-        return kept_before(plan, cutout, gripper_clearance, depths is None)
+        kept = kept_before(plan, cutout, gripper_clearance, depths is None)
+        return kept if len(kept) == len(plan) else kept_between(kept, brief)
 
     def insert(self, bore, *, start=None, depths=None, linear_speed=0.1, angular_speed=0.5,
                progress=None, deadline=None) -> Plan:
@@ -313,6 +317,24 @@ class InverseSimulator(Value):
                              self._brief(linear_speed, angular_speed, progress, deadline,
                                          touching=True))
 
+    def check(self, plan, *, progress=None, deadline=None):
+        """Return a Plan if it keeps all demands between its waypoints too.
+
+        The path of its `Trajectory` is looked at, all of it: the gripper in the workspace and, if
+        the plan does not mean to touch anything, the DLO beside the sheets around the cut-outs and
+        the obstacles. Every plan made here was; one that was joined or shortened has another path.
+
+        Args:
+            plan: Plan
+            progress, deadline: as for `thread`
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            Infeasible: it does not; the waypoint is the one to which the gripper is going
+        """
+        touching = any(shape.contacts for shape in instance('plan', plan, Plan).shapes)
+        return kept_between(plan, self._brief(1.0, 1.0, progress, deadline, touching))
+
     def _contact(self, contact, forces, condition, start):
         """Return the forces to look at; judge what both contact tasks take."""
         instance('contact', contact, Pose)
@@ -359,4 +381,4 @@ class InverseSimulator(Value):
                   number('angular_speed', angular_speed, above=0))
         return Brief(speeds, Progress(progress, deadline), self.workspace,
                      () if touching else self.simulator.obstacles, self.simulator.rod.radius or 0.0,
-                     self._yielding)
+                     self._yielding, None if touching else self._alone)

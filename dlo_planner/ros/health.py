@@ -17,7 +17,9 @@ _REPORTED = {  # figures of a Report
     'residual': 'largest residual', 'stability': 'smallest stability',
     'clearance': 'smallest clearance [m]', 'bend_margin': 'smallest bend margin [1/m]',
     'contact_force': 'largest contact force [N]',
-    'dynamic_miss': 'largest miss in motion [m]', 'duration': 'duration [s]',
+    'deviation': 'largest deviation from the plan [m]',
+    'dynamic_miss': 'largest miss in motion [m]', 'swing': 'largest swing in motion [m]',
+    'dynamic_clearance': 'smallest clearance in motion [m]', 'duration': 'duration [s]',
     'fastest': 'fastest duration within tolerance [s]'}
 
 
@@ -69,6 +71,8 @@ class Health:
         with self._lock:
             self._values['report'] = 'not ready' if report is None else (
                 'held' if report.converged else 'the DLO does not follow the plan')
+            self._values['report not looked at'] = ', '.join(
+                getattr(report, 'not_looked_at', ())) or 'none'
             for name, text in _REPORTED.items():
                 self._values[f'report {text}'] = float(getattr(report, name, np.nan))
 

@@ -25,12 +25,12 @@ def make_plan(scene, poses, start, shape):
     thread = scene.inverse.thread if len(cutouts) == 1 else scene.inverse.thread_two
     plan = thread(*cutouts, start=start, depths=depths, **speeds)
     if scene.gripper_clearance:
-        plan = kept_before(plan, cutouts[0], scene.gripper_clearance, True)
+        plan = scene.inverse.check(kept_before(plan, cutouts[0], scene.gripper_clearance, True))
     if scene.standoff and start is not None:
         here = shape is not None and np.allclose(shape.gripper.matrix, start.matrix, atol=1e-9)
         way = scene.inverse.start_phase(cutouts[0], plan, start, standoff=scene.standoff,
                                         initial=shape if here else None, **speeds)
-        return joined(way, plan), cutouts, shape if here else None
+        return scene.inverse.check(joined(way, plan)), cutouts, shape if here else None
     return plan, cutouts, None
 
 

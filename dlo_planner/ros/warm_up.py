@@ -23,7 +23,7 @@ def warm_up():
         direct = DirectSimulator(rod, basis=basis, n_elements=16, n_terms=4)
         shape = direct.track([level, Pose.looking_along((0, 0, 0), (1, 0, 0.1))])[-1]
         _ = shape.error_estimate
-        Workspace(keep_out=[floor]).least_room(None, level)
+        Workspace(keep_out=[floor]).least_room(level)
         free = InverseSimulator(direct)
         free.start_phase(holes[0], free.thread(holes[0], depths=[0.0, 0.1]),
                          Pose((-1.5, 0, 0), (0, 0, 0, 1)))

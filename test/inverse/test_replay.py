@@ -1,10 +1,10 @@
-"""Clearance, trajectory and report of a plan, against brute force, differences and limits."""
+"""Clearance and report of a plan, against brute force."""
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
+    Capsule,
     CutOut,
     DirectSimulator,
     InvalidTask,
@@ -14,11 +14,11 @@ from dlo_planner import (
     Rod,
     Sheet,
     Sphere,
-    Trajectory,
     replay,
 )
+from dlo_planner.errors import DeadlineExceeded
 from dlo_planner.inverse.clearance import clearance
-from dlo_planner.inverse.plan import joined
+from dlo_planner.inverse.in_motion import slowest_period
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, damping=(0.5, 0.01))
 DIRECT = DirectSimulator(WIRE)
@@ -64,49 +64,6 @@ def test_a_hole_without_a_size_has_no_clearance():
     assert (plan.clearance == np.inf).all()
 
 
-def test_trajectory_keeps_limits_and_poses(plan):
-    limits = Limits(0.2, 0.3, 0.1, 1.0)
-    way = Trajectory(plan, limits)
-    times = np.linspace(0, way.duration, 4001)
-    poses, speeds, accelerations = way.at(times)
-    most = [np.linalg.norm(v, axis=1).max() for v in (
-        speeds[:, :3], speeds[:, 3:], accelerations[:, :3], accelerations[:, 3:])]
-    allowed = [limits.linear_speed, limits.angular_speed, limits.linear_acceleration,
-               limits.angular_acceleration]
-    used = np.array(most) / allowed
-    assert used[:2].max() <= 1.001 and used[2:].max() <= 1.001
-    assert used.max() > 0.98  # no slower than it has to be
-    step = times[1] - times[0]
-    position = np.array([pose.position for pose in poses])
-    np.testing.assert_allclose(np.gradient(position, step, axis=0)[5:-5], speeds[5:-5, :3],
-                               atol=1e-5)
-    turns = np.array([Rotation.from_matrix(b.rotation @ a.rotation.T).as_rotvec()
-                      for a, b in zip(poses, poses[1:], strict=False)]) / step
-    np.testing.assert_allclose(turns, 0.5 * (speeds[1:, 3:] + speeds[:-1, 3:]), atol=1e-4)
-    np.testing.assert_allclose(speeds[[0, -1]], 0, atol=1e-12)
-    for gripper in (plan.grippers[0], plan.grippers[17], plan.grippers[-1]):
-        nearest = np.linalg.norm(position - gripper.position, axis=1).min()
-        assert nearest < 5e-4  # as near as the samples are
-
-
-def test_it_stops_at_corners(plan):
-    inverse = InverseSimulator(DIRECT)
-    start = Pose((-1.3, 0.2, 1.1), (0, 0, 0, 1))
-    whole = joined(inverse.start_phase(ROUND, plan, start), plan)
-    way = Trajectory(whole)
-    times = np.linspace(0, way.duration, 6001)
-    poses, speeds, _ = way.at(times)
-    still = np.flatnonzero(np.linalg.norm(speeds, axis=1) < 2e-3)
-    rests = np.split(times[still], np.flatnonzero(np.diff(still) > 1) + 1)
-    assert 3 <= len(rests) <= 6  # at both ends, and between backing off, turning, going in
-    assert np.linalg.norm(np.diff([pose.position for pose in poses], axis=0), axis=1).max() < 1e-2
-    mixed = np.array([way.duration, 0.0, 0.5 * way.duration])
-    for pose, time in zip(way.at(mixed)[0], mixed, strict=True):
-        np.testing.assert_allclose(pose.matrix, way.at(time)[0][0].matrix)
-    assert (np.diff(way.progress(times)) >= -1e-12).all()
-    assert way.progress([way.duration])[0] == pytest.approx(whole.times[-1])
-
-
 def test_report_of_a_good_plan(plan):
     report = replay(DIRECT, plan, obstacles=[Sphere((0, 0, 3), 0.5)], limits=Limits())
     assert report.converged
@@ -136,11 +93,99 @@ def test_a_plan_for_another_dlo_misses(plan):
     assert report.clearance < 0 < plan.clearance.min()  # its own shapes are looked at
 
 
+def test_what_was_not_looked_at_is_nan_and_named(plan):
+    unsized = InverseSimulator(DIRECT).thread(CutOut(ROUND.pose), depths=[0.0, 0.3])
+    report = replay(DIRECT, unsized)
+    assert set(report.not_looked_at) == {'clearance', 'dynamic_miss', 'swing',
+                                         'dynamic_clearance', 'fastest'}
+    assert all(np.isnan(getattr(report, name)) for name in report.not_looked_at)
+    report = replay(DIRECT, plan, limits=Limits(), tolerance=2e-3)
+    assert report.not_looked_at == ()
+    assert 0 < report.dynamic_miss < report.swing < 2e-2
+    assert 0 < report.dynamic_clearance < report.clearance
+    assert report.step <= slowest_period(WIRE) / 25
+
+
+def test_a_start_phase_in_motion_is_judged_by_swing_and_clearance(plan):
+    inverse = InverseSimulator(DIRECT)
+    way = inverse.start_phase(ROUND, plan, Pose((-1.3, 0.2, 1.1), (0, 0, 0, 1)))
+    report = replay(DIRECT, way, limits=Limits(), obstacles=[Sheet.around(ROUND)])
+    assert report.converged
+    assert np.isnan([report.miss, report.misalignment, report.dynamic_miss]).all()
+    assert report.not_looked_at == ('miss', 'misalignment', 'dynamic_miss', 'fastest')
+    assert 0.01 < report.swing < 0.5  # it swings by centimeters, whatever it passes
+    assert report.dynamic_clearance < report.clearance
+    slow = replay(DIRECT, way, limits=Limits(0.02, 0.1))
+    assert slow.swing < 0.3 * report.swing
+    within = replay(DIRECT, way, limits=Limits(), tolerance=0.5 * report.swing)
+    assert report.duration < within.fastest < np.inf
+
+
+BAR = Capsule((0.5, -0.5, 0.7), (0.5, 0.5, 0.7), 0.02)
+TOUCHING = DirectSimulator(WIRE, obstacles=[BAR])
+
+
+def test_a_contact_plan_begins_in_its_own_first_shape():
+    weight = WIRE.mass_per_length * 9.81
+    held = InverseSimulator(TOUCHING).hold_contact(
+        Pose((0.5, 0, 0.72), (0, 0, 0, 1)), 0.6, forces=[1.7 * weight])
+    # set down there in its natural shape it would come to lie below the bar
+    assert not TOUCHING.solve(held.grippers[0]).contacts
+    report = replay(TOUCHING, held)
+    assert report.converged and report.miss < 1e-4 and report.deviation < 1e-4
+    assert report.contact_force > 0
+    # set down below the bar, it is somewhere else, and where no bar is too
+    for simulator, initial in ((TOUCHING, TOUCHING.solve(Pose(
+            held.grippers[0].position - (0, 0, 1), held.grippers[0].quaternion))),
+            (DIRECT, None)):
+        other = replay(simulator, held, initial=initial)
+        assert other.deviation > 0.1 and not other.converged
+
+
+def test_the_deviation_is_that_of_the_shapes(plan):
+    assert replay(DIRECT, plan).deviation < 1e-9
+    fine = replay(DirectSimulator(WIRE, accuracy=1e-6), plan)
+    assert 1e-7 < fine.deviation < 1e-3 and fine.converged
+    softer = DirectSimulator(Rod.circular(1.0, 1.2e-3, 8960.0, 110e9, 0.34))
+    apart = replay(softer, plan)
+    shapes = softer.track(plan.grippers)
+    assert apart.deviation == pytest.approx(max(
+        np.linalg.norm(one.positions - other.positions, axis=1).max()
+        for one, other in zip(shapes, plan.shapes, strict=True)))
+    assert not apart.converged
+
+
+def test_a_centre_that_is_reached_on_the_way_counts_from_there_on():
+    first, second = (CutOut(Pose.looking_along((x, 0, 1 - 0.1 * x), (1, 0, 0)), radius=0.02)
+                     for x in (0.0, 0.3))
+    plan = InverseSimulator(DIRECT).thread_two(first, second, depths=np.linspace(0, 0.6, 13))
+    numbers = [len(passes) for passes in plan.passes]
+    assert 1 in numbers and 2 in numbers
+    crawling = replay(DIRECT, plan, limits=Limits(0.01, 0.05))
+    # slow as it is, it is what the coarse waypoints leave: no way of the free end to the centre
+    assert 1e-6 < crawling.dynamic_miss < 5e-3
+
+
+def test_progress_and_deadline(plan):
+    seen = []
+    replay(DIRECT, plan, limits=Limits(), progress=lambda done, total: seen.append((done, total)))
+    assert (40, 40) in seen and max(total for _, total in seen) > 150
+    with pytest.raises(DeadlineExceeded):
+        replay(DIRECT, plan, limits=Limits(0.002), deadline=0.2)
+
+
 def test_nonsense_is_named(plan):
+    for more, named in (({'tolerance': 'abc'}, "tolerance = 'abc'"),
+                        ({'tolerance': 1e-3}, 'expected limits'),
+                        ({'limits': 'slow'}, 'limits'), ({'obstacles': 3}, 'obstacles'),
+                        ({'obstacles': [3]}, r'obstacles\[0\]'), ({'initial': 1}, 'initial'),
+                        ({'progress': 1}, 'progress'), ({'deadline': -1}, 'deadline'),
+                        ({'limits': Limits(1e-5)}, 'limits: the motion takes .* 20000 steps')):
+        with pytest.raises(InvalidTask, match=named):
+            replay(DIRECT, plan, **more)
+    with pytest.raises(InvalidTask, match='simulator = 1'):
+        replay(1, plan)
+    with pytest.raises(InvalidTask, match='plan = None'):
+        replay(DIRECT, None)
     with pytest.raises(InvalidTask, match='linear_speed'):
         Limits(linear_speed=0)
-    with pytest.raises(InvalidTask, match='limits'):
-        Trajectory(plan, 3)
-    single = InverseSimulator(DIRECT).thread(ROUND, depths=[0.5])
-    with pytest.raises(InvalidTask, match='plan has 1'):
-        Trajectory(single)

@@ -23,7 +23,7 @@ ROD = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2), tip_mass=0.
           point_masses=((0.6, 0.01),))
 DIRECT = DirectSimulator(ROD, n_elements=32)
 HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0)), radius=0.02)
-PLAN = InverseSimulator(DIRECT).thread(HOLE, depths=[0.0, 0.3, 0.8])
+PLAN = InverseSimulator(DIRECT).thread(HOLE, depths=[0.0, 0.3, 0.55, 0.8])
 SMALL = 1e-4
 
 

@@ -3,6 +3,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import Goals
 from rclpy.serialization import deserialize_message, serialize_message
+from scipy.spatial.transform import Rotation
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
@@ -112,7 +113,7 @@ def test_goals():
 
 
 def test_timed_trajectory_moves_the_tool_not_the_gripper():
-    direct = DirectSimulator(Rod(1.0, 0.05, 0.5, 0.4))
+    direct = DirectSimulator(Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.6, 0.4)))
     plan = InverseSimulator(direct).thread(CutOut(Pose.identity()), depths=np.linspace(0, 0.8, 9))
     tool = Pose((0.1, 0.0, 0.2), (0.1, 0.2, 0.3, 0.9))
     way = Trajectory(plan)
@@ -129,6 +130,15 @@ def test_timed_trajectory_moves_the_tool_not_the_gripper():
     np.testing.assert_allclose(np.gradient(speed, step, axis=0)[2:-2], change[2:-2], atol=1e-4)
     np.testing.assert_allclose(position[-1], plan.grippers[-1].compose(tool.inverse()).position,
                                atol=1e-12)
+    # angular ones are about the world's axes, not the tool's
+    turns = Rotation.from_quat([(q.x, q.y, q.z, q.w) for q in (
+        point.transforms[0].rotation for point in message.points)])
+    spin = numbers(point.velocities[0].angular for point in message.points)
+    twist = numbers(point.accelerations[0].angular for point in message.points)
+    turning = (turns[1:] * turns[:-1].inv()).as_rotvec() / step
+    assert (np.ptp(spin, axis=0) > 1e-3).all()
+    np.testing.assert_allclose(turning, 0.5 * (spin[1:] + spin[:-1]), atol=1e-5)
+    np.testing.assert_allclose(np.gradient(spin, step, axis=0)[2:-2], twist[2:-2], atol=1e-3)
 
 
 def test_diagnostics():
