@@ -21,7 +21,6 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.progress import Progress
 
 _WAYPOINTS = 40
-_FORCES = 40
 _DEEPEST = 0.95  # of the length, where no depths are given
 _INSERTED = 0.99
 
@@ -315,11 +314,7 @@ class InverseSimulator:
         if condition is not None:
             choice('condition', condition, CONDITIONS)
         if forces is None:
-            rod = self.simulator.rod
-            weight = np.linalg.norm(self.simulator.discretisation(
-                Pose.identity(), None).load)
-            most = 6 * (weight + min(rod.bending_stiffness) / rod.length**2)
-            return np.linspace(0, most, _FORCES + 1)[1:]
+            return None
         forces = np.ravel(forces)
         return np.array([number(f'forces[{k}]', force, above=0)
                          for k, force in enumerate(forces)])
