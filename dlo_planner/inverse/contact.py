@@ -25,6 +25,7 @@ _HARDLY_STABLE = 1e-3     # what counts as stable where nothing is more stable
 _SAME_FORCE, _SAME_PLACE = 0.1, 1e-3  # relative; of the length: what counts as confirmed
 _NEAR = 0.02              # of the length: contacts that are counted as the one
 _FOUND = 1e-3             # relative: the last force that is confirmed
+_TRIED = 8                # forces of an interval, before none of it counts as confirmed
 _PACE = 0.06              # rad, and part of the length: of one step of a motion
 _MOST_HALVINGS = 7
 
@@ -117,7 +118,7 @@ class Contacting:
             finer = family.shape(force)
             moved = np.abs(finer.positions_at(samples) - shape.positions_at(samples)).max()
             shape, elements = finer, wanted
-            if accuracy is not None and moved < 0.5 * accuracy:
+            if accuracy is not None and moved < 0.2 * accuracy:
                 return shape
 
     def _refusal(self, draft):
@@ -228,8 +229,11 @@ def _chosen(task, parts, condition, start, draft):
 
 def _nearest_confirmed(task, part, force):
     """Return the confirmed (force, Shape) of an interval next to a force that is not, or None."""
-    good = max(part, key=lambda one: task.family.shape(one).stability)
-    shape = None if good == force else task.confirmed(good)
+    good, shape = None, None
+    for good in sorted(part[::max(1, len(part) // _TRIED)], key=lambda one: abs(np.log(one / force))):
+        shape = task.confirmed(good)
+        if shape is not None:
+            break
     if shape is None:
         return None
     while abs(good - force) > _FOUND * good:

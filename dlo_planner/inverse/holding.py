@@ -56,13 +56,15 @@ class ContactFamily:
         self.s, self.stable, self._check, self.known = s, STABLE, check, {}
         around, rod = simulator.surroundings, simulator.rod
         self._mesh, self._node = _mesh(around, s, elements)
+        self._alone = Discretisation(replace(around, obstacles=()), self._mesh.s, 'local', 0)
         self._rolling = self._mesh
         if self._node < elements:
             self._rolling = Discretisation(around, np.delete(self._mesh.s, self._node), 'local', 0)
         self._scene = self._mesh.static.scene
         self._body, self.place, self.frame = _placed(self._scene, contact, rod.length)
         self.obstacle = int(self._scene.source[self._body])
-        self._end = _end_of_cantilever(self._mesh, self._node, self.frame)
+        self._end, strain = _cantilever(self._alone, self._node, self.frame)
+        self._inside = self._sag(strain)
         weight = float(np.linalg.norm(self._mesh.static.pull, axis=1).sum())
         stiffness = np.array(rod.bending_stiffness)
         bent = float(np.abs(self._mesh.natural).max())
@@ -77,28 +79,19 @@ class ContactFamily:
         return self.known[force]
 
     def _marched(self, force):
-        system = self._mesh.system(np.eye(3))
+        system = self._alone.system(np.eye(3))
         pull = system.pull.copy()
         pull[self._node] -= force * self.frame[:, 2]
         strains, base = march_from_end(system._replace(pull=pull), self._end)
-        gripper = self._gripper(self._mesh, strains, base)
-        system = self._mesh.system(base, gripper.position)
-        system.contacts.node[self._body, self._node] = force
+        system = self._alone.system(base)._replace(pull=pull)
         state = _state(system, strains)
+        gripper = Pose.from_rotation(self.place - state.positions[self._node], base)
+        touching = self._mesh.system(base, gripper.position)
+        touching.contacts.node[self._body, self._node] = force
         found = (state, residual_of(system, state), self._stability(strains, base, force), 0, 0,
-                 system, 0.0)
+                 touching, 0.0)
         shape = shape_of(self._mesh, gripper, found)
-        return replace(shape, violation=max(0.0, -self.gap(shape), self._sag(shape)))
-
-    def _gripper(self, mesh, strains, base):
-        """Return the Pose, turned as `base`, from which the DLO passes the place at `s`."""
-        state = _state(mesh.system(base), strains)
-        frame, x = np.empty((3, 3)), np.empty(3)
-        e = min(int(np.searchsorted(mesh.s, self.s, side='right')) - 1, mesh.s.size - 2)
-        lengths = mesh.static.lengths
-        point_inside(lengths, state.strains, state.rotations, state.positions, e,
-                     (self.s - mesh.s[e]) / lengths[e], frame, x)
-        return Pose.from_rotation(self.place - x, base)
+        return replace(shape, violation=max(0.0, -self.gap(shape), self._inside))
 
     def _stability(self, strains, base, force):
         """Return the smallest eigenvalue with the contact as a constraint.
@@ -106,32 +99,33 @@ class ContactFamily:
         A DLO that turns rolls over the obstacle, so that it touches elsewhere: that makes it more
         stable. A contact inside an element can roll, one at a node cannot, so `s` is no node here.
         """
-        rolling = self._rolling
-        strains = rolling.strains_from(self._mesh.s, strains)
-        gripper = self._gripper(rolling, strains, base)
-        system = rolling.system(base, gripper.position)
-        if self._node == self._mesh.s.size - 1:
+        mesh = self._rolling
+        system = mesh.system(base)
+        state = _state(system, mesh.strains_from(self._mesh.s, strains))
+        at_end, e = self._node == self._mesh.s.size - 1, self._node - 1
+        frame, x = np.empty((3, 3)), np.empty(3)
+        point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
+                     (self.s - mesh.s[e]) / system.lengths[e], frame, x)
+        system = mesh.system(base, self.place - x)
+        if at_end:
             system.contacts.node[self._body, self._node] = force
         else:
             none = np.zeros((1, 3))
             system = system._replace(contacts=system.contacts._replace(
-                element=np.array([self._node - 1]), obstacle=np.array([self._body]),
+                element=np.array([e]), obstacle=np.array([self._body]),
                 multiplier=np.array([force]), fraction=np.array([0.5]), anchor=none, normal=none))
-        q = np.empty((rolling.n_unknowns, 3))
-        unknowns_of(system, strains, q)
-        return descend(system, q, np.inf, 0, True)[2]
+        return descend(system, state.q, np.inf, 0, True)[2]
 
-    def _sag(self, shape):
-        """Return by how much, m, a Shape that curves into the obstacle at the contact is in it.
+    def _sag(self, strain):
+        """Return by how much, m, a DLO that curves into the obstacle at the contact is in it.
 
-        That is nearly the same for all forces, as the moment there is.
+        Args:
+            strain: (3,) of the DLO there, the same for all forces, as is the moment
         """
         bend, normal = np.empty((3, 3)), np.empty(3)
         signed_distance(self._scene, self._body, self.place, normal, bend)
-        near = slice(self._node - 1, self._node + 1)
-        strain = shape.element_strains[near].mean(axis=0)
         _, curve = along_the_dlo(normal, bend, self.frame, strain)
-        return -curve * np.diff(shape.s)[near].mean() ** 2 / 8
+        return -curve * np.diff(self._mesh.s).max() ** 2 / 8
 
     def gap(self, shape, others=False):
         """Return the smallest gap between a Shape and the obstacles, m; infinite without any.
@@ -202,14 +196,20 @@ def _placed(scene, contact, length):
     return body, axis - gaps[body] * normal, frame
 
 
-def _end_of_cantilever(mesh, node, frame):
-    """Return the rotation (3, 3) of the free end of what hangs beyond the contact."""
+def _cantilever(mesh, node, frame):
+    """Return what hangs beyond the contact: the rotation (3, 3) of its end, the strain (3,) there.
+
+    It is the shape that it falls into from its natural one.
+
+    Args:
+        mesh: Discretisation of the whole DLO, without obstacles
+    """
     if node == mesh.s.size - 1:
-        return np.array(frame, order='C')
+        return np.array(frame, order='C'), mesh.natural[-1]
     around = mesh.surroundings
     s, load = mesh.s[node], around.load
-    part = replace(around, rod=part_of_rod(mesh.rod, s, 1), obstacles=(),
+    part = replace(around, rod=part_of_rod(mesh.rod, s, 1),
                    load=(lambda x: load(s + x)) if callable(load) else load)
     tail = Discretisation(part, mesh.s[node:] - s, 'local', 0)
     shape, _ = equilibrium(tail, Pose.from_rotation(np.zeros(3), frame), tail.natural)
-    return np.array(shape.frames[-1], order='C')
+    return np.array(shape.frames[-1], order='C'), shape.strains[0]
