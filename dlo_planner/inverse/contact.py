@@ -230,7 +230,8 @@ def _chosen(task, parts, condition, start, draft):
 def _nearest_confirmed(task, part, force):
     """Return the confirmed (force, Shape) of an interval next to a force that is not, or None."""
     good, shape = None, None
-    for good in sorted(part[::max(1, len(part) // _TRIED)], key=lambda one: abs(np.log(one / force))):
+    some = part[::max(1, len(part) // _TRIED)]
+    for good in sorted(some, key=lambda one: abs(np.log(one / force))):
         shape = task.confirmed(good)
         if shape is not None:
             break

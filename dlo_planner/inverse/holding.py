@@ -15,10 +15,9 @@ from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.statics import equilibrium, shape_of
 from dlo_planner.energy.contact import along_the_dlo
 from dlo_planner.energy.distance import signed_distance
-from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import nearest
-from dlo_planner.inverse.marching import march_from_end
+from dlo_planner.inverse.marching import hanging, placed
 from dlo_planner.minimize.newton import descend, residual_of
 from dlo_planner.model.part import part_of_rod
 from dlo_planner.model.pose import Pose
@@ -82,14 +81,13 @@ class ContactFamily:
         system = self._alone.system(np.eye(3))
         pull = system.pull.copy()
         pull[self._node] -= force * self.frame[:, 2]
-        strains, base = march_from_end(system._replace(pull=pull), self._end)
-        system = self._alone.system(base)._replace(pull=pull)
-        state = _state(system, strains)
+        system = system._replace(pull=pull)
+        state, base = hanging(system, self._end)
         gripper = Pose.from_rotation(self.place - state.positions[self._node], base)
         touching = self._mesh.system(base, gripper.position)
         touching.contacts.node[self._body, self._node] = force
-        found = (state, residual_of(system, state), self._stability(strains, base, force), 0, 0,
-                 touching, 0.0)
+        found = (state, residual_of(system, state),
+                 self._stability(state.strains, base, force), 0, 0, touching, 0.0)
         shape = shape_of(self._mesh, gripper, found)
         return replace(shape, violation=max(0.0, -self.gap(shape), self._inside))
 
@@ -101,7 +99,7 @@ class ContactFamily:
         """
         mesh = self._rolling
         system = mesh.system(base)
-        state = _state(system, mesh.strains_from(self._mesh.s, strains))
+        state = placed(system, mesh.strains_from(self._mesh.s, strains))
         at_end, e = self._node == self._mesh.s.size - 1, self._node - 1
         frame, x = np.empty((3, 3)), np.empty(3)
         point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
@@ -154,14 +152,6 @@ class ContactFamily:
         good = [shape for shape in self.known.values() if shape.residual < _BALANCED
                 and shape.violation <= _OUTSIDE * shape.s[-1]]
         return max(good, key=lambda shape: shape.stability, default=None)
-
-
-def _state(system, strains):
-    """Return the State of element strains (N, 3)."""
-    state = new_state(system)
-    unknowns_of(system, strains, state.q)
-    evaluate(system, state)
-    return state
 
 
 def _mesh(surroundings, s, elements):
