@@ -62,11 +62,13 @@ class _Insertion:
 
     def plan(self, depths):
         """Return the Plan; raise Infeasible."""
+        first = float(depths[0]), 0.0
+        shape = self._shape(first, Draft(depths, self.brief), 0.0)  # before anything else is done
         stops = self._stops(depths)
         draft = Draft([depth for depth, _ in stops], self.brief)
         for index, stop in enumerate(stops):
-            shape = self._shape(stop, draft, stops[index - 1][0] if index else 0.0)
             if index:
+                shape = self._shape(stop, draft, stops[index - 1][0])
                 self._check_step(stops[index - 1], stop, shape, draft)
             draft.add(waypoint_at(shape, self.bore.centre, shape.s[-1], self.bore.normal))
         return draft.finished()
