@@ -35,6 +35,7 @@ _PACE = 0.1       # rad plus part of the length: a longer step is looked at, or 
 _NOTHING = 0.01   # the same: a step that is no step
 _HALVINGS = 12
 _AT_END = 1e-12   # of the length
+_TRIES = 3        # rounding errors of the hold's springs may end a solution before its time
 
 
 def insert(simulator, bore, depths, start, brief):
@@ -102,12 +103,14 @@ class _Insertion:
         """Return the Rod outside at a stop, less what the mouth carries of masses at its end."""
         depth, carried = stop
         whole = self.simulator.rod
-        rod = before(whole, whole.length - depth) if depth else whole
+        end = whole.length - depth
+        for s, _ in whole.point_masses:
+            if abs(s - end) <= _AT_END * whole.length:
+                end = s
+        rod = before(whole, end)
         if not carried:
             return rod
-        near = (1 - _AT_END) * rod.length
-        masses = tuple((s, mass * (1 - carried if s >= near else 1))
-                       for s, mass in rod.point_masses)
+        masses = tuple((s, mass * (1 - carried if s == end else 1)) for s, mass in rod.point_masses)
         return replace(rod, tip_mass=rod.tip_mass * (1 - carried), point_masses=masses)
 
     def _gripper(self, stop):
@@ -138,7 +141,10 @@ class _Insertion:
             if carried:  # a start for the DLO with the whole mass, no more
                 outside = self.simulator.with_rod(self._rod((depth, 0.0)))
                 shape = replace(shape, _discretisation=None, _history=None)
-            shape = outside.solve(shape.gripper, shape, far_end=mouth)
+            for _ in range(_TRIES):
+                shape = outside.solve(shape.gripper, shape, far_end=mouth)
+                if shape.converged:
+                    break
         if not shape.converged:
             raise _unconverged(draft, shape, depth - reached)
         refusal = refusal_for_leap(outside, draft, shape) if not draft.waypoints and not (
