@@ -99,7 +99,7 @@ def family(rod, contact, s, forces):
         Pose.from_rotation(axis, frame))
     k = len(forces)
     natural = np.array([rod.natural_twist, *rod.natural_curvature])
-    pull, weight = np.asarray(forces)[:, None] * normal, MASS * GRAVITY
+    pull, weight = np.asarray(forces)[:, None] * normal, rod.mass_per_length * GRAVITY
 
     def rates(at, frames, moment):
         strain = np.einsum('nij,ni->nj', frames, moment) / rod.stiffness + natural
@@ -154,7 +154,7 @@ def held(direct, contact, s, gripper, guess, force):
 def scan(direct, contact, s, below=np.inf, decades=8, per_decade=10):
     """Return the forces that can be held with less than an elastic energy, of a dense scan, N."""
     rod, obstacle = direct.rod, direct.obstacles[0]
-    scale = MASS * 9.81 + rod.tip_mass * 9.81 + min(rod.bending_stiffness)
+    scale = 9.81 * (rod.mass_per_length + rod.tip_mass) + min(rod.bending_stiffness)
     forces = scale * np.logspace(-3, decades - 3, decades * per_decade)
     with np.errstate(all='ignore'):  # enormous forces end in nothing
         nodes, strains, frames, positions = family(rod, contact, s, forces)

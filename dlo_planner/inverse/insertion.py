@@ -35,7 +35,6 @@ _PACE = 0.1       # rad plus part of the length: a longer step is looked at, or 
 _NOTHING = 0.01   # the same: a step that is no step
 _HALVINGS = 12
 _AT_END = 1e-12   # of the length
-_TRIES = 3        # rounding errors of the hold's springs may end a solution before its time
 
 
 def insert(simulator, bore, depths, start, brief):
@@ -141,10 +140,7 @@ class _Insertion:
             if carried:  # a start for the DLO with the whole mass, no more
                 outside = self.simulator.with_rod(self._rod((depth, 0.0)))
                 shape = replace(shape, _discretisation=None, _history=None)
-            for _ in range(_TRIES):
-                shape = outside.solve(shape.gripper, shape, far_end=mouth)
-                if shape.converged:
-                    break
+            shape = outside.solve(shape.gripper, shape, far_end=mouth)
         if not shape.converged:
             raise _unconverged(draft, shape, depth - reached)
         refusal = refusal_for_leap(outside, draft, shape) if not draft.waypoints and not (

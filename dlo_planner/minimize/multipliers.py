@@ -89,7 +89,7 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
                     pushed = kick(system, state, mode)
                 if pushed is None:
                     break
-            elif violation > _SLOW * before and stiffer < _MOST_STIFFER:
+            elif violation > max(exact, _SLOW * before) and stiffer < _MOST_STIFFER:
                 stiffer *= _STIFFER
                 system = _stiffened(system, _STIFFER)
             before = violation

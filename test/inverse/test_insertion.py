@@ -115,9 +115,9 @@ def test_the_mouth_takes_over_a_mass_part_by_part(basis):
     plan = InverseSimulator(DirectSimulator(rod, basis=basis)).insert(BORE, depths=DEPTHS)
     assert (np.diff(plan.depths) >= 0).all()
     for depth, mass in ((0.0, 0.05), (0.3, 0.02)):
-        bears = np.array([shape.far_wrench for shape, at in zip(plan.shapes, plan.depths,
-                                                                strict=True) if abs(at - depth) < 1e-9])
-        assert len(bears) > 3 and (np.diff(bears[:, 2]) > 0).all()
+        there = np.abs(plan.depths - depth) < 1e-9
+        bears = np.array([shape.far_wrench for shape in plan.shapes])[there]
+        assert len(bears) >= 3 and (np.diff(bears[:, 2]) > 0).all()
         assert bears[-1, 2] == pytest.approx(9.81 * mass, rel=1e-4)  # in the end all of it
         assert np.abs(bears[:, [0, 1, 3, 4, 5]]).max() < 1e-3 * 9.81 * mass
     assert steps(plan).max() < 0.3  # the depths asked for are 0.14 m apart
