@@ -1,169 +1,343 @@
 """Keeping contact with an obstacle (paper, section 5.3, Fig. 15, 16).
 
-Given are the arc length at which the DLO touches, the point, and its direction there. What hangs
-beyond is then determined; the force of contact, along the surface's normal, is not: each force
-gives another gripper pose, by one march from the contact to the gripper (`inverse.marching`),
-without any search. That is the one-parameter family of Fig. 16; an extra condition chooses from it.
+Arc length, place and direction at the contact leave the force of contact free: a curve of gripper
+poses and shapes (`inverse.holding`), whose admissible parts are intervals (`inverse.intervals`). A
+condition chooses from them, and the direct simulation confirms what is chosen.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.discretisation import Discretisation
-from dlo_planner.direct.statics import equilibrium, shape_of
-from dlo_planner.energy.potential import evaluate, new_state
-from dlo_planner.inverse.clearance import clearance
-from dlo_planner.inverse.draft import Draft
-from dlo_planner.inverse.marching import march_from_end
+from dlo_planner.direct.accuracy import step
+from dlo_planner.inverse.draft import Brief, Draft
+from dlo_planner.inverse.holding import STABLE, ContactFamily
+from dlo_planner.inverse.intervals import intervals, minima
 from dlo_planner.inverse.plan import waypoint_at
-from dlo_planner.model.part import part_of_rod
 from dlo_planner.model.pose import Pose
 
 CONDITIONS = ('least_energy', 'least_force', 'least_motion', 'largest_clearance')
-_SAME_FORCE, _SAME_PLACE = 1e-3, 1e-4  # relative; of the length: what counts as confirmed
-_NEAR = 0.02                           # of the length: contacts that are counted as the one
+LEAST, MOST = 1e-3, 30.0  # forces looked at, as parts of the natural ones
+_ELEMENTS = 64            # of the mesh on which a force is chosen
+_MOST_ELEMENTS = 4096
+_HARDLY_STABLE = 1e-3     # what counts as stable where nothing is more stable
+_SAME_FORCE, _SAME_PLACE = 0.1, 1e-3  # relative; of the length: what counts as confirmed
+_NEAR = 0.02              # of the length: contacts that are counted as the one
+_FOUND = 1e-3             # relative: the last force that is confirmed
+_TRIED = 8                # forces of an interval, before none of it counts as confirmed
+_PACE = 0.06              # rad, and part of the length: of one step of a motion
+_MOST_HALVINGS = 7
 
 
-@dataclass(frozen=True, eq=False)
-class Holding:
-    """One way to hold a contact.
+@dataclass(frozen=True)
+class Contacting:
+    """One contact task at one arc length.
 
     Attributes:
-        gripper: Pose; shape: Shape that the direct simulator, with its obstacles, finds there
-        force: N, of the contact, along the normal
-        s: arc length of the contact, m
-        place: (3,) of the DLO's axis there, m; direction: (3,) of the DLO
-        confirmed: the direct simulation has the contact with this force at this place, stably
+        simulator: DirectSimulator; family: ContactFamily, quick; s: m; contact: Pose
+        brief: Brief
     """
 
-    gripper: Pose
-    shape: object
-    force: float
-    s: float
-    place: np.ndarray
-    direction: np.ndarray
-    confirmed: bool
+    simulator: object
+    family: ContactFamily
+    contact: Pose
+    brief: Brief
 
+    @classmethod
+    def at(cls, simulator, contact, s, brief):
+        """Return the task of keeping `contact` at `s`."""
+        own = simulator._discretisation
+        elements = _ELEMENTS if own is None else min(max(own.s.size - 1, 8), 2 * _ELEMENTS)
+        return cls(simulator, ContactFamily(simulator, contact, s, brief.progress.check, elements),
+                   contact, brief)
 
-def family(simulator, contact, s, forces):
-    """Return the Holdings of contact at arc length `s` with each of `forces` (n,), N.
+    @property
+    def s(self):
+        """Arc length of the contact, m."""
+        return self.family.s
 
-    Args:
-        simulator: DirectSimulator with the obstacle among its obstacles
-        contact: Pose on the obstacle's surface: x axis = DLO's direction, z axis = outward normal
-    """
-    here, node = _mesh(simulator, s)
-    beyond = _tail(here, node, contact)
-    axis = contact.position + (simulator.rod.radius or 0.0) * contact.rotation[:, 2]
-    return [_with_force(simulator, here, node, beyond, axis, contact, force) for force in forces]
+    def merit(self, force):
+        """Return a number that is positive where this force keeps everything."""
+        merit = self.family.merit(force)
+        if merit <= 0:
+            return merit
+        broken = self.brief.broken(self.waypoint(self.family.shape(force)))
+        return merit if broken is None else -broken[1]
 
+    def waypoint(self, shape):
+        """Return the Waypoint of a Shape."""
+        return waypoint_at(shape, self.family.place, self.s, self.family.frame[:, 0])
 
-def choose(holdings, condition, before, obstacles, radius):
-    """Return the Holding that a condition of CONDITIONS prefers; `before`: Pose or None."""
-    def cost(one):
-        if condition == 'least_energy':
-            return one.shape.elastic_energy
-        if condition == 'least_force':
-            return one.force
-        if condition == 'largest_clearance':
-            others = [obstacle for k, obstacle in enumerate(obstacles)
-                      if all(contact.obstacle != k for contact in one.shape.contacts)]
-            return -clearance(others, radius, one.shape) if others else 0.0
-        away = one.gripper.position - before.position
-        turn = 1 - 0.25 * (1 + np.trace(one.gripper.rotation @ before.rotation.T))
-        return float(away @ away) / one.shape.s[-1] ** 2 + turn
+    def parts(self, forces, draft):
+        """Return the admissible intervals as lists of forces, ascending; raise Infeasible if none.
 
-    return min(holdings, key=cost)
+        Args:
+            forces: (n,) N, the ones to be looked at, each then an interval of its own; None: all
+        """
+        family = self.family
+        for _ in range(2):
+            if forces is not None:
+                found = [[float(force)] for force in forces if self.merit(float(force)) > 0]
+            else:
+                least, most = LEAST * family.scale[0], MOST * family.scale[1]
+                found = intervals(self.merit, least, most)
+            best = family.most_stable()
+            if found or best is None or not _HARDLY_STABLE < best.stability <= STABLE:
+                break
+            family.stable = 0.5 * best.stability
+        if not found:
+            raise self._refusal(draft)
+        return found
+
+    def confirmed(self, force):
+        """Return the Shape that the direct simulator finds with this force, None if another."""
+        guess, shape = self._guess(force), None
+        shape = self.simulator.solve(guess.gripper, guess)
+        length = shape.s[-1]
+        found = sum(one.force for one in shape.contacts if one.obstacle == self.family.obstacle
+                    and abs(one.s - self.s) < _NEAR * length)
+        off = np.linalg.norm(shape.frame_at(self.s)[1] - self.family.place)
+        same = abs(found - force) <= _SAME_FORCE * force and off <= _SAME_PLACE * length
+        return shape if shape.converged and same else None
+
+    def _guess(self, force):
+        """Return the Shape with this force on a mesh that is as good as the simulator's."""
+        own, accuracy = self.simulator._discretisation, self.simulator.accuracy
+        shape = self.family.shape(force)
+        elements = shape.s.size - 1
+        wanted = elements if own is None else own.s.size - 1
+        samples = np.linspace(0, shape.s[-1], 9)
+        while True:
+            if accuracy is not None:
+                wanted = min(2 * elements, _MOST_ELEMENTS)
+            if wanted == elements:
+                return shape
+            family = ContactFamily(self.simulator, self.contact, self.s,
+                                   self.brief.progress.check, wanted)
+            finer = family.shape(force)
+            moved = np.abs(finer.positions_at(samples) - shape.positions_at(samples)).max()
+            shape, elements = finer, wanted
+            if accuracy is not None and moved < 0.2 * accuracy:
+                return shape
+
+    def _refusal(self, draft):
+        """Return Infeasible: what is wrong with the best of the shapes that were looked at."""
+        family = self.family
+        good = [force for force in family.known if family.merit(force) > 0]
+        if good:
+            broken = [self.brief.broken(self.waypoint(family.shape(force))) for force in good]
+            constraint, amount, why = min(broken, key=lambda what: what[1])
+            return draft.refusal(constraint, amount, f'none of {len(good)} contact forces will '
+                                 f'do; with the best of them, {why}')
+        looked = (f'no contact force of {min(family.known):.3g} to {max(family.known):.3g} N keeps '
+                  f'the DLO touching at s = {self.s:g} m')
+        best = family.most_stable()
+        if best is None:
+            least = min(family.shape(force).violation for force in family.known)
+            return draft.refusal('contact', least, f'{looked}: with each of them it would be in an '
+                                 f'obstacle, by {least:.3g} m at least')
+        return self.unconfirmed(draft, best, f'{looked} in a stable shape: the best one has a '
+                                f'stability of {best.stability:.3g}')
+
+    def unconfirmed(self, draft, shape, why):
+        """Return Infeasible because the DLO leaves a Shape; the amount is how far, in m."""
+        found, _ = step(shape._discretisation, shape.gripper, shape, None, None)
+        amount = np.linalg.norm(found.positions - shape.positions, axis=1).max()
+        return draft.refusal('contact', amount, f'{why}; the DLO would leave it by {amount:.3g} m')
 
 
 def hold_contact(simulator, contact, s, forces, condition, start, brief):
     """Return the Plan; see `InverseSimulator.hold_contact`."""
     draft = Draft([simulator.rod.length - s], brief)
-    found = _admissible(simulator, contact, s, forces, draft, brief)
+    task = Contacting.at(simulator, contact, s, brief)
+    parts = task.parts(forces, draft)
     if condition is not None:
-        found = [choose(found, condition, start, simulator.obstacles, brief.radius)]
-    draft = Draft([simulator.rod.length - s] * len(found), brief)
-    for one in found:
-        draft.add(_waypoint(one))
+        _, shape = _chosen(task, parts, condition, start, draft)
+        draft.add(task.waypoint(shape))
+        return draft.finished()
+    if forces is None:
+        calm = minima_of(task, parts, 'least_energy', None)[0][1]
+        part = next(part for part in parts if part[0] <= calm <= part[-1])
+        shapes = _motion(task, part)
+    else:
+        shapes = [task.confirmed(force) for part in parts for force in part]
+        shapes = [shape for shape in shapes if shape is not None]
+    if not shapes:
+        raise _not_confirmed(task, parts, draft)
+    draft = Draft([simulator.rod.length - s] * len(shapes), brief)
+    for shape in shapes:
+        draft.add(task.waypoint(shape))
     return draft.finished()
 
 
 def slide_contact(simulator, contact, lengths, forces, condition, start, brief):
     """Return the Plan; see `InverseSimulator.slide_contact`."""
-    draft, before = Draft([simulator.rod.length - s for s in lengths], brief), start
+    draft = Draft([simulator.rod.length - s for s in lengths], brief)
+    task = force = None
     for s in lengths:
-        found = _admissible(simulator, contact, s, forces, draft, brief)
-        how = 'least_energy' if condition == 'least_motion' and before is None else condition
-        one = choose(found, how, before, simulator.obstacles, brief.radius)
-        draft.add(_waypoint(one))
-        before = one.gripper
+        before, task = (task, force), Contacting.at(simulator, contact, s, brief)
+        parts = task.parts(forces, draft)
+        if not draft.waypoints:
+            how = 'least_energy' if condition == 'least_motion' and start is None else condition
+            force, shape = _chosen(task, parts, how, start, draft)
+        else:
+            force, shape = _continued(task, parts, condition, before, draft)
+        draft.add(task.waypoint(shape))
     return draft.finished()
 
 
-def _admissible(simulator, contact, s, forces, draft, brief):
-    """Return the confirmed Holdings that keep all demands; raise Infeasible if there is none."""
-    found = [one for one in family(simulator, contact, s, forces) if one.confirmed]
-    if not found:
-        raise draft.refusal(
-            'contact', s, f'no contact force of {min(forces):g} to {max(forces):g} N keeps the DLO '
-            f'touching at s = {s:g} m in a stable shape that the direct simulation confirms')
-    broken = [brief.broken(_waypoint(one)) for one in found]
-    kept = [one for one, what in zip(found, broken, strict=True) if what is None]
-    if not kept:
-        constraint, amount, why = min(broken, key=lambda what: what[1])
-        raise draft.refusal(constraint, amount, f'none of {len(found)} contact forces will do; '
-                            f'with the best of them, {why}')
-    return kept
+def cost_of(task, condition, start):
+    """Return the function of the force that a condition of CONDITIONS makes least.
+
+    Args:
+        start: Pose from which a motion counts, or None
+    """
+    family = task.family
+    if condition == 'least_force':
+        return lambda force: force
+    if condition == 'least_motion':
+        return lambda force: _away(family.shape(force), start)
+    others = any(k != family.obstacle for k in range(len(task.simulator.obstacles)))
+    if condition == 'largest_clearance' and others:
+        return lambda force: -family.gap(family.shape(force), others=True)
+    return lambda force: family.shape(force).elastic_energy
 
 
-def _waypoint(one):
-    """Return the Waypoint of a Holding."""
-    return waypoint_at(one.shape, one.place, one.s, one.direction)
+def minima_of(task, parts, condition, start):
+    """Return [(cost, force)], best first, of the local minima in all `parts`."""
+    cost = cost_of(task, condition, start)
+    return sorted(found for part in parts for found in minima(cost, task.merit, part))
 
 
-def _mesh(simulator, s):
-    """Return a Discretisation without obstacles in which `s` is a node, and that node."""
-    length = simulator.rod.length
-    plain = replace(simulator.surroundings, obstacles=())
-    elements = 64 if simulator.accuracy is not None else simulator._discretisation.s.size - 1
-    node = int(np.clip(round(elements * s / length), 2, elements - 2))
-    nodes = np.concatenate([np.linspace(0, s, node + 1),
-                            np.linspace(s, length, elements - node + 1)[1:]])
-    return Discretisation(plain, nodes, 'local', 0), node
+def _chosen(task, parts, condition, start, draft):
+    """Return force and confirmed Shape that a condition prefers; raise Infeasible."""
+    cost, moved = cost_of(task, condition, start), []
+    for _, force in minima_of(task, parts, condition, start):
+        shape = task.confirmed(force)
+        if shape is not None:
+            moved.append((cost(force), force, shape))
+            break
+        part = next(part for part in parts if part[0] <= force <= part[-1])
+        nearest = _nearest_confirmed(task, part, force)
+        if nearest is not None:
+            moved.append((cost(nearest[0]), *nearest))
+    if not moved:
+        raise _not_confirmed(task, parts, draft)
+    return min(moved, key=lambda one: one[0])[1:]
 
 
-def _tail(here, node, contact):
-    """Return the rotation (3, 3) of the free end of what hangs beyond the contact."""
-    around = here.surroundings
-    s = here.s[node]
-    load = around.load
-    part = replace(around, rod=part_of_rod(here.rod, s, 1),
-                   load=(lambda x: load(s + x)) if callable(load) else load)
-    tail = Discretisation(part, here.s[node:] - s, 'local', 0)
-    shape, _ = equilibrium(tail, contact, tail.natural)
-    return shape.frames[-1]
+def _nearest_confirmed(task, part, force):
+    """Return the confirmed (force, Shape) of an interval next to a force that is not, or None."""
+    good, shape = None, None
+    some = part[::max(1, len(part) // _TRIED)]
+    for good in sorted(some, key=lambda one: abs(np.log(one / force))):
+        shape = task.confirmed(good)
+        if shape is not None:
+            break
+    if shape is None:
+        return None
+    while abs(good - force) > _FOUND * good:
+        middle = float(np.sqrt(good * force))
+        found = task.confirmed(middle) if task.merit(middle) > 0 else None
+        if found is None:
+            force = middle
+        else:
+            good, shape = middle, found
+    return good, shape
 
 
-def _with_force(simulator, here, node, end, axis, contact, force):
-    """Return the Holding with this force, checked by the direct simulator."""
-    system = here.system(np.eye(3))
-    pull = system.pull.copy()
-    direction = contact.rotation[:, 0]
-    pull[node] -= force * contact.rotation[:, 2]
-    strains, base = march_from_end(system._replace(pull=pull), np.array(end, order='C'))
-    system = here.system(base)
-    state = new_state(system)
-    state.q[:] = here.unknowns(strains)
-    evaluate(system, state)
-    gripper = Pose.from_rotation(axis - state.positions[node], base)
-    guess = shape_of(here, gripper, (state, np.inf, -np.inf, 0, 0, system, 0.0))
-    shape = simulator.solve(gripper, guess)
-    s = here.s[node]
-    at = [one for one in shape.contacts if abs(one.s - s) < _NEAR * here.s[-1]]
-    found = sum(one.force for one in at)
-    off = np.linalg.norm(shape.positions_at([s])[0] - axis)
-    confirmed = (shape.converged and bool(at)
-                 and abs(found - force) <= _SAME_FORCE * force
-                 and off <= _SAME_PLACE * here.s[-1])
-    return Holding(gripper, shape, float(force), float(s), axis, direction, bool(confirmed))
+def _not_confirmed(task, parts, draft):
+    best = max((task.family.shape(force) for part in parts for force in part),
+               key=lambda shape: shape.stability)
+    return task.unconfirmed(draft, best, 'the direct simulation confirms none of the contact '
+                            'forces that should do; a finer one may')
+
+
+def _motion(task, part):
+    """Return confirmed Shapes through an interval, ascending, each gripper near the one before."""
+    family, last = task.family, part[-1]
+    forces = [part[0]]
+    while forces[-1] < last:
+        target = last
+        while (_step(family.shape(forces[-1]), family.shape(target)) > _PACE
+               and target - forces[-1] > 1e-6 * last):
+            target = 0.5 * (target + forces[-1])
+        forces.append(target)
+    found = [task.confirmed(force) for force in forces]
+    good = [k for k, shape in enumerate(found) if shape is not None]
+    if not good:
+        return []
+    middle = max(good, key=lambda k: found[k].stability)
+    first = last = middle
+    while first and found[first - 1] is not None:
+        first -= 1
+    while last + 1 < len(found) and found[last + 1] is not None:
+        last += 1
+    ends = [_nearest_confirmed(task, [forces[inside]], forces[outside]) if outside in bounds else
+            None for inside, outside, bounds in ((first, first - 1, range(first)),
+                                                 (last, last + 1, range(last, len(found))))]
+    return [*(one[1] for one in ends[:1] if one), *found[first:last + 1],
+            *(one[1] for one in ends[1:] if one)]
+
+
+def _continued(task, parts, condition, before, draft):
+    """Return force and confirmed Shape that continue a task (Contacting, force) `before`.
+
+    The nearest of the local minima; the gripper must not leap to it.
+    """
+    start = draft.last.gripper
+    found = minima_of(task, parts, condition, start)
+    found.sort(key=lambda one: _away(task.family.shape(one[1]), start))
+    best = None
+    for _, force in found:
+        leap = _leap(before, (task, force))
+        if best is None or leap < best:
+            best = leap
+        if leap:
+            continue
+        shape = task.confirmed(force)
+        if shape is not None:
+            return force, shape
+        part = next(part for part in parts if part[0] <= force <= part[-1])
+        nearest = _nearest_confirmed(task, part, force)
+        if nearest is not None:
+            return nearest
+    if not best:
+        raise _not_confirmed(task, parts, draft)
+    raise draft.refusal('continuity', best, f'the gripper would leap by {best:.3g} (rad, and parts '
+                        f'of the length) from the waypoint before, however slowly the DLO is drawn')
+
+
+def _leap(one, other, halvings=_MOST_HALVINGS):
+    """Return 0 if a way of admissible shapes leads from a (Contacting, force) to another.
+
+    Else how far, in rad and parts of the length, the gripper leaps, or where no shape is
+    admissible on the way. Arc length and logarithm of the force go evenly from one to the other.
+    """
+    (task, force), (last, its) = one, other
+    apart = _step(task.family.shape(force), last.family.shape(its))
+    if apart <= _PACE and halvings < _MOST_HALVINGS:
+        return 0.0
+    if not halvings:
+        return apart
+    s, between = 0.5 * (task.s + last.s), float(np.sqrt(force * its))
+    middle = Contacting.at(task.simulator, task.contact, s, task.brief)
+    if middle.family.merit(between) <= 0:
+        return apart
+    middle = (middle, between)
+    return _leap(one, middle, halvings - 1) or _leap(middle, other, halvings - 1)
+
+
+def _step(one, other):
+    """Return the gripper's turn in rad plus its shift in parts of the length."""
+    one, other, length = one.gripper, other.gripper, one.s[-1]
+    turn = Rotation.from_matrix(other.rotation @ one.rotation.T).magnitude()
+    return float(turn + np.linalg.norm(other.position - one.position) / length)
+
+
+def _away(shape, before):
+    """Return the square of a motion from the Pose `before`, in parts of the length and a turn."""
+    shift = (shape.gripper.position - before.position) / shape.s[-1]
+    turn = 1 - 0.25 * (1 + np.trace(shape.gripper.rotation @ before.rotation.T))
+    return float(shift @ shift + turn)

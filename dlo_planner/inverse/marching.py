@@ -8,9 +8,29 @@ solution for a DLO whose free end alone is prescribed: where a threading begins.
 import numpy as np
 from numba import njit
 
+from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
 from dlo_planner.ritz.arc import jacobians, rotation_and_chord
 
 _ROUNDS = 30
+
+
+def hanging(system, end):
+    """Return the State and the gripper's rotation (3, 3) that `march_from_end` finds.
+
+    Args:
+        system: without obstacles
+        end: (3, 3) rotation of the free end
+    """
+    strains, base = march_from_end(system, end)
+    return placed(system._replace(base=base), strains), base
+
+
+def placed(system, strains):
+    """Return the State of a System with element strains (N, 3)."""
+    state = new_state(system)
+    unknowns_of(system, strains, state.q)
+    evaluate(system, state)
+    return state
 
 
 @njit(cache=True)

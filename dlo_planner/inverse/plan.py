@@ -112,6 +112,15 @@ class Plan(Value):
         return velocities
 
     @property
+    def bore_moment(self) -> np.ndarray:
+        """(n, 3) moment in N m, world axes, on the DLO at the mouth of the bore that holds it.
+
+        It bends what is inside straight: (0, EI_n k_n, EI_b k_b) in the material frame, k the
+        natural curvature there. nan where nothing is held in a bore.
+        """
+        return np.array([_straightening(shape) for shape in self.shapes]).reshape(-1, 3)
+
+    @property
     def bend_margin(self) -> np.ndarray:
         """(n,) `Shape.bend_margin` of each waypoint, 1/m."""
         return np.array([shape.bend_margin for shape in self.shapes])
@@ -161,6 +170,15 @@ class Waypoint:
             self, sheets=tuple(one for one in both if one[0] is not None), clearances=tuple(
                 _FREE if sheet is None else room_in(sheet, normal, radius, self.shape)
                 for sheet, normal in both))
+
+
+def _straightening(shape):
+    """Return the moment (3,) in N m that makes a DLO go on straight beyond its held far end."""
+    if shape.far_end is None or shape.rod is None:
+        return np.full(3, np.nan)
+    moment = shape.rod.stiffness * shape.rod.natural_strains(shape.s[-1:])[0]
+    moment[0] = 0.0  # its twist is free
+    return shape.frames[-1] @ moment
 
 
 def waypoint_of(shape, centre, s, normal):

@@ -23,7 +23,6 @@ from dlo_planner.model.value import brief as one_line
 from dlo_planner.progress import Progress
 
 _WAYPOINTS = 40
-_FORCES = 40
 _MOST = 10_000  # waypoints of a plan, or forces
 _DEEPEST = 0.95  # of the length, where no depths are given
 _INSERTED = 0.99
@@ -344,11 +343,7 @@ class InverseSimulator(Value):
         if condition is not None:
             choice('condition', condition, CONDITIONS)
         if forces is None:
-            rod = self.simulator.rod
-            weight = np.linalg.norm(self.simulator.discretisation(
-                Pose.identity(), None).load)
-            most = 6 * (weight + min(rod.bending_stiffness) / rod.length**2)
-            return np.linspace(0, most, _FORCES + 1)[1:]
+            return None
         return row('forces', forces, most=_MOST, above=0)
 
     def _left_by(self, initial):

@@ -22,7 +22,7 @@ _ROUNDS = 60
 _SLOW = 0.3         # a violation that falls less than this in a round needs a stiffer spring
 _STIFFER = 10.0
 _MOST_STIFFER = 1e2
-_SAG = 2e-6         # of the length: an element that comes no nearer than its nodes by more is flat
+_SAG = 1e-9         # of the length: an element that comes no nearer than its nodes by more is flat
 _BUCKLED = 0.05     # an eigenvalue below minus this is no effect of soft springs
 _RIGID = 3e2        # times the stiffness of the far end's springs, to judge stability
 HELD_NEUTRAL = 1e-3  # as NEUTRAL, with constraints: a mesh splits what is neutral by about as much
@@ -89,7 +89,7 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
                     pushed = kick(system, state, mode)
                 if pushed is None:
                     break
-            elif violation > _SLOW * before and stiffer < _MOST_STIFFER:
+            elif violation > max(exact, _SLOW * before) and stiffer < _MOST_STIFFER:
                 stiffer *= _STIFFER
                 system = _stiffened(system, _STIFFER)
             before = violation

@@ -1,0 +1,109 @@
+"""Where a function of one positive parameter is positive, and what is best there.
+
+A scan over the decades of the parameter finds intervals; between three samples the middle one of
+which is the best, though not good enough, a search looks for one that they hide; their ends are
+found by bisection.
+"""
+
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+_PER_DECADE = 8
+_END = 1e-6     # relative: how well the ends of an interval are found
+_SAMPLES = 9    # of an interval at least
+_CLOSE = 1e-5   # relative: how well a minimum is found
+_LOOKED_CLOSER = 4  # places where an interval may hide
+_WORST = 1e6    # stands for no value at all
+
+
+def intervals(merit, least, most):
+    """Return the intervals of x > 0 in which `merit` is positive, each as samples (n,) ascending.
+
+    The first and last sample are the ends, inside the interval by a part of 1e-6 at most.
+
+    Args:
+        merit: function (x) -> number, continuous or nearly
+        least, most: x looked at
+    """
+    number = int(np.ceil(_PER_DECADE * np.log10(most / least))) + 2
+    xs = [float(x) for x in np.geomspace(least, most, number)]
+    xs = sorted({*xs, *_hidden(merit, xs)})
+    good = [merit(x) > 0 for x in xs]
+    found, k = [], 0
+    while k < len(xs):
+        if not good[k]:
+            k += 1
+            continue
+        first = k
+        while k + 1 < len(xs) and good[k + 1]:
+            k += 1
+        ends = ([_end(merit, xs[first], xs[first - 1])] if first else [],
+                [_end(merit, xs[k], xs[k + 1])] if k + 1 < len(xs) else [])
+        found.append(_filled(sorted({*ends[0], *xs[first:k + 1], *ends[1]})))
+        k += 1
+    return found
+
+
+def _hidden(merit, xs):
+    """Return points of positive merit between samples `xs` none of which has one."""
+    values = [merit(x) for x in xs]
+    tops = [k for k in range(1, len(xs) - 1)
+            if 0 >= values[k] >= max(values[k - 1], values[k + 1]) > -np.inf]
+    found = []
+    for k in sorted(tops, key=lambda k: -values[k])[:_LOOKED_CLOSER]:
+        best = minimize_scalar(lambda log: -_finite(merit(float(np.exp(log)))), method='bounded',
+                               bounds=np.log([xs[k - 1], xs[k + 1]]), options={'maxiter': 20})
+        if best.fun < 0:
+            found.append(float(np.exp(best.x)))
+    return found
+
+
+def _end(merit, good, bad):
+    """Return the last x of positive merit on the way from `good` to `bad`."""
+    root = brentq(lambda log: _finite(merit(float(np.exp(log)))), np.log(good), np.log(bad),
+                  xtol=_END)
+    back = _END if good > bad else -_END
+    for steps in (0, 1, 2, 4):
+        x = float(np.exp(root + steps * back))
+        if merit(x) > 0:
+            return x
+    return good
+
+
+def _finite(value):
+    return max(value, -_WORST)
+
+
+def _filled(xs):
+    """Return ascending `xs` with as many between them as make an interval's samples."""
+    while 1 < len(xs) < _SAMPLES:
+        xs = sorted({*xs, *(float(x) for x in np.sqrt(np.multiply(xs[1:], xs[:-1])))})
+    return xs
+
+
+def minima(cost, merit, xs):
+    """Return [(cost, x)], best first: the local minima of `cost` over an interval.
+
+    Args:
+        cost: function (x) -> number
+        merit: what is positive in the interval
+        xs: samples (n,) of it, ascending
+    """
+    def judged(log):
+        x = float(np.exp(log))
+        return cost(x) if merit(x) > 0 else worst
+
+    values = [cost(x) for x in xs]
+    worst = max(values) + 1.0
+    found = []
+    for k, x in enumerate(xs):
+        around = xs[max(k - 1, 0):k + 2]
+        if values[k] > min(values[max(k - 1, 0):k + 2]):
+            continue
+        found.append((values[k], x))
+        if len(around) > 1:
+            best = minimize_scalar(judged, method='bounded', bounds=np.log([around[0], around[-1]]),
+                                   options={'xatol': _CLOSE})
+            if best.fun < values[k]:
+                found[-1] = (float(best.fun), float(np.exp(best.x)))
+    return sorted(found)
