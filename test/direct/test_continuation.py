@@ -1,0 +1,74 @@
+"""Following: what the gripper's step explains is followed, what it does not is a jump."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import DirectSimulator, Pose, Rod
+from dlo_planner.direct.continuation import between, follow, shape_change
+
+ROD = Rod(1.0, 0.0, 1.0, 0.7)
+STRAIGHT = DirectSimulator(ROD, n_elements=16, gravity=(0, 0, 0)).solve(Pose.identity())
+
+
+def pose(angle):
+    return Pose((0, 0, 0), Rotation.from_rotvec([0, 0, angle]).as_quat())
+
+
+def bent(gripper, angle):
+    """Return a made-up Shape: beyond its middle the DLO is turned by `angle` against `gripper`."""
+    turn = Rotation.from_rotvec([0, angle, 0]).as_matrix()
+    frames = np.array([gripper.rotation @ (turn if s > 0.5 else np.eye(3)) for s in STRAIGHT.s])
+    return replace(STRAIGHT, gripper=gripper, frames=frames)
+
+
+def leaping(size, at=0.05):
+    """Return an `equilibrium` whose shape changes by `size` once the gripper has turned by `at`."""
+    def equilibrium(gripper, initial, far_end):
+        turned = Rotation.from_matrix(gripper.rotation).as_rotvec()[2]
+        return bent(gripper, size if turned > at else 0.0), 0
+    return equilibrium
+
+
+@pytest.mark.parametrize('size', [0.3, 0.9, 2.0])
+def test_a_leap_is_a_jump_however_small(size):
+    before = bent(pose(0.0), 0.0)
+    assert follow(leaping(size), before, pose(0.06)).jumped
+    assert not follow(leaping(size), before, pose(0.04)).jumped
+
+
+def test_a_quick_change_is_followed_in_smaller_steps():
+    asked = []
+
+    def equilibrium(gripper, initial, far_end):
+        turned = Rotation.from_matrix(gripper.rotation).as_rotvec()[2]
+        asked.append(turned)
+        return bent(gripper, 8.0 * turned), 0  # 8 rad per rad, without a leap
+
+    shape = follow(equilibrium, bent(pose(0.0), 0.0), pose(0.2))
+    assert not shape.jumped and len(asked) > 4
+    np.testing.assert_allclose(shape.gripper.matrix, pose(0.2).matrix, atol=1e-12)
+
+
+def test_a_failure_on_the_way_is_not_passed_over():
+    def equilibrium(gripper, initial, far_end):
+        turned = Rotation.from_matrix(gripper.rotation).as_rotvec()[2]
+        return replace(bent(gripper, 0.0), converged=turned < 0.3), 0
+
+    shape = follow(equilibrium, bent(pose(0.0), 0.0), pose(1.0))
+    assert shape.jumped and not shape.converged
+
+
+def test_change_of_shape_is_relative_to_the_gripper():
+    one = bent(pose(0.0), 0.2)
+    assert shape_change(one, bent(pose(1.3), 0.2)) == pytest.approx(0, abs=1e-7)
+    assert shape_change(one, bent(pose(1.3), 0.7)) == pytest.approx(0.5)
+
+
+def test_between_goes_the_short_way_in_place_and_turn():
+    one, other = Pose((0, 0, 1), (0, 0, 0, 1)), Pose((1, 2, 1), pose(0.8).quaternion)
+    third = between(one, other, 0.25)
+    np.testing.assert_allclose(third.position, (0.25, 0.5, 1))
+    np.testing.assert_allclose(third.rotation, pose(0.2).rotation, atol=1e-12)
