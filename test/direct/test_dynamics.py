@@ -204,3 +204,32 @@ def test_bad_arguments_are_named(arguments, named):
     assert named in str(caught.value)
     with pytest.raises(InvalidTask, match="integrator = 'euler'"):
         DirectSimulator(beam()).simulate([LEVEL], 0.1, integrator='euler')
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+def test_damping_is_the_same_for_a_dlo_that_could_yield(basis):
+    # far from its limits it is the elastic one: bent and twisted by nature, damped by its strain
+    rod = Rod(1.0, 0.3, (1.0, 2.0), 0.7, natural_curvature=(0.9, -0.6), natural_twist=1.5,
+              damping=(0.3, 0.02))
+    firm = replace(rod, yield_curvature=1e3, yield_torsion=1e3, section_model='round')
+    one, two = (swing(40, rod=each, basis=basis, n_elements=16) for each in (rod, firm))
+    for elastic, plastic in zip(one.shapes, two.shapes, strict=True):
+        np.testing.assert_allclose(plastic.positions, elastic.positions, atol=1e-9)
+    np.testing.assert_allclose(two.energy, one.energy, atol=1e-9)
+    assert two.shapes[-1].dissipated == 0
+    # and damping counts: it is another motion without
+    free = swing(40, rod=replace(rod, damping=0.0), basis=basis, n_elements=16)
+    assert np.abs(free.shapes[-1].positions - one.shapes[-1].positions).max() > 1e-3
+
+
+def test_damping_has_nothing_to_do_at_rest():
+    # a naturally bent DLO that yields and is damped stays where it hangs
+    rod = Rod(1.0, 0.3, (1.0, 2.0), 0.7, natural_curvature=(0.9, -0.6), damping=(0.3, 0.05),
+              yield_curvature=0.5, yield_torsion=0.3, hardening=0.2)
+    direct = DirectSimulator(rod, n_elements=24)
+    start = direct.solve(LEVEL)
+    assert start.dissipated > 0
+    motion = direct.simulate([LEVEL] * 10, 0.01, start)
+    np.testing.assert_allclose(motion.shapes[-1].positions, start.positions, atol=1e-7)
+    np.testing.assert_allclose(motion.velocities, 0, atol=1e-6)
+    assert motion.shapes[-1].dissipated == pytest.approx(start.dissipated, rel=1e-6)

@@ -104,9 +104,10 @@ def test_through_two_points_and_away_from_a_third():
     gap = clearance([ball], STIFF.radius, near.shape)
     found = minimise_penalty(DirectSimulator(STIFF), [*task, AwayFrom(
         [ball], gap + 0.02, STIFF.radius)], START)
-    for point in points:
-        assert np.linalg.norm(found.shape.at(task[0].passage(found.shape)).position
-                              - points[0]) < 1e-6
+    passages = [through.passage(found.shape) for through in task[:2]]
+    assert 0.05 < passages[0] < passages[1] - 0.1  # one after the other, not one for both
+    for point, passage in zip(points, passages, strict=True):
+        assert np.linalg.norm(found.shape.at(passage).position - point) < 1e-6
         assert np.linalg.norm(found.shape.positions_at(np.linspace(0, 1, 4001))
                               - point, axis=1).min() < 2e-4
     assert clearance([ball], STIFF.radius, found.shape) > gap + 0.019
