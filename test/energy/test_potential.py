@@ -160,3 +160,10 @@ def test_unknowns_of_strains_that_the_basis_can_follow(system, rng):
     again = np.empty_like(q)
     unknowns_of(system, state.strains, again)
     np.testing.assert_allclose(again, q, atol=1e-12)
+
+
+def test_the_gripper_carries_all_that_pulls(system, rng):
+    _, state = at(system, rng.normal(size=new_state(system).q.shape))
+    total = (state.pull.sum(axis=0) + state.attached.force.sum(axis=0)
+             + (state.attached.tip_force if system.hold.offset.size else 0))
+    np.testing.assert_allclose(state.base_force, total, atol=1e-12)

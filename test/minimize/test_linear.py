@@ -100,7 +100,9 @@ def test_a_pivot_of_zero_is_survived(basis):
     assemble(system, state, hessian)
     for shift, negative in ((0.0, 0), (-1 + 1e-12, 0), (-1 - 1e-12, state.q.size)):
         assert factorise(system, hessian, shift) == negative
-    factorise(system, hessian, -1.0)
+    for part in (hessian.turning, hessian.cross, hessian.diagonal, hessian.dense):
+        part[:] = 0.0
+    assert factorise(system, hessian, 0.0) == 0  # neutral is not negative
     out = np.empty_like(state.q)
     solve(system, hessian, np.zeros_like(state.q), out)
     np.testing.assert_array_equal(out, 0)
