@@ -64,14 +64,14 @@ def test_cantilever_frequencies(root, basis):
     assert period(motion.times, tip_height(motion)) == pytest.approx(expected, rel=5e-3)
 
 
-def test_energy_drifts_less_than_a_percent():
+def test_energy_of_a_free_vibration_is_kept():
     simulator = DirectSimulator(beam(), gravity=WEIGHTLESS)
     expected = 2 * np.pi / angular_frequency(ROOTS[0])
     motion = simulator.simulate([LEVEL] * 501, expected / 50,
                                 bent_as_mode(simulator, ROOTS[0], 0.2))
-    assert np.abs(motion.energy / motion.energy[0] - 1).max() < 0.01
+    assert np.abs(motion.energy / motion.energy[0] - 1).max() < 1e-3
     # it does move: the energy changes its kind, fully
-    assert motion.kinetic_energy.max() == pytest.approx(motion.energy[0], rel=0.01)
+    assert motion.kinetic_energy.max() == pytest.approx(motion.energy[0], rel=2e-3)
 
 
 def test_papers_integrator_damps_as_documented():

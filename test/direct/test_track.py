@@ -26,7 +26,7 @@ def test_benchmark_c(wire, basis):
         assert shape.stability > 0.05
         points = np.array([true.at(s).position for s in shape.s])
         error = np.linalg.norm(shape.positions - points, axis=1).max()
-        assert error < 1e-3
+        assert error < 1e-4
         assert shape.error_estimate > error / 10
 
 

@@ -5,7 +5,9 @@ import pytest
 
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.minimize.linear import factorise, new_hessian
 from dlo_planner.minimize.newton import KICK_TURN, descend, kick, newton, residual_of
+from dlo_planner.minimize.spectrum import lowest_mode
 
 UP = Pose.looking_along((0, 0, 0), (0, 0, 1))
 HEAVY = Rod(1.0, 20 / 9.81, (1.0, 3.0), 0.75)  # falls over about n first
@@ -96,3 +98,30 @@ def test_residual_is_relative_to_the_energy_and_a_bend(basis):
     other = new_state(stiff_about_n)
     evaluate(stiff_about_n, other)
     assert residual_of(stiff_about_n, other) == pytest.approx(np.linalg.norm(other.gradient))
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+def test_without_loads_every_mode_is_the_elastic_one(basis):
+    # one step of Lanczos knows all there is, the next one would divide by zero
+    system = system_of(Rod(1.0, 0.0, (1.0, 3.0), 0.75), UP, basis)
+    _, residual, stability, iterations, mode = descend(system, start_of(system), 1e-10, 9, True)
+    assert residual == 0 and iterations == 0
+    assert stability == pytest.approx(1, abs=1e-12)
+    assert not mode.any()
+
+
+def test_a_mode_that_a_smooth_start_does_not_see_is_found():
+    system = system_of(HEAVY, UP, 'chebyshev')
+    hessian = new_hessian(system)
+    size = start_of(system).size
+    hidden = np.zeros(size)
+    hidden[1], hidden[2] = 1.0, -1.0  # of the first term; a smooth start has both alike
+    hidden /= np.sqrt(2)
+    for value in (0.3, -0.3):
+        hessian.dense[:] = np.eye(size) + (value - 1) * np.outer(hidden, hidden)
+        shift = 0.0 if value > 0 else 0.5
+        assert factorise(system, hessian, shift) == 0
+        lowest, mode = lowest_mode(system, hessian, shift, 1e-8)
+        assert lowest == pytest.approx(value, abs=1e-6)
+        if value < 0:
+            assert abs(mode.ravel() @ hidden) == pytest.approx(1, abs=1e-6)
