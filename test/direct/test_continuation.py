@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import DirectSimulator, Pose, Rod
+from dlo_planner import DirectSimulator, FarEnd, Pose, Rod
 from dlo_planner.direct.continuation import between, follow, shape_change
 
 ROD = Rod(1.0, 0.0, 1.0, 0.7)
@@ -72,3 +72,33 @@ def test_between_goes_the_short_way_in_place_and_turn():
     third = between(one, other, 0.25)
     np.testing.assert_allclose(third.position, (0.25, 0.5, 1))
     np.testing.assert_allclose(third.rotation, pose(0.2).rotation, atol=1e-12)
+
+
+@pytest.mark.parametrize(('stored', 'lost', 'jumped'), [
+    (1.0, 0.0, False),   # all the work is stored
+    (0.9, 0.0, False),   # the trapezoidal rule is not exact
+    (0.5, 0.0, True),    # where is the rest?
+    (0.3, 0.7, False),   # in plastic work
+    (0.3, 0.2, True),
+    (1.5, 0.0, False)])
+def test_a_held_dlo_has_fallen_where_energy_is_missing(stored, lost, jumped):
+    # the gripper moves by 0.1 m against a force that grows from 0 to 20 N: 1 J
+    force = np.array([20.0, 0, 0, 0, 0, 0])
+    before = replace(bent(pose(0.0), 0.0), energy=0.0, elastic_energy=0.1)
+    there = Pose((0.1, 0, 0), (0, 0, 0, 1))
+    after = replace(bent(there, 0.0), energy=stored, gripper_wrench=force, dissipated=lost)
+    end = FarEnd(Pose((1, 0, 0), (0, 0, 0, 1)))
+    assert follow(lambda *_: (after, 0), before, there, end).jumped == jumped
+    assert follow(lambda *_: (after, 1), before, there, end).jumped  # a kick is a fall as well
+
+
+def test_a_far_end_works_too():
+    # turned by 0.1 rad against a moment that grows from 10 to 30 N m: 2 J
+    first, last = (np.array([0, 0, 0, 0, 0, moment]) for moment in (10.0, 30.0))
+    before = replace(bent(pose(0.0), 0.0), energy=1.0, elastic_energy=0.1, far_wrench=first)
+    turned = np.array([pose(0.1).rotation] * len(STRAIGHT.s))
+    after = replace(bent(pose(0.0), 0.0), energy=3.0, frames=turned, far_wrench=last)
+    for energy, jumped in ((3.0, False), (2.0, True)):
+        shape = replace(after, energy=energy)
+        end = FarEnd(Pose((1, 0, 0), (0, 0, 0, 1)))
+        assert follow(lambda *_, s=shape: (s, 0), before, pose(0.0), end).jumped == jumped
