@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import DirectSimulator, InvalidTask, Pose, Rod
+from dlo_planner import Box, DirectSimulator, InvalidTask, Plane, Pose, Rod
 
 LEVEL = Pose.identity()
 MASS, STIFFNESS = 0.1, 1.0
@@ -233,3 +233,30 @@ def test_damping_has_nothing_to_do_at_rest():
     np.testing.assert_allclose(motion.shapes[-1].positions, start.positions, atol=1e-7)
     np.testing.assert_allclose(motion.velocities, 0, atol=1e-6)
     assert motion.shapes[-1].dissipated == pytest.approx(start.dissipated, rel=1e-6)
+
+
+@pytest.mark.parametrize('integrator', ['generalized_alpha', 'paper'])
+def test_a_gripper_that_accelerates_evenly_pulls_evenly(integrator):
+    # along the straight DLO, from rest: the first step too has the force m a
+    dt, acceleration = 0.01, 4.0
+    simulator = DirectSimulator(beam(), gravity=WEIGHTLESS)
+    way = [Pose((acceleration / 2 * (dt * k) ** 2, 0, 0), (0, 0, 0, 1)) for k in range(12)]
+    motion = simulator.simulate(way, dt, integrator=integrator)
+    forces = np.array([shape.gripper_wrench for shape in motion.shapes[1:]])
+    np.testing.assert_allclose(forces, np.tile([MASS * acceleration, 0, 0, 0, 0, 0], (11, 1)),
+                               atol=1e-6)
+    np.testing.assert_allclose(motion.velocities[:, :, 0],
+                               np.outer(acceleration * motion.times, np.ones(65)), atol=1e-9)
+
+
+@pytest.mark.parametrize(('obstacle', 'below'), [
+    (Box(Pose((0.2, 0, 0.5), (0, 0, 0, 1)), (1.0, 1.0, 0.1)), -1.0),  # is run through
+    (Plane((0, 0, 0.55), (0, 0, 1)), 0.3)], ids=['slab', 'floor'])    # is entered
+def test_a_step_that_cannot_be_made_ends_the_motion(obstacle, below):
+    rod = Rod(1.0, 0.05, 0.5, 0.4, radius=1e-3)
+    direct = DirectSimulator(rod, basis='local', n_elements=24, obstacles=[obstacle])
+    heights = (0.9, 0.89, below, below - 0.01, below - 0.02)
+    motion = direct.simulate([Pose((0, 0, z), (0, 0, 0, 1)) for z in heights], 0.05)
+    assert [shape.converged for shape in motion.shapes] == [True, True, False]
+    assert not motion.converged
+    assert len(motion.times) == len(motion.velocities) == len(motion.energy) == 3
