@@ -154,3 +154,23 @@ def test_nonsense_is_named():
     blocked = DirectSimulator(STIFF, obstacles=[Plane((0, 0, 1.2), (0, 0, 1))])
     with pytest.raises(NotConverged, match='start'):
         minimise_penalty(blocked, ANY, START)
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+@pytest.mark.parametrize('after', [0.0, 0.45, 0.7123, 0.999])
+def test_only_what_comes_after_counts(after, basis, rng):
+    # the DLO is nearest to the point at 0.4 m or so: beyond `after` the nearest is where it begins
+    shape = DirectSimulator(STIFF, basis=basis).solve(START)
+    point = shape.at(0.4).position + [0, 0.1, 0.02]
+    task = Through(point, after)
+    s = np.linspace(after, 1, 2001)
+    away = np.linalg.norm(shape.positions_at(s) - point, axis=1)
+    assert task.passage(shape) == pytest.approx(s[np.argmin(away)], abs=5e-4)
+    found = np.linalg.norm(task.residuals(shape))
+    assert away.min() - 1e-6 < found < away.min() + 1e-12
+    search = _Search(DirectSimulator(STIFF, basis=basis), [task], START, None)
+    x, step = 0.01 * rng.normal(size=6), 1e-6
+    slopes = search.jacobian(x)
+    for k, change in enumerate(step * np.eye(6)):
+        wanted = (search.residuals(x + change) - search.residuals(x - change)) / (2 * step)
+        np.testing.assert_allclose(slopes[:, k], wanted, atol=1e-6)
