@@ -22,6 +22,7 @@ from dlo_planner import (
     Through,
     minimise_penalty,
 )
+from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.inverse.clearance import clearance
 from dlo_planner.inverse.search import _Search
 
@@ -174,3 +175,22 @@ def test_only_what_comes_after_counts(after, basis, rng):
     for k, change in enumerate(step * np.eye(6)):
         wanted = (search.residuals(x + change) - search.residuals(x - change)) / (2 * step)
         np.testing.assert_allclose(slopes[:, k], wanted, atol=1e-6)
+
+
+def test_what_is_kept_costs_nothing_and_pulls_nowhere():
+    shape = DirectSimulator(STIFF).solve(START)
+    answer = Sensitivity(shape)
+    gap = clearance([SPHERE], 0.003, shape)
+    for distance, active in ((gap - 1e-3, False), (gap + 1e-3, True)):
+        away = AwayFrom([SPHERE], distance, 0.003)
+        np.testing.assert_allclose(away.residuals(shape), max(distance - gap, 0), atol=1e-9)
+        assert away.slopes(shape, answer).any() == active
+    bends = 1 / shape.bend_radius
+    limit = 0.5 * (bends.max() + bends.min())
+    task = BentAtMost(limit)
+    over = bends > limit
+    assert 0 < over.sum() < len(bends)
+    assert ((task.residuals(shape) > 0) == over).all()
+    assert (task.slopes(shape, answer).any(axis=1) == over).all()
+    assert np.sum(task.residuals(shape) ** 2) == pytest.approx(
+        np.mean(np.maximum(bends - limit, 0) ** 2))
