@@ -86,3 +86,15 @@ def test_reaction_carries_weight_and_moment(curly, level):
     u = shape.strains[0] - curly.natural_strains([0.0])[0]
     moment = shape.frames[0] @ (curly.stiffness * u)
     np.testing.assert_allclose(-shape.gripper_wrench[3:], moment, atol=3e-3)
+
+
+@pytest.mark.parametrize('n_elements', [32, 64, 200])
+@pytest.mark.parametrize('masses', [0.0, 1.0])
+def test_error_estimate_without_a_series_is_the_error(masses, n_elements, level):
+    # of second order: known to its size, at the node where it is largest
+    rod = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34, tip_mass=masses)
+    shape = DirectSimulator(rod, basis='local', n_elements=n_elements).solve(level)
+    exact = DirectSimulator(rod, basis='local', accuracy=1e-8).solve(level)
+    errors = np.linalg.norm(shape.positions - exact.positions_at(shape.s), axis=1)
+    assert shape.error_estimate == pytest.approx(errors.max(), rel=0.05)
+    assert errors[-1] < 0.9 * errors.max() or masses  # it is not that of the tip

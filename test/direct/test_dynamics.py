@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import DirectSimulator, InvalidTask, Pose, Rod
+from dlo_planner import Box, DirectSimulator, InvalidTask, Plane, Pose, Rod
 
 LEVEL = Pose.identity()
 MASS, STIFFNESS = 0.1, 1.0
@@ -64,14 +64,14 @@ def test_cantilever_frequencies(root, basis):
     assert period(motion.times, tip_height(motion)) == pytest.approx(expected, rel=5e-3)
 
 
-def test_energy_drifts_less_than_a_percent():
+def test_energy_of_a_free_vibration_is_kept():
     simulator = DirectSimulator(beam(), gravity=WEIGHTLESS)
     expected = 2 * np.pi / angular_frequency(ROOTS[0])
     motion = simulator.simulate([LEVEL] * 501, expected / 50,
                                 bent_as_mode(simulator, ROOTS[0], 0.2))
-    assert np.abs(motion.energy / motion.energy[0] - 1).max() < 0.01
+    assert np.abs(motion.energy / motion.energy[0] - 1).max() < 1e-3
     # it does move: the energy changes its kind, fully
-    assert motion.kinetic_energy.max() == pytest.approx(motion.energy[0], rel=0.01)
+    assert motion.kinetic_energy.max() == pytest.approx(motion.energy[0], rel=2e-3)
 
 
 def test_papers_integrator_damps_as_documented():
@@ -204,3 +204,59 @@ def test_bad_arguments_are_named(arguments, named):
     assert named in str(caught.value)
     with pytest.raises(InvalidTask, match="integrator = 'euler'"):
         DirectSimulator(beam()).simulate([LEVEL], 0.1, integrator='euler')
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+def test_damping_is_the_same_for_a_dlo_that_could_yield(basis):
+    # far from its limits it is the elastic one: bent and twisted by nature, damped by its strain
+    rod = Rod(1.0, 0.3, (1.0, 2.0), 0.7, natural_curvature=(0.9, -0.6), natural_twist=1.5,
+              damping=(0.3, 0.02))
+    firm = replace(rod, yield_curvature=1e3, yield_torsion=1e3, section_model='round')
+    one, two = (swing(40, rod=each, basis=basis, n_elements=16) for each in (rod, firm))
+    for elastic, plastic in zip(one.shapes, two.shapes, strict=True):
+        np.testing.assert_allclose(plastic.positions, elastic.positions, atol=1e-9)
+    np.testing.assert_allclose(two.energy, one.energy, atol=1e-9)
+    assert two.shapes[-1].dissipated == 0
+    # and damping counts: it is another motion without
+    free = swing(40, rod=replace(rod, damping=0.0), basis=basis, n_elements=16)
+    assert np.abs(free.shapes[-1].positions - one.shapes[-1].positions).max() > 1e-3
+
+
+def test_damping_has_nothing_to_do_at_rest():
+    # a naturally bent DLO that yields and is damped stays where it hangs
+    rod = Rod(1.0, 0.3, (1.0, 2.0), 0.7, natural_curvature=(0.9, -0.6), damping=(0.3, 0.05),
+              yield_curvature=0.5, yield_torsion=0.3, hardening=0.2)
+    direct = DirectSimulator(rod, n_elements=24)
+    start = direct.solve(LEVEL)
+    assert start.dissipated > 0
+    motion = direct.simulate([LEVEL] * 10, 0.01, start)
+    np.testing.assert_allclose(motion.shapes[-1].positions, start.positions, atol=1e-7)
+    np.testing.assert_allclose(motion.velocities, 0, atol=1e-6)
+    assert motion.shapes[-1].dissipated == pytest.approx(start.dissipated, rel=1e-6)
+
+
+@pytest.mark.parametrize('integrator', ['generalized_alpha', 'paper'])
+def test_a_gripper_that_accelerates_evenly_pulls_evenly(integrator):
+    # along the straight DLO, from rest: the first step too has the force m a
+    dt, acceleration = 0.01, 4.0
+    simulator = DirectSimulator(beam(), gravity=WEIGHTLESS)
+    way = [Pose((acceleration / 2 * (dt * k) ** 2, 0, 0), (0, 0, 0, 1)) for k in range(12)]
+    motion = simulator.simulate(way, dt, integrator=integrator)
+    forces = np.array([shape.gripper_wrench for shape in motion.shapes[1:]])
+    np.testing.assert_allclose(forces, np.tile([MASS * acceleration, 0, 0, 0, 0, 0], (11, 1)),
+                               atol=1e-6)
+    np.testing.assert_allclose(motion.velocities[:, :, 0],
+                               np.outer(acceleration * motion.times, np.ones(65)), atol=1e-9)
+
+
+@pytest.mark.parametrize(('obstacle', 'below'), [
+    (Box(Pose((0.2, 0, 0.5), (0, 0, 0, 1)), (1.0, 1.0, 0.1)), -1.0),  # is run through
+    (Plane((0, 0, 0.55), (0, 0, 1)), 0.3)], ids=['slab', 'floor'])    # is entered
+def test_a_step_that_cannot_be_made_ends_the_motion(obstacle, below):
+    rod = Rod(1.0, 0.05, 0.5, 0.4, radius=1e-3)
+    direct = DirectSimulator(rod, basis='local', n_elements=24, obstacles=[obstacle])
+    heights = (0.9, 0.89, below, below - 0.01, below - 0.02)
+    motion = direct.simulate([Pose((0, 0, z), (0, 0, 0, 1)) for z in heights], 0.05)
+    assert [shape.converged for shape in motion.shapes] == [True, True, False]
+    assert not motion.converged
+    assert len(motion.times) == len(motion.velocities) == len(motion.energy) == 3

@@ -163,3 +163,20 @@ def test_the_papers_unknowns_find_the_same_shape(wire):
 def test_nonsense_is_named(wire, options, named):
     with pytest.raises(InvalidTask, match=named):
         DirectSimulator(wire, **options)
+
+
+def test_surface_stress_of_a_twisted_tube():
+    # tau = T r / J, and by torsion alone there is no axial stress
+    tube = Rod.tube(0.5, 0.012, 0.008, 0.0, 200e9, 0.3, natural_curvature=(0.0, 0.0))
+    end = Pose((0.5, 0, 0), Rotation.from_rotvec([0.2, 0, 0]).as_quat())
+    shape = DirectSimulator(tube, basis='local', n_elements=8).solve(Pose.identity(), far_end=end)
+    polar = np.pi / 2 * (0.006**4 - 0.004**4)
+    moment = 200e9 / 2.6 * polar * 0.2 / 0.5
+    assert abs(shape.far_wrench[3]) == pytest.approx(moment, rel=1e-4)
+    np.testing.assert_allclose(shape.surface_stress[:, 1], moment * 0.006 / polar, rtol=1e-4)
+    np.testing.assert_allclose(shape.surface_stress[:, 0], 0, atol=1e-6 * moment * 0.006 / polar)
+
+
+def test_a_resampled_shape_is_as_exact_as_it_was(wire):
+    shape = DirectSimulator(wire, n_elements=16).solve(TILTED)
+    assert 1e-6 < shape.error_estimate == shape.resample(50).error_estimate

@@ -37,14 +37,14 @@ def test_any_pose_is_held_and_wrenches_balance(basis, rng):
         np.testing.assert_allclose(last.rotation, end.rotation, atol=1e-7)
         weight = np.array([0, 0, -9.81 * 0.15])
         np.testing.assert_allclose(
-            shape.gripper_wrench[:3] + shape.far_wrench[:3] + weight, 0, atol=1e-6)
+            shape.gripper_wrench[:3] + shape.far_wrench[:3] + weight, 0, atol=1e-9)
         middle = 0.5 * (shape.positions[1:] + shape.positions[:-1])
         pulls = np.diff(shape.s)[:, None] * [0, 0, -0.05 * 9.81]
         moment = (shape.gripper_wrench[3:] + shape.far_wrench[3:]
                   + np.cross(shape.positions[-1] - gripper.position,
                              shape.far_wrench[:3] + [0, 0, -0.981])
                   + np.cross(middle - gripper.position, pulls).sum(axis=0))
-        np.testing.assert_allclose(moment, 0, atol=1e-5)
+        np.testing.assert_allclose(moment, 0, atol=1e-9)
 
 
 def test_clamped_column_against_the_elastica():

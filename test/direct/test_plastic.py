@@ -171,3 +171,31 @@ def test_thresholds_from_yield_stress():
     assert wire.yield_torsion == pytest.approx(50e6 / np.sqrt(3) / 40e9 / 1e-3)
     spring = Rod.rectangular(1.0, 10e-3, 1e-3, 7800.0, 200e9, 0.25, yield_stress=1e9)
     assert spring.yield_curvature == pytest.approx((10.0, 1.0))
+
+
+@pytest.mark.parametrize('model', ['ideal', 'rectangular', 'round'])
+def test_what_is_let_go_has_no_strain_since_its_stress_free_shape(model):
+    # bent about both axes and twisted a little beyond the limits: each of it springs back by itself
+    known = {'length': 1.0, 'mass_per_length': 0.0, 'bending_stiffness': (BENDING, 0.4),
+             'torsional_stiffness': TORSION}
+    rod = Rod(**known, natural_curvature=(0.2, -0.3), natural_twist=0.4, section_model=model,
+              yield_curvature=(0.8, 0.5), yield_torsion=0.6, hardening=0.1)
+    there = Rod(**known, natural_curvature=(1.1, -0.8), natural_twist=1.4)
+    options = {'basis': 'local', 'n_elements': 8, 'gravity': (0, 0, 0)}
+    end = DirectSimulator(there, **options).solve(HERE).at(1.0)
+    simulator = DirectSimulator(rod, **options)
+    held = simulator.solve(HERE, far_end=end)
+    assert held.converged and held.dissipated > 0
+    free = simulator.solve(HERE, held)
+    assert free.converged and free.dissipated == pytest.approx(held.dissipated)
+    np.testing.assert_allclose(free.bent, 0, atol=1e-9)
+    left = np.abs(free.element_strains - [0.4, 0.2, -0.3])
+    assert (left.max(axis=0) > 0.02).all()  # all three are set
+
+
+@pytest.mark.parametrize(('axis', 'moment'), [((0, 1, 0), BENDING * 0.8), ((0, 0, 1), 0.4 * 0.5)])
+def test_each_axis_has_its_own_limit(axis, moment):
+    rod = Rod(1.0, 0.0, (BENDING, 0.4), TORSION, yield_curvature=(0.8, 0.5), yield_torsion=0.6)
+    shapes = bent(rod, [0.4, 0.78, 2.0], axis)[1]
+    assert (shapes[1].dissipated == 0) == (moment == BENDING * 0.8)
+    assert np.linalg.norm(shapes[-1].gripper_wrench[3:]) == pytest.approx(moment, rel=1e-5)

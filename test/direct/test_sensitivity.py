@@ -45,3 +45,24 @@ def test_a_shape_from_a_file_is_refused(tmp_path, wire, level):
     shape.save(tmp_path / 'a.npz')
     with pytest.raises(InvalidTask, match='shape'):
         Sensitivity(type(shape).load(tmp_path / 'a.npz'))
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+def test_what_yields_in_the_step_goes_on_yielding(basis):
+    # moved a little farther on its way it yields a little more, and no longer springs back alone
+    rod = Rod(**ROD, yield_curvature=0.3, hardening=0.1)
+    simulator = DirectSimulator(rod, basis=basis)
+    shape = simulator.solve(GRIPPER)
+    assert shape.dissipated > 0
+    answer, step = Sensitivity(shape), 1e-5
+    elastic = Sensitivity(DirectSimulator(rod, basis=basis).solve(GRIPPER, shape))
+    slopes = np.zeros((6, 6))
+    for k, twist in enumerate(step * np.eye(6)):
+        up, down = (simulator.solve(Pose.from_rotation(
+            GRIPPER.position + sign * twist[3:],
+            Rotation.from_rotvec(sign * twist[:3]).as_matrix() @ GRIPPER.rotation)).at(1.0)
+            for sign in (1, -1))
+        slopes[:3, k] = Rotation.from_matrix(up.rotation @ down.rotation.T).as_rotvec()
+        slopes[3:, k] = up.position - down.position
+    np.testing.assert_allclose(answer.at(1.0), slopes / (2 * step), atol=1e-7)
+    assert np.abs(elastic.at(1.0) - answer.at(1.0)).max() > 0.01  # as it would be, let go

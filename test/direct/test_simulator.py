@@ -1,9 +1,11 @@
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from dlo_planner import DirectSimulator, InvalidTask, Pose, Rod
+from dlo_planner.direct.discretisation import Discretisation
 
 
 @pytest.mark.parametrize(('options', 'named'), [
@@ -104,3 +106,17 @@ def test_shapes_travel_between_processes(wire, level):
     again = pickle.loads(pickle.dumps(shape))
     np.testing.assert_array_equal(again.positions, shape.positions)
     assert again.error_estimate == shape.error_estimate
+
+
+@pytest.mark.parametrize('basis', ['chebyshev', 'local'])
+def test_strains_at_nodes_of_an_uneven_mesh_are_interpolated(wire, level, basis):
+    # strains that grow evenly along the elements' middles do so over the nodes, ends included
+    s = np.array([0, 0.05, 0.2, 0.25, 0.6, 0.9, 1.0])
+    around = DirectSimulator(wire).surroundings
+    shape = DirectSimulator(wire, n_elements=6).solve(level)
+    middle = 0.5 * (s[1:] + s[:-1])
+    slope, start = np.array([0.7, -2.0, 3.0]), np.array([0.1, 0.2, -0.3])
+    mesh = Discretisation(around, s, basis, 3)
+    uneven = replace(shape, s=s, element_strains=start + np.outer(middle, slope),
+                     _discretisation=mesh)
+    np.testing.assert_allclose(uneven.strains, start + np.outer(s, slope), atol=1e-12)

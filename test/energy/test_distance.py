@@ -85,3 +85,15 @@ def test_a_sheet_with_thickness_is_a_stack_of_foils():
     ends = (thick.centre - POSE.position) @ POSE.direction
     np.testing.assert_allclose(ends, [-0.5, -0.25, 0, 0.25, 0.5], atol=1e-12)
     np.testing.assert_allclose(thick.hole_centre - thick.hole_centre[0], 0, atol=1e-12)
+
+
+@pytest.mark.parametrize('order', [1, -1])
+def test_a_hole_is_in_its_own_sheet_only(order):
+    behind = Pose.from_rotation(POSE.position + POSE.direction, POSE.rotation)
+    closed, open_ = Sheet(behind, 0.5, 0.6, 0.0), Sheet(POSE, 0.5, 0.6, 0.0, ROUND)
+    scene = build_scene([closed, open_][::order], 0.0)
+    normal, bend = np.empty(3), np.empty((3, 3))
+    first, second = (0, 1)[::order]
+    x = ROUND.centre + POSE.direction
+    assert signed_distance(scene, first, x, normal, bend) == pytest.approx(0, abs=1e-12)
+    assert signed_distance(scene, second, ROUND.centre, normal, bend) == pytest.approx(0.08)

@@ -9,7 +9,7 @@ from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import Contacts
 from dlo_planner.energy.loads import node_masses
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
 from dlo_planner.minimize.linear import assemble, multiply, new_hessian
 
 GRAVITY = np.array([1.0, -2.0, -9.0])
@@ -72,7 +72,12 @@ def touching(curly, basis, rng):
     return system._replace(contacts=contacts)
 
 
-@pytest.fixture(params=[(kind, basis) for kind in (plain, anchored, held, plastic, touching)
+def tied(curly, basis, rng):
+    system = plain(curly, basis, rng)
+    return system._replace(near=rng.normal(size=new_state(system).q.shape), tie=0.7)
+
+
+@pytest.fixture(params=[(kind, basis) for kind in (plain, anchored, held, plastic, touching, tied)
                         for basis in ('local', 'chebyshev')] + [(plain, 'fourier')],
                 ids=lambda case: f'{case[0].__name__}-{case[1]}')
 def system(request, curly, rng):
@@ -138,3 +143,28 @@ def test_masses_keep_total_and_first_moment(curly):
     masses = node_masses(curly, s)
     assert masses.sum() == pytest.approx(0.2 * 1.3 + 0.1 + 0.2)
     assert masses @ s == pytest.approx(0.2 * 1.3**2 / 2 + 0.1 * 1.3 + 0.2 * 0.65)
+
+
+def test_the_rounding_scale_is_that_of_the_terms(curly, rng):
+    # large terms that cancel leave large rounding errors
+    system = discretised(curly, 'chebyshev').system(BASE)
+    state = new_state(system)
+    state.q[:] = rng.normal(size=state.q.shape)
+    _, noise = evaluate(system, state)
+    terms = np.abs(system.pull * state.positions).sum()
+    assert 1e-16 * terms < noise < 1e-14 * (terms + np.sum(state.q**2))
+
+
+def test_unknowns_of_strains_that_the_basis_can_follow(system, rng):
+    q = rng.normal(size=new_state(system).q.shape)
+    _, state = at(system, q)
+    again = np.empty_like(q)
+    unknowns_of(system, state.strains, again)
+    np.testing.assert_allclose(again, q, atol=1e-12)
+
+
+def test_the_gripper_carries_all_that_pulls(system, rng):
+    _, state = at(system, rng.normal(size=new_state(system).q.shape))
+    total = (state.pull.sum(axis=0) + state.attached.force.sum(axis=0)
+             + (state.attached.tip_force if system.hold.offset.size else 0))
+    np.testing.assert_allclose(state.base_force, total, atol=1e-12)

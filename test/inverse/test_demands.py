@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
     Box,
@@ -188,3 +189,42 @@ def test_nonsense_is_named(cell, named):
         Workspace(**cell)
     with pytest.raises(InvalidTask, match='workspace'):
         InverseSimulator(DirectSimulator(WIRE), workspace=cell)
+
+
+def test_curvature_yields_by_the_ellipse_whatever_the_roll():
+    # rolled by 45 degrees the bend is shared by both axes: each below its limit, not both together
+    sharpest = max(1 / shape.bend_radius.min() for shape in FREE.shapes)
+
+    def outcome(limit, roll):
+        rod = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, yield_curvature=limit * sharpest,
+                           hardening=0.5)
+        start = Pose.from_rotation((0, 0, 0), Rotation.from_rotvec([roll, 0, 0]).as_matrix())
+        inverse = InverseSimulator(DirectSimulator(rod), may_yield=False)
+        try:
+            return inverse.thread(CutOut(AHEAD), start=start, depths=DEPTHS)
+        except Infeasible as error:
+            return error
+
+    for roll in (0.0, 0.6, np.pi / 4, np.pi / 2):
+        assert outcome(1.001, roll).fraction == 1
+        refused = outcome(0.9, roll)
+        assert refused.constraint == 'yield'
+        share = max(1 / shape.bend_radius.min() for shape in FREE.shapes[:refused.waypoint + 1])
+        assert refused.amount == pytest.approx(share / (0.9 * sharpest) - 1, rel=1e-3)
+
+
+def test_each_axis_yields_at_its_own_limit():
+    # bent about n alone, the limit of the other axis and of torsion do not matter
+    sharpest = max(1 / shape.bend_radius.min() for shape in FREE.shapes)
+    fixed = {'length': 1.0, 'diameter': 1.5e-3, 'density': 8960.0, 'youngs_modulus': 110e9,
+             'poisson_ratio': 0.34, 'hardening': 0.5}
+    for limits, refused in (((1.01, 0.01), False), ((0.9, 10.0), True)):
+        rod = Rod.circular(**fixed, yield_curvature=tuple(k * sharpest for k in limits),
+                           yield_torsion=1e-3 * sharpest)
+        inverse = InverseSimulator(DirectSimulator(rod), may_yield=False)
+        if refused:
+            with pytest.raises(Infeasible) as caught:
+                inverse.thread(CutOut(AHEAD), depths=DEPTHS)
+            assert caught.value.constraint == 'yield'
+        else:
+            assert inverse.thread(CutOut(AHEAD), depths=DEPTHS).fraction == 1

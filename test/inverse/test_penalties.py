@@ -23,6 +23,7 @@ from dlo_planner import (
     Through,
     minimise_penalty,
 )
+from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.inverse.clearance import clearance
 from dlo_planner.inverse.search import _Search
 
@@ -105,9 +106,10 @@ def test_through_two_points_and_away_from_a_third():
     gap = clearance([ball], STIFF.radius, near.shape)
     found = minimise_penalty(DirectSimulator(STIFF), [*task, AwayFrom(
         [ball], gap + 0.02, STIFF.radius)], START)
-    for point in points:
-        assert np.linalg.norm(found.shape.at(task[0].passage(found.shape)).position
-                              - points[0]) < 1e-6
+    passages = [through.passage(found.shape) for through in task[:2]]
+    assert 0.05 < passages[0] < passages[1] - 0.1  # one after the other, not one for both
+    for point, passage in zip(points, passages, strict=True):
+        assert np.linalg.norm(found.shape.at(passage).position - point) < 1e-6
         assert np.linalg.norm(found.shape.positions_at(np.linspace(0, 1, 4001))
                               - point, axis=1).min() < 2e-4
     assert clearance([ball], STIFF.radius, found.shape) > gap + 0.019
@@ -222,3 +224,42 @@ def test_nonsense_is_named():
     blocked = DirectSimulator(STIFF, obstacles=[Plane((0, 0, 1.2), (0, 0, 1))])
     with pytest.raises(NotConverged, match='start'):
         minimise_penalty(blocked, ANY, START)
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+@pytest.mark.parametrize('after', [0.0, 0.45, 0.7123, 0.999])
+def test_only_what_comes_after_counts(after, basis, rng):
+    # the DLO is nearest to the point at 0.4 m or so: beyond `after` the nearest is where it begins
+    shape = DirectSimulator(STIFF, basis=basis).solve(START)
+    point = shape.at(0.4).position + [0, 0.1, 0.02]
+    task = Through(point, after)
+    s = np.linspace(after, 1, 2001)
+    away = np.linalg.norm(shape.positions_at(s) - point, axis=1)
+    assert task.passage(shape) == pytest.approx(s[np.argmin(away)], abs=5e-4)
+    found = np.linalg.norm(task.residuals(shape))
+    assert away.min() - 1e-6 < found < away.min() + 1e-12
+    search = _Search(DirectSimulator(STIFF, basis=basis), [task], START, None)
+    x, step = 0.01 * rng.normal(size=6), 1e-6
+    slopes = search.jacobian(x)
+    for k, change in enumerate(step * np.eye(6)):
+        wanted = (search.residuals(x + change) - search.residuals(x - change)) / (2 * step)
+        np.testing.assert_allclose(slopes[:, k], wanted, atol=1e-6)
+
+
+def test_what_is_kept_costs_nothing_and_pulls_nowhere():
+    shape = DirectSimulator(STIFF).solve(START)
+    answer = Sensitivity(shape)
+    gap = clearance([SPHERE], 0.003, shape)
+    for distance, active in ((gap - 1e-3, False), (gap + 1e-3, True)):
+        away = AwayFrom([SPHERE], distance, 0.003)
+        np.testing.assert_allclose(away.residuals(shape), max(distance - gap, 0), atol=1e-9)
+        assert away.slopes(shape, answer).any() == active
+    bends = 1 / shape.bend_radius
+    limit = 0.5 * (bends.max() + bends.min())
+    task = BentAtMost(limit)
+    over = bends > limit
+    assert 0 < over.sum() < len(bends)
+    assert ((task.residuals(shape) > 0) == over).all()
+    assert (task.slopes(shape, answer).any(axis=1) == over).all()
+    assert np.sum(task.residuals(shape) ** 2) == pytest.approx(
+        np.mean(np.maximum(bends - limit, 0) ** 2))

@@ -15,6 +15,7 @@ from dlo_planner import (
     InverseSimulator,
     Pose,
     Rod,
+    Sheet,
     Spread,
     tolerance,
 )
@@ -136,3 +137,36 @@ def test_nonsense_is_named(change, named):
     inserted = InverseSimulator(DIRECT).insert(HOLE, depths=[0.2])
     with pytest.raises(InvalidTask, match='whole DLO'):
         tolerance(DIRECT, inserted, SPREAD)
+
+
+def test_neither_a_rim_nor_yield_hides_a_miss():
+    # what holds the DLO in its place, or would let it be set, is not what is asked
+    few = tolerance(DIRECT, PLAN, SPREAD, samples=6)
+    rim = DirectSimulator(ROD, n_elements=32, obstacles=[Sheet.around(HOLE)])
+    soft = DirectSimulator(replace(ROD, yield_curvature=0.2, yield_torsion=0.1, hardening=0.1),
+                           n_elements=32)
+    for simulator in (rim, soft):
+        other = tolerance(simulator, PLAN, SPREAD, samples=6)
+        np.testing.assert_allclose(other.sampled, few.sampled, atol=1e-9)
+        np.testing.assert_allclose(other.first_order, few.first_order, atol=1e-9)
+
+
+def test_a_mass_at_the_end_stays_on_a_shorter_dlo():
+    rod = replace(ROD, point_masses=((1.0, 0.01),), tip_mass=0.0)
+    direct = DirectSimulator(rod, n_elements=32)
+    plan = InverseSimulator(direct).thread(HOLE, depths=[0.0, 0.3])
+    got = tolerance(direct, plan, Spread(length=0.01), samples=8)
+    assert np.isfinite(got.sampled).all() and (got.sampled[:, 0] > 0).any()
+
+
+def test_success_asks_for_every_waypoint():
+    got = tolerance(DIRECT, PLAN, SPREAD, samples=60)
+    room = np.quantile(got.sampled, 0.5, axis=0)  # half the samples keep it, at each waypoint
+    tight = replace(PLAN, clearances=np.tile(room[:, None, None], (1, 1, 3)))
+    again = tolerance(DIRECT, tight, SPREAD, samples=60)
+    inside = again.sampled < room
+    assert again.success == inside.all(axis=1).mean() < inside.any(axis=1).mean()
+    for part in (0.1, 0.5, 0.9):
+        bound = got.quantile(part)
+        assert ((got.sampled <= bound).mean(axis=0) >= part).all()
+        assert ((got.sampled < bound).mean(axis=0) <= part).all()

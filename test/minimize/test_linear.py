@@ -1,10 +1,19 @@
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from dlo_planner import Rod
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.potential import evaluate, new_state
-from dlo_planner.minimize.linear import assemble, factorise, multiply, new_hessian, solve
+from dlo_planner.minimize.linear import (
+    assemble,
+    factorise,
+    largest_turn,
+    multiply,
+    new_hessian,
+    solve,
+)
 from dlo_planner.minimize.spectrum import lowest_mode
 
 
@@ -53,3 +62,47 @@ def test_lowest_mode_is_the_dense_one(problem):
     assert value == pytest.approx(values[0], abs=1e-6)
     if values[0] < 0:  # a mode is only found where it is needed
         assert abs(mode.ravel() @ vectors[:, 0]) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_largest_turn_is_that_of_any_node(problem, rng):
+    # against the rotations themselves, also where the nodes beyond turn back
+    system, hessian, _ = problem
+    q = rng.normal(size=new_state(system).q.shape)
+    m = len(q)
+    here = new_state(system)
+    here.q[:] = q
+    evaluate(system, here)
+    assemble(system, here, hessian)
+    for k in range(6):
+        step = rng.normal(size=(m, 3))
+        if k > 3 and not system.basis.shape[1]:
+            step[m // 2:] = -step[:m // 2][::-1]
+        turns = []
+        for sign in (1, -1):
+            state = new_state(system)
+            state.q[:] = q + sign * 1e-6 * step
+            evaluate(system, state)
+            turns.append(state.rotations)
+        spins = [Rotation.from_matrix(up @ down.T).magnitude() / 2e-6
+                 for up, down in zip(*turns, strict=True)]
+        assert largest_turn(system, hessian, step) == pytest.approx(max(spins), rel=1e-6)
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+def test_a_pivot_of_zero_is_survived(basis):
+    # without loads the Hessian is the identity: shifted by -1 nothing is left of it
+    rod = Rod(1.0, 0.0, 1.0, 1.0)
+    around = Surroundings(rod, np.zeros(3))
+    system = Discretisation(around, np.linspace(0, 1, 9), basis, 4).system(np.eye(3))
+    state = new_state(system)
+    evaluate(system, state)
+    hessian = new_hessian(system)
+    assemble(system, state, hessian)
+    for shift, negative in ((0.0, 0), (-1 + 1e-12, 0), (-1 - 1e-12, state.q.size)):
+        assert factorise(system, hessian, shift) == negative
+    for part in (hessian.turning, hessian.cross, hessian.diagonal, hessian.dense):
+        part[:] = 0.0
+    assert factorise(system, hessian, 0.0) == 0  # neutral is not negative
+    out = np.empty_like(state.q)
+    solve(system, hessian, np.zeros_like(state.q), out)
+    np.testing.assert_array_equal(out, 0)

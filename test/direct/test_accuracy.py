@@ -1,0 +1,53 @@
+"""An accuracy asked for: kept where the way counts too, and what happened on coarse meshes told."""
+
+import numpy as np
+import pytest
+
+from dlo_planner import Box, DirectSimulator, FarEnd, Pose, Rod
+
+LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
+
+
+def test_what_yields_is_bent_once_not_on_every_mesh():
+    # a set left by a coarse mesh would be 3 mm off here
+    rod = Rod.circular(0.6, 2e-3, 8960.0, 110e9, 0.34, yield_stress=60e6, tip_mass=0.05,
+                       section_model='round', hardening=0.01)
+    fine = DirectSimulator(rod, basis='local', n_elements=1000).solve(LEVEL)
+    for accuracy in (1e-4, 1e-5):
+        shape = DirectSimulator(rod, accuracy=accuracy).solve(LEVEL)
+        assert shape.converged and shape.error_estimate <= accuracy
+        off = np.linalg.norm(shape.positions[-1] - fine.positions[-1])
+        assert off < 2 * accuracy
+        assert shape.dissipated == pytest.approx(fine.dissipated, rel=1e-4)
+
+
+def test_a_held_dlo_keeps_an_accuracy():
+    rod = Rod(1.0, 0.05, (0.3, 0.6), 0.4, natural_curvature=(0.5, -0.3))
+    end = FarEnd(Pose((0.6, 0.1, 0.9), (0, 0, 0, 1)))
+    exact = DirectSimulator(rod, basis='local', n_elements=800).solve(LEVEL, far_end=end)
+    shape = DirectSimulator(rod, accuracy=1e-5).solve(LEVEL, far_end=end)
+    assert shape.converged
+    points = exact.positions_at(shape.s)
+    assert np.linalg.norm(shape.positions - points, axis=1).max() < 1e-5
+
+
+@pytest.mark.parametrize('accuracy', [1e-3, 1e-5])
+def test_a_kick_on_a_coarse_mesh_is_a_jump(accuracy):
+    direct = DirectSimulator(Rod(1.0, 20 / 9.81, 1.0, 0.75), accuracy=accuracy)
+    hanging = direct.solve(Pose.looking_along((0, 0, 0), (0, 0, -1)))
+    fallen = direct.solve(Pose.looking_along((0, 0, 0), (0, 0, 1)), hanging)
+    assert len(fallen.s) > len(hanging.s) or accuracy > 1e-4  # it needed a finer mesh
+    assert fallen.converged and fallen.jumped
+    assert not hanging.jumped
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+def test_a_way_through_a_wall_is_no_continuation(basis):
+    # below the slab there is a good shape, but the DLO cannot have come there
+    slab = Box(Pose((0.2, 0, 0.5), (0, 0, 0, 1)), (1.0, 1.0, 0.1))
+    direct = DirectSimulator(Rod(1.0, 0.05, 0.5, 0.4, radius=1e-3), basis=basis, n_elements=24,
+                             obstacles=[slab])
+    above = direct.solve(Pose((0, 0, 0.7), (0, 0, 0, 1)))
+    below = direct.solve(Pose((0, 0, -1.0), (0, 0, 0, 1)), above)
+    assert not below.converged and below.jumped
+    assert direct.solve(Pose((0, 0, -1.0), (0, 0, 0, 1))).converged  # set down there it is one

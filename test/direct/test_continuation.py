@@ -1,0 +1,104 @@
+"""Following: what the gripper's step explains is followed, what it does not is a jump."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import DirectSimulator, FarEnd, Pose, Rod
+from dlo_planner.direct.continuation import between, follow, shape_change
+
+ROD = Rod(1.0, 0.0, 1.0, 0.7)
+STRAIGHT = DirectSimulator(ROD, n_elements=16, gravity=(0, 0, 0)).solve(Pose.identity())
+
+
+def pose(angle):
+    return Pose((0, 0, 0), Rotation.from_rotvec([0, 0, angle]).as_quat())
+
+
+def bent(gripper, angle):
+    """Return a made-up Shape: beyond its middle the DLO is turned by `angle` against `gripper`."""
+    turn = Rotation.from_rotvec([0, angle, 0]).as_matrix()
+    frames = np.array([gripper.rotation @ (turn if s > 0.5 else np.eye(3)) for s in STRAIGHT.s])
+    return replace(STRAIGHT, gripper=gripper, frames=frames)
+
+
+def leaping(size, at=0.05):
+    """Return an `equilibrium` whose shape changes by `size` once the gripper has turned by `at`."""
+    def equilibrium(gripper, initial, far_end):
+        turned = Rotation.from_matrix(gripper.rotation).as_rotvec()[2]
+        return bent(gripper, size if turned > at else 0.0), 0
+    return equilibrium
+
+
+@pytest.mark.parametrize('size', [0.3, 0.9, 2.0])
+def test_a_leap_is_a_jump_however_small(size):
+    before = bent(pose(0.0), 0.0)
+    assert follow(leaping(size), before, pose(0.06)).jumped
+    assert not follow(leaping(size), before, pose(0.04)).jumped
+
+
+def test_a_quick_change_is_followed_in_smaller_steps():
+    asked = []
+
+    def equilibrium(gripper, initial, far_end):
+        turned = Rotation.from_matrix(gripper.rotation).as_rotvec()[2]
+        asked.append(turned)
+        return bent(gripper, 8.0 * turned), 0  # 8 rad per rad, without a leap
+
+    shape = follow(equilibrium, bent(pose(0.0), 0.0), pose(0.2))
+    assert not shape.jumped and len(asked) > 4
+    np.testing.assert_allclose(shape.gripper.matrix, pose(0.2).matrix, atol=1e-12)
+
+
+def test_a_failure_on_the_way_is_not_passed_over():
+    def equilibrium(gripper, initial, far_end):
+        turned = Rotation.from_matrix(gripper.rotation).as_rotvec()[2]
+        return replace(bent(gripper, 0.0), converged=turned < 0.3), 0
+
+    shape = follow(equilibrium, bent(pose(0.0), 0.0), pose(1.0))
+    assert shape.jumped and not shape.converged
+
+
+def test_change_of_shape_is_relative_to_the_gripper():
+    one = bent(pose(0.0), 0.2)
+    assert shape_change(one, bent(pose(1.3), 0.2)) == pytest.approx(0, abs=1e-7)
+    assert shape_change(one, bent(pose(1.3), 0.7)) == pytest.approx(0.5)
+
+
+def test_between_goes_the_short_way_in_place_and_turn():
+    one, other = Pose((0, 0, 1), (0, 0, 0, 1)), Pose((1, 2, 1), pose(0.8).quaternion)
+    third = between(one, other, 0.25)
+    np.testing.assert_allclose(third.position, (0.25, 0.5, 1))
+    np.testing.assert_allclose(third.rotation, pose(0.2).rotation, atol=1e-12)
+
+
+@pytest.mark.parametrize(('stored', 'lost', 'jumped'), [
+    (1.0, 0.0, False),   # all the work is stored
+    (0.9, 0.0, False),   # the trapezoidal rule is not exact
+    (0.5, 0.0, True),    # where is the rest?
+    (0.3, 0.7, False),   # in plastic work
+    (0.3, 0.2, True),
+    (1.5, 0.0, False)])
+def test_a_held_dlo_has_fallen_where_energy_is_missing(stored, lost, jumped):
+    # the gripper moves by 0.1 m against a force that grows from 0 to 20 N: 1 J
+    force = np.array([20.0, 0, 0, 0, 0, 0])
+    before = replace(bent(pose(0.0), 0.0), energy=0.0, elastic_energy=0.1)
+    there = Pose((0.1, 0, 0), (0, 0, 0, 1))
+    after = replace(bent(there, 0.0), energy=stored, gripper_wrench=force, dissipated=lost)
+    end = FarEnd(Pose((1, 0, 0), (0, 0, 0, 1)))
+    assert follow(lambda *_: (after, 0), before, there, end).jumped == jumped
+    assert follow(lambda *_: (after, 1), before, there, end).jumped  # a kick is a fall as well
+
+
+def test_a_far_end_works_too():
+    # turned by 0.1 rad against a moment that grows from 10 to 30 N m: 2 J
+    first, last = (np.array([0, 0, 0, 0, 0, moment]) for moment in (10.0, 30.0))
+    before = replace(bent(pose(0.0), 0.0), energy=1.0, elastic_energy=0.1, far_wrench=first)
+    turned = np.array([pose(0.1).rotation] * len(STRAIGHT.s))
+    after = replace(bent(pose(0.0), 0.0), energy=3.0, frames=turned, far_wrench=last)
+    for energy, jumped in ((3.0, False), (2.0, True)):
+        shape = replace(after, energy=energy)
+        end = FarEnd(Pose((1, 0, 0), (0, 0, 0, 1)))
+        assert follow(lambda *_, s=shape: (s, 0), before, pose(0.0), end).jumped == jumped

@@ -1,0 +1,42 @@
+"""Loads on nodes: totals and moments of what they stand for."""
+
+import numpy as np
+import pytest
+
+from dlo_planner import Rod
+from dlo_planner.energy.loads import dead_load, distributed, node_masses
+
+S = np.array([0, 0.1, 0.4, 0.45, 0.9, 1.2, 1.3])
+
+
+@pytest.mark.parametrize('where', [0.0, 0.13, 0.39, 0.4, 1.29, 1.3])
+def test_a_point_mass_keeps_its_place_on_an_uneven_mesh(where):
+    masses = node_masses(Rod(1.3, 0.0, 1.0, 1.0, point_masses=((where, 0.3),)), S)
+    assert masses.sum() == pytest.approx(0.3)
+    assert masses @ S == pytest.approx(0.3 * where)
+    near = np.abs(S - where)
+    assert (masses[near > 0.5] == 0).all() and (masses >= 0).all()
+
+
+def test_masses_on_an_uneven_mesh_keep_the_first_moment():
+    rod = Rod(1.3, lambda s: 1.0 + s, 1.0, 1.0, tip_mass=0.7, point_masses=((0.2, 0.5),))
+    h, middle = np.diff(S), 0.5 * (S[1:] + S[:-1])
+    masses = node_masses(rod, S)
+    assert masses.sum() == pytest.approx(np.sum(h * (1 + middle)) + 1.2)
+    assert masses @ S == pytest.approx(np.sum(h * middle * (1 + middle)) + 0.7 * 1.3 + 0.5 * 0.2)
+
+
+@pytest.mark.parametrize('load', [(1.0, -2.0, 3.0), lambda s: (1.0, -2.0 * s, 3.0 * s**2)],
+                         ids=['even', 'varies'])
+def test_a_distributed_load_keeps_force_and_moment(load):
+    forces, middle = distributed(load, S), 0.5 * (S[1:] + S[:-1])
+    density = np.array([load(s) if callable(load) else load for s in middle])
+    parts = density * np.diff(S)[:, None]
+    np.testing.assert_allclose(forces.sum(axis=0), parts.sum(axis=0))
+    np.testing.assert_allclose(S @ forces, middle @ parts)
+
+
+def test_the_rounding_scale_does_not_cancel():
+    pull = np.array([[0.0, 0, 0], [0, 0, 2.0], [0, 0, 2.0]])
+    positions = np.array([[0.0, 0, 0], [1, 0, 3.0], [2, 0, -3.0]])
+    assert dead_load(pull, positions) == (0.0, 12.0)

@@ -1,0 +1,94 @@
+"""Plans as values: cut, joined, timed, and what they say of their shapes."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import CutOut, DirectSimulator, InverseSimulator, PlanStatus, Pose, Rod
+from dlo_planner.inverse.plan import first_part, joined, waypoint_at
+
+DIRECT = DirectSimulator(Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2),
+                             radius=0.003), n_elements=24)
+HOLE = CutOut(Pose.looking_along((0.1, 0.2, 1.0), (1, 0.2, 0)), radius=0.02)
+DEPTHS = np.linspace(0, 0.8, 9)
+
+
+@pytest.fixture(scope='module')
+def plan():
+    return InverseSimulator(DIRECT).thread(HOLE, depths=DEPTHS, linear_speed=0.05,
+                                           angular_speed=0.2)
+
+
+def test_a_part_says_how_much_of_the_whole_it_is(plan):
+    part = first_part(plan, 6, PlanStatus.PARTIAL)
+    assert len(part) == 6 and part.fraction == pytest.approx(6 / 9)
+    assert first_part(part, 3, PlanStatus.PARTIAL).fraction == pytest.approx(3 / 9)
+    assert first_part(plan, 6, PlanStatus.COMPLETE).fraction == 1
+    np.testing.assert_array_equal(part.depths, DEPTHS[:6])
+    for name in ('grippers', 'shapes', 'misalignment', 'miss', 'times', 'passes', 'clearances'):
+        assert len(getattr(part, name)) == 6
+
+
+@pytest.mark.parametrize('first', [True, False])
+def test_two_plans_are_as_complete_as_the_lesser(plan, first):
+    part = first_part(plan, 6, PlanStatus.PARTIAL)
+    whole = joined(part, plan) if first else joined(plan, part)
+    assert whole.fraction == pytest.approx(6 / 9)
+    assert joined(plan, plan).fraction == 1
+
+
+def test_the_second_plan_begins_where_the_first_ends(plan):
+    late = first_part(plan, 9, PlanStatus.COMPLETE)
+    object.__setattr__(late, 'times', plan.times + 100.0)  # its clock does not count
+    whole = joined(plan, late)
+    assert len(whole) == 17
+    np.testing.assert_allclose(whole.times[:9], plan.times)
+    np.testing.assert_allclose(np.diff(whole.times[8:]), np.diff(plan.times))
+    assert whole.grippers[8] is plan.grippers[8] and whole.grippers[9] is plan.grippers[1]
+    assert whole.clearances.shape == (17, 1, 3)
+    np.testing.assert_array_equal(whole.clearances[9:], plan.clearances[1:])
+
+
+def test_what_has_no_cutout_has_all_the_room_there_is(plan):
+    free = InverseSimulator(DIRECT).thread(CutOut(HOLE.pose), depths=DEPTHS)
+    assert (joined(free, plan).clearances[:9] == np.inf).all()
+    assert np.isfinite(joined(free, plan).clearances[9:, 0, 0]).all()
+
+
+def test_velocities_lead_from_each_pose_to_the_next(plan):
+    speeds = plan.velocities
+    assert (speeds[-1] == 0).all()
+    for k, seconds in enumerate(np.diff(plan.times)):
+        here, there = plan.grippers[k:k + 2]
+        np.testing.assert_allclose(here.position + seconds * speeds[k, :3], there.position,
+                                   atol=1e-12)
+        turn = Rotation.from_rotvec(seconds * speeds[k, 3:]).as_matrix()  # about world axes
+        np.testing.assert_allclose(turn @ here.rotation, there.rotation, atol=1e-12)
+    linear, angular = (np.linalg.norm(part, axis=1)[:-1] for part in np.split(speeds, 2, axis=1))
+    assert linear.max() <= 0.05 * (1 + 1e-9) and angular.max() <= 0.2 * (1 + 1e-9)
+    np.testing.assert_allclose(np.maximum(linear / 0.05, angular / 0.2), 1)
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.3, 2.0, np.pi - 1e-3])
+def test_misalignment_is_an_angle(plan, angle):
+    shape = plan.shapes[3]
+    axes, position = shape.frame_at(0.4)
+    normal = Rotation.from_rotvec(angle * axes[:, 1]).apply(axes[:, 0])
+    waypoint = waypoint_at(shape, position + [0.3, 0, 0.4], 0.4, normal)
+    assert waypoint.misalignment == pytest.approx(angle, abs=1e-9)
+    assert waypoint.miss == pytest.approx(0.5)
+    worse, better = (waypoint.also(shape.frame_at(0.7)[1] + [0, off, 0], 0.7) for off in (0.9, 0.1))
+    assert worse.miss == pytest.approx(0.9) and better.miss == pytest.approx(0.5)
+
+
+def test_misses_are_those_of_every_centre(plan):
+    for misses, miss, (passes,), shape in zip(plan.misses, plan.miss, plan.passes, plan.shapes,
+                                              strict=True):
+        assert misses == pytest.approx([miss], abs=1e-12)
+        centre, s, normal = passes
+        assert np.linalg.norm(shape.at(s).position - HOLE.centre) < 1e-8
+        np.testing.assert_array_equal(centre, HOLE.centre)
+        np.testing.assert_array_equal(normal, HOLE.normal)
+    moved = plan.shapes[2].moved((0.1, 0.2, -0.3))
+    assert moved.energy == pytest.approx(moved._discretisation.rod.mass_per_length * 9.81 * -0.3
+                                         + plan.shapes[2].energy, abs=1e-9)
