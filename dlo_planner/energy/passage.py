@@ -13,7 +13,7 @@ from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.distance import BOX, PLANE, SHEET, in_plane, signed_distance
 from dlo_planner.ritz.kinematics import point_inside
 
-_NOISE = 1e-9  # m
+_FLUSH = 1e-9  # of the length: what is that near to a surface lies in it
 
 
 @njit(cache=True)
@@ -24,18 +24,19 @@ def passes_through(scene, lengths, strains, rotations, old, new):
         strains: (N, 3), rotations: (N + 1, 3, 3) of the old shape
         old, new: (N + 1, 3) node positions; relative to `scene.origin`
     """
+    flush = _FLUSH * np.sum(lengths)
     for o in range(scene.kind.size):
         if scene.kind[o] == SHEET:
-            if _through_sheet(scene, o, old, new):
+            if _through_sheet(scene, o, flush, old, new):
                 return True
-        elif scene.kind[o] != PLANE and _through_solid(scene, o, lengths, strains, rotations, old,
-                                                       new):
+        elif scene.kind[o] != PLANE and _through_solid(scene, o, flush, lengths, strains,
+                                                       rotations, old, new):
             return True
     return False
 
 
 @njit(cache=True)
-def _through_solid(scene, o, lengths, strains, rotations, old, new):
+def _through_solid(scene, o, flush, lengths, strains, rotations, old, new):
     normal, bend = np.empty(3), np.empty((3, 3))
     rotation, x = np.empty((3, 3)), np.empty(3)
     inner = scene.size[o, 2]
@@ -59,7 +60,7 @@ def _through_solid(scene, o, lengths, strains, rotations, old, new):
         if moved <= near - 0.5 * lengths[e] + depth:
             continue
         gap, fraction = nearest_inside(scene, o, e, lengths, strains, rotations, old, normal, bend)
-        deep = max(gap + depth, _NOISE)  # what is deeper inside may only come out
+        deep = max(gap + depth, flush)  # what is deeper inside may only come out
         if moved <= deep:
             continue
         point_inside(lengths, strains, rotations, old, e, fraction, rotation, x)
@@ -73,7 +74,7 @@ def _through_solid(scene, o, lengths, strains, rotations, old, new):
 
 
 @njit(cache=True)
-def _through_sheet(scene, o, old, new):
+def _through_sheet(scene, o, flush, old, new):
     p, q = np.empty(3), np.empty(3)
     before, after = np.empty(3), np.empty(3)
     last_before, last_after = np.empty(3), np.empty(3)
@@ -86,15 +87,14 @@ def _through_sheet(scene, o, old, new):
             for j in range(3):
                 before[i] += scene.axes[o, j, i] * p[j]
                 after[i] += scene.axes[o, j, i] * q[j]
-        if _pierced(before, after) and not _open(scene, o, before, after):
+        if _pierced(before, after, flush) and not _open(scene, o, before, after):
             return True
-        if k:
-            pierced = _pierced(last_after, after)
-            if pierced and not _open(scene, o, last_after, after) and not (
-                    _pierced(last_before, before) and not _open(scene, o, last_before, before)):
+        if k and _pierced(last_after, after, flush):
+            was = _pierced(last_before, before, flush)
+            was_open = was and _open(scene, o, last_before, before)
+            if not _open(scene, o, last_after, after) and (was_open or not was):
                 return True
-            if pierced and _pierced(last_before, before) and not _same_opening(
-                    scene, o, last_before, before, last_after, after):
+            if was and not _same_opening(scene, o, last_before, before, last_after, after):
                 return True
         last_before[:] = before
         last_after[:] = after
@@ -102,8 +102,9 @@ def _through_sheet(scene, o, old, new):
 
 
 @njit(cache=True)
-def _pierced(p, q):
-    return (p[0] < 0.0) != (q[0] < 0.0)
+def _pierced(p, q, flush):
+    """Whether p and q lie on two sides; what lies in the middle plane is on neither."""
+    return p[0] * q[0] < 0.0 and min(abs(p[0]), abs(q[0])) > flush
 
 
 @njit(cache=True)

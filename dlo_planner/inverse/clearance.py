@@ -91,7 +91,8 @@ def _smallest(scene, lengths, strains, rotations, positions, normal, half):
                 out[last_part] = min(out[last_part], inside)
             last_gap, last_rate = gap, rate
         if half < np.inf:
-            gap, height = _at_the_rim(scene, o, lengths, strains, rotations, positions, normal)
+            gap, height = _at_the_rim(scene, o, lengths, strains, rotations, positions, normal,
+                                      flush)
             out[0] = min(out[0], gap)
             for part, face in ((1, -half), (2, half)):
                 # where it leaves the plate belongs to what is outside as well, if anything is
@@ -102,38 +103,60 @@ def _smallest(scene, lengths, strains, rotations, positions, normal, half):
 
 
 @njit(cache=True)
-def _at_the_rim(scene, o, lengths, strains, rotations, positions, normal):
-    """Return the smallest gap where the DLO passes the foil `o`, and that plane's height in m."""
+def _at_the_rim(scene, o, lengths, strains, rotations, positions, normal, flush):
+    """Return the smallest gap where the DLO meets the foil `o`, and that plane's height in m.
+
+    It meets the plane where it passes from one side to the other, and with each node that is
+    nearer to it than `flush` in m: which side of zero the height of an end in the plane falls on
+    does not count.
+    """
     smallest = np.inf
-    frame, x, slope = np.empty((3, 3)), np.empty(3), np.empty(2)
+    frame, x = np.empty((3, 3)), np.empty(3)
     shift = 0.0
     for i in range(3):
         shift += normal[i] * (scene.centre[o, i] - scene.origin[i])
-    for e in range(lengths.size):
-        below = above = -shift
+    last = 0.0
+    for k in range(positions.shape[0]):
+        height = -shift
         for i in range(3):
-            below += normal[i] * positions[e, i]
-            above += normal[i] * positions[e + 1, i]
-        if below * above > 0.0:
-            continue
-        low, high = 0.0, 1.0
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            point_inside(lengths, strains, rotations, positions, e, middle, frame, x)
-            height = -shift
-            for i in range(3):
-                height += normal[i] * x[i]
-            if height * below > 0.0:
-                low = middle
-            else:
-                high = middle
-        y = z = 0.0
-        for i in range(3):
-            y += scene.axes[o, i, 1] * (x[i] + scene.origin[i] - scene.centre[o, i])
-            z += scene.axes[o, i, 2] * (x[i] + scene.origin[i] - scene.centre[o, i])
-        gap, _ = in_plane(scene, o, y, z, slope)
-        smallest = min(smallest, gap - scene.radius)
+            x[i] = positions[k, i]
+            height += normal[i] * x[i]
+        if abs(height) <= flush:
+            height = 0.0
+        elif last * height < 0.0:
+            _passage(lengths, strains, rotations, positions, k - 1, normal, shift, last, frame, x)
+        if height == 0.0 or last * height < 0.0:
+            smallest = min(smallest, _room_in_plane(scene, o, x))
+        last = height
     return smallest, shift
+
+
+@njit(cache=True)
+def _passage(lengths, strains, rotations, positions, e, normal, shift, below, frame, x):
+    """Fill x (3,) with the point where element e, which begins at `below`, passes the plane."""
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        point_inside(lengths, strains, rotations, positions, e, middle, frame, x)
+        height = -shift
+        for i in range(3):
+            height += normal[i] * x[i]
+        if height * below > 0.0:
+            low = middle
+        else:
+            high = middle
+
+
+@njit(cache=True)
+def _room_in_plane(scene, o, x):
+    """Return the gap in m of x (3,), from the scene's origin, to the material in its own plane."""
+    y = z = 0.0
+    for i in range(3):
+        away = x[i] + scene.origin[i] - scene.centre[o, i]
+        y += scene.axes[o, i, 1] * away
+        z += scene.axes[o, i, 2] * away
+    gap, _ = in_plane(scene, o, y, z, np.empty(2))
+    return gap - scene.radius
 
 
 def nearest(scene, shape):
