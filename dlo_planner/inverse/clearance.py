@@ -14,7 +14,7 @@ _FLUSH = 1e-9    # of the length: a node that near to a plane is in it
 _HALVINGS = 50
 _PIECES = 8      # samples of an element, to tell where its smallest gap is
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
-_NARROW = 1e-9   # of an element: the smallest gap's place is known well enough
+_NARROW = 1e-7   # of an element: its smallest gap is known to the square of it
 
 
 def sheet_of(cutout, length, obstacles=()):
@@ -87,7 +87,8 @@ def _smallest(scene, lengths, strains, rotations, positions, normal, half):
         for e in range(nodes - 1):
             # no point of an element comes nearer than half its length beyond its nodes' mean
             bound = 0.5 * (gaps[e] + gaps[e + 1] - lengths[e])
-            if bound >= np.max(out[:3]):
+            part = _part(heights[e], half, flush)
+            if part == _part(heights[e + 1], half, flush) and bound >= out[part]:
                 continue
             pieces = 1
             cuts[0] = 0.0
