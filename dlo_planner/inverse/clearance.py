@@ -1,10 +1,10 @@
 """How much room a DLO has in its cut-outs, and beside obstacles."""
 
 import numpy as np
-from numba import njit
 
 from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.distance import build_scene, in_plane, signed_distance
+from dlo_planner.kernels import kernel
 from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.ritz.kinematics import point_inside
@@ -62,7 +62,7 @@ def room_in(sheet, normal, radius, shape):
                      0.5 * sheet.thickness)[:3]
 
 
-@njit(cache=True)
+@kernel
 def _smallest(scene, lengths, strains, rotations, positions, normal, half):
     """Return the smallest gaps (4,): in the plate, before it, behind it, of all.
 
@@ -119,7 +119,7 @@ def _smallest(scene, lengths, strains, rotations, positions, normal, half):
     return out
 
 
-@njit(cache=True)
+@kernel
 def _part(height, half, flush):
     """Return in which part of a DLO a point lies: 0 in the plate, 1 before it, 2 behind it."""
     if abs(height) <= half + flush:
@@ -127,13 +127,13 @@ def _part(height, half, flush):
     return 1 if height < 0.0 else 2
 
 
-@njit(cache=True)
+@kernel
 def _gap(scene, o, x):
     """Return the gap in m of the point x (3,), from the scene's origin, to the body `o`."""
     return signed_distance(scene, o, x + scene.origin, np.empty(3), np.empty((3, 3))) - scene.radius
 
 
-@njit(cache=True)
+@kernel
 def _lowest(scene, o, lengths, strains, rotations, positions, e, low, high, frame, x):
     """Return the smallest gap of element e between two fractions of it: golden sections.
 
@@ -168,7 +168,7 @@ def _lowest(scene, o, lengths, strains, rotations, positions, e, low, high, fram
     return min(smallest, gap_one, gap_other)
 
 
-@njit(cache=True)
+@kernel
 def _at_the_rim(scene, o, lengths, strains, rotations, positions, heights, normal, flush):
     """Return the smallest gap where the DLO meets the foil `o`, and that plane's height in m.
 
@@ -192,7 +192,7 @@ def _at_the_rim(scene, o, lengths, strains, rotations, positions, heights, norma
     return smallest, plane
 
 
-@njit(cache=True)
+@kernel
 def _passage(lengths, strains, rotations, positions, e, normal, plane, begin, frame, x):
     """Return the fraction of element e, which begins at the height `begin`, in a plane; fill x."""
     low, high = 0.0, 1.0
@@ -206,12 +206,12 @@ def _passage(lengths, strains, rotations, positions, e, normal, plane, begin, fr
     return middle
 
 
-@njit(cache=True)
+@kernel
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True)
+@kernel
 def _room_in_plane(scene, o, x):
     """Return the gap in m of x (3,), from the scene's origin, to the material in its own plane."""
     y = z = 0.0
@@ -234,7 +234,7 @@ def nearest(scene, shape):
                      shape.positions) for o in range(scene.kind.size)]
 
 
-@njit(cache=True)
+@kernel
 def _nearest(scene, o, s, lengths, strains, rotations, positions):
     x, slope, bend, normal = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(3)
     smallest, where, last_rate = np.inf, 0.0, 0.0
