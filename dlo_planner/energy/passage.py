@@ -87,14 +87,17 @@ def _through_sheet(scene, o, flush, old, new):
             for j in range(3):
                 before[i] += scene.axes[o, j, i] * p[j]
                 after[i] += scene.axes[o, j, i] * q[j]
-        if _pierced(before, after, flush) and not _open(scene, o, before, after):
+        # what is in the material already may come out
+        if (abs(before[0]) > flush and _meets(before, after, flush)
+                and not _open(scene, o, flush, before, after)):
             return True
-        if k and _pierced(last_after, after, flush):
-            was = _pierced(last_before, before, flush)
-            was_open = was and _open(scene, o, last_before, before)
-            if not _open(scene, o, last_after, after) and (was_open or not was):
+        if k and _meets(last_after, after, flush):
+            was = _meets(last_before, before, flush)
+            was_in = was and not _open(scene, o, flush, last_before, before)
+            if not was_in and not _open(scene, o, flush, last_after, after):
                 return True
-            if was and not _same_opening(scene, o, last_before, before, last_after, after):
+            if was and not _same_opening(scene, o, flush, last_before, before, last_after,
+                                         after):
                 return True
         last_before[:] = before
         last_after[:] = after
@@ -102,30 +105,35 @@ def _through_sheet(scene, o, flush, old, new):
 
 
 @njit(cache=True)
-def _pierced(p, q, flush):
-    """Whether p and q lie on two sides; what lies in the middle plane is on neither."""
-    return p[0] * q[0] < 0.0 and min(abs(p[0]), abs(q[0])) > flush
+def _meets(p, q, flush):
+    """Whether the line from p to q has a point in the middle plane, be it an end of it."""
+    return p[0] * q[0] < 0.0 or min(abs(p[0]), abs(q[0])) <= flush
 
 
 @njit(cache=True)
-def _where(p, q):
+def _where(p, q, flush):
+    """Return y and z where the line from p to q, which meets the middle plane, does so."""
+    if abs(p[0]) <= flush:
+        return p[1], p[2]
+    if abs(q[0]) <= flush:
+        return q[1], q[2]
     share = p[0] / (p[0] - q[0])
     return p[1] + share * (q[1] - p[1]), p[2] + share * (q[2] - p[2])
 
 
 @njit(cache=True)
-def _open(scene, o, p, q):
+def _open(scene, o, flush, p, q):
     """Whether the line from p to q meets the middle plane outside the material."""
-    y, z = _where(p, q)
+    y, z = _where(p, q, flush)
     away, _ = in_plane(scene, o, y, z, np.empty(2))
     return away > 0.0
 
 
 @njit(cache=True)
-def _same_opening(scene, o, p, q, r, s):
+def _same_opening(scene, o, flush, p, q, r, s):
     """Whether the ways from p to q and from r to s, both open, use the same opening."""
-    y0, z0 = _where(p, q)
-    y1, z1 = _where(r, s)
+    y0, z0 = _where(p, q, flush)
+    y1, z1 = _where(r, s, flush)
     slope = np.empty(2)
     started_open, _ = in_plane(scene, o, y0, z0, slope)
     if started_open <= 0.0:
