@@ -29,10 +29,10 @@ def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
     if far_end is not None:
         # both ends go in small parts anyway; a fall shows as energy that no work accounts for
         shape, kicks = equilibrium(gripper, previous, far_end)
-        return replace(shape, jumped=shape.jumped or kicks > 0 or _fell(previous, shape))
+        return replace(shape, jumped=shape.jumped or kicks > 0 or fell(previous, shape))
     if turn <= _LONGEST_TURN or halvings == 0:
         shape, _ = equilibrium(gripper, previous, None)
-        if shape.converged and shape_change(previous, shape) <= _allowed(previous, shape, turn):
+        if shape.converged and not fell(previous, shape):
             return shape
         if halvings == 0:
             return replace(shape, jumped=True)
@@ -44,7 +44,19 @@ def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
     return replace(shape, jumped=shape.jumped or middle.jumped)
 
 
-def _fell(previous, shape):
+def fell(previous, shape):
+    """Return whether `shape` does not continue `previous` in a single step of the grippers.
+
+    It changed more than the gripper's turn (and, in contact, its shift) can cause, or, with its
+    far end held, lost energy that no work accounts for.
+    """
+    if shape.far_end is not None:
+        return _lost(previous, shape)
+    turn = _turn(previous.gripper, shape.gripper)
+    return shape_change(previous, shape) > _allowed(previous, shape, turn)
+
+
+def _lost(previous, shape):
     """Whether less energy is left than the work of both grips accounts for."""
     work = 0.0
     ends = [(previous.gripper, shape.gripper, previous.gripper_wrench, shape.gripper_wrench),

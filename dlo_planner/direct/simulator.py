@@ -6,7 +6,7 @@ from inspect import signature
 import numpy as np
 
 from dlo_planner.direct.accuracy import accurate_equilibrium, step
-from dlo_planner.direct.continuation import follow
+from dlo_planner.direct.continuation import fell, follow
 from dlo_planner.direct.described import STRAINS
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.dynamics import simulate
@@ -180,7 +180,7 @@ class DirectSimulator(Value):
         """
         self._check(gripper, initial)
         shape, kicks = self._equilibrium(gripper, initial, FarEnd.of(far_end))
-        if kicks and initial is not None:
+        if initial is not None and (kicks or fell(initial, shape)):
             return replace(shape, jumped=True)
         return shape
 

@@ -13,7 +13,7 @@ from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.distance import BOX, PLANE, SHEET, in_plane, signed_distance
 from dlo_planner.ritz.kinematics import point_inside
 
-_NOISE = 1e-9  # of the length
+_FLUSH = 1e-9  # of the length: what is that near to a surface lies in it
 
 
 @njit(cache=True)
@@ -24,25 +24,25 @@ def passes_through(scene, lengths, strains, rotations, old, new):
         strains: (N, 3), rotations: (N + 1, 3, 3) of the old shape
         old, new: (N + 1, 3) node positions; relative to `scene.origin`
     """
+    flush = _FLUSH * np.sum(lengths)
     for o in range(scene.kind.size):
         if scene.kind[o] == SHEET:
-            if _through_sheet(scene, o, old, new):
+            if _through_sheet(scene, o, flush, old, new):
                 return True
-        elif scene.kind[o] != PLANE and _through_solid(scene, o, lengths, strains, rotations, old,
-                                                       new):
+        elif scene.kind[o] != PLANE and _through_solid(scene, o, flush, lengths, strains,
+                                                       rotations, old, new):
             return True
     return False
 
 
 @njit(cache=True)
-def _through_solid(scene, o, lengths, strains, rotations, old, new):
+def _through_solid(scene, o, flush, lengths, strains, rotations, old, new):
     normal, bend = np.empty(3), np.empty((3, 3))
     rotation, x = np.empty((3, 3)), np.empty(3)
     inner = scene.size[o, 2]
     if scene.kind[o] == BOX:
         inner = np.min(scene.size[o])
     depth = 0.5 * (inner + scene.radius)  # this far in a point still knows its way out
-    noise = _NOISE * np.sum(lengths)
     last_gap = last_move = 0.0
     for k in range(lengths.size + 1):
         change = 0.0
@@ -60,7 +60,7 @@ def _through_solid(scene, o, lengths, strains, rotations, old, new):
         if moved <= near - 0.5 * lengths[e] + depth:
             continue
         gap, fraction = nearest_inside(scene, o, e, lengths, strains, rotations, old, normal, bend)
-        deep = max(gap + depth, noise)  # what is deeper inside may only come out
+        deep = max(gap + depth, flush)  # what is deeper inside may only come out
         if moved <= deep:
             continue
         point_inside(lengths, strains, rotations, old, e, fraction, rotation, x)
@@ -74,7 +74,7 @@ def _through_solid(scene, o, lengths, strains, rotations, old, new):
 
 
 @njit(cache=True)
-def _through_sheet(scene, o, old, new):
+def _through_sheet(scene, o, flush, old, new):
     p, q = np.empty(3), np.empty(3)
     before, after = np.empty(3), np.empty(3)
     last_before, last_after = np.empty(3), np.empty(3)
@@ -87,15 +87,17 @@ def _through_sheet(scene, o, old, new):
             for j in range(3):
                 before[i] += scene.axes[o, j, i] * p[j]
                 after[i] += scene.axes[o, j, i] * q[j]
-        if _pierced(before, after) and not _open(scene, o, before, after):
+        # what is in the material already may come out
+        if (abs(before[0]) > flush and _meets(before, after, flush)
+                and not _open(scene, o, flush, before, after)):
             return True
-        if k:
-            pierced = _pierced(last_after, after)
-            if pierced and not _open(scene, o, last_after, after) and not (
-                    _pierced(last_before, before) and not _open(scene, o, last_before, before)):
+        if k and _meets(last_after, after, flush):
+            was = _meets(last_before, before, flush)
+            was_in = was and not _open(scene, o, flush, last_before, before)
+            if not was_in and not _open(scene, o, flush, last_after, after):
                 return True
-            if pierced and _pierced(last_before, before) and not _same_opening(
-                    scene, o, last_before, before, last_after, after):
+            if was and not _same_opening(scene, o, flush, last_before, before, last_after,
+                                         after):
                 return True
         last_before[:] = before
         last_after[:] = after
@@ -103,29 +105,35 @@ def _through_sheet(scene, o, old, new):
 
 
 @njit(cache=True)
-def _pierced(p, q):
-    return (p[0] < 0.0) != (q[0] < 0.0)
+def _meets(p, q, flush):
+    """Whether the line from p to q has a point in the middle plane, be it an end of it."""
+    return p[0] * q[0] < 0.0 or min(abs(p[0]), abs(q[0])) <= flush
 
 
 @njit(cache=True)
-def _where(p, q):
+def _where(p, q, flush):
+    """Return y and z where the line from p to q, which meets the middle plane, does so."""
+    if abs(p[0]) <= flush:
+        return p[1], p[2]
+    if abs(q[0]) <= flush:
+        return q[1], q[2]
     share = p[0] / (p[0] - q[0])
     return p[1] + share * (q[1] - p[1]), p[2] + share * (q[2] - p[2])
 
 
 @njit(cache=True)
-def _open(scene, o, p, q):
+def _open(scene, o, flush, p, q):
     """Whether the line from p to q meets the middle plane outside the material."""
-    y, z = _where(p, q)
+    y, z = _where(p, q, flush)
     away, _ = in_plane(scene, o, y, z, np.empty(2))
     return away > 0.0
 
 
 @njit(cache=True)
-def _same_opening(scene, o, p, q, r, s):
+def _same_opening(scene, o, flush, p, q, r, s):
     """Whether the ways from p to q and from r to s, both open, use the same opening."""
-    y0, z0 = _where(p, q)
-    y1, z1 = _where(r, s)
+    y0, z0 = _where(p, q, flush)
+    y1, z1 = _where(r, s, flush)
     slope = np.empty(2)
     started_open, _ = in_plane(scene, o, y0, z0, slope)
     if started_open <= 0.0:

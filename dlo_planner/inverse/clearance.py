@@ -1,10 +1,10 @@
 """How much room a DLO has in its cut-outs, and beside obstacles."""
 
 import numpy as np
-from numba import njit
 
 from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.distance import build_scene, in_plane, signed_distance
+from dlo_planner.kernels import kernel
 from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.ritz.kinematics import point_inside
@@ -12,6 +12,9 @@ from dlo_planner.ritz.kinematics import point_inside
 _WIDE = 100.0    # times the length: a sheet without an end
 _FLUSH = 1e-9    # of the length: a node that near to a plane is in it
 _HALVINGS = 50
+_PIECES = 8      # samples of an element, to tell where its smallest gap is
+_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+_NARROW = 1e-7   # of an element: its smallest gap is known to the square of it
 
 
 def sheet_of(cutout, length, obstacles=()):
@@ -58,39 +61,54 @@ def room_in(sheet, normal, radius, shape):
                      np.array(normal, dtype=float), 0.5 * sheet.thickness)[:3]
 
 
-@njit(cache=True)
+@kernel
 def _smallest(scene, lengths, strains, rotations, positions, normal, half):
     """Return the smallest gaps (4,): in the plate, before it, behind it, of all.
+
+    Each part is closed: where the DLO passes a face belongs to both sides of it.
 
     Args:
         positions: (N + 1, 3) from the scene's origin
         normal: (3,) of a plate there; half: of its thickness, m; infinite: there is no plate
     """
-    x, slope, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    nodes = positions.shape[0]
+    frame, x = np.empty((3, 3)), np.empty(3)
     flush = _FLUSH * np.sum(lengths)
+    gaps, heights, cuts = np.empty(nodes), np.empty(nodes), np.empty(4)
+    for k in range(nodes):
+        heights[k] = _dot(normal, positions[k])
     out = np.full(4, np.inf)
     for o in range(scene.kind.size):
-        last_gap = last_rate = 0.0
-        part = 0
-        for k in range(positions.shape[0]):
-            height = rate = 0.0
-            for i in range(3):
-                x[i] = scene.origin[i] + positions[k, i]
-                height += normal[i] * positions[k, i]
-            gap = signed_distance(scene, o, x, slope, bend) - scene.radius
-            for i in range(3):
-                rate += slope[i] * rotations[k, i, 0]
-            last_part = part
-            part = 0 if abs(height) <= half + flush else (1 if height < 0 else 2)
-            out[part] = min(out[part], gap)
-            if k and last_rate < 0.0 < rate and min(gap, last_gap) - lengths[k - 1] < out[part]:
-                inside, _ = nearest_inside(scene, o, k - 1, lengths, strains, rotations,
-                                           positions, slope, bend)
-                out[part] = min(out[part], inside)
-                out[last_part] = min(out[last_part], inside)
-            last_gap, last_rate = gap, rate
+        for k in range(nodes):
+            gaps[k] = _gap(scene, o, positions[k])
+            part = _part(heights[k], half, flush)
+            out[part] = min(out[part], gaps[k])
+        for e in range(nodes - 1):
+            # no point of an element comes nearer than half its length beyond its nodes' mean
+            bound = 0.5 * (gaps[e] + gaps[e + 1] - lengths[e])
+            part = _part(heights[e], half, flush)
+            if part == _part(heights[e + 1], half, flush) and bound >= out[part]:
+                continue
+            pieces = 1
+            cuts[0] = 0.0
+            for side in ((-1, 1) if heights[e] < heights[e + 1] else (1, -1)):
+                last, following = heights[e] - side * half, heights[e + 1] - side * half
+                if last * following < 0.0 and min(abs(last), abs(following)) > flush:
+                    cuts[pieces] = _passage(lengths, strains, rotations, positions, e, normal,
+                                            side * half, last, frame, x)
+                    pieces += 1
+            cuts[pieces] = 1.0
+            for piece in range(pieces):
+                point_inside(lengths, strains, rotations, positions, e,
+                             0.5 * (cuts[piece] + cuts[piece + 1]), frame, x)
+                part = _part(_dot(normal, x), half, flush)
+                if bound < out[part]:
+                    gap = _lowest(scene, o, lengths, strains, rotations, positions, e,
+                                  cuts[piece], cuts[piece + 1], frame, x)
+                    out[part] = min(out[part], gap)
         if half < np.inf:
-            gap, height = _at_the_rim(scene, o, lengths, strains, rotations, positions, normal)
+            gap, height = _at_the_rim(scene, o, lengths, strains, rotations, positions, heights,
+                                      normal, flush)
             out[0] = min(out[0], gap)
             for part, face in ((1, -half), (2, half)):
                 # where it leaves the plate belongs to what is outside as well, if anything is
@@ -100,39 +118,108 @@ def _smallest(scene, lengths, strains, rotations, positions, normal, half):
     return out
 
 
-@njit(cache=True)
-def _at_the_rim(scene, o, lengths, strains, rotations, positions, normal):
-    """Return the smallest gap where the DLO passes the foil `o`, and that plane's height in m."""
+@kernel
+def _part(height, half, flush):
+    """Return in which part of a DLO a point lies: 0 in the plate, 1 before it, 2 behind it."""
+    if abs(height) <= half + flush:
+        return 0
+    return 1 if height < 0.0 else 2
+
+
+@kernel
+def _gap(scene, o, x):
+    """Return the gap in m of the point x (3,), from the scene's origin, to the body `o`."""
+    return signed_distance(scene, o, x + scene.origin, np.empty(3), np.empty((3, 3))) - scene.radius
+
+
+@kernel
+def _lowest(scene, o, lengths, strains, rotations, positions, e, low, high, frame, x):
+    """Return the smallest gap of element e between two fractions of it: golden sections.
+
+    They begin beside the smallest of some samples. Slopes are not asked for: they are undefined
+    where a DLO crosses the axis of a hole, as most do.
+    """
+    width = (high - low) / _PIECES
+    best, smallest = low, np.inf
+    for k in range(_PIECES + 1):
+        point_inside(lengths, strains, rotations, positions, e, low + k * width, frame, x)
+        gap = _gap(scene, o, x)
+        if gap < smallest:
+            best, smallest = low + k * width, gap
+    low, high = max(low, best - width), min(high, best + width)
+    one, other = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    point_inside(lengths, strains, rotations, positions, e, one, frame, x)
+    gap_one = _gap(scene, o, x)
+    point_inside(lengths, strains, rotations, positions, e, other, frame, x)
+    gap_other = _gap(scene, o, x)
+    while high - low > _NARROW:
+        smallest = min(smallest, gap_one, gap_other)
+        if gap_one < gap_other:
+            high, other, gap_other = other, one, gap_one
+            one = high - _GOLDEN * (high - low)
+            point_inside(lengths, strains, rotations, positions, e, one, frame, x)
+            gap_one = _gap(scene, o, x)
+        else:
+            low, one, gap_one = one, other, gap_other
+            other = low + _GOLDEN * (high - low)
+            point_inside(lengths, strains, rotations, positions, e, other, frame, x)
+            gap_other = _gap(scene, o, x)
+    return min(smallest, gap_one, gap_other)
+
+
+@kernel
+def _at_the_rim(scene, o, lengths, strains, rotations, positions, heights, normal, flush):
+    """Return the smallest gap where the DLO meets the foil `o`, and that plane's height in m.
+
+    It meets the plane where it passes from one side to the other, and with each node that is
+    nearer to it than `flush` in m: on which side of zero the height of an end in the plane falls
+    does not count.
+    """
     smallest = np.inf
-    frame, x, slope = np.empty((3, 3)), np.empty(3), np.empty(2)
-    shift = 0.0
+    frame, x = np.empty((3, 3)), np.empty(3)
+    plane = _dot(normal, scene.centre[o] - scene.origin)
+    last = 0.0
+    for k in range(heights.size):
+        height = heights[k] - plane
+        if abs(height) <= flush:
+            height = 0.0
+            smallest = min(smallest, _room_in_plane(scene, o, positions[k]))
+        elif last * height < 0.0:
+            _passage(lengths, strains, rotations, positions, k - 1, normal, plane, last, frame, x)
+            smallest = min(smallest, _room_in_plane(scene, o, x))
+        last = height
+    return smallest, plane
+
+
+@kernel
+def _passage(lengths, strains, rotations, positions, e, normal, plane, begin, frame, x):
+    """Return the fraction of element e, which begins at the height `begin`, in a plane; fill x."""
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        point_inside(lengths, strains, rotations, positions, e, middle, frame, x)
+        if (_dot(normal, x) - plane) * begin > 0.0:
+            low = middle
+        else:
+            high = middle
+    return middle
+
+
+@kernel
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def _room_in_plane(scene, o, x):
+    """Return the gap in m of x (3,), from the scene's origin, to the material in its own plane."""
+    y = z = 0.0
     for i in range(3):
-        shift += normal[i] * (scene.centre[o, i] - scene.origin[i])
-    for e in range(lengths.size):
-        below = above = -shift
-        for i in range(3):
-            below += normal[i] * positions[e, i]
-            above += normal[i] * positions[e + 1, i]
-        if below * above > 0.0:
-            continue
-        low, high = 0.0, 1.0
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            point_inside(lengths, strains, rotations, positions, e, middle, frame, x)
-            height = -shift
-            for i in range(3):
-                height += normal[i] * x[i]
-            if height * below > 0.0:
-                low = middle
-            else:
-                high = middle
-        y = z = 0.0
-        for i in range(3):
-            y += scene.axes[o, i, 1] * (x[i] + scene.origin[i] - scene.centre[o, i])
-            z += scene.axes[o, i, 2] * (x[i] + scene.origin[i] - scene.centre[o, i])
-        gap, _ = in_plane(scene, o, y, z, slope)
-        smallest = min(smallest, gap - scene.radius)
-    return smallest, shift
+        away = x[i] + scene.origin[i] - scene.centre[o, i]
+        y += scene.axes[o, i, 1] * away
+        z += scene.axes[o, i, 2] * away
+    gap, _ = in_plane(scene, o, y, z, np.empty(2))
+    return gap - scene.radius
 
 
 def nearest(scene, shape):
@@ -145,7 +232,7 @@ def nearest(scene, shape):
     return [_nearest(scene, o, s, *shape.for_kernels) for o in range(scene.kind.size)]
 
 
-@njit(cache=True)
+@kernel
 def _nearest(scene, o, s, lengths, strains, rotations, positions):
     x, slope, bend, normal = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(3)
     smallest, where, last_rate = np.inf, 0.0, 0.0

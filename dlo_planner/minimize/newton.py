@@ -5,6 +5,10 @@ a shift of the Hessian until all its pivots are positive, a cap on how far any n
 one step (without it a heavily loaded wire winds extra turns into itself), and a decrease of the
 potential in every step. Where the gradient vanishes but a pivot is negative, the shape is a
 saddle: it is kicked along its lowest mode and goes on falling.
+
+Where a symmetric DLO may fall to either side, rounding errors would choose one as they grow from
+step to step. So it leans, by little but far more than those, to the side that
+`spectrum.preferred` states, from where the descent is first found to be unstable.
 """
 
 import numpy as np
@@ -19,10 +23,13 @@ from dlo_planner.minimize.linear import (
     new_hessian,
     solve,
 )
-from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.minimize.spectrum import lowest_mode, preferred
 
 LARGEST_TURN = 0.8  # rad per step, of any node
 KICK_TURN = 0.3     # rad, of a saddle along its lowest mode
+_LEAN = 1e-5        # rad, of a DLO that is about to fall
+_FALLING = 2e-3     # a shift that is needed beyond this tells that it is, not that it is neutral
+_ALIKE = 0.5        # of the lower side's fall: a side that falls by more is as good
 NEUTRAL = 1e-7      # eigenvalues nearer to zero than this count as zero
 _MOST_KICKS = 10
 _OFTEN = 3
@@ -89,6 +96,7 @@ def descend(system, q, tolerance, max_iterations, check):
     obstructed = 0
     turn = np.inf  # rad, of the last step
     shifted = 0.0  # shift of the factorisation that it was made with
+    leans = False
     while True:
         residual = residual_of(system, state)
         arrived = residual < tolerance or stalled or iterations >= max_iterations
@@ -105,6 +113,12 @@ def descend(system, q, tolerance, max_iterations, check):
         if arrived:
             stability, mode = lowest_mode(system, hessian, shift, 1e-4)
             break
+        if shift > _FALLING and not leans:
+            leans = True
+            if _leant(system, hessian, state, trial):
+                state, trial = trial, state
+                energy, noise = evaluate(system, state)
+                continue
         solve(system, hessian, -state.gradient, step)
         turn = largest_turn(system, hessian, step)
         shifted = shift
@@ -131,6 +145,18 @@ def _safe_shift(system, hessian, shift):
         if shift > 1e12:
             break
     return shift
+
+
+@njit(cache=True)
+def _leant(system, hessian, state, trial):
+    """Fill `trial` with the shape of `state` leant to the preferred side; return if it can be."""
+    preferred(system, trial.gradient)
+    amount = _LEAN / largest_turn(system, hessian, trial.gradient)
+    trial.q[:] = state.q + amount * trial.gradient
+    evaluate(system, trial)
+    return not (system.scene.kind.size and passes_through(
+        system.scene, system.lengths, state.strains, state.rotations, state.positions,
+        trial.positions))
 
 
 @njit(cache=True)
@@ -166,11 +192,8 @@ def _descend(system, state, trial, step, energy, noise):
 def kick(system, state, mode):
     """Return unknowns beside a saddle, along its lowest mode, on the lower side; None if none is.
 
-    Where both sides are as low, it is the one on which the mode's first large entry is positive.
+    Where both sides are about as low, it is the one to which the mode points.
     """
-    large = np.abs(mode.flat) > 1e-3 * np.max(np.abs(mode))
-    if mode.flat[np.argmax(large)] < 0:
-        mode = -mode
     hessian, trial = new_hessian(system), new_state(system)
     assemble(system, state, hessian)
     mode = mode * (KICK_TURN / max(largest_turn(system, hessian, mode), 1e-12))
@@ -179,16 +202,16 @@ def kick(system, state, mode):
 
     def height(q):
         trial.q[:] = q
-        high, its_noise = evaluate(system, trial)
+        high, _ = evaluate(system, trial)
         blocked = system.scene.kind.size and passes_through(
             system.scene, system.lengths, state.strains, state.rotations, state.positions,
             trial.positions)
-        return (np.inf if blocked else high), its_noise
+        return np.inf if blocked else high
 
     for _ in range(20):
-        plus, plus_noise = height(state.q + mode)
-        minus, _ = height(state.q - mode)
+        plus, minus = height(state.q + mode), height(state.q - mode)
         if min(plus, minus) < energy - 10 * noise:
-            return state.q + mode if plus <= minus + 10 * plus_noise else state.q - mode
+            alike = energy - plus >= _ALIKE * (energy - minus)
+            return state.q + mode if alike else state.q - mode
         mode = 0.5 * mode
     return None

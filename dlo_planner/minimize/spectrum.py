@@ -9,7 +9,7 @@ shape that is neutral, a negative value one that falls over.
 import numpy as np
 from numba import njit
 
-from dlo_planner.energy.potential import unknown_count
+from dlo_planner.energy.potential import project, unknown_count
 from dlo_planner.minimize.linear import solve
 
 _STEPS = 40
@@ -19,6 +19,8 @@ _MODE_BELOW = 1e-3  # nobody asks for the mode of a shape that is well stable
 @njit(cache=True)
 def lowest_mode(system, hessian, shift, tolerance):
     """Return the smallest eigenvalue of H and its unit mode (m, 3), zero if well stable.
+
+    The mode points to the side that is `preferred`.
 
     Args:
         hessian: factorised with `shift`, without negative pivots
@@ -30,7 +32,7 @@ def lowest_mode(system, hessian, shift, tolerance):
     vectors = np.empty((steps + 1, m, 3))
     diagonal = np.empty(steps)
     side = np.empty(steps)
-    _smooth_start(system, vectors[0])
+    preferred(system, vectors[0])
     previous = 0.0
     used = steps
     for k in range(steps):
@@ -60,27 +62,33 @@ def lowest_mode(system, hessian, shift, tolerance):
         _, modes = np.linalg.eigh(_tridiagonal(diagonal, side, used))
         for k in range(used):
             _subtract(mode, -modes[k, used - 1], vectors[k])
-        mode /= np.sqrt(_dot(mode, mode))
+        size = np.sqrt(_dot(mode, mode))
+        mode /= size if _dot(mode, vectors[0]) >= 0.0 else -size
     return value, mode
 
 
 @njit(cache=True)
-def _smooth_start(system, vector):
-    """Fill a unit vector near the smooth low modes, with a part along every mode."""
-    m = vector.shape[0]
-    local = system.basis.shape[1] == 0
+def preferred(system, vector):
+    """Fill the unit vector (m, 3) of the side to which a DLO falls where both are alike.
+
+    Positive torsion and curvatures in the gripper's frame, more of them near the gripper, and of
+    the smooth low modes more than of others. Each element has a part of its own, from a fixed row
+    of numbers, so that no mode lies square to it by symmetry: rounding errors do not decide.
+    """
+    lengths = system.lengths
+    total = np.sum(lengths)
+    values = np.empty((lengths.size, 3))
+    series = system.basis.shape[1] > 0
     seed = 12345
     where = 0.0
-    total = np.sum(system.lengths)
-    for e in range(m):
-        if local:
-            smooth = np.sqrt(system.lengths[e] / total) * (1.2 - where / total)
-            where += system.lengths[e]
-        else:
-            smooth = 1.0 / (1.0 + e * e)
+    for e in range(lengths.size):
+        smooth = lengths[e] if series else np.sqrt(lengths[e])
+        smooth *= 1.2 - where / total
+        where += lengths[e]
         for i in range(3):
             seed = (1103515245 * seed + 12345) % 2147483648
-            vector[e, i] = smooth * (0.9 + 0.2 * seed / 2147483648.0)
+            values[e, i] = smooth * (0.9 + 0.2 * seed / 2147483648.0)
+    project(system.basis, values, vector)
     vector /= np.sqrt(_dot(vector, vector))
 
 
