@@ -21,10 +21,10 @@ simulated, and the straight way is looked at by `inverse.continuity`.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from dlo_planner.energy.distance import build_scene, signed_distance
 from dlo_planner.inverse.clearance import clearance, room_in
+from dlo_planner.kernels import kernel
 from dlo_planner.model.pose import Pose
 from dlo_planner.ritz.kinematics import point_inside
 
@@ -205,7 +205,7 @@ def _apart(this, that):
                       that.positions, reach)
 
 
-@njit(cache=True)
+@kernel
 def _element_rooms(scene, lengths, positions, least):
     """Return (N,) a lower bound in m of the room of each element, none below the `least` of all."""
     x, slope, bend = np.empty(3), np.empty(3), np.empty((3, 3))
@@ -222,7 +222,7 @@ def _element_rooms(scene, lengths, positions, least):
     return np.maximum(rooms, least)
 
 
-@njit(cache=True)
+@kernel
 def _distances(at, points, s, strains, rotations, positions, reach):
     """Return distances (n,) in m, none too small, of points from a DLO prolonged by `reach`.
 
@@ -266,7 +266,7 @@ def _distances(at, points, s, strains, rotations, positions, reach):
     return out
 
 
-@njit(cache=True)
+@kernel
 def _from_ray(point, end, rotation, sign, reach):
     """Return the squared distance of a point from where an end is prolonged to by `reach`."""
     along = away = 0.0

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from scipy.spatial import ConvexHull
 
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.energy.potential import evaluate, new_state, turned_system
 from dlo_planner.inverse.marching import march_from_end
+from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorise, new_hessian
 from dlo_planner.minimize.spectrum import lowest_mode
 
@@ -105,7 +105,7 @@ def _upright(up):
     return np.column_stack([side, np.cross(up, side), up])
 
 
-@njit(cache=True)
+@kernel
 def _hang(system, ends):
     """Return frames (n, N + 1, 3, 3), positions (n, N + 1, 3) and stability (n,)."""
     n, nodes = ends.shape[0], system.lengths.size + 1

@@ -6,9 +6,9 @@ solution for a DLO whose free end alone is prescribed: where a threading begins.
 """
 
 import numpy as np
-from numba import njit
 
 from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
+from dlo_planner.kernels import kernel
 from dlo_planner.ritz.arc import jacobians, rotation_and_chord
 
 _ROUNDS = 30
@@ -33,7 +33,7 @@ def placed(system, strains):
     return state
 
 
-@njit(cache=True)
+@kernel
 def march_from_end(system, end):
     """Return strains (N, 3) and gripper rotation (3, 3) in equilibrium, from the end's rotation.
 
@@ -99,7 +99,7 @@ def march_from_end(system, end):
     return strains, rotation
 
 
-@njit(cache=True)
+@kernel
 def _into_frame(rotation, vector, out):
     for j in range(3):
         out[j] = (rotation[0, j] * vector[0] + rotation[1, j] * vector[1]

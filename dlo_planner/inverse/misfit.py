@@ -6,12 +6,12 @@ Each observation costs one equilibrium; the derivatives come from its sensitivit
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.search import left_jacobian
+from dlo_planner.kernels import kernel
 from dlo_planner.model.pose import Pose
 from dlo_planner.ritz.kinematics import point_inside
 
@@ -157,7 +157,7 @@ def curvature_unit(rod):
     return _BENT / rod.length
 
 
-@njit(cache=True)
+@kernel
 def nearest(s, lengths, strains, rotations, positions, points):
     """Return arc lengths (m,) of the DLO's nearest points, and whether each is beyond an end.
 

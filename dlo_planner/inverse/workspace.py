@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from dlo_planner.energy.distance import SHEET, build_scene, signed_distance
 from dlo_planner.errors import InvalidTask
+from dlo_planner.kernels import kernel
 from dlo_planner.model.checks import array, instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.model.pose import Pose
@@ -144,7 +144,7 @@ def _body(scene, o):
     return rooms
 
 
-@njit(cache=True)
+@kernel
 def _distances(scene, o, places):
     """Return signed distances (n,) of places (n, 3) from the body `o`, and their slopes (n, 3)."""
     rooms, slopes = np.empty(places.shape[0]), np.empty(places.shape)
