@@ -40,9 +40,20 @@ class Brief:
     yielding: np.ndarray | None = None
     simulator: DirectSimulator | None = None
 
-    def silent(self):
-        """Return the same demands for a search, of whose steps nobody is told."""
-        return replace(self, progress=self.progress.silent())
+    def silent(self, simulator=None):
+        """Return the same demands for a search, of whose steps nobody is told.
+
+        Args:
+            simulator: DirectSimulator that the search is made with, None: the same
+        """
+        return replace(self, progress=self.progress.silent(), simulator=self._told_by(simulator))
+
+    def made_with(self, simulator):
+        """Return the same demands, the shapes between waypoints told by another simulator."""
+        return replace(self, simulator=self._told_by(simulator))
+
+    def _told_by(self, simulator):
+        return self.simulator if self.simulator is None or simulator is None else simulator
 
     def broken(self, waypoint):
         """Return None, or the constraint that a Waypoint breaks, by how much, and in words."""
@@ -53,7 +64,8 @@ class Brief:
                 return name, -room, f'the gripper is {-room:.3g} m beyond {name}'
         if waypoint.clearance < 0:
             return ('clearance', -waypoint.clearance,
-                    f'the DLO is {-waypoint.clearance:.3g} m in the sheet')
+                    f'the DLO is {-waypoint.clearance:.3g} m in the sheet around a cut-out '
+                    '(endless, where no Sheet among the obstacles has it)')
         for index, obstacle in enumerate(self.obstacles):
             room = clearance([obstacle], self.radius, shape)
             if room < 0:

@@ -72,7 +72,7 @@ def thread_sequence(simulator, cutouts, weights, depths, start, brief):
     asked = Sequence(cutouts, weights, depths, start, brief)
     quick = quick_simulator(simulator)
     few = replace(asked, depths=depths[np.unique(np.linspace(
-        0, len(depths) - 1, _COMPARED).astype(int))], brief=brief.silent())
+        0, len(depths) - 1, _COMPARED).astype(int))], brief=brief.silent(quick))
     best, refused = (np.inf, None), None
     for begin in _rolled(simulator, asked):
         brief.progress.check()

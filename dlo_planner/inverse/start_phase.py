@@ -38,12 +38,13 @@ def start_phase(simulator, cutout, start, first, standoff, initial, brief):
     back = max(0.0, (1 + _MARGIN) * simulator.rod.length + brief.radius - behind)
     quick = quick_simulator(simulator)
     own = quick is simulator
+    brief = brief.made_with(simulator)
     end = first if own else quick.solve(first.gripper, first)
     refused = None
     for share in _SHARES if back else (0.0,):
         try:
             plan = _from_behind(quick, cutout, start, end, standoff, initial,
-                                brief if own else brief.silent(), share * back)
+                                brief if own else brief.silent(quick), share * back)
         except Infeasible as error:
             if refused is None or error.waypoint >= refused.waypoint:
                 refused = error

@@ -53,11 +53,11 @@ def thread(simulator, cutout, depths, start, initial, method, brief):
     refused, the sphere of all hanging shapes tells a better way, or that there is none. A way is
     looked for with a simulator that is quick, whatever the accuracy asked for.
     """
-    asked = Threading(cutout, depths, start, initial, brief)
+    asked = Threading(cutout, depths, start, initial, brief.made_with(simulator))
     quick = quick_simulator(simulator)
     if quick is simulator:
         return _search(simulator, asked, method)[0]
-    silent = replace(asked, brief=brief.silent())
+    silent = replace(asked, brief=brief.silent(quick))
     _, begin, route = _search(quick, silent, 'coupled')
     if begin is None:  # the first choice will do
         begin = next(beginnings(simulator, cutout, start))

@@ -42,7 +42,7 @@ def thread_two(simulator, first, second, depths, start, brief):
         raise InvalidTask('second: expected another centre than the first cut-out\'s')
     quick = quick_simulator(simulator)
     plan, change = _search(quick, asked if quick is simulator else
-                           replace(asked, brief=brief.silent()))
+                           replace(asked, brief=brief.silent(quick)))
     if quick is simulator:
         return plan
     refined = _refined(simulator, asked, change)
