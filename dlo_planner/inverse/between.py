@@ -152,7 +152,6 @@ class _Sweep:
         return (self._between(leg, one, middle, bends, halvings - 1)
                 or self._between(leg, middle, other, bends, halvings - 1))
 
-
     def _middle(self, leg, one, other):
         """Return the Look half way between two, and None or what `_between` says of a jump."""
         u = 0.5 * (one.u + other.u)
