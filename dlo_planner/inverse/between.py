@@ -53,7 +53,7 @@ def broken_between(path, shapes, sheets, brief, known=None):
         brief: Brief: workspace, obstacles, radius; its simulator tells the shapes between the
             waypoints; without one, and for shapes that are parts of its rod, the DLO is not
             looked at
-        known: (n,) least room in the sheets at the waypoints, m; None: it is computed
+        known: n least rooms in the sheets at the waypoints, m; each None, or all: computed
     """
     found = None
     if brief.workspace is not None:
@@ -151,7 +151,6 @@ class _Sweep:
                                           'sheet or an obstacle')
         return (self._between(leg, one, middle, bends, halvings - 1)
                 or self._between(leg, middle, other, bends, halvings - 1))
-
 
     def _middle(self, leg, one, other):
         """Return the Look half way between two, and None or what `_between` says of a jump."""

@@ -137,7 +137,8 @@ class Draft:
     def finished(self):
         """Return the Plan; raises Infeasible if it breaks a demand between two waypoints."""
         plan = self._plan(PlanStatus.COMPLETE)
-        return kept_between(plan, self._brief, self._what, plan.clearance)
+        known = [room if np.isfinite(room) else None for room in plan.clearance]
+        return kept_between(plan, self._brief, self._what, known)
 
     def partial(self):
         """Return the Plan so far, as evidence."""
@@ -152,7 +153,7 @@ def kept_between(plan, brief, what='waypoint', known=None):
 
     Args:
         what: how a waypoint is called in a refusal
-        known: (n,) least room in the plan's sheets at its waypoints, m; None: it is computed
+        known: n least rooms in the plan's sheets at its waypoints, m; None: computed if needed
 
     Raises:
         Infeasible: it does not; the waypoint is the one to which the gripper is going

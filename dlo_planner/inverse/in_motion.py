@@ -11,6 +11,10 @@ _NEWTON = 4           # steps to the arc length that is nearest to a centre
 _DOUBLINGS, _HALVINGS = 4, 3  # of the pace that is tried
 
 
+class TooLong(InvalidTask):
+    """A motion would take more steps than are simulated."""
+
+
 class InMotion:
     """Runs a plan at any pace and judges what the DLO does.
 
@@ -33,7 +37,7 @@ class InMotion:
             only: name of the one that is wanted; None: all
 
         Raises:
-            InvalidTask: the run has too many steps
+            TooLong: the run has more than 20000 steps
         """
         duration = scale * self._way.duration
         steps = self._steps(duration)
@@ -64,9 +68,9 @@ class InMotion:
         period = slowest_period(self._simulator.rod)
         steps = max(_FEWEST, int(np.ceil(_PER_PERIOD * duration / period)))
         if steps > _MOST:
-            raise InvalidTask(f'limits: the motion takes {duration:.3g} s, {steps} steps of '
-                              f'1/{_PER_PERIOD} of the slowest period of {period:.3g} s: expected '
-                              f'at most {_MOST} steps')
+            raise TooLong(f'limits: the motion takes {duration:.3g} s, {steps} steps of '
+                          f'1/{_PER_PERIOD} of the slowest period of {period:.3g} s: expected at '
+                          f'most {_MOST} steps')
         return steps
 
     def _miss(self, shapes, done):

@@ -7,7 +7,7 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.in_motion import InMotion, fastest_scale, least_clearance
+from dlo_planner.inverse.in_motion import InMotion, TooLong, fastest_scale, least_clearance
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.trajectory import Limits, Trajectory
 from dlo_planner.model.checks import figure, flag, instance, items, number
@@ -44,8 +44,8 @@ class Report(Value):
         duration: of that motion, s; step: of its simulation, s
         fastest: shortest duration found in which `dynamic_miss` (`swing` for a plan that has no
             centres to pass) stays within the tolerance, s; infinite if there is none within 16
-            times the duration
-        not_looked_at: names of the figures that are nan for want of anything to look at
+            times the duration, nan if to tell takes a motion of more than 20000 steps
+        not_looked_at: names of the figures that are nan
 
     In a motion that could not be simulated to its end, the figures are infinitely bad.
     """
@@ -170,8 +170,11 @@ def _in_motion(motion, tolerance):
     if tolerance is None:
         return figures
     judged = 'swing' if np.isnan(figures['dynamic_miss']) else 'dynamic_miss'
-    scale = fastest_scale(lambda scale: motion.figures(scale, judged)[judged] <= tolerance,
-                          bool(figures[judged] <= tolerance))
+    try:
+        scale = fastest_scale(lambda scale: motion.figures(scale, judged)[judged] <= tolerance,
+                              bool(figures[judged] <= tolerance))
+    except TooLong:  # so slow a motion is not looked at
+        return figures
     return figures | {'fastest': float(figures['duration'] * scale)}
 
 

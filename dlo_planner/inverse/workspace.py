@@ -1,6 +1,7 @@
 """Where the gripper may be: a cell is not empty."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from dlo_planner.model.value import Value, put
 
 _CLOSE = 1e-6        # of the way's extent: to within this the rooms on the way are known
 _CLOSE_SHEET = 1e-5  # the same beside sheets with holes, which take more looks
+_ROUNDING = 1e-13    # of places and rooms
 _ROUNDS = 40
 
 
@@ -45,6 +47,13 @@ class Workspace(Value):
             gripper_radius=number('Workspace.gripper_radius', self.gripper_radius, minimum=0))
         super().__post_init__()
 
+    def __getstate__(self):
+        return {item.name: getattr(self, item.name) for item in fields(self)}
+
+    @cached_property
+    def _scene(self):
+        return build_scene(self.keep_out, self.gripper_radius)
+
     def _limits(self):
         """Return [(name, rooms, whether of a sheet)] of all limits.
 
@@ -55,7 +64,7 @@ class Workspace(Value):
             limits += [(f'workspace.{name}.{axis}', _side(k, sign, corner[k] + sign *
                                                           self.gripper_radius), False)
                        for k, axis in enumerate('xyz') if np.isfinite(corner[k])]
-        scene = build_scene(self.keep_out, self.gripper_radius)
+        scene = self._scene
         limits += [(f'workspace.keep_out[{source}]', _body(scene, o), kind == SHEET)
                    for o, (source, kind) in enumerate(zip(scene.source, scene.kind, strict=True))]
         return limits
@@ -110,6 +119,7 @@ def _least_on(leg, rooms, sheet):
     for _ in range(_ROUNDS):
         points = leg.control_points(a, b)
         (first, slope), (last, other) = rooms(points[:, 0]), rooms(points[:, 3])
+        close = max(close, _ROUNDING * max(np.abs(first).max(), np.abs(points).max()))
         if sheet:  # without thickness: who comes so near is in it
             first, last = first - 2 * close, last - 2 * close
         np.minimum.at(least, piece, np.minimum(first, last))

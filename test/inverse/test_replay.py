@@ -174,6 +174,13 @@ def test_progress_and_deadline(plan):
         replay(DIRECT, plan, limits=Limits(0.002), deadline=0.2)
 
 
+def test_a_pace_too_slow_to_be_simulated_is_not_looked_at(plan, monkeypatch):
+    monkeypatch.setattr('dlo_planner.inverse.in_motion._MOST', 400)
+    report = replay(DIRECT, plan, limits=Limits(), tolerance=1e-9)
+    assert report.dynamic_miss > 1e-4 and np.isnan(report.fastest)
+    assert report.not_looked_at == ('fastest',)
+
+
 def test_nonsense_is_named(plan):
     for more, named in (({'tolerance': 'abc'}, "tolerance = 'abc'"),
                         ({'tolerance': 1e-3}, 'expected limits'),
