@@ -16,7 +16,7 @@ from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.statics import elastic_energy, shape_of, solve
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.plastic import Layers
-from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
 from dlo_planner.minimize.newton import newton
 
 _FIRST_INSTANT = 0.01  # of a step: how long the DLO is watched to find its first acceleration
@@ -33,7 +33,7 @@ def simulate(discretisation, grippers, dt, initial, history, integrator, progres
     strains = discretisation.strains_from(initial.s, initial.element_strains)
     history = discretisation.past(history)
     nodes, bends = _let_go(discretisation, grippers, masses, strains, history, dt)
-    shapes = [replace(initial, _estimate=_unknown)]
+    shapes = [replace(_on_mesh(discretisation, initial, strains, history), _estimate=_unknown)]
     velocities = [nodes.velocity]
     energies = [_energies(discretisation, shapes[0], history, masses, nodes.velocity)]
     for gripper in grippers[1:]:
@@ -50,6 +50,18 @@ def simulate(discretisation, grippers, dt, initial, history, integrator, progres
             break  # what would follow from a wrong shape is worth nothing
     kinetic, potential = np.array(energies).T
     return Motion(dt * np.arange(len(shapes)), shapes, np.array(velocities), kinetic, potential)
+
+
+def _on_mesh(discretisation, initial, strains, history):
+    """Return the Shape `initial` with its element strains (N, 3) on this mesh."""
+    if np.array_equal(initial.s, discretisation.s):
+        return initial
+    system = discretisation.system(initial.gripper.rotation)
+    state = new_state(system)
+    unknowns_of(system, strains, state.q)
+    evaluate(system, state)
+    found = state, initial.residual, initial.stability, 0, 0, system, 0.0
+    return shape_of(discretisation, initial.gripper, found, history)
 
 
 def _step(discretisation, gripper, before, history, masses, nodes, bends, scheme):
