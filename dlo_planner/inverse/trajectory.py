@@ -16,6 +16,7 @@ _SAMPLES = 20      # per waypoint, at which speeds and accelerations are looked 
 _FEWEST = 800      # in all
 _CORNER = 0.5      # cosine between legs: a sharper turn is a corner
 _AT_ONCE = 1e-9    # s: waypoints nearer in time are one
+_MOST = 100_000    # times asked for at once
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -110,7 +111,7 @@ class Trajectory(Value):
 
     def _split(self, times):
         """Return indices of parts (n,) and the times (n,) since their beginnings."""
-        times = np.clip(row('times', times), 0, self.duration)
+        times = np.clip(row('times', times, most=_MOST), 0, self.duration)
         which = np.minimum(np.searchsorted(self._ends, times), len(self._parts) - 1)
         begins = np.append(0.0, self._ends[:-1])
         return which, times - begins[which]
