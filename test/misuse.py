@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import itertools
 import pkgutil
 import signal
 import warnings
@@ -71,6 +72,7 @@ MALFORMED = {
     '[nan] * 3': lambda: [float('nan')] * 3, "['a'] * 3": lambda: ['a'] * 3,
     '[None]': lambda: [None], '{1: 2}': lambda: {1: 2}, 'object': object, 'a class': lambda: int,
     'a lambda': lambda: lambda: None, 'generator': lambda: (k for k in range(3)),
+    'endless': itertools.count, '[1e70] * 3': lambda: [1e70] * 3, '1e70': lambda: 1e70,
     'objects': lambda: np.array([object()] * 3), 'complex': lambda: np.array([1j] * 3),
     'strings': lambda: np.array(['a'] * 3), 'empty': lambda: np.zeros(0),
     '3 x 3 nan': lambda: np.full((3, 3), np.nan), '2 x 2 x 2': lambda: np.zeros((2, 2, 2)),

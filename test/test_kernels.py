@@ -1,5 +1,7 @@
 """Each kernel is compiled for one set of types: another one would compile at run time."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -9,10 +11,12 @@ from dlo_planner import (
     InverseSimulator,
     Plane,
     Pose,
+    PositionAt,
     Rod,
     Sheet,
     Workspace,
 )
+from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.passage import passes_through
@@ -44,6 +48,12 @@ def everything_used():
         direct.simulate([start, start], 0.01)
         assert shape.error_estimate > 0
         shape.at(np.float32(0.5))
+        again = pickle.loads(pickle.dumps(shape))
+        again.at(0.5)
+        direct.solve(start, again)
+        direct.solve(start, shape.resample(20)).moved((1, 0, 0)).at(0.5)
+        PositionAt(0.5, (0, 0, 0)).slopes(shape, Sensitivity(shape))
+        Sensitivity(shape).moved(np.full(6, 1e-3)).at(0.5)
         for first in (None, start):
             InverseSimulator(direct).thread(goal, start=first, depths=[0, 0.5])
     touching = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, yield_curvature=0.2, hardening=0.1)

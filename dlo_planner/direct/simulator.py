@@ -25,6 +25,8 @@ from dlo_planner.model.value import Value, brief, figures, put, same
 from dlo_planner.progress import Progress
 from dlo_planner.ritz.series import BASES
 
+_FARTHEST = 10  # of the length: from where a held far end may be brought
+
 
 class DirectSimulator(Value):
     """Predicts the static shape of a DLO for a gripper pose, by minimising its potential.
@@ -178,8 +180,9 @@ class DirectSimulator(Value):
         Returns:
             Shape; `converged` False, never an exception, if no equilibrium was found
         """
-        self._check(gripper, initial)
-        shape, kicks = self._equilibrium(gripper, initial, FarEnd.of(far_end))
+        far_end = FarEnd.of(far_end)
+        self._check(gripper, initial, far_end)
+        shape, kicks = self._equilibrium(gripper, initial, far_end)
         if initial is not None and (kicks or fell(initial, shape)):
             return replace(shape, jumped=True)
         return shape
@@ -211,7 +214,7 @@ class DirectSimulator(Value):
                               f'{len(grippers)}')
         shapes = []
         for gripper, end in zip(grippers, ends, strict=True):
-            self._check(gripper, initial)
+            self._check(gripper, initial, end)
             before = self._settled(initial)
             if before is None:
                 shape, _ = self._equilibrium(gripper, initial, end)
@@ -299,14 +302,26 @@ class DirectSimulator(Value):
         found, _ = self._equilibrium(shape.gripper, shape, shape.far_end)
         return found if found.converged else None
 
-    def _check(self, gripper, initial):
+    def _check(self, gripper, initial, far_end=None):
         instance('gripper', gripper, Pose)
         instance('initial', initial, Shape, optional=True)
         if initial is not None and initial.parts is not None:
-            raise InvalidTask('initial is grasped inside: expected a Shape held at s = 0')
+            raise InvalidTask(f'initial = {initial!r}: expected one of a DLO that is held at its '
+                              'beginning, not grasped inside')
+        if far_end is not None:  # its grip, and the gripper, go there step by step
+            self._near(gripper, 'far_end', far_end.pose)
+            if initial is not None:
+                self._near(gripper, 'initial', initial.gripper)
         if initial is not None and abs(initial.s[-1] - self.rod.length) > 1e-9 * self.rod.length:
             raise InvalidTask(f'initial has length {initial.s[-1]:g} m: '
                               f'expected the rod\'s {self.rod.length:g} m')
+
+    def _near(self, gripper, name, pose):
+        farthest = _FARTHEST * self.rod.length
+        away = np.abs(pose.position - gripper.position).max()
+        if away > farthest:
+            raise InvalidTask(f'{name} = {pose!r}: expected within {farthest:g} m of the gripper, '
+                              f'is {away:.3g} m off')
 
 
 def poses(grippers, least=0):

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.energy.distance import build_scene
+from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import nearest
 from dlo_planner.model.checks import direction, instance, items, number, vector
 from dlo_planner.model.obstacles import OBSTACLES
@@ -32,7 +33,8 @@ def _weight(penalty):
 def _judge(shape, *sensitivity):
     instance('shape', shape, Shape)
     for one in sensitivity:
-        instance('sensitivity', one, Sensitivity)
+        if instance('sensitivity', one, Sensitivity).shape.s.size != shape.s.size:
+            raise InvalidTask(f'shape = {shape!r}: expected the one of the sensitivity')
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -11,7 +11,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import room_in
 from dlo_planner.inverse.timing import times_at_speed
-from dlo_planner.model.checks import instance, items, number, results, shown
+from dlo_planner.model.checks import choice, instance, items, number, results, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 
@@ -23,6 +23,10 @@ class PlanStatus(Enum):
 
     COMPLETE = 'complete'
     PARTIAL = 'partial'  # only ever as the evidence inside `Infeasible`
+
+    @classmethod
+    def _missing_(cls, value):
+        choice('PlanStatus', value, [one.value for one in cls])
 
 
 @dataclass(frozen=True, eq=False, repr=False)

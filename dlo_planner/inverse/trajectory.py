@@ -12,6 +12,7 @@ from dlo_planner.model.value import Value, put
 
 _TIGHT = 5e-3    # by how much slower than the limits allow it may be
 _ROUNDS = 40     # halvings of the time between two looks
+_MOST = 100_000  # times asked for at once
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -110,7 +111,7 @@ class Trajectory(Value):
 
     def _split(self, times):
         """Return indices of legs (n,) and the times (n,) since their beginnings."""
-        times = np.clip(row('times', times), 0, self.duration)
+        times = np.clip(row('times', times, most=_MOST), 0, self.duration)
         ends = np.cumsum([law.duration for law in self._laws])
         which = np.minimum(np.searchsorted(ends, times), len(ends) - 1)
         return which, times - np.append(0.0, ends[:-1])[which]

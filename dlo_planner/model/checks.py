@@ -4,12 +4,14 @@ Each function returns the value as it is to be used: what is checked is what is 
 """
 
 from collections.abc import Callable, Iterable
+from itertools import islice
 from numbers import Real
 
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
 
+_MOST = 1_000_000  # items of a sequence; some iterators never end
 _LONGEST = 120    # characters of a value in a message
 _EXTREME = 1e75   # beyond it, and below its inverse, products of four leave the range of floats
 
@@ -163,8 +165,12 @@ def row(name, value, error=InvalidTask, *, least=1, most=None, **limits):
     if values.size < least or most is not None and values.size > most:
         raise error(f'{name} has {values.size} numbers: expected {least} at least'
                     f'{"" if most is None else f" and {most} at most"}')
-    for index, one in enumerate(values.tolist()):
-        number(f'{name}[{index}]', one, error, **limits)
+    least_value, most_value = limits.get('minimum', -np.inf), limits.get('maximum', np.inf)
+    doubtful = ~((values >= least_value) & (values <= most_value) & (np.abs(values) <= _EXTREME))
+    if 'above' in limits or 'below' in limits:
+        doubtful[:] = True
+    for index in np.flatnonzero(doubtful):
+        number(f'{name}[{index}]', float(values[index]), error, **limits)
     return values
 
 
@@ -218,9 +224,11 @@ def items(name, value, kinds, error=InvalidTask, *, least=0):
     if isinstance(value, str | bytes | dict) or not isinstance(value, Iterable):
         raise error(f'{name} = {shown(value)}: expected a sequence of {_named(kinds)}')
     try:
-        result = tuple(value)
+        result = tuple(islice(value, _MOST + 1))
     except Exception:  # whatever its iteration raises
         raise error(f'{name} = {shown(value)}: expected a sequence of {_named(kinds)}') from None
+    if len(result) > _MOST:
+        raise error(f'{name} = {shown(value)}: expected at most {_MOST} of {_named(kinds)}')
     if len(result) < least:
         raise error(f'{name} = {shown(value)}: expected {least} or more of {_named(kinds)}')
     for index, item in enumerate(result):

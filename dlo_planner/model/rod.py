@@ -7,7 +7,7 @@ import numpy as np
 
 from dlo_planner.errors import InvalidRod
 from dlo_planner.model.checks import array, choice, instance, number, returned, shown
-from dlo_planner.model.section import MODELS, SIZES, Section
+from dlo_planner.model.section import MODELS, MODULI, SIZES, Section
 from dlo_planner.model.value import Value, brief, put
 
 
@@ -196,7 +196,8 @@ class Rod(Value):
     def _of_section(cls, section, length, density, yield_stress, more):
         given = {'radius': max(section.half_n, section.half_b), 'section': section}
         if yield_stress is not None:
-            stress = number('yield_stress', yield_stress, InvalidRod, above=0)
+            stress = number('yield_stress', yield_stress, InvalidRod, minimum=MODULI[0],
+                            maximum=MODULI[1])
             given['yield_curvature'], given['yield_torsion'] = section.thresholds(stress)
         rho = number('density', density, InvalidRod, minimum=0)
         return cls(length, rho * section.area, section.bending_stiffness,

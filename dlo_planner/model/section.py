@@ -11,7 +11,7 @@ from dlo_planner.model.value import Value, put
 KINDS = ('round', 'tube', 'rectangular')
 MODELS = ('ideal', 'round', 'rectangular')
 SIZES = 1e-12, 1e9     # m, of a section from side to side: beyond, stiffness is out of range
-_MODULUS = 1e-6, 1e30  # Pa
+MODULI = 1e-6, 1e30    # Pa
 _LAYERS = 24
 _TANGENTS = 400  # terms of Saint-Venant's series
 
@@ -43,7 +43,7 @@ class Section(Value):
                                   minimum=SIZES[0] / 2, maximum=SIZES[1] / 2)
                      for name in ('half_n', 'half_b')})
         put(self, **{name: number(f'Section.{name}', getattr(self, name), InvalidRod,
-                                  minimum=_MODULUS[0], maximum=_MODULUS[1])
+                                  minimum=MODULI[0], maximum=MODULI[1])
                      for name in ('youngs_modulus', 'shear_modulus')})
         put(self, inner=number('Section.inner', self.inner, InvalidRod, minimum=0,
                                below=min(self.half_n, self.half_b)))
@@ -55,8 +55,8 @@ class Section(Value):
     @classmethod
     def of(cls, kind, half_n, half_b, youngs_modulus, poisson_ratio, inner=0.0):
         """Return the section, with its material judged (InvalidRod)."""
-        modulus = number('youngs_modulus', youngs_modulus, InvalidRod, minimum=10 * _MODULUS[0],
-                         maximum=_MODULUS[1])
+        modulus = number('youngs_modulus', youngs_modulus, InvalidRod, minimum=10 * MODULI[0],
+                         maximum=MODULI[1])
         nu = number('poisson_ratio', poisson_ratio, InvalidRod, above=-1, maximum=0.5)
         return cls(kind, half_n, half_b, modulus, modulus / (2 * (1 + nu)), inner)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import Box, DirectSimulator, InvalidTask, Plane, Pose, Rod
+from dlo_planner import Box, DeadlineExceeded, DirectSimulator, InvalidTask, Plane, Pose, Rod
 
 LEVEL = Pose.identity()
 MASS, STIFFNESS = 0.1, 1.0
@@ -190,6 +190,24 @@ def test_arrays_and_progress():
     assert motion.energy.shape == (4,)
     assert told == [(2, 4), (3, 4), (4, 4)]
     assert motion.shapes[2].error_estimate == np.inf
+
+
+def test_a_shape_on_another_mesh_is_a_beginning():
+    other = DirectSimulator(beam(), n_elements=24).solve(LEVEL)
+    for initial in (other, other.resample(7)):
+        motion = DirectSimulator(beam(), n_elements=10).simulate([LEVEL] * 4, 0.01, initial)
+        assert motion.converged
+        assert motion.velocities.shape == (4, 11, 3)
+        np.testing.assert_allclose(motion.shapes[0].positions[-1], other.positions[-1], atol=2e-2)
+
+
+def test_a_deadline_ends_a_motion():
+    simulator = DirectSimulator(beam(), n_elements=10)
+    for run in (lambda: simulator.track([LEVEL] * 50, deadline=1e-6),
+                lambda: simulator.simulate([LEVEL] * 50, 0.01, deadline=1e-6)):
+        with pytest.raises(DeadlineExceeded) as late:
+            run()
+        assert late.value.elapsed > late.value.seconds == 1e-6
 
 
 @pytest.mark.parametrize(('arguments', 'named'), [
