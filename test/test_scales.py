@@ -112,7 +112,7 @@ def on_a_bar(units, friction=0.0):
                   friction)
     way = [units.pose((0.01 * k, 0, 0.75 - 0.03 * k)) for k in range(5)]
     others = [Plane(np.array((0, 0, 0.4)) * size, (0, 0.1, 1), friction),
-              Sphere(np.array((0.6, 0.0, 0.45)) * size, 0.05 * size),
+              Sphere(np.array((0.6, 0.0, 0.4)) * size, 0.15 * size),
               Box(units.pose((0.6, 0, 0.4), (0, 0.1, 0.2)), np.array((0.1, 0.2, 0.2)) * size)]
     tracks = [units.simulator([one]).track(way) for one in (bar, *others)]
     forces = [[sum(contact.force for contact in shape.contacts) / units.force for shape in track]
@@ -258,8 +258,8 @@ def moved_and_proved(units):
 
 
 TASKS = [solved, turned_over, on_a_bar, rubbing, in_a_sheet, held, set_for_good, in_motion,
-         threaded, two_threaded, three_threaded, inserted, brought_there, in_contact, any_task, fitted,
-         moved_and_proved]
+         threaded, two_threaded, three_threaded, inserted, brought_there, in_contact, any_task,
+         fitted, moved_and_proved]
 SIZES = {'micro': Units(1e-4, 1e-9, 1e-2), 'kilometre': Units(1e3, 1e6, 30.0),
          'powers of two': Units(2.0**-14, 2.0**-8, 2.0**-6),
          'large powers': Units(2.0**10, 1.0, 32.0)}
@@ -276,4 +276,4 @@ def test_size_does_not_matter(task, size):
         pytest.skip('where friction begins to slip hangs on rounding')
     for one, other in zip(task(SIZES[size]), KNOWN[task], strict=True):
         scale = np.abs(other).max(initial=1e-3)
-        np.testing.assert_allclose(one, other, rtol=0, atol=(1e-12 if exact else 1e-6) * scale)
+        np.testing.assert_allclose(one, other, rtol=0, atol=(1e-12 if exact else 1e-5) * scale)
