@@ -9,12 +9,14 @@ from dlo_planner import (
     CutOut,
     DirectSimulator,
     InverseSimulator,
+    Observation,
     Plane,
     Pose,
     PositionAt,
     Rod,
     Sheet,
     Workspace,
+    fit_rod,
 )
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.energy.contact import nearest_inside
@@ -25,12 +27,13 @@ from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.inverse import between, workspace
 from dlo_planner.inverse.aligned import aligned_newton
 from dlo_planner.inverse.marching import march_from_end
+from dlo_planner.inverse.misfit import nearest
 from dlo_planner.minimize.multipliers import _update, _watching, _with_friction
 from dlo_planner.minimize.newton import descend
 from dlo_planner.ritz.kinematics import point_inside
 
 KERNELS = [descend, unknowns_of, aligned_newton, march_from_end, point_inside, passes_through,
-           nearest_inside, signed_distance, settled, _update, _watching, _with_friction,
+           nearest_inside, nearest, signed_distance, settled, _update, _watching, _with_friction,
            between._element_rooms, between._distances, workspace._distances]
 
 
@@ -56,6 +59,7 @@ def everything_used():
         Sensitivity(shape).moved(np.full(6, 1e-3)).at(0.5)
         for first in (None, start):
             InverseSimulator(direct).thread(goal, start=first, depths=[0, 0.5])
+        fit_rod(rod, [Observation(start, shape.positions[::9])], **options)
     touching = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, yield_curvature=0.2, hardening=0.1)
     hole = CutOut(Pose.looking_along((0.4, 0, 0), (1, 0, 0)), radius=0.2)
     direct = DirectSimulator(touching, obstacles=[Plane((0, 0, -0.2), (0, 0, 1), 0.2),

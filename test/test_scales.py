@@ -112,7 +112,7 @@ def on_a_bar(units, friction=0.0):
                   friction)
     way = [units.pose((0.01 * k, 0, 0.75 - 0.03 * k)) for k in range(5)]
     others = [Plane(np.array((0, 0, 0.4)) * size, (0, 0.1, 1), friction),
-              Sphere(np.array((0.6, 0.0, 0.45)) * size, 0.05 * size),
+              Sphere(np.array((0.6, 0.0, 0.4)) * size, 0.15 * size),
               Box(units.pose((0.6, 0, 0.4), (0, 0.1, 0.2)), np.array((0.1, 0.2, 0.2)) * size)]
     tracks = [units.simulator([one]).track(way) for one in (bar, *others)]
     forces = [[sum(contact.force for contact in shape.contacts) / units.force for shape in track]
@@ -276,4 +276,4 @@ def test_size_does_not_matter(task, size):
         pytest.skip('where friction begins to slip hangs on rounding')
     for one, other in zip(task(SIZES[size]), KNOWN[task], strict=True):
         scale = np.abs(other).max(initial=1e-3)
-        np.testing.assert_allclose(one, other, rtol=0, atol=(1e-12 if exact else 1e-6) * scale)
+        np.testing.assert_allclose(one, other, rtol=0, atol=(1e-12 if exact else 1e-5) * scale)

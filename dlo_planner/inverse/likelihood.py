@@ -1,0 +1,131 @@
+"""How errors are distributed: what a fit minimises, and what its minimum tells of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+_FARTHEST = 60.0            # of logarithms and units of curvature
+_EVALUATIONS = 60
+_ROUNDS, _SETTLED = 30, 1e-3  # of the noise
+_FIRST_NOISE, _NO_NOISE = 1e-2, 1e-10  # of the length: taken at first; what rounding leaves
+_UNKNOWN = 1e-12            # of the largest: an eigenvalue of the information that is none
+_MEDIAN = 0.6744897501960817  # of the size of a standard normal number
+
+# rho(z) of z = (distance / scale)^2 and its first two derivatives, as in SciPy's least_squares
+LOSSES = {
+    'linear': lambda z: (z, np.ones_like(z), np.zeros_like(z)),
+    'soft_l1': lambda z: (2 * (np.sqrt(1 + z) - 1), (1 + z) ** -0.5, -0.5 * (1 + z) ** -1.5),
+    'huber': lambda z: (np.where(z <= 1, z, 2 * np.sqrt(z) - 1), np.maximum(z, 1) ** -0.5,
+                        np.where(z <= 1, 0.0, -0.5 * np.maximum(z, 1) ** -1.5)),
+    'cauchy': lambda z: (np.log1p(z), 1 / (1 + z), -1 / (1 + z) ** 2),
+    'arctan': lambda z: (np.arctan(z), 1 / (1 + z**2), -2 * z / (1 + z**2) ** 2)}
+
+
+@dataclass(frozen=True, eq=False)
+class Statistics:
+    """What is left at the most likely unknowns.
+
+    Attributes:
+        covariance: (n, n) of the unknowns, infinite on the diagonal where nothing is known
+        noise: m
+    """
+
+    covariance: np.ndarray
+    noise: float
+
+
+class Errors:
+    """The model of errors: what is minimised, and what its minimum tells.
+
+    Args:
+        observed: Observed; prior: (k,) 1 / standard deviations of its parameters
+        noise: m, or None; loss: of LOSSES; scale: of it, in standard deviations of the noise
+    """
+
+    def __init__(self, observed, prior, noise, loss, scale):
+        self._observed, self._given, self._loss, self._scale = observed, noise, loss, scale
+        # errors of poses are unknowns in their own standard deviations
+        self._prior = np.append(prior, np.ones(observed.size - prior.size))
+        self._first = noise or _FIRST_NOISE * observed.rod.length
+        self._weighed = bool(self._prior.any()) or loss is not LOSSES['linear']
+
+    def settled(self, found):
+        """Return SciPy's result and the Statistics where noise and unknowns fit each other."""
+        length = self._observed.rod.length
+        noise = self._first
+        # the noise decides only where there is something else to weigh it against
+        for _ in range(_ROUNDS if self._weighed and not self._given else 0):
+            before, noise = noise, max(self._left(found.x, noise), _NO_NOISE * length)
+            if abs(noise - before) <= _SETTLED * before:
+                break
+            found = self.minimum(found.x, noise)
+        return found, self._statistics(found.x, noise)
+
+    def minimum(self, x, noise=None):
+        """Return SciPy's result from x (n,) on, for a noise in m; None: the first guess."""
+        noise = noise or self._first
+        bounds = np.full(x.size, np.inf)
+        bounds[:self._observed.n_parameters] = _FARTHEST
+        return least_squares(lambda x: self._weighted(x, noise)[0], x,
+                             lambda x: self._weighted(x, noise)[1], x_scale='jac', xtol=1e-10,
+                             ftol=1e-10, gtol=1e-12, max_nfev=_EVALUATIONS,
+                             bounds=(-bounds, bounds))
+
+    def _weighted(self, x, noise):
+        """Return residuals, whose squares add up to what is minimised, and their derivatives."""
+        here, size = self._observed.at(x), noise * self._scale
+        z = np.sum(here.away**2, axis=1) / size**2
+        value, first, _ = self._loss(z)
+        root = np.sqrt(np.divide(value, z, out=np.ones_like(z), where=z > 0))[:, None]
+        away = root * here.away / noise
+        slopes = (first[:, None] / root)[:, :, None] * here.slopes / noise
+        return (np.append(away.ravel(), self._prior * x),
+                np.vstack([slopes.reshape(-1, x.size), np.diag(self._prior)]))
+
+    def _information(self, x, noise):
+        """Return J^T J (n, n) of the points with weights, of the same squared, and its prior."""
+        here = self._observed.at(x)
+        z = np.sum(here.away**2, axis=1) / (noise * self._scale) ** 2
+        _, first, second = self._loss(z)
+        counts = here.counts.sum(axis=1)
+        # Huber's: mean slope and mean square of the force that a point exerts, along each axis
+        stiff = np.sum(counts * first + 2 * z * second) / counts.sum()
+        slopes = here.slopes.reshape(-1, x.size) / noise
+        plain = slopes.T @ slopes
+        force = np.sum(first**2 * np.sum(here.away**2, axis=1)) / noise**2
+        return plain, stiff, force, counts.sum()
+
+    def _left(self, x, noise):
+        """Return the noise (m) that the misfit tells, with what was fitted to it accounted for."""
+        here = self._observed.at(x)
+        plain, stiff, _, count = self._information(x, noise)
+        fitted = np.trace(_inverse(stiff * plain + np.diag(self._prior**2))[0] @ (stiff * plain))
+        left = max(count - fitted, 1.0)
+        if self._loss is LOSSES['linear']:
+            return float(np.sqrt(np.sum(here.away**2) / left))
+        # outliers do not move the median
+        distances = np.abs(here.away[here.counts])
+        return float(np.median(distances) / _MEDIAN * np.sqrt(count / left))
+
+    def _statistics(self, x, noise):
+        if self._given is None and not self._weighed:
+            noise = max(self._left(x, noise), np.finfo(float).tiny)
+        plain, stiff, force, count = self._information(x, noise)
+        prior = np.diag(self._prior**2)
+        inverse, unknown = _inverse(stiff * plain + prior)
+        fitted = np.trace(inverse @ (stiff * plain))
+        spread = 1.0 if self._loss is LOSSES['linear'] else force / max(count - fitted, 1.0)
+        covariance = inverse @ (spread * plain + prior) @ inverse
+        covariance[unknown, unknown] = np.inf
+        return Statistics(covariance, float(noise))
+
+
+def _inverse(information):
+    """Return the inverse (n, n) where it is known, and the indices about which nothing is."""
+    size = np.sqrt(np.diag(information))
+    size[size == 0] = 1.0
+    values, vectors = np.linalg.eigh(information / np.outer(size, size))
+    none = values <= _UNKNOWN * values.max()
+    inverse = vectors[:, ~none] / values[~none] @ vectors[:, ~none].T / np.outer(size, size)
+    return inverse, np.flatnonzero((vectors[:, none] ** 2).sum(axis=1) > _UNKNOWN)

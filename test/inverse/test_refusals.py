@@ -1,0 +1,99 @@
+"""What a task does not take into account, it refuses; it never drops it in silence."""
+
+import numpy as np
+import pytest
+
+from dlo_planner import (
+    Capsule,
+    CutOut,
+    DirectSimulator,
+    FarEnd,
+    GraspedInside,
+    InvalidTask,
+    InverseSimulator,
+    Pose,
+    Rod,
+    Spread,
+    tolerance,
+)
+from dlo_planner.inverse.beginnings import rolls_are_alike
+
+ROD = Rod(1.0, 0.05, 0.3, 0.25, radius=0.002)
+HOLE = CutOut(Pose.looking_along((1.0, 0.0, 1.0), (1, 0.2, 0)), radius=0.02)
+START = Pose((-0.3, 0, 1), (0, 0, 0, 1))
+
+
+def with_initial(inverse, initial):
+    """Yield functions that plan from an initial Shape."""
+    plan = inverse.thread(HOLE, depths=[0.0])
+    yield lambda: inverse.thread(HOLE, depths=[0.0], initial=initial)
+    yield lambda: inverse.start_phase(HOLE, plan, START, initial=initial)
+
+
+@pytest.mark.parametrize('method', ['dfp', 'downhill_simplex'])
+def test_plans_are_made_by_newton_alone(method):
+    with pytest.raises(InvalidTask, match='method'):
+        InverseSimulator(DirectSimulator(ROD, method=method))
+    with pytest.raises(InvalidTask, match='method'):
+        InverseSimulator(DirectSimulator(ROD, method=method, strains='paper'))
+
+
+def test_an_initial_shape_that_is_held_or_another_is_named():
+    direct = DirectSimulator(ROD)
+    held = direct.solve(START, far_end=FarEnd(Pose((0.6, 0, 1), (0, 0, 0, 1))))
+    grasped = GraspedInside(ROD, 0.5).solve(START)
+    longer = DirectSimulator(Rod(1.1, 0.05, 0.3, 0.25)).solve(START)
+    for initial, named in ((held, 'initial is held at its far end'),
+                           (grasped, 'initial is grasped inside'), (longer, 'initial has length'),
+                           ('shape', 'initial = ')):
+        for plan in with_initial(InverseSimulator(direct), initial):
+            with pytest.raises(InvalidTask, match=named):
+                plan()
+
+
+def test_an_initial_shape_of_another_rod_is_only_a_start():
+    direct = DirectSimulator(ROD)
+    start = DirectSimulator(Rod(1.0, 0.05, 0.15, 0.12)).solve(START)
+    wanted = InverseSimulator(direct).thread(HOLE, depths=[0.0])
+    for plan in with_initial(InverseSimulator(direct), start):
+        np.testing.assert_allclose(plan().grippers[-1].matrix, wanted.grippers[0].matrix, atol=1e-9)
+
+
+def test_a_set_of_the_initial_shape_counts():
+    direct = DirectSimulator(Rod(1.0, 0.05, 0.03, 0.025, yield_curvature=2.0, hardening=0.1))
+    level = Pose((0, 0, 1), (0, 0, 0, 1))
+    bent = direct.solve(level)
+    up = CutOut(Pose.looking_along((0, 0, 1), (0, 0, -1)))
+    wanted = InverseSimulator(direct.with_set(bent)).thread(up, start=level, depths=[0.0, 0.1])
+    fresh = InverseSimulator(direct).thread(up, start=level, depths=[0.0, 0.1])
+    found = InverseSimulator(direct).thread(up, start=level, depths=[0.0, 0.1], initial=bent)
+    assert bent.dissipated > 0
+    np.testing.assert_allclose(found.shapes[0].positions, wanted.shapes[0].positions, atol=1e-9)
+    assert np.abs(found.shapes[0].positions - fresh.shapes[0].positions).max() > 0.01
+
+
+def test_a_tolerance_is_of_the_rod_that_was_planned_for():
+    plan = InverseSimulator(DirectSimulator(ROD)).thread(HOLE, depths=[0.0, 0.3])
+    spread = Spread(mass=0.01)
+    assert tolerance(DirectSimulator(ROD), plan, spread).by_cause.max() > 0
+    for other in (DirectSimulator(Rod(1.0, 0.05, 0.5, 0.25, radius=0.002)),
+                  DirectSimulator(ROD, gravity=(0, 0, -1)), DirectSimulator(ROD, load=(0, 1, 0))):
+        with pytest.raises(InvalidTask, match='simulator'):
+            tolerance(other, plan, spread)
+
+
+def test_rounding_does_not_make_rolls_differ():
+    for rod, alike in ((ROD, True), (Rod(1.0, 0.05, (0.3, 0.3 * (1 + 1e-12)), 0.25), True),
+                       (Rod(1e-4, 5e-8, 3e-12, 2e-12, natural_curvature=(1e-7, 0)), True),
+                       (Rod(1.0, 0.05, (0.3, 0.301), 0.25), False),
+                       (Rod(1e3, 0.05, 3e9, 2e9, natural_curvature=(1e-5, 0)), False)):
+        assert rolls_are_alike(DirectSimulator(rod)) == alike
+
+
+def test_contact_tasks_meet_an_accuracy():
+    bar = Capsule((0.5, -0.5, 0.7), (0.5, 0.5, 0.7), 0.02)
+    contact = Pose((0.5, 0, 0.72), (0, 0, 0, 1))
+    rough, fine = (InverseSimulator(DirectSimulator(ROD, obstacles=[bar], **how)).hold_contact(
+        contact, 0.6, forces=[0.6]) for how in ({'basis': 'local'}, {'accuracy': 1e-4}))
+    assert fine.shapes[0].contacts and fine.shapes[0].error_estimate <= 1e-4
+    np.testing.assert_allclose(fine.grippers[0].matrix, rough.grippers[0].matrix, atol=1e-3)
