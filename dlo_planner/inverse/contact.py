@@ -11,13 +11,14 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.inverse.draft import Draft
 from dlo_planner.inverse.intervals import minima
-from dlo_planner.inverse.touching import Contacting
+from dlo_planner.inverse.touching import HARDLY_STABLE, Contacting
 
 CONDITIONS = ('least_energy', 'least_force', 'least_motion', 'largest_clearance')
 _FOUND = 1e-3   # relative: the last force that is confirmed
 _TRIED = 8      # forces of an interval, before none of it counts as confirmed
 _PACE = 0.06    # rad, and part of the length: of one step of a motion
 _MOST_HALVINGS = 7
+_BESIDE = (1.0, 0.9, 1.1, 0.75, 1.33)  # of a force: where else a way may lead
 
 
 def hold_contact(simulator, contact, s, forces, condition, start, brief):
@@ -186,7 +187,7 @@ def _leap(one, other, halvings=_MOST_HALVINGS):
     """Return 0 if a way of admissible shapes leads from a (Contacting, force) to another.
 
     Else how far, in rad and parts of the length, the gripper leaps, or where no shape is
-    admissible on the way. Arc length and logarithm of the force go evenly from one to the other.
+    admissible on the way. Arc length and logarithm of the force go about evenly.
     """
     (task, force), (last, its) = one, other
     apart = _step(task.family.shape(force), last.family.shape(its))
@@ -194,9 +195,11 @@ def _leap(one, other, halvings=_MOST_HALVINGS):
         return 0.0
     if not halvings:
         return apart
-    s, between = 0.5 * (task.s + last.s), float(np.sqrt(force * its))
-    middle = Contacting.at(task.simulator, task.contact, s, task.brief)
-    if middle.family.merit(between) <= 0:
+    middle = Contacting.at(task.simulator, task.contact, 0.5 * (task.s + last.s), task.brief)
+    middle.family.stable = HARDLY_STABLE  # the way may lead along the very end of an interval
+    forces = (float(np.sqrt(force * its)) * part for part in _BESIDE)
+    between = next((one for one in forces if middle.family.merit(one) > 0), None)
+    if between is None:
         return apart
     middle = (middle, between)
     return _leap(one, middle, halvings - 1) or _leap(middle, other, halvings - 1)

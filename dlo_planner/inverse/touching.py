@@ -19,7 +19,7 @@ from dlo_planner.model.pose import Pose
 LEAST, MOST = 1e-3, 30.0  # forces looked at, as parts of the natural ones
 _ELEMENTS = 64            # of the mesh on which a force is chosen
 _MOST_ELEMENTS = 4096
-_HARDLY_STABLE = 1e-3     # what counts as stable where nothing is more stable
+HARDLY_STABLE = 1e-3     # what counts as stable where nothing is more stable
 _SAME_FORCE, _SAME_PLACE = 0.1, 1e-3  # relative; of the length: what counts as confirmed
 _NEAR = 0.02              # of the length: contacts that are counted as the one
 
@@ -77,7 +77,7 @@ class Contacting:
                 least, most = LEAST * family.scale[0], MOST * family.scale[1]
                 found = intervals(self.merit, least, most)
             best = family.most_stable()
-            if found or best is None or not _HARDLY_STABLE < best.stability <= STABLE:
+            if found or best is None or not HARDLY_STABLE < best.stability <= STABLE:
                 break
             family.stable = 0.5 * best.stability
         if not found:
