@@ -2,149 +2,23 @@
 
 Arc length, place and direction at the contact leave the force of contact free: a curve of gripper
 poses and shapes (`inverse.holding`), whose admissible parts are intervals (`inverse.intervals`). A
-condition chooses from them, and the direct simulation confirms what is chosen.
+condition chooses from them, and the direct simulation confirms what is chosen
+(`inverse.touching`).
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.accuracy import step
-from dlo_planner.inverse.draft import Brief, Draft
-from dlo_planner.inverse.holding import STABLE, ContactFamily
-from dlo_planner.inverse.intervals import intervals, minima
-from dlo_planner.inverse.plan import waypoint_at
-from dlo_planner.model.pose import Pose
+from dlo_planner.inverse.draft import Draft
+from dlo_planner.inverse.intervals import minima
+from dlo_planner.inverse.touching import HARDLY_STABLE, Contacting
 
 CONDITIONS = ('least_energy', 'least_force', 'least_motion', 'largest_clearance')
-LEAST, MOST = 1e-3, 30.0  # forces looked at, as parts of the natural ones
-_ELEMENTS = 64            # of the mesh on which a force is chosen
-_MOST_ELEMENTS = 4096
-_HARDLY_STABLE = 1e-3     # what counts as stable where nothing is more stable
-_SAME_FORCE, _SAME_PLACE = 0.1, 1e-3  # relative; of the length: what counts as confirmed
-_NEAR = 0.02              # of the length: contacts that are counted as the one
-_FOUND = 1e-3             # relative: the last force that is confirmed
-_TRIED = 8                # forces of an interval, before none of it counts as confirmed
-_PACE = 0.06              # rad, and part of the length: of one step of a motion
+_FOUND = 1e-3   # relative: the last force that is confirmed
+_TRIED = 8      # forces of an interval, before none of it counts as confirmed
+_PACE = 0.06    # rad, and part of the length: of one step of a motion
 _MOST_HALVINGS = 7
-
-
-@dataclass(frozen=True)
-class Contacting:
-    """One contact task at one arc length.
-
-    Attributes:
-        simulator: DirectSimulator; family: ContactFamily, quick; s: m; contact: Pose
-        brief: Brief
-    """
-
-    simulator: object
-    family: ContactFamily
-    contact: Pose
-    brief: Brief
-
-    @classmethod
-    def at(cls, simulator, contact, s, brief):
-        """Return the task of keeping `contact` at `s`."""
-        own = simulator._discretisation
-        elements = _ELEMENTS if own is None else min(max(own.s.size - 1, 8), 2 * _ELEMENTS)
-        return cls(simulator, ContactFamily(simulator, contact, s, brief.progress.check, elements),
-                   contact, brief)
-
-    @property
-    def s(self):
-        """Arc length of the contact, m."""
-        return self.family.s
-
-    def merit(self, force):
-        """Return a number that is positive where this force keeps everything."""
-        merit = self.family.merit(force)
-        if merit <= 0:
-            return merit
-        broken = self.brief.broken(self.waypoint(self.family.shape(force)))
-        return merit if broken is None else -broken[1]
-
-    def waypoint(self, shape):
-        """Return the Waypoint of a Shape."""
-        return waypoint_at(shape, self.family.place, self.s, self.family.frame[:, 0])
-
-    def parts(self, forces, draft):
-        """Return the admissible intervals as lists of forces, ascending; raise Infeasible if none.
-
-        Args:
-            forces: (n,) N, the ones to be looked at, each then an interval of its own; None: all
-        """
-        family = self.family
-        for _ in range(2):
-            if forces is not None:
-                found = [[float(force)] for force in forces if self.merit(float(force)) > 0]
-            else:
-                least, most = LEAST * family.scale[0], MOST * family.scale[1]
-                found = intervals(self.merit, least, most)
-            best = family.most_stable()
-            if found or best is None or not _HARDLY_STABLE < best.stability <= STABLE:
-                break
-            family.stable = 0.5 * best.stability
-        if not found:
-            raise self._refusal(draft)
-        return found
-
-    def confirmed(self, force):
-        """Return the Shape that the direct simulator finds with this force, None if another."""
-        guess, shape = self._guess(force), None
-        shape = self.simulator.solve(guess.gripper, guess)
-        length = shape.s[-1]
-        found = sum(one.force for one in shape.contacts if one.obstacle == self.family.obstacle
-                    and abs(one.s - self.s) < _NEAR * length)
-        off = np.linalg.norm(shape.frame_at(self.s)[1] - self.family.place)
-        same = abs(found - force) <= _SAME_FORCE * force and off <= _SAME_PLACE * length
-        return shape if shape.converged and same else None
-
-    def _guess(self, force):
-        """Return the Shape with this force on a mesh that is as good as the simulator's."""
-        own, accuracy = self.simulator._discretisation, self.simulator.accuracy
-        shape = self.family.shape(force)
-        elements = shape.s.size - 1
-        wanted = elements if own is None else own.s.size - 1
-        samples = np.linspace(0, shape.s[-1], 9)
-        while True:
-            if accuracy is not None:
-                wanted = min(2 * elements, _MOST_ELEMENTS)
-            if wanted == elements:
-                return shape
-            family = ContactFamily(self.simulator, self.contact, self.s,
-                                   self.brief.progress.check, wanted)
-            finer = family.shape(force)
-            moved = np.abs(finer.positions_at(samples) - shape.positions_at(samples)).max()
-            shape, elements = finer, wanted
-            if accuracy is not None and moved < 0.2 * accuracy:
-                return shape
-
-    def _refusal(self, draft):
-        """Return Infeasible: what is wrong with the best of the shapes that were looked at."""
-        family = self.family
-        good = [force for force in family.known if family.merit(force) > 0]
-        if good:
-            broken = [self.brief.broken(self.waypoint(family.shape(force))) for force in good]
-            constraint, amount, why = min(broken, key=lambda what: what[1])
-            return draft.refusal(constraint, amount, f'none of {len(good)} contact forces will '
-                                 f'do; with the best of them, {why}')
-        looked = (f'no contact force of {min(family.known):.3g} to {max(family.known):.3g} N keeps '
-                  f'the DLO touching at s = {self.s:g} m')
-        best = family.most_stable()
-        if best is None:
-            least = min(family.shape(force).violation for force in family.known)
-            return draft.refusal('contact', least, f'{looked}: with each of them it would be in an '
-                                 f'obstacle, by {least:.3g} m at least')
-        return self.unconfirmed(draft, best, f'{looked} in a stable shape: the best one has a '
-                                f'stability of {best.stability:.3g}')
-
-    def unconfirmed(self, draft, shape, why):
-        """Return Infeasible because the DLO leaves a Shape; the amount is how far, in m."""
-        found, _ = step(shape._discretisation, shape.gripper, shape, None, None)
-        amount = np.linalg.norm(found.positions - shape.positions, axis=1).max()
-        return draft.refusal('contact', amount, f'{why}; the DLO would leave it by {amount:.3g} m')
+_BESIDE = (1.0, 0.9, 1.1, 0.75, 1.33)  # of a force: where else a way may lead
 
 
 def hold_contact(simulator, contact, s, forces, condition, start, brief):
@@ -157,7 +31,7 @@ def hold_contact(simulator, contact, s, forces, condition, start, brief):
         draft.add(task.waypoint(shape))
         return draft.finished()
     if forces is None:
-        calm = minima_of(task, parts, 'least_energy', None)[0][1]
+        calm = _minima_of(task, parts, 'least_energy', None)[0][1]
         part = next(part for part in parts if part[0] <= calm <= part[-1])
         shapes = _motion(task, part)
     else:
@@ -187,7 +61,7 @@ def slide_contact(simulator, contact, lengths, forces, condition, start, brief):
     return draft.finished()
 
 
-def cost_of(task, condition, start):
+def _cost_of(task, condition, start):
     """Return the function of the force that a condition of CONDITIONS makes least.
 
     Args:
@@ -204,16 +78,16 @@ def cost_of(task, condition, start):
     return lambda force: family.shape(force).elastic_energy
 
 
-def minima_of(task, parts, condition, start):
+def _minima_of(task, parts, condition, start):
     """Return [(cost, force)], best first, of the local minima in all `parts`."""
-    cost = cost_of(task, condition, start)
+    cost = _cost_of(task, condition, start)
     return sorted(found for part in parts for found in minima(cost, task.merit, part))
 
 
 def _chosen(task, parts, condition, start, draft):
     """Return force and confirmed Shape that a condition prefers; raise Infeasible."""
-    cost, moved = cost_of(task, condition, start), []
-    for _, force in minima_of(task, parts, condition, start):
+    cost, moved = _cost_of(task, condition, start), []
+    for _, force in _minima_of(task, parts, condition, start):
         shape = task.confirmed(force)
         if shape is not None:
             moved.append((cost(force), force, shape))
@@ -287,7 +161,7 @@ def _continued(task, parts, condition, before, draft):
     The nearest of the local minima; the gripper must not leap to it.
     """
     start = draft.last.gripper
-    found = minima_of(task, parts, condition, start)
+    found = _minima_of(task, parts, condition, start)
     found.sort(key=lambda one: _away(task.family.shape(one[1]), start))
     best = None
     for _, force in found:
@@ -313,7 +187,7 @@ def _leap(one, other, halvings=_MOST_HALVINGS):
     """Return 0 if a way of admissible shapes leads from a (Contacting, force) to another.
 
     Else how far, in rad and parts of the length, the gripper leaps, or where no shape is
-    admissible on the way. Arc length and logarithm of the force go evenly from one to the other.
+    admissible on the way. Arc length and logarithm of the force go about evenly.
     """
     (task, force), (last, its) = one, other
     apart = _step(task.family.shape(force), last.family.shape(its))
@@ -321,9 +195,11 @@ def _leap(one, other, halvings=_MOST_HALVINGS):
         return 0.0
     if not halvings:
         return apart
-    s, between = 0.5 * (task.s + last.s), float(np.sqrt(force * its))
-    middle = Contacting.at(task.simulator, task.contact, s, task.brief)
-    if middle.family.merit(between) <= 0:
+    middle = Contacting.at(task.simulator, task.contact, 0.5 * (task.s + last.s), task.brief)
+    middle.family.stable = HARDLY_STABLE  # the way may lead along the very end of an interval
+    forces = (float(np.sqrt(force * its)) * part for part in _BESIDE)
+    between = next((one for one in forces if middle.family.merit(one) > 0), None)
+    if between is None:
         return apart
     middle = (middle, between)
     return _leap(one, middle, halvings - 1) or _leap(middle, other, halvings - 1)

@@ -120,8 +120,11 @@ class InverseSimulator(Value):
                progress=None, deadline=None) -> Plan:
         """Plan the insertion into a bore of about the DLO's diameter (paper, section 5.2).
 
-        The walls carry what is inside; the poses are those at which the mouth has nothing to bear.
-        A uniform DLO's gripper travels along the curve of its first shape (Zheng et al. 1991).
+        The walls carry what is inside; what is outside transmits neither force nor moment to the
+        mouth. Where the DLO is naturally bent, the bore still has to keep the part inside straight:
+        `Plan.bore_moment`. Where a point mass or the tip's mass comes to the mouth, the plan stays
+        at that depth for some waypoints, in which the mouth takes over its weight. A uniform DLO's
+        gripper travels along the curve of its first shape (Zheng et al. 1991).
 
         Args:
             bore: CutOut: its centre is that of the mouth, its normal points inwards
@@ -129,12 +132,14 @@ class InverseSimulator(Value):
             depths: as for `thread`, less than the length
 
         Returns:
-            Plan; its shapes are of what is outside, held at the mouth, and so is their stability;
-            `Shape.far_wrench` is what the mouth bears
+            Plan; it may have more waypoints than `depths`. Its shapes are of what is outside, held
+            at the mouth, and so is their stability; `Shape.far_wrench` is what the mouth exerts on
+            that part: nothing, but where it takes over a mass
 
         Raises:
             InvalidTask: an argument makes no sense; the message names it
-            Infeasible: a waypoint has no stable solution; carries the plan up to it
+            Infeasible: a waypoint has no stable solution, or the gripper would have to leap to it;
+                carries the plan up to it
         """
         instance('bore', bore, CutOut)
         instance('start', start, Pose, optional=True)
@@ -264,16 +269,25 @@ class InverseSimulator(Value):
         """Plan how to hold the DLO in contact with an obstacle (paper, section 5.3, Fig. 16).
 
         Arc length, place and direction at the contact leave the force of contact free: a family of
-        gripper poses. Each is found without a search and confirmed by the direct simulation.
+        gripper poses, found without a search. Its admissible parts are intervals of the force: the
+        shape is stable, with the contact as a constraint, by 0.02 at least, it is in no obstacle,
+        and it keeps this simulator's demands. What is chosen from them is the least to 0.1 % and
+        confirmed by the direct simulation. What hangs beyond the contact is the shape that it
+        falls into from its natural one.
 
         Args:
             contact: Pose on the surface of one of the simulator's obstacles: x axis = direction of
-                the DLO, z axis = outward normal
+                the DLO, z axis = outward normal. A DLO that is not round lies there with the axes
+                (t, n, b) of its material frame along the contact's: a strip whose width is
+                along n lies flat.
             s: arc length of the contact, m
-            condition: which one of the family: 'least_energy' (bending), 'least_force',
-                'least_motion' (from `start`), 'largest_clearance' (from the other obstacles);
-                None: a motion through the whole family, in order of the force
-            forces: (n,) N to be looked at; None: 40 of up to six times what keeps it up
+            condition: which one of the family: 'least_energy' (bending), 'least_force' (a
+                thousandth of weight + EI / L^2, where that can be held and the simulator's
+                discretisation tells it from none), 'least_motion' (from `start`),
+                'largest_clearance' (from the other obstacles; without any, the least energy);
+                None: a motion through the interval that has the least energy, in order of the
+                force, its steps below 0.06 (rad plus parts of the length)
+            forces: (n,) N: only these are looked at, as they are; None: all
             start: Pose of the gripper before
             linear_speed, angular_speed, progress, deadline: as for `thread`
 
@@ -281,8 +295,10 @@ class InverseSimulator(Value):
             Plan
 
         Raises:
-            InvalidTask: an argument makes no sense; the message names it
-            Infeasible: no force is confirmed
+            InvalidTask: an argument makes no sense, or the contact is not on a surface
+            Infeasible: no force will do; the constraint is the demand that the best one breaks, or
+                'contact': by so much, in m, the DLO would be in an obstacle, or would leave the
+                best of these shapes
         """
         s = number('s', s, above=0, below=self.simulator.rod.length)
         forces = self._contact(contact, forces, condition, start)
@@ -299,7 +315,9 @@ class InverseSimulator(Value):
         Args:
             lengths: (n,) arc lengths between gripper and contact, m, one after the other
             contact, condition, forces, start: as for `hold_contact`; 'least_motion' is from one
-                waypoint to the next, the first one has the least energy if there is no `start`
+                waypoint to the next, the first one has the least energy if there is no `start`.
+                The others choose the first waypoint; each further one is the local minimum of the
+                same that is nearest to the one before.
             linear_speed, angular_speed, progress, deadline: as for `thread`
 
         Returns:
@@ -307,7 +325,9 @@ class InverseSimulator(Value):
 
         Raises:
             InvalidTask: an argument makes no sense; the message names it
-            Infeasible: at a waypoint no force is confirmed; carries the plan up to it
+            Infeasible: as for `hold_contact`; or 'continuity': no admissible shapes lead from one
+                waypoint to the next, the amount is the gripper's leap (rad plus parts of the
+                length); carries the plan up to it
         """
         lengths = row('lengths', lengths, most=_MOST, above=0, below=self.simulator.rod.length)
         choice('condition', condition, CONDITIONS)
@@ -335,7 +355,7 @@ class InverseSimulator(Value):
         return kept_between(plan, self._brief(1.0, 1.0, progress, deadline, touching))
 
     def _contact(self, contact, forces, condition, start):
-        """Return the forces to look at; judge what both contact tasks take."""
+        """Return the forces to look at or None (all); judge what both contact tasks take."""
         instance('contact', contact, Pose)
         if not self.simulator.obstacles:
             raise InvalidTask('simulator has no obstacles: expected the one to touch among them')
