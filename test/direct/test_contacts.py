@@ -47,21 +47,36 @@ def test_each_contact_has_its_own_normal():
         np.testing.assert_allclose(contact.vector, 3.0 * away[contact.obstacle], atol=1e-5)
 
 
-def test_friction_does_not_ask_where_the_world_begins(wire):
-    def drawn(shift):
-        shift = np.array(shift)
-        direct = DirectSimulator(wire, basis='local', n_elements=32,
-                                 obstacles=[Plane(shift, (0, 0, 1), 0.3)])
-        way = [(0, 0, 0.05), (0, 0, 0.01), (-0.002, 0.001, 0.01), (-0.006, 0.003, 0.01)]
-        shapes = direct.track([Pose(shift + x, (0, 0, 0, 1)) for x in way])
-        assert all(shape.converged for shape in shapes)
-        return [sum(contact.friction for contact in shape.contacts) for shape in shapes[1:]]
+SLIDING = [(-0.002, 0.001, 0.01), (-0.006, 0.003, 0.01)]
+STICKING = [(-1e-7, 0, 0.01), (-1.5e-7, 0, 0.01), (-1e-7, 0, 0.01)]
 
-    here, there = drawn((0, 0, 0)), drawn((3.0, -2.0, 1.0))
+
+def drawn(wire, shift, way):
+    """Return the friction in N that a wire feels, lowered to a floor and drawn over it."""
+    shift = np.array(shift)
+    direct = DirectSimulator(wire, basis='local', n_elements=32,
+                             obstacles=[Plane(shift, (0, 0, 1), 0.3)])
+    shapes = direct.track([Pose(shift + x, (0, 0, 0, 1))
+                           for x in [(0, 0, 0.05), (0, 0, 0.01), *way]])
+    assert all(shape.converged for shape in shapes)
+    return np.array([sum(contact.friction for contact in shape.contacts) for shape in shapes[2:]])
+
+
+@pytest.mark.parametrize('way', [SLIDING, STICKING], ids=['sliding', 'sticking'])
+def test_friction_does_not_ask_where_the_world_begins(wire, way):
+    here, there = drawn(wire, (0, 0, 0), way), drawn(wire, (3.0, -2.0, 1.0), way)
     weight = wire.mass_per_length * 9.81
     np.testing.assert_allclose(there, here, atol=1e-5 * weight)
     assert np.linalg.norm(here[-1]) > 0.1 * weight
-    assert here[-1] @ [1, -0.5, 0] > 0  # against the way it is drawn
+
+
+def test_friction_holds_against_the_way_and_what_sticks_goes_back(wire):
+    weight = wire.mass_per_length * 9.81
+    slid = drawn(wire, (0, 0, 0), SLIDING)[-1]
+    assert slid @ [1, -0.5, 0] > 0.1 * weight
+    stuck = drawn(wire, (0, 0, 0), STICKING)
+    assert abs(stuck[1, 0] - stuck[0, 0]) > 0.01 * weight
+    np.testing.assert_allclose(stuck[2], stuck[0], atol=1e-4 * weight)
 
 
 def test_a_step_leaves_what_it_starts_from_alone(wire):
