@@ -8,12 +8,12 @@ another equilibrium.
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.energy.potential import at_element, evaluate, new_state, project
 from dlo_planner.errors import InvalidTask
+from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve
 from dlo_planner.minimize.multipliers import rigid
 from dlo_planner.model.pose import Pose
@@ -99,7 +99,7 @@ class Sensitivity:
                        positions=positions + gripper.position)
 
 
-@njit(cache=True)
+@kernel
 def _one_step(system, known, at, hessian):
     """Return strains, frames and positions of `system` after a step from another one's state."""
     state = new_state(system)
@@ -113,7 +113,7 @@ def _one_step(system, known, at, hessian):
     return state.strains, state.rotations, state.positions
 
 
-@njit(cache=True)
+@kernel
 def _answers(system, q):
     """Return the State at q (m, 3), its change (6, m, 3) by the gripper's twist, the Hessian."""
     state = new_state(system)
@@ -130,7 +130,7 @@ def _answers(system, q):
     return state, answers, hessian
 
 
-@njit(cache=True)
+@kernel
 def _twists(system, state, answers, element, fraction):
     """Return (6, 6) the twist of the frame inside `element` by that of the gripper."""
     out = np.zeros((6, 6))

@@ -13,9 +13,9 @@ mu m of the contact, taken from the outer iteration before.
 """
 
 import numpy as np
-from numba import njit
 
 from dlo_planner.energy.distance import signed_distance
+from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import point_inside
 from dlo_planner.ritz.record import Record, makes
 
@@ -49,12 +49,12 @@ class Contacts(Record):
 
 
 @makes(Contacts)
-@njit(cache=True)
+@kernel
 def _new_contacts(stiffness, node, element, obstacle, multiplier, fraction, anchor, normal, grip):
     return Contacts(stiffness, node, element, obstacle, multiplier, fraction, anchor, normal, grip)
 
 
-@njit(cache=True)
+@kernel
 def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, attached):
     """Add the forces of all contacts to `pull` and `attached`; return their potential in J."""
     energy = 0.0
@@ -98,7 +98,7 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
     return energy
 
 
-@njit(cache=True)
+@kernel
 def nearest_inside(scene, o, e, lengths, strains, rotations, positions, normal, bend):
     """Return gap and fraction of the point of element e that is nearest to obstacle o.
 
@@ -132,7 +132,7 @@ def nearest_inside(scene, o, e, lengths, strains, rotations, positions, normal, 
     return gap, fraction
 
 
-@njit(cache=True)
+@kernel
 def along_the_dlo(normal, bend, rotation, strain):
     """Return dg/ds and d2g/ds2 of the gap along the DLO, where its frame is `rotation`."""
     slope = curve = 0.0
@@ -146,7 +146,7 @@ def along_the_dlo(normal, bend, rotation, strain):
     return slope, curve
 
 
-@njit(cache=True)
+@kernel
 def _push(c, force, k, strain, rotation, normal, bend, attached):
     """Write the force and the stiffness of a contact where the DLO's frame is `rotation`."""
     matrix = attached.matrix[c]
@@ -170,7 +170,7 @@ def _push(c, force, k, strain, rotation, normal, bend, attached):
             matrix[i, j] += force / curve * lever[i] * lever[j]
 
 
-@njit(cache=True)
+@kernel
 def _friction(contacts, c, lengths, strains, rotations, positions, attached):
     """Write the force and stiffness of a point of friction; return its potential in J."""
     rotation, x = np.empty((3, 3)), np.empty(3)

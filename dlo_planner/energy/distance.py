@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 
+from dlo_planner.kernels import kernel
 from dlo_planner.model.obstacles import Box, Capsule, Plane, Sheet, Sphere
 from dlo_planner.model.pose import Pose
 from dlo_planner.ritz.record import Record, makes
@@ -48,7 +48,7 @@ class Scene(Record):
 
 
 @makes(Scene)
-@njit(cache=True)
+@kernel
 def _new_scene(source, kind, axes, centre, size, friction, hole_of, hole_centre, hole_axis,
                hole_size, radius, origin):
     return Scene(source, kind, axes, centre, size, friction, hole_of, hole_centre, hole_axis,
@@ -121,7 +121,7 @@ def _hole(pose, cutout):
     return centre[1:], axis[1:], size
 
 
-@njit(cache=True)
+@kernel
 def signed_distance(scene, o, x, normal, bend):
     """Return the distance in m of the world point x (3,) from obstacle `o`, negative inside.
 
@@ -159,7 +159,7 @@ def signed_distance(scene, o, x, normal, bend):
     return distance
 
 
-@njit(cache=True)
+@kernel
 def _from_axis(p, half, radius, normal, bend):
     """Distance from a capsule along x (half = 0: a sphere)."""
     beyond = abs(p[0]) - half
@@ -177,7 +177,7 @@ def _from_axis(p, half, radius, normal, bend):
     return rho - radius
 
 
-@njit(cache=True)
+@kernel
 def _from_box(p, half, normal, bend):
     outside = 0.0
     deepest = 0
@@ -200,7 +200,7 @@ def _from_box(p, half, normal, bend):
     return distance
 
 
-@njit(cache=True)
+@kernel
 def _from_sheet(scene, o, p, normal, bend):
     """Distance from a plate with holes: in the plane (a) and from the faces (b), then both."""
     slope = np.zeros(2)
@@ -228,7 +228,7 @@ def _from_sheet(scene, o, p, normal, bend):
     return a
 
 
-@njit(cache=True)
+@kernel
 def _add_turn(bend, slope, amount):
     bend[1, 1] += amount * slope[1] * slope[1]
     bend[2, 2] += amount * slope[0] * slope[0]
@@ -236,7 +236,7 @@ def _add_turn(bend, slope, amount):
     bend[2, 1] -= amount * slope[0] * slope[1]
 
 
-@njit(cache=True)
+@kernel
 def in_plane(scene, o, y, z, slope):
     """Return how far (y, z) is outside the sheet's material (in a hole, or beyond its border).
 
@@ -265,7 +265,7 @@ def in_plane(scene, o, y, z, slope):
     return a, turn
 
 
-@njit(cache=True)
+@kernel
 def _from_rectangle(y, z, half_y, half_z, slope):
     b, c = abs(y) - half_y, abs(z) - half_z
     sign_y = 1.0 if y >= 0 else -1.0

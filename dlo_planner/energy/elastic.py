@@ -1,9 +1,9 @@
 """Bending and torsion, Eq. 2b, 2c: quadratic in the deviation from the natural strains."""
 
-from numba import njit
+from dlo_planner.kernels import kernel
 
 
-@njit(cache=True)
+@kernel
 def add_elastic(lengths, strains, natural, stiffness, gradient):
     """Add dW/du (N, 3) to `gradient` and return W = sum of h K (u - natural)^2 / 2, in J.
 

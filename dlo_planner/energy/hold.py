@@ -7,8 +7,8 @@ they are the reaction.
 """
 
 import numpy as np
-from numba import njit
 
+from dlo_planner.kernels import kernel
 from dlo_planner.ritz.record import Record, makes
 
 
@@ -31,12 +31,12 @@ class Hold(Record):
 
 
 @makes(Hold)
-@njit(cache=True)
+@kernel
 def _new_hold(offset, target, free, multiplier, stiffness):
     return Hold(offset, target, free, multiplier, stiffness)
 
 
-@njit(cache=True)
+@kernel
 def miss(hold, p, rotation, position, away, arm):
     """Fill how far, away (3,), point p is from its target, and its arm (3,) from the far end."""
     slide = 0.0
@@ -49,7 +49,7 @@ def miss(hold, p, rotation, position, away, arm):
         away[i] -= slide * hold.free[i]
 
 
-@njit(cache=True)
+@kernel
 def add_hold(hold, rotation, position, attached):
     """Fill the tip's part of `attached`; return the potential in J.
 

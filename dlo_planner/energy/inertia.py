@@ -8,10 +8,10 @@ over the nodes; the integrator (`direct.dynamics`) says where the anchors are an
 The section's own rotational inertia is neglected (of order (d/L)^2).
 """
 
-from numba import njit
+from dlo_planner.kernels import kernel
 
 
-@njit(cache=True)
+@kernel
 def add_anchor(anchor, weight, positions, pull):
     """Add dW/dx (N + 1, 3) to `pull` and return W in J.
 

@@ -1,9 +1,9 @@
 """Dead loads: gravity on the DLO's own mass and on the masses it carries, Eq. 2a."""
 
 import numpy as np
-from numba import njit
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.kernels import kernel
 from dlo_planner.model.checks import vector
 
 
@@ -47,7 +47,7 @@ def distributed(load, s):
     return forces
 
 
-@njit(cache=True)
+@kernel
 def dead_load(pull, positions):
     """Return V = sum of pull . x and sum |pull . x|, its rounding scale, both in J.
 

@@ -7,16 +7,16 @@ through a cut-out or around the border.
 """
 
 import numpy as np
-from numba import njit
 
 from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.distance import BOX, PLANE, SHEET, in_plane, signed_distance
+from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import point_inside
 
 _FLUSH = 1e-9  # of the length: what is that near to a surface lies in it
 
 
-@njit(cache=True)
+@kernel
 def passes_through(scene, lengths, strains, rotations, old, new):
     """Return whether the motion from `old` to `new` crosses an obstacle.
 
@@ -35,7 +35,7 @@ def passes_through(scene, lengths, strains, rotations, old, new):
     return False
 
 
-@njit(cache=True)
+@kernel
 def _through_solid(scene, o, flush, lengths, strains, rotations, old, new):
     normal, bend = np.empty(3), np.empty((3, 3))
     rotation, x = np.empty((3, 3)), np.empty(3)
@@ -73,7 +73,7 @@ def _through_solid(scene, o, flush, lengths, strains, rotations, old, new):
     return False
 
 
-@njit(cache=True)
+@kernel
 def _through_sheet(scene, o, flush, old, new):
     p, q = np.empty(3), np.empty(3)
     before, after = np.empty(3), np.empty(3)
@@ -104,13 +104,13 @@ def _through_sheet(scene, o, flush, old, new):
     return False
 
 
-@njit(cache=True)
+@kernel
 def _meets(p, q, flush):
     """Whether the line from p to q has a point in the middle plane, be it an end of it."""
     return p[0] * q[0] < 0.0 or min(abs(p[0]), abs(q[0])) <= flush
 
 
-@njit(cache=True)
+@kernel
 def _where(p, q, flush):
     """Return y and z where the line from p to q, which meets the middle plane, does so."""
     if abs(p[0]) <= flush:
@@ -121,7 +121,7 @@ def _where(p, q, flush):
     return p[1] + share * (q[1] - p[1]), p[2] + share * (q[2] - p[2])
 
 
-@njit(cache=True)
+@kernel
 def _open(scene, o, flush, p, q):
     """Whether the line from p to q meets the middle plane outside the material."""
     y, z = _where(p, q, flush)
@@ -129,7 +129,7 @@ def _open(scene, o, flush, p, q):
     return away > 0.0
 
 
-@njit(cache=True)
+@kernel
 def _same_opening(scene, o, flush, p, q, r, s):
     """Whether the ways from p to q and from r to s, both open, use the same opening."""
     y0, z0 = _where(p, q, flush)

@@ -12,8 +12,8 @@ derivative the moment.
 """
 
 import numpy as np
-from numba import njit
 
+from dlo_planner.kernels import kernel
 from dlo_planner.ritz.record import Record, makes
 
 
@@ -32,12 +32,12 @@ class Layers(Record):
 
 
 @makes(Layers)
-@njit(cache=True)
+@kernel
 def _new_layers(share, limit, set):
     return Layers(share, limit, set)
 
 
-@njit(cache=True)
+@kernel
 def yielded(d1, d2, k1, k2, l1, l2):
     """Return the curvature (e1, e2) that stays elastic of (d1, d2), and the flow's multiplier.
 
@@ -67,7 +67,7 @@ def yielded(d1, d2, k1, k2, l1, l2):
     return d1 * c1, d2 * c2, g
 
 
-@njit(cache=True)
+@kernel
 def _layer(e, j, strains, natural, stiffness, share, limits, known):
     """Return layer j's stiffness, its strain since its set and what of that is elastic (3 each).
 
@@ -84,7 +84,7 @@ def _layer(e, j, strains, natural, stiffness, share, limits, known):
     return (k0, k1, k2), (d0, d1, d2), (min(max(d0, -limit[0]), limit[0]), e1, e2), g
 
 
-@njit(cache=True)
+@kernel
 def add_plastic(lengths, strains, natural, stiffness, layers, gradient):
     """Add dW/du (N, 3) to `gradient` and return W, stored and newly lost, in J.
 
@@ -105,7 +105,7 @@ def add_plastic(lengths, strains, natural, stiffness, layers, gradient):
     return energy
 
 
-@njit(cache=True)
+@kernel
 def add_plastic_stiffness(lengths, strains, natural, stiffness, layers, scale, diagonal):
     """Add d2W by the scaled strains to diagonal (N, 3, 3), scale: (N, 3)."""
     share, limits, known = layers.share, layers.limit, layers.set
@@ -131,7 +131,7 @@ def add_plastic_stiffness(lengths, strains, natural, stiffness, layers, scale, d
             diagonal[e, 2, 1] -= h * s1 * s2 * v1 * v2
 
 
-@njit(cache=True)
+@kernel
 def settled(lengths, strains, natural, stiffness, layers):
     """Return the set (N, J, 3) after the step to `strains`, and the energy lost in it, J."""
     share, limits, known = layers.share, layers.limit, layers.set

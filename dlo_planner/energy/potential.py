@@ -5,7 +5,6 @@ value per element (local), scaled so that the elastic energy is |q|^2 / 2 (in J)
 """
 
 import numpy as np
-from numba import njit
 
 from dlo_planner.energy.contact import Contacts, add_contacts
 from dlo_planner.energy.distance import Scene
@@ -14,6 +13,7 @@ from dlo_planner.energy.hold import Hold, add_hold
 from dlo_planner.energy.inertia import add_anchor
 from dlo_planner.energy.loads import dead_load
 from dlo_planner.energy.plastic import Layers, add_plastic, add_plastic_stiffness
+from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import Attached, add_gradient, march, nothing_attached
 from dlo_planner.ritz.record import Record, makes
 from dlo_planner.ritz.second_order import add_stiffness, second_order
@@ -56,7 +56,7 @@ class System(Record):
 
 
 @makes(System)
-@njit(cache=True)
+@kernel
 def _new_system(lengths, natural, stiffness, scale, basis, pull, base, anchor, anchor_weight,
                 layers, hold, scene, contacts, near, tie):
     return System(lengths, natural, stiffness, scale, basis, pull, base, anchor, anchor_weight,
@@ -88,7 +88,7 @@ class State(Record):
     attached: Attached
 
 
-@njit(cache=True)
+@kernel
 def turned_system(system, base):
     """Return the same system in a gripper with rotation `base` (3, 3)."""
     return System(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
@@ -96,13 +96,13 @@ def turned_system(system, base):
                   system.hold, system.scene, system.contacts, system.near, system.tie)
 
 
-@njit(cache=True)
+@kernel
 def twists_count(system):
     """Return whether displacements of what lies beyond an element matter, not only rotations."""
     return (system.anchor_weight.size + system.hold.offset.size + system.scene.kind.size) > 0
 
 
-@njit(cache=True)
+@kernel
 def unknown_count(system):
     """Return m, the number of unknowns per strain component."""
     if system.basis.shape[1] == 0:
@@ -110,7 +110,7 @@ def unknown_count(system):
     return system.basis.shape[1]
 
 
-@njit(cache=True)
+@kernel
 def new_state(system):
     """Return an empty State of the right sizes."""
     n = system.lengths.size
@@ -121,7 +121,7 @@ def new_state(system):
                                               system.contacts.element))
 
 
-@njit(cache=True)
+@kernel
 def unknowns_of(system, strains, q):
     """Fill q (m, 3) with the unknowns whose strains are nearest to `strains` (N, 3)."""
     values = (strains - system.natural) / system.scale
@@ -131,7 +131,7 @@ def unknowns_of(system, strains, q):
     project(system.basis, values, q)
 
 
-@njit(cache=True)
+@kernel
 def _strains_of(system, q, strains):
     natural, scale, basis = system.natural, system.scale, system.basis
     for e in range(natural.shape[0]):
@@ -139,7 +139,7 @@ def _strains_of(system, q, strains):
             strains[e, i] = natural[e, i] + scale[e, i] * at_element(basis, q, e, i)
 
 
-@njit(cache=True, inline='always')
+@kernel(inline='always')
 def at_element(basis, q, e, i):
     """Return component i of the unknowns q (m, 3) at element e: the series' value there."""
     if basis.shape[1] == 0:
@@ -150,7 +150,7 @@ def at_element(basis, q, e, i):
     return value
 
 
-@njit(cache=True)
+@kernel
 def evaluate(system, state):
     """Refill `state` for its q; return the potential and the size of its rounding errors, in J.
 
@@ -190,7 +190,7 @@ def evaluate(system, state):
     return elastic + load + other, 2e-16 * (elastic + size + abs(other))
 
 
-@njit(cache=True)
+@kernel
 def project(basis, values, out):
     """Fill out (m, 3) with the sum over the elements of basis times values (N, 3)."""
     n, terms = basis.shape
@@ -204,7 +204,7 @@ def project(basis, values, out):
                 out[j, i] += basis[e, j] * values[e, i]
 
 
-@njit(cache=True)
+@kernel
 def element_hessian(system, state, turning, cross, diagonal):
     """Fill the semi-separable Hessian by the scaled strains (see `ritz.kinematics`).
 

@@ -9,7 +9,6 @@ Hessian is the direct simulator's, so an inverse solve costs about as much as a 
 """
 
 import numpy as np
-from numba import njit
 
 from dlo_planner.energy.potential import (
     at_element,
@@ -18,6 +17,7 @@ from dlo_planner.energy.potential import (
     project,
     turned_system,
 )
+from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorise, largest_turn, new_hessian, solve
 from dlo_planner.minimize.newton import residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
@@ -38,7 +38,7 @@ def free_axis(reference, normal):
 
 
 
-@njit(cache=True)
+@kernel
 def aligned_newton(system, q, element, fraction, normal, reference, axis, tolerance,
                    max_iterations):
     """Find the equilibrium whose tangent inside `element` is `normal`.
@@ -131,7 +131,7 @@ def aligned_newton(system, q, element, fraction, normal, reference, axis, tolera
     return state, here.base, residual, misaligned, stability, iterations, converged
 
 
-@njit(cache=True)
+@kernel
 def _perpendicular(normal):
     across = np.empty((2, 3))
     helper = np.zeros(3)
@@ -142,12 +142,12 @@ def _perpendicular(normal):
     return across
 
 
-@njit(cache=True)
+@kernel
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True)
+@kernel
 def _miss(system, state, element, fraction, across, reference, axis, part,
                  tangent):
     """Return the three conditions' misfits; fill tangent and the turning of the part element."""
@@ -165,12 +165,12 @@ def _miss(system, state, element, fraction, across, reference, axis, part,
                      _dot(axis, _axial(system.base @ reference.T))])
 
 
-@njit(cache=True)
+@kernel
 def _merit(system, state, miss):
     return residual_of(system, state) + np.sqrt(_dot(miss, miss))
 
 
-@njit(cache=True)
+@kernel
 def _right_side(system, state, hessian, column, load):
     """Fill -(change of the gradient per gripper rotation about axis `column`); 3: -gradient."""
     if column == 3:
@@ -179,7 +179,7 @@ def _right_side(system, state, hessian, column, load):
     project(system.basis, -hessian.cross[:, :, column], load)
 
 
-@njit(cache=True)
+@kernel
 def _turn_at(system, hessian, part, element, step):
     """Return the rotation (3,) of the frame inside `element` that the step (m, 3) makes."""
     theta = np.zeros(3)
@@ -193,14 +193,14 @@ def _turn_at(system, hessian, part, element, step):
     return theta
 
 
-@njit(cache=True)
+@kernel
 def _axial(rotation):
     """Return 2 sin(angle) times the axis of a rotation."""
     return np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0],
                      rotation[1, 0] - rotation[0, 1]])
 
 
-@njit(cache=True)
+@kernel
 def _turn_rate(base, reference, axis, about):
     """Return the change of axis . _axial(base reference^T) per rotation about a world axis."""
     spin = np.zeros((3, 3))
@@ -210,7 +210,7 @@ def _turn_rate(base, reference, axis, about):
     return _dot(axis, _axial(spin @ (base @ reference.T)))
 
 
-@njit(cache=True)
+@kernel
 def _turn(base, turn, out):
     """Fill out (3, 3) = exp(turn^) base."""
     rotation = np.empty((3, 3))

@@ -6,14 +6,14 @@ solution for a DLO whose free end alone is prescribed: where a threading begins.
 """
 
 import numpy as np
-from numba import njit
 
+from dlo_planner.kernels import kernel
 from dlo_planner.ritz.arc import jacobians, rotation_and_chord
 
 _ROUNDS = 30
 
 
-@njit(cache=True)
+@kernel
 def march_from_end(system, end):
     """Return strains (N, 3) and gripper rotation (3, 3) in equilibrium, from the end's rotation.
 

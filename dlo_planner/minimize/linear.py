@@ -7,7 +7,6 @@ Both factorisations are congruences, so the signs of their pivots are the signs 
 """
 
 import numpy as np
-from numba import njit
 
 from dlo_planner.energy.potential import (
     at_element,
@@ -15,6 +14,7 @@ from dlo_planner.energy.potential import (
     twists_count,
     unknown_count,
 )
+from dlo_planner.kernels import kernel
 from dlo_planner.ritz.record import Record
 
 _TINY = 1e-300
@@ -41,7 +41,7 @@ class Hessian(Record):
     factor: np.ndarray
 
 
-@njit(cache=True)
+@kernel
 def new_hessian(system):
     """Return an empty Hessian of the right sizes."""
     n = system.lengths.size
@@ -53,7 +53,7 @@ def new_hessian(system):
                    np.empty((size, size)), np.empty((size, size)))
 
 
-@njit(cache=True)
+@kernel
 def assemble(system, state, hessian):
     """Fill the Hessian at `state`."""
     hessian.base[:] = element_hessian(system, state, hessian.turning, hessian.cross,
@@ -77,7 +77,7 @@ def assemble(system, state, hessian):
 # these three functions, sees constant loops and unrolls them.
 
 
-@njit(cache=True, inline='always')
+@kernel(inline='always')
 def _project(basis, hessian, wide):
     """Fill hessian.dense (3 m, 3 m), unknown (j, i) at row 3 j + i, in O(N m^2)."""
     n, m = basis.shape
@@ -106,7 +106,7 @@ def _project(basis, hessian, wide):
                                                    + half[j, 9 * k + 3 * b + a])
 
 
-@njit(cache=True)
+@kernel
 def factorise(system, hessian, shift):
     """Factorise H + shift I; return the number of pivots that are not positive."""
     if system.basis.shape[1] == 0:
@@ -116,7 +116,7 @@ def factorise(system, hessian, shift):
     return _factorise_dense(hessian, shift)
 
 
-@njit(cache=True)
+@kernel
 def solve(system, hessian, right, out):
     """Fill out (m, 3) with the solution of (H + shift I) out = right (m, 3)."""
     if system.basis.shape[1] == 0:
@@ -128,7 +128,7 @@ def solve(system, hessian, right, out):
         _solve_dense(hessian.factor, right, out)
 
 
-@njit(cache=True)
+@kernel
 def _inverse3(a, out):
     """Fill out with the inverse of the symmetric 3 x 3 `a`; return its pivots <= 0."""
     d0 = a[0, 0]
@@ -158,7 +158,7 @@ def _inverse3(a, out):
     return (d0 <= 0) + (d1 <= 0) + (d2 <= 0)
 
 
-@njit(cache=True, inline='always')
+@kernel(inline='always')
 def _factorise_sweep(hessian, shift, wide):
     negative = 0
     value = np.zeros((wide, wide))  # second derivative of the cost to go by theta
@@ -197,7 +197,7 @@ def _factorise_sweep(hessian, shift, wide):
     return negative
 
 
-@njit(cache=True, inline='always')
+@kernel(inline='always')
 def _solve_sweep(hessian, right, out, wide):
     slope = np.zeros(wide)  # of the cost to go by theta
     own = np.empty(3)
@@ -225,7 +225,7 @@ def _solve_sweep(hessian, right, out, wide):
                          + turning[k, 2] * out[e, 2])
 
 
-@njit(cache=True)
+@kernel
 def _factorise_dense(hessian, shift):
     dense, factor = hessian.dense, hessian.factor
     n = dense.shape[0]
@@ -249,7 +249,7 @@ def _factorise_dense(hessian, shift):
     return negative
 
 
-@njit(cache=True)
+@kernel
 def _solve_dense(factor, right, out):
     n = factor.shape[0]
     flat = np.empty(n)
@@ -267,7 +267,7 @@ def _solve_dense(factor, right, out):
             flat[k] -= factor[i, k] * value
 
 
-@njit(cache=True)
+@kernel
 def multiply(system, hessian, vector, out):
     """Fill out (m, 3) = H vector (m, 3)."""
     if system.basis.shape[1] > 0:
@@ -290,7 +290,7 @@ def multiply(system, hessian, vector, out):
         after += hessian.cross[e].T @ vector[e]
 
 
-@njit(cache=True)
+@kernel
 def largest_turn(system, hessian, step):
     """Return the largest rotation in rad of any node that the step (m, 3) makes, to first order."""
     theta = np.zeros(3)

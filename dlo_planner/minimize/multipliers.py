@@ -9,12 +9,12 @@ follow from the contact forces of the round before.
 """
 
 import numpy as np
-from numba import njit
 
 from dlo_planner.energy.contact import Contacts, along_the_dlo, nearest_inside
 from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.hold import miss
 from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.kernels import kernel
 from dlo_planner.minimize.newton import descend, kick, newton
 from dlo_planner.ritz.kinematics import point_inside
 
@@ -167,7 +167,7 @@ def _stiffened(system, factor):
         contacts=contacts._replace(stiffness=max(1.0, factor) * contacts.stiffness))
 
 
-@njit(cache=True)
+@kernel
 def _update(system, state):
     """Move all multipliers; return the largest violation in m."""
     violation = 0.0
@@ -197,7 +197,7 @@ def _update(system, state):
     return violation
 
 
-@njit(cache=True)
+@kernel
 def _watching(system, state):
     """Return the Contacts that watch the points inside elements which matter now.
 
@@ -239,7 +239,7 @@ def _watching(system, state):
                     normal, old.grip)
 
 
-@njit(cache=True)
+@kernel
 def _points_inside(system, state):
     """Return (C, 2) element and obstacle where the DLO is nearest inside an element, sharply."""
     scene = system.scene
@@ -272,7 +272,7 @@ def _points_inside(system, state):
     return found[:count]
 
 
-@njit(cache=True)
+@kernel
 def _with_friction(system, state, previous):
     """Return the Contacts with the points of friction of now, and if these have settled.
 

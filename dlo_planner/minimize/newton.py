@@ -12,10 +12,10 @@ step to step. So it leans, by little but far more than those, to the side that
 """
 
 import numpy as np
-from numba import njit
 
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import (
     assemble,
     factorise,
@@ -37,7 +37,7 @@ _HARDLY = 1e-4       # rad: a step that changes the Hessian by about as little
 _WELL_STABLE = 0.01  # an eigenvalue that such a step cannot make doubtful
 
 
-@njit(cache=True)
+@kernel
 def residual_of(system, state):
     """Return the gradient's size, relative to the elastic energy and that of a 1 rad bend."""
     stiffness = min(system.stiffness[1], system.stiffness[2])
@@ -76,7 +76,7 @@ def newton(system, q, tolerance, max_iterations, check, neutral=NEUTRAL):
     return state, residual, stability, iterations, kicks
 
 
-@njit(cache=True)
+@kernel
 def descend(system, q, tolerance, max_iterations, check):
     """Descend from q (m, 3) to where the gradient vanishes, be it a minimum or a saddle.
 
@@ -137,7 +137,7 @@ def descend(system, q, tolerance, max_iterations, check):
     return state, residual, stability, iterations, mode
 
 
-@njit(cache=True)
+@kernel
 def _safe_shift(system, hessian, shift):
     """Factorise with the first shift in a growing row that leaves no negative pivot."""
     while factorise(system, hessian, shift) > 0:
@@ -147,7 +147,7 @@ def _safe_shift(system, hessian, shift):
     return shift
 
 
-@njit(cache=True)
+@kernel
 def _leant(system, hessian, state, trial):
     """Fill `trial` with the shape of `state` leant to the preferred side; return if it can be."""
     preferred(system, trial.gradient)
@@ -159,7 +159,7 @@ def _leant(system, hessian, state, trial):
         trial.positions))
 
 
-@njit(cache=True)
+@kernel
 def _descend(system, state, trial, step, energy, noise):
     """Fill `trial` on the way along `step` where the potential has fallen enough.
 

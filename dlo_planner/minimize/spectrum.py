@@ -7,16 +7,16 @@ shape that is neutral, a negative value one that falls over.
 """
 
 import numpy as np
-from numba import njit
 
 from dlo_planner.energy.potential import project, unknown_count
+from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import solve
 
 _STEPS = 40
 _MODE_BELOW = 1e-3  # nobody asks for the mode of a shape that is well stable
 
 
-@njit(cache=True)
+@kernel
 def lowest_mode(system, hessian, shift, tolerance):
     """Return the smallest eigenvalue of H and its unit mode (m, 3), zero if well stable.
 
@@ -67,7 +67,7 @@ def lowest_mode(system, hessian, shift, tolerance):
     return value, mode
 
 
-@njit(cache=True)
+@kernel
 def preferred(system, vector):
     """Fill the unit vector (m, 3) of the side to which a DLO falls where both are alike.
 
@@ -92,7 +92,7 @@ def preferred(system, vector):
     vector /= np.sqrt(_dot(vector, vector))
 
 
-@njit(cache=True)
+@kernel
 def _dot(a, b):
     total = 0.0
     for e in range(a.shape[0]):
@@ -100,14 +100,14 @@ def _dot(a, b):
     return total
 
 
-@njit(cache=True)
+@kernel
 def _subtract(a, factor, b):
     for e in range(a.shape[0]):
         for i in range(3):
             a[e, i] -= factor * b[e, i]
 
 
-@njit(cache=True)
+@kernel
 def _largest_eigenvalue(diagonal, side, size):
     """Return the largest eigenvalue of a symmetric tridiagonal matrix, by bisection."""
     low = high = diagonal[0]
@@ -134,7 +134,7 @@ def _largest_eigenvalue(diagonal, side, size):
     return 0.5 * (low + high)
 
 
-@njit(cache=True)
+@kernel
 def _tridiagonal(diagonal, side, size):
     matrix = np.zeros((size, size))
     for k in range(size):

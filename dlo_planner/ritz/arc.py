@@ -12,7 +12,8 @@ with c1 = (1 - cos a) / a^2, c2 = (a - sin a) / a^3, a = |phi|. J is the left Ja
 from math import factorial
 
 import numpy as np
-from numba import njit
+
+from dlo_planner.kernels import kernel
 
 # Below this angle^2 the closed forms lose digits (up to eight of them in the second derivatives);
 # ten terms of the power series in a^2 are exact to 1e-17 there, and need no sine.
@@ -32,7 +33,7 @@ def _series():
 _SERIES = _series()
 
 
-@njit(cache=True)
+@kernel
 def _power_series(row, a2):
     last = _TERMS_OF_TINY - 1 if a2 < _TINY else _TERMS - 1
     total = _SERIES[row, last]
@@ -41,7 +42,7 @@ def _power_series(row, a2):
     return total
 
 
-@njit(cache=True)
+@kernel
 def coefficients(a2):
     """Return c0 = sin a / a, c1, c2 of the angle squared `a2`."""
     if a2 < _SMALL:
@@ -51,7 +52,7 @@ def coefficients(a2):
     return c0, 2 * (np.sin(0.5 * a) / a) ** 2, (1 - c0) / a2
 
 
-@njit(cache=True)
+@kernel
 def first_slopes(a2, c0, c1, c2):
     """Return d1 = D c1 and d2 = D c2, with D = (1 / a) d/da."""
     if a2 < _SMALL:
@@ -59,7 +60,7 @@ def first_slopes(a2, c0, c1, c2):
     return (c0 - 2 * c1) / a2, (c1 - 3 * c2) / a2
 
 
-@njit(cache=True)
+@kernel
 def second_slopes(a2, c1, c2, d1, d2):
     """Return D d1 and D d2, with D = (1 / a) d/da."""
     if a2 < _SMALL:
@@ -68,7 +69,7 @@ def second_slopes(a2, c1, c2, d1, d2):
     return (c2 - c1 - 4 * d1) / a2, (d1 - 5 * d2) / a2
 
 
-@njit(cache=True)
+@kernel
 def rotation_and_chord(phi0, phi1, phi2, h, turn, chord):
     """Fill turn (3, 3) = exp(phi^) and chord (3,) = h J(phi) e1 for the vector phi."""
     a2 = phi0 * phi0 + phi1 * phi1 + phi2 * phi2
@@ -88,7 +89,7 @@ def rotation_and_chord(phi0, phi1, phi2, h, turn, chord):
     chord[2] = h * (-c1 * phi1 + c2 * phi0 * phi2)
 
 
-@njit(cache=True)
+@kernel
 def jacobians(phi, h, turning, shifting):
     """Fill turning (3, 3) = J(phi) and shifting (3, 3) = d(h J(phi) e1) / dphi."""
     x, y, z = phi[0], phi[1], phi[2]
@@ -121,7 +122,7 @@ def jacobians(phi, h, turning, shifting):
     shifting[2, 2] += h * c2 * x
 
 
-@njit(cache=True)
+@kernel
 def add_second_derivatives(phi, h, force, moment, out):
     """Add to out (3, 3) the second derivative of a load's potential through this one element.
 

@@ -9,8 +9,8 @@ element only.
 """
 
 import numpy as np
-from numba import njit
 
+from dlo_planner.kernels import kernel
 from dlo_planner.ritz.arc import jacobians, rotation_and_chord
 from dlo_planner.ritz.record import Record
 
@@ -41,7 +41,7 @@ class Attached(Record):
     tip_matrix: np.ndarray
 
 
-@njit(cache=True)
+@kernel
 def nothing_attached(nodes, element):
     """Return an empty Attached for points in the given elements (C,).
 
@@ -54,7 +54,7 @@ def nothing_attached(nodes, element):
                     np.zeros(3), np.zeros((3, 3)), np.zeros((6, 6)))
 
 
-@njit(cache=True)
+@kernel
 def march(lengths, strains, base, rotations, positions):
     """Fill the frames and positions of all nodes from the strains, starting at the gripper.
 
@@ -81,7 +81,7 @@ def march(lengths, strains, base, rotations, positions):
                 rotations[e + 1, i, j] = r0 * turn[0, j] + r1 * turn[1, j] + r2 * turn[2, j]
 
 
-@njit(cache=True)
+@kernel
 def add_gradient(lengths, strains, rotations, positions, pull, attached, gradient):
     """Add dV/du (N, 3) of a potential whose derivative by the node positions is `pull` (N + 1, 3).
 
@@ -144,7 +144,7 @@ def add_gradient(lengths, strains, rotations, positions, pull, attached, gradien
 _UNSCALED = np.ones(3)
 
 
-@njit(cache=True)
+@kernel
 def part_of_element(h, fraction, strain, scale, rotation, twist, arm):
     """Fill what moves a point inside an element, at `fraction` of its length h.
 
@@ -171,7 +171,7 @@ def part_of_element(h, fraction, strain, scale, rotation, twist, arm):
                                         + r2 * shifting[2, j])
 
 
-@njit(cache=True)
+@kernel
 def point_inside(lengths, strains, rotations, positions, element, fraction, rotation, position):
     """Fill rotation (3, 3) and position (3,) at `fraction` of `element`, on its exact arc."""
     turn = np.empty((3, 3))

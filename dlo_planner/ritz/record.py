@@ -7,9 +7,11 @@ Record is one pointer (numba's structref). Its fields never change, the arrays' 
 
 import sys
 
-from numba import njit, types
+from numba import types
 from numba.experimental import structref
 from numba.extending import overload
+
+from dlo_planner.kernels import kernel
 
 
 class Record(structref.StructRefProxy):
@@ -86,6 +88,6 @@ def _fields_of(record):
     return scope['read']
 
 
-@njit(cache=True)
+@kernel
 def _read(record):
     return _fields(record)

@@ -6,13 +6,13 @@ rotation (blocks 3 wide); springs notice the displacement as well (twists, 6 wid
 """
 
 import numpy as np
-from numba import njit
 
+from dlo_planner.kernels import kernel
 from dlo_planner.ritz.arc import add_second_derivatives, jacobians
 from dlo_planner.ritz.kinematics import part_of_element
 
 
-@njit(cache=True)
+@kernel
 def second_order(lengths, strains, scale, rotations, positions, pull, attached, turning, cross,
                  diagonal):
     """Fill the three blocks per element of the Hessian of a potential of dead loads.
@@ -146,7 +146,7 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
     return first.T.copy()
 
 
-@njit(cache=True)
+@kernel
 def add_stiffness(lengths, strains, scale, rotations, positions, weight, attached, turning, cross,
                   diagonal):
     """Widen the blocks of `second_order` by springs: `weight` (N + 1,) or (0,), and `attached`.
@@ -225,7 +225,7 @@ def add_stiffness(lengths, strains, scale, rotations, positions, weight, attache
             c -= 1
 
 
-@njit(cache=True)
+@kernel
 def _carry(x, rigid):
     """Fill (6, 6): the twist at x that a rigid twist given at the gripper's origin makes."""
     for i in range(6):
@@ -236,7 +236,7 @@ def _carry(x, rigid):
     rigid[5, 0], rigid[5, 1] = x[1], -x[0]
 
 
-@njit(cache=True)
+@kernel
 def _multiply(a, b, out):
     for i in range(6):
         for j in range(6):
@@ -246,7 +246,7 @@ def _multiply(a, b, out):
             out[i, j] = total
 
 
-@njit(cache=True)
+@kernel
 def _add_transposed(a, b, out):
     """Add a^T b to `out`, all (6, 6)."""
     for i in range(6):
@@ -255,7 +255,7 @@ def _add_transposed(a, b, out):
                 out[i, j] += a[k, i] * b[k, j]
 
 
-@njit(cache=True)
+@kernel
 def _add_spring(matrix, x, weight):
     """Add weight J^T J, where a node at x moves by J (rotation, displacement), J = (-x^, I)."""
     square = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
