@@ -168,7 +168,7 @@ class _Insertion:
             if _apart(*poses) < _NOTHING:
                 return
         turn = _turn(*poses)
-        raise draft.refusal('continuity', turn, f'the gripper would have to turn by {turn:.3g} rad '
+        raise draft.refusal('continuity', turn * outside.rod.length, f'the gripper would have to turn by {turn:.3g} rad '
                             f'at once at depth {high:g} m; closer waypoints do not help')
 
 
