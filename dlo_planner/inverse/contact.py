@@ -179,8 +179,9 @@ def _continued(task, parts, condition, before, draft):
             return nearest
     if not best:
         raise _not_confirmed(task, parts, draft)
-    raise draft.refusal('continuity', best, f'the gripper would leap by {best:.3g} (rad, and parts '
-                        f'of the length) from the waypoint before, however slowly the DLO is drawn')
+    raise draft.refusal('continuity', best * draft.last.s[-1], f'the gripper would leap by '
+                        f'{best:.3g} (rad, and parts of the length) from the waypoint before, '
+                        'however slowly the DLO is drawn')
 
 
 def _leap(one, other, halvings=_MOST_HALVINGS):

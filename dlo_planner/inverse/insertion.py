@@ -168,8 +168,9 @@ class _Insertion:
             if _apart(*poses) < _NOTHING:
                 return
         turn = _turn(*poses)
-        raise draft.refusal('continuity', turn * outside.rod.length, f'the gripper would have to turn by {turn:.3g} rad '
-                            f'at once at depth {high:g} m; closer waypoints do not help')
+        raise draft.refusal('continuity', turn * shape.s[-1], 'the gripper would have to turn by '
+                            f'{turn:.3g} rad at once at depth {high:g} m; closer waypoints do not '
+                            'help')
 
 
 def _unconverged(draft, shape, missing):
