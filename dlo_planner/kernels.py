@@ -67,7 +67,7 @@ def cache_folder() -> Path | None:
         with suppress(OSError, RuntimeError):  # nowhere to write; no home
             folder = parent() / f'kernels-{fingerprint()}'
             if not folder.is_dir():
-                folder.mkdir(parents=True)
+                folder.mkdir(parents=True, exist_ok=True)
                 _prune(folder)
             tempfile.TemporaryFile(dir=folder).close()
             os.utime(folder)  # used last now
@@ -102,8 +102,9 @@ def _temporary() -> Path:
 def _prune(newest: Path) -> None:
     """Delete the folders beside `newest` that have not been used for longest."""
     others = [path for path in newest.parent.glob('kernels-*') if path != newest]
-    for path in sorted(others, key=lambda path: path.stat().st_mtime)[:-_KEPT]:
-        shutil.rmtree(path, ignore_errors=True)
+    with suppress(FileNotFoundError):  # another process does the same
+        for path in sorted(others, key=lambda path: path.stat().st_mtime)[:-_KEPT]:
+            shutil.rmtree(path, ignore_errors=True)
 
 
 class _Locator(_CacheLocator):
