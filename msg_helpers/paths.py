@@ -27,7 +27,7 @@ def shape_path(shape, frame_id, stamp) -> Path:
     """
     instance('shape', shape, Shape)
     top = header(frame_id, stamp)
-    quaternions = Rotation.from_matrix(shape.frames).as_quat()
+    quaternions = Rotation.from_matrix(np.array(shape.frames)).as_quat()
     # Sixty nodes at pose rate: no Pose objects in between, and one header that all share.
     nodes = zip(shape.positions.tolist(), quaternions.tolist(), strict=True)
     poses = [PoseStamped(header=top, pose=_node(*node)) for node in nodes]

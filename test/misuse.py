@@ -163,7 +163,7 @@ def _nan_in(result, exempt, where='result', depth=0):
     if is_dataclass(result) and not isinstance(result, type):
         parts = {item.name: getattr(result, item.name) for item in fields(result)}
     elif isinstance(result, list | tuple):
-        parts = dict(enumerate(result))
+        parts = dict(enumerate(result[:100]))
     else:
         return ''
     for name, part in parts.items():

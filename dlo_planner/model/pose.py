@@ -98,7 +98,7 @@ class Pose(Value):
         """Make the quaternion of a pose that came from axes."""
         if name != 'quaternion' or 'rotation' not in self.__dict__:
             raise AttributeError(f'{type(self).__name__} has no attribute {name!r}')
-        quaternion = Rotation.from_matrix(self.rotation).as_quat()
+        quaternion = Rotation.from_matrix(np.array(self.rotation)).as_quat()
         quaternion.flags.writeable = False
         put(self, quaternion=quaternion)
         return quaternion
