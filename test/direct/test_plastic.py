@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import DirectSimulator, InvalidRod, Pose, Rod
+from dlo_planner import DirectSimulator, InvalidRod, Plane, Pose, Rod
 from dlo_planner.energy.plastic import yielded
 
 HERE = Pose.identity()
@@ -199,3 +199,17 @@ def test_each_axis_has_its_own_limit(axis, moment):
     shapes = bent(rod, [0.4, 0.78, 2.0], axis)[1]
     assert (shapes[1].dissipated == 0) == (moment == BENDING * 0.8)
     assert np.linalg.norm(shapes[-1].gripper_wrench[3:]) == pytest.approx(moment, rel=1e-5)
+
+
+def test_a_set_stays_when_obstacles_go():
+    rod = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34, yield_stress=60e6, hardening=0.1)
+    floor = Plane((0, 0, -5.0), (0, 0, 1))
+    direct = DirectSimulator(rod, n_elements=24, obstacles=[floor])
+    used = direct.with_set(direct.solve(HERE))
+    down = Pose.looking_along((0, 0, 0), (0, 0, -1))
+    hanging = used.solve(down)
+    assert np.hypot(*hanging.positions[-1, :2]) > 0.05
+    np.testing.assert_allclose(used.without_obstacles().solve(down).positions, hanging.positions,
+                               atol=1e-8)
+    new = used.with_rod(rod).solve(down)
+    assert np.hypot(*new.positions[-1, :2]) < 1e-6

@@ -53,6 +53,45 @@ def test_the_tangent_is_the_normal_and_the_gripper_has_not_rolled(basis, element
     np.testing.assert_allclose(again[1], base, atol=1e-9)
 
 
+def test_neither_half_alone_is_convergence():
+    reference = upright(NORMAL)
+    direct, system = system_of('local', reference)
+
+    def found(q, base, normal):
+        return aligned_newton(system._replace(base=base), q, 7, 0.3, normal, reference,
+                              free_axis(reference, normal), 1e-10, 50)
+
+    def holds(answer):
+        state, base, residual, misaligned, _, iterations, converged = answer
+        tangent = direct.solve(Pose.from_rotation((0, 0, 0), base)).at(7.3 / 12).direction
+        return (converged and iterations > 0 and residual < 1e-10 and misaligned < 1e-10
+                and tangent @ NORMAL > 1 - 1e-9)
+
+    still = direct.solve(Pose.from_rotation((0, 0, 0), reference))
+    q = direct._discretisation.unknowns(still.element_strains)
+    assert holds(found(q, reference, NORMAL))              # in equilibrium, not aligned
+    relaxed = new_state(system)
+    evaluate(system, relaxed)
+    natural = DirectSimulator(ROD, basis='local', n_elements=12, gravity=(0, 0, 0)).solve(
+        Pose.from_rotation((0, 0, 0), reference)).at(7.3 / 12).direction
+    base = np.ascontiguousarray(least_turn(natural, NORMAL) @ reference)
+    assert holds(found(relaxed.q, base, NORMAL))           # aligned, not in equilibrium
+    *_, misaligned, _, _, converged = found(q, reference, -still.at(7.3 / 12).direction)
+    assert not converged or misaligned < 1e-10             # the opposite is not aligned
+
+
+@pytest.mark.parametrize('roll', [0.3, -0.8])
+def test_a_gripper_that_has_rolled_is_rolled_back(roll):
+    reference = upright(NORMAL)
+    axis = free_axis(reference, NORMAL)
+    _, system = system_of('local', np.ascontiguousarray(
+        Rotation.from_rotvec(roll * axis).as_matrix() @ reference))
+    q = np.zeros_like(new_state(system).q)
+    _, base, *_, converged = aligned_newton(system, q, 11, 1.0, NORMAL, reference, axis, 1e-11, 50)
+    assert converged
+    assert axis @ Rotation.from_matrix(base @ reference.T).as_rotvec() == pytest.approx(0, abs=1e-9)
+
+
 def test_no_more_steps_than_allowed():
     reference = upright(NORMAL)
     _, system = system_of('local', reference)

@@ -92,3 +92,12 @@ def test_misses_are_those_of_every_centre(plan):
     moved = plan.shapes[2].moved((0.1, 0.2, -0.3))
     assert moved.energy == pytest.approx(moved._discretisation.rod.mass_per_length * 9.81 * -0.3
                                          + plan.shapes[2].energy, abs=1e-9)
+
+
+def test_a_cutout_that_only_one_part_has_leaves_the_other_free(plan):
+    two = first_part(plan, 9, PlanStatus.COMPLETE)
+    object.__setattr__(two, 'clearances', np.tile(plan.clearances, (1, 2, 1)))
+    for whole, free in ((joined(plan, two), slice(0, 9)), (joined(two, plan), slice(9, 17))):
+        assert whole.clearances.shape == (17, 2, 3)
+        assert (whole.clearances[free, 1] == np.inf).all()
+        np.testing.assert_array_equal(whole.clearance, joined(plan, plan).clearance)
