@@ -8,6 +8,7 @@ DLO cannot reach the sheet at all.
 """
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.continuation import between
 from dlo_planner.errors import Infeasible
@@ -110,6 +111,7 @@ def _way_left(stations):
 def _way(one, other, length):
     """Return Poses from `one`, which is left out, to `other`; none where they are the same."""
     shift = np.linalg.norm(other.position - one.position)
-    cosine = np.clip(0.5 * (np.trace(other.rotation @ one.rotation.T) - 1), -1, 1)
-    parts = int(np.ceil(max(shift / (_LONGEST * length), np.arccos(cosine) / _SHARPEST) - 1e-9))
+    # not by its cosine, which tells angles below 1e-8 from zero by rounding errors
+    turn = Rotation.from_matrix(other.rotation @ one.rotation.T).magnitude()
+    parts = int(np.ceil(max(shift / (_LONGEST * length), turn / _SHARPEST) - 1e-9))
     return [between(one, other, k / parts) for k in range(1, parts + 1)]
