@@ -183,7 +183,7 @@ class DirectSimulator(Value):
         far_end = FarEnd.of(far_end)
         self._check(gripper, initial, far_end)
         shape, kicks = self._equilibrium(gripper, initial, far_end)
-        if initial is not None and (kicks or fell(initial, shape)):
+        if initial is not None and self._made(initial) and (kicks or fell(initial, shape)):
             return replace(shape, jumped=True)
         return shape
 

@@ -16,7 +16,8 @@ from dlo_planner.inverse.touching import HARDLY_STABLE, Contacting
 CONDITIONS = ('least_energy', 'least_force', 'least_motion', 'largest_clearance')
 _FOUND = 1e-3   # relative: the last force that is confirmed
 _TRIED = 8      # forces of an interval, before none of it counts as confirmed
-_PACE = 0.06    # rad, and part of the length: of one step of a motion
+_PACE = 0.12    # rad plus part of the length: of one step through a family
+_NEAR = 0.06    # the same: a step that is no leap
 _MOST_HALVINGS = 7
 _BESIDE = (1.0, 0.9, 1.1, 0.75, 1.33)  # of a force: where else a way may lead
 
@@ -38,7 +39,7 @@ def hold_contact(simulator, contact, s, forces, condition, start, brief):
         shapes = [task.confirmed(force) for part in parts for force in part]
         shapes = [shape for shape in shapes if shape is not None]
     if not shapes:
-        raise _not_confirmed(task, parts, draft)
+        raise task.unconfirmed(draft, parts)
     draft = Draft([simulator.rod.length - s] * len(shapes), brief)
     for shape in shapes:
         draft.add(task.waypoint(shape))
@@ -97,7 +98,7 @@ def _chosen(task, parts, condition, start, draft):
         if nearest is not None:
             moved.append((cost(nearest[0]), *nearest))
     if not moved:
-        raise _not_confirmed(task, parts, draft)
+        raise task.unconfirmed(draft, parts)
     return min(moved, key=lambda one: one[0])[1:]
 
 
@@ -119,13 +120,6 @@ def _nearest_confirmed(task, part, force):
         else:
             good, shape = middle, found
     return good, shape
-
-
-def _not_confirmed(task, parts, draft):
-    best = max((task.family.shape(force) for part in parts for force in part),
-               key=lambda shape: shape.stability)
-    return task.unconfirmed(draft, best, 'the direct simulation confirms none of the contact '
-                            'forces that should do; a finer one may')
 
 
 def _motion(task, part):
@@ -178,7 +172,7 @@ def _continued(task, parts, condition, before, draft):
         if nearest is not None:
             return nearest
     if not best:
-        raise _not_confirmed(task, parts, draft)
+        raise task.unconfirmed(draft, parts)
     raise draft.refusal('continuity', best * draft.last.s[-1], f'the gripper would leap by '
                         f'{best:.3g} (rad, and parts of the length) from the waypoint before, '
                         'however slowly the DLO is drawn')
@@ -192,7 +186,7 @@ def _leap(one, other, halvings=_MOST_HALVINGS):
     """
     (task, force), (last, its) = one, other
     apart = _step(task.family.shape(force), last.family.shape(its))
-    if apart <= _PACE and halvings < _MOST_HALVINGS:
+    if apart <= _NEAR and halvings < _MOST_HALVINGS:
         return 0.0
     if not halvings:
         return apart

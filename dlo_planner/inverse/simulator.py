@@ -286,7 +286,7 @@ class InverseSimulator(Value):
                 discretisation tells it from none), 'least_motion' (from `start`),
                 'largest_clearance' (from the other obstacles; without any, the least energy);
                 None: a motion through the interval that has the least energy, in order of the
-                force, its steps below 0.06 (rad plus parts of the length)
+                force, its steps below 0.12 (rad plus parts of the length)
             forces: (n,) N: only these are looked at, as they are; None: all
             start: Pose of the gripper before
             linear_speed, angular_speed, progress, deadline: as for `thread`
@@ -297,8 +297,8 @@ class InverseSimulator(Value):
         Raises:
             InvalidTask: an argument makes no sense, or the contact is not on a surface
             Infeasible: no force will do; the constraint is the demand that the best one breaks, or
-                'contact': by so much, in m, the DLO would be in an obstacle, or would leave the
-                best of these shapes
+                'contact': by so much, in m, the DLO would be in an obstacle, or off the best of
+                these shapes
         """
         s = number('s', s, above=0, below=self.simulator.rod.length)
         forces = self._contact(contact, forces, condition, start)

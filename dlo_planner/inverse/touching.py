@@ -131,11 +131,21 @@ class Contacting:
             least = min(family.shape(force).violation for force in family.known)
             return draft.refusal('contact', least, f'{looked}: with each of them it would be in an '
                                  f'obstacle, by {least:.3g} m at least')
-        return self.unconfirmed(draft, best, f'{looked} in a stable shape: the best one has a '
-                                f'stability of {best.stability:.3g}')
+        found, _ = step(best._discretisation, best.gripper, best, None, None)
+        return self.left(draft, best, found, f'{looked} in a stable shape: the best one has a '
+                         f'stability of {best.stability:.3g}')
 
-    def unconfirmed(self, draft, shape, why):
-        """Return Infeasible because the DLO leaves a Shape; the amount is how far, in m."""
-        found, _ = step(shape._discretisation, shape.gripper, shape, None, None)
-        amount = np.linalg.norm(found.positions - shape.positions, axis=1).max()
-        return draft.refusal('contact', amount, f'{why}; the DLO would leave it by {amount:.3g} m')
+    def unconfirmed(self, draft, parts):
+        """Return Infeasible because the direct simulation confirms no force of these intervals."""
+        best = max((self.family.shape(force) for part in parts for force in part),
+                   key=lambda shape: shape.stability)
+        return self.left(draft, best, self.simulator.solve(best.gripper, best),
+                         'the direct simulation with its own discretisation confirms none of the '
+                         'contact forces that should do; a finer one may')
+
+    def left(self, draft, shape, found, why):
+        """Return Infeasible because the DLO is `found` elsewhere; the amount is how far, in m."""
+        samples = np.linspace(0, shape.s[-1], 17)
+        away = found.positions_at(samples) - shape.positions_at(samples)
+        amount = np.linalg.norm(away, axis=1).max()
+        return draft.refusal('contact', amount, f'{why}; the DLO would be off by {amount:.3g} m')

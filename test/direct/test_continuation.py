@@ -86,8 +86,9 @@ def test_a_held_dlo_has_fallen_where_energy_is_missing(stored, lost, jumped):
     force = np.array([20.0, 0, 0, 0, 0, 0])
     before = replace(bent(pose(0.0), 0.0), energy=0.0, elastic_energy=0.1)
     there = Pose((0.1, 0, 0), (0, 0, 0, 1))
-    after = replace(bent(there, 0.0), energy=stored, gripper_wrench=force, dissipated=lost)
     end = FarEnd(Pose((1, 0, 0), (0, 0, 0, 1)))
+    after = replace(bent(there, 0.0), energy=stored, gripper_wrench=force, dissipated=lost,
+                    far_end=end)
     assert follow(lambda *_: (after, 0), before, there, end).jumped == jumped
     assert follow(lambda *_: (after, 1), before, there, end).jumped  # a kick is a fall as well
 
@@ -99,6 +100,6 @@ def test_a_far_end_works_too():
     turned = np.array([pose(0.1).rotation] * len(STRAIGHT.s))
     after = replace(bent(pose(0.0), 0.0), energy=3.0, frames=turned, far_wrench=last)
     for energy, jumped in ((3.0, False), (2.0, True)):
-        shape = replace(after, energy=energy)
         end = FarEnd(Pose((1, 0, 0), (0, 0, 0, 1)))
+        shape = replace(after, energy=energy, far_end=end)
         assert follow(lambda *_, s=shape: (s, 0), before, pose(0.0), end).jumped == jumped

@@ -128,7 +128,7 @@ def test_the_family_goes_as_far_as_it_is_stable():
     assert 0.6 * forces[-1] < max(held) < 1.1 * forces[-1] and min(held) < 1.6 * forces[0]
     turns = [np.arccos(np.clip(0.5 * (np.trace(a.rotation.T @ b.rotation) - 1), -1, 1))
              for a, b in zip(plan.grippers, plan.grippers[1:], strict=False)]
-    assert max(turns) < 0.1
+    assert max(turns) < 0.13
 
 
 def test_the_family_is_that_of_kirchhoffs_equations():
