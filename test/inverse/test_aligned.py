@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.energy.potential import evaluate, new_state
 from dlo_planner.inverse.aligned import aligned_newton, free_axis
-from dlo_planner.inverse.beginnings import least_turn
+from dlo_planner.inverse.beginnings import least_turn, rolls_are_alike
 from dlo_planner.inverse.marching import march_from_end
 
 ROD = Rod(1.0, 0.1, (0.5, 1.0), 0.4, natural_curvature=(0.6, -0.3), natural_twist=0.5,
@@ -135,3 +135,13 @@ def test_the_least_turn_is_about_the_axis_across(rng):
         assert angle == pytest.approx(np.arccos(np.clip(one @ other, -1, 1)))
         np.testing.assert_allclose(least_turn(one, one), np.eye(3), atol=1e-15)
         np.testing.assert_allclose(least_turn(one, -one) @ one, -one, atol=1e-12)
+
+
+@pytest.mark.parametrize(('more', 'alike'), [
+    ({}, True), ({'natural_curvature': (0.3, 0.0)}, False), ({'natural_twist': 0.5}, False),
+    ({'natural_curvature': lambda s: (0.0, max(0.0, s - 0.9))}, False),
+    ({'bending_stiffness': (0.5, 0.6)}, False), ({'tip_mass': 0.1}, True)])
+def test_rolls_are_alike_where_the_dlo_is_straight_and_round(more, alike):
+    rod = Rod(**{'length': 1.0, 'mass_per_length': 0.1, 'bending_stiffness': 0.5,
+                 'torsional_stiffness': 0.4, **more})
+    assert rolls_are_alike(DirectSimulator(rod)) == alike
