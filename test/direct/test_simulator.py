@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dlo_planner import DirectSimulator, InvalidTask, Pose, Rod
+from dlo_planner import DirectSimulator, InvalidTask, Plane, Pose, Rod
 from dlo_planner.direct.discretisation import Discretisation
 
 
@@ -120,3 +120,28 @@ def test_strains_at_nodes_of_an_uneven_mesh_are_interpolated(wire, level, basis)
     uneven = replace(shape, s=s, element_strains=start + np.outer(middle, slope),
                      _discretisation=mesh)
     np.testing.assert_allclose(uneven.strains, start + np.outer(s, slope), atol=1e-12)
+
+
+def test_with_set_carries_the_permanent_set_and_nothing_else(wire):
+    # an elastic DLO has none: contacts and friction of the shape it comes from do not count
+    direct = DirectSimulator(wire, basis='local', n_elements=24,
+                             obstacles=[Plane((0, 0, 0), (0, 0, 1), 0.5)])
+    here = Pose((0, 0, 0.01), (0, 0, 0, 1))
+    slid = direct.track([Pose((0.03, 0, 0.02), (0, 0, 0, 1)), here])[-1]
+    assert slid.converged and slid.contacts
+    wanted, found = direct.solve(here), direct.with_set(slid).solve(here)
+    np.testing.assert_allclose(found.positions, wanted.positions, atol=1e-9)
+    drag = [sum(contact.friction for contact in shape.contacts) for shape in (found, wanted, slid)]
+    weight = 9.81 * wire.mass_per_length
+    np.testing.assert_allclose(drag[0], drag[1], atol=1e-6 * weight)
+    assert np.linalg.norm(drag[2] - drag[1]) > 0.1 * weight
+
+
+@pytest.mark.parametrize('limits', [{'yield_curvature': 0.3}, {'yield_torsion': 0.2},
+                                    {'yield_curvature': 0.3, 'yield_torsion': 0.2}])
+def test_elastic_means_that_nothing_yields(limits, level):
+    rod = Rod(1.0, 0.1, (1.0, 2.0), 0.7, natural_curvature=(0.2, 0.5), **limits)
+    direct = DirectSimulator(rod, n_elements=16).elastic()
+    assert not direct.rod.yields
+    free = DirectSimulator(replace(rod, yield_curvature=None, yield_torsion=None), n_elements=16)
+    np.testing.assert_allclose(direct.solve(level).positions, free.solve(level).positions)

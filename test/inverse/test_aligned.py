@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.energy.potential import evaluate, new_state
 from dlo_planner.inverse.aligned import aligned_newton, free_axis
-from dlo_planner.inverse.beginnings import least_turn
+from dlo_planner.inverse.beginnings import least_turn, rolls_are_alike
 from dlo_planner.inverse.marching import march_from_end
 
 ROD = Rod(1.0, 0.1, (0.5, 1.0), 0.4, natural_curvature=(0.6, -0.3), natural_twist=0.5,
@@ -76,8 +76,10 @@ def test_neither_half_alone_is_convergence():
         Pose.from_rotation((0, 0, 0), reference)).at(7.3 / 12).direction
     base = np.ascontiguousarray(least_turn(natural, NORMAL) @ reference)
     assert holds(found(relaxed.q, base, NORMAL))           # aligned, not in equilibrium
-    *_, misaligned, _, _, converged = found(q, reference, -still.at(7.3 / 12).direction)
-    assert not converged or misaligned < 1e-10             # the opposite is not aligned
+    opposite = -still.at(7.3 / 12).direction               # the opposite is not aligned
+    _, base, *_, converged = found(q, reference, opposite)
+    there = direct.solve(Pose.from_rotation((0, 0, 0), base)).at(7.3 / 12).direction
+    assert not converged or there @ opposite > 1 - 1e-9
 
 
 @pytest.mark.parametrize('roll', [0.3, -0.8])
@@ -108,7 +110,7 @@ def test_the_free_axis_lies_between_gripper_and_normal():
     assert axis @ rotation[:, 0] == pytest.approx(axis @ NORMAL)
     opposite = free_axis(rotation, -rotation[:, 0])  # no mean: its own axis
     np.testing.assert_array_equal(opposite, rotation[:, 0])
-    assert opposite is not rotation
+    assert not np.shares_memory(opposite, rotation) and opposite.flags.c_contiguous
 
 
 def test_the_march_from_the_end_is_an_equilibrium(rng):
@@ -133,3 +135,13 @@ def test_the_least_turn_is_about_the_axis_across(rng):
         assert angle == pytest.approx(np.arccos(np.clip(one @ other, -1, 1)))
         np.testing.assert_allclose(least_turn(one, one), np.eye(3), atol=1e-15)
         np.testing.assert_allclose(least_turn(one, -one) @ one, -one, atol=1e-12)
+
+
+@pytest.mark.parametrize(('more', 'alike'), [
+    ({}, True), ({'natural_curvature': (0.3, 0.0)}, False), ({'natural_twist': 0.5}, False),
+    ({'natural_curvature': lambda s: (0.0, max(0.0, s - 0.9))}, False),
+    ({'bending_stiffness': (0.5, 0.6)}, False), ({'tip_mass': 0.1}, True)])
+def test_rolls_are_alike_where_the_dlo_is_straight_and_round(more, alike):
+    rod = Rod(**{'length': 1.0, 'mass_per_length': 0.1, 'bending_stiffness': 0.5,
+                 'torsional_stiffness': 0.4, **more})
+    assert rolls_are_alike(DirectSimulator(rod)) == alike
