@@ -278,3 +278,15 @@ def test_a_step_that_cannot_be_made_ends_the_motion(obstacle, below):
     assert [shape.converged for shape in motion.shapes] == [True, True, False]
     assert not motion.converged
     assert len(motion.times) == len(motion.velocities) == len(motion.energy) == 3
+
+
+def test_a_motion_begins_with_the_set_of_its_first_shape():
+    # bent up by force and let go: strains alone would not tell that it is set
+    rod = Rod(1.0, 0.1, (1.0, 2.0), 0.7, damping=(0.3, 0.05), yield_curvature=0.8, hardening=0.1)
+    direct = DirectSimulator(rod, n_elements=24)
+    up = Pose((0.7, 0, 0.5), Rotation.from_rotvec([0, -1.6, 0]).as_quat())
+    start = direct.solve(LEVEL, direct.solve(LEVEL, far_end=up))
+    assert start.converged and start.dissipated > 0.01 and start.positions[-1, 2] > 0.05
+    motion = direct.simulate([LEVEL] * 10, 0.01, start)
+    np.testing.assert_allclose(motion.shapes[-1].positions, start.positions, atol=1e-6)
+    assert motion.shapes[-1].dissipated == pytest.approx(start.dissipated, rel=1e-6)

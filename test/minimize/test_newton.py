@@ -78,8 +78,10 @@ def test_there_is_no_kick_from_a_minimum():
 @pytest.mark.parametrize('most', [0, 1, 3])
 def test_no_more_steps_than_allowed(most):
     system = system_of(HEAVY, Pose.identity(), 'chebyshev')
-    _, residual, _, iterations, _ = newton(system, start_of(system), 1e-10, most, True)
+    q = start_of(system)
+    _, residual, _, iterations, _ = newton(system, q, 1e-10, most, True)
     assert iterations == most and residual > 1e-6
+    np.testing.assert_array_equal(q, 0)  # where it began stays where it is
 
 
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
