@@ -39,7 +39,8 @@ def simulate(discretisation, grippers, dt, initial, history, integrator, progres
     masses = node_masses(discretisation.rod, discretisation.s)
     history = past_of(discretisation, initial, history)
     first = _at_first(discretisation, grippers[0], initial, history)
-    nodes, bends = _let_go(discretisation, grippers, masses, first.element_strains, history, dt)
+    nodes, bends = _let_go(discretisation, grippers, masses, np.array(first.element_strains),
+                           history, dt)
     shapes = [replace(first, _estimate=_unknown)]
     velocities = [nodes.velocity]
     energies = [_energies(discretisation, shapes[0], history, masses, nodes.velocity)]

@@ -125,7 +125,7 @@ class _Sweep:
         least = float(min(rooms))
         arms = shape.positions - shape.gripper.position
         return _Look(u, shape, arms, np.sqrt(np.einsum('ij,ij->i', arms, arms)), _element_rooms(
-            self._scene, np.diff(shape.s), shape.positions, least), least)
+            self._scene, shape.for_kernels[0], shape.for_kernels[3], least), least)
 
     def _between(self, leg, one, other, bends, halvings):
         """Return constraint, amount and words of what is broken between two Looks, or None.
@@ -200,8 +200,8 @@ def _apart(this, that):
     """Return (N + 1,) distances in m of the nodes of a Shape from another, prolonged, as curves."""
     ends = this.positions[[0, -1]] - that.positions[[0, -1]]
     reach = float(np.sqrt((ends**2).sum(axis=1).max()))
-    return _distances(this.s, this.positions, that.s, that.element_strains, that.frames,
-                      that.positions, reach)
+    return _distances(np.array(this.s), this.for_kernels[3], np.array(that.s),
+                      *that.for_kernels[1:], reach)
 
 
 @kernel
@@ -240,7 +240,7 @@ def _distances(at, points, s, strains, rotations, positions, reach):
     for k in range(points.shape[0]):
         while first < n - 1 and s[first + 1] < at[k] - 2.0 * reach:
             first += 1
-        nearest, element, share = np.inf, 0, 0.0
+        nearest, element, share = np.inf, first, 0.0
         for e in range(first, n):
             if s[e] > at[k] + 2.0 * reach and e > first:
                 break

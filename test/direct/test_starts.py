@@ -190,7 +190,7 @@ def test_what_is_no_start_is_refused_by_name():
     grasped = GraspedInside(HERE['rod'], 0.4).solve(LEVEL)
     for one in (direct.solve, lambda gripper, start: direct.track([gripper], initial=start),
                 lambda gripper, start: direct.simulate([gripper] * 2, 0.01, start)):
-        with pytest.raises(InvalidTask, match='initial is grasped inside'):
+        with pytest.raises(InvalidTask, match='initial.*grasped inside'):
             one(LEVEL, grasped)
     with pytest.raises(InvalidTask, match='initial is held at its far end'):
         direct.simulate([LEVEL] * 2, 0.01, held)
