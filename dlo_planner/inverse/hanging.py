@@ -24,6 +24,8 @@ _POINTS = 2500
 _PARALLEL = 1e-9  # relative: loads along one axis
 _LEVEL = 1e-3     # a horizontal part below this leaves the heading free, and
 _HEADINGS = 12    # so many are looked at
+_ROUNDS = 10      # Newton steps: enough for frames 2.5 rad apart
+_ROTATION = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,9 +189,10 @@ def crossings(shapes, vectors, goal, s):
 
     place = ((1 - share)[:, None] * np.einsum('kij,kj->ki', turns[0], places[a])
              + share[:, None] * np.einsum('kij,kj->ki', turns[1], places[b]))
-    return Crossings(both(shapes.frames[:, 0]), both(shapes.frames[:, -1]), place,
-                     (1 - share) * shapes.stability[a] + share * shapes.stability[b],
-                     np.column_stack([a, b]), share)
+    found = Crossings(both(shapes.frames[:, 0]), both(shapes.frames[:, -1]), place,
+                      (1 - share) * shapes.stability[a] + share * shapes.stability[b],
+                      np.column_stack([a, b]), share)
+    return found.chosen(_are_rotations(found.grippers) & _are_rotations(found.ends))
 
 
 def _touching(shapes, misfit, scale):
@@ -222,5 +225,13 @@ def _headings(vectors, goal, up):
 
 
 def _orthonormal(frames):
-    """Return (m, 3, 3) nearly orthonormal matrices made more so, by a step of Newton's method."""
-    return frames @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(frames, 1, 2) @ frames)
+    """Return the rotations (m, 3, 3) nearest to mixed ones, by Newton's method."""
+    for _ in range(_ROUNDS):
+        frames = frames @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(frames, 1, 2) @ frames)
+    return frames
+
+
+def _are_rotations(frames):
+    """Return (m,) which are: two opposite frames have no mean."""
+    off = np.abs(np.swapaxes(frames, 1, 2) @ frames - np.eye(3))
+    return off.max(axis=(1, 2), initial=0.0) < _ROTATION

@@ -110,7 +110,7 @@ class Errors:
 
     def _statistics(self, x, noise):
         if self._given is None and not self._weighed:
-            noise = max(self._left(x, noise), np.finfo(float).tiny)
+            noise = max(self._left(x, noise), _NO_NOISE * self._observed.rod.length)
         plain, stiff, force, count = self._information(x, noise)
         prior = np.diag(self._prior**2)
         inverse, unknown = _inverse(stiff * plain + prior)

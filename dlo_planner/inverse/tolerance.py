@@ -160,10 +160,14 @@ def tolerance(simulator, plan, spread, *, samples=0, seed=0, executor=None) -> T
 
 
 def _acts_alike(shape, simulator):
-    """Whether a Shape is of a simulator's rod with its gravity and load; obstacles may differ."""
+    """Whether a Shape is of a simulator's rod with its gravity and load; obstacles may differ.
+
+    So may all that only tells how a rod yields, which nothing here does.
+    """
     here = shape._discretisation
-    return here is not None and same(*(replace(around, obstacles=()) for around in (
-        here.surroundings, simulator.surroundings)))
+    return here is not None and same(*(replace(around, obstacles=(), rod=replace(
+        around.rod, yield_curvature=None, yield_torsion=None, section_model='ideal', hardening=0.0))
+        for around in (here.surroundings, simulator.surroundings)))
 
 
 def _first_order(rod, plan, spread):

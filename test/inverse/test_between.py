@@ -229,11 +229,10 @@ def test_joined_and_shortened_plans_are_checked_again():
     assert caught.value.waypoint == np.searchsorted(both.times, u[len(u) // 5])
 
 
-def test_nothing_is_looked_at_where_nothing_is():
-    class Untouchable:
-        def track(self, *_):
-            raise AssertionError
+def test_nothing_is_looked_at_where_nothing_is(monkeypatch):
+    def untouchable(*_, **__):
+        raise AssertionError
 
     inverse = InverseSimulator(DIRECT)
-    inverse._alone.track = Untouchable().track
+    monkeypatch.setattr(DirectSimulator, 'track', untouchable)
     assert inverse.thread(HOLE, depths=np.linspace(0, 0.9, 40)).fraction == 1

@@ -192,13 +192,14 @@ def test_progress_and_deadline():
 
 
 @pytest.mark.parametrize(('penalty', 'named'), [
-    (PositionAt(1.5, (0, 0, 0)), r'PositionAt.s = 1.5'), ([], 'penalties'), ((), 'penalties'),
-    (DirectionAt(-0.1, (1, 0, 0)), r'DirectionAt.s = -0.1'),
-    ([*ANY, PositionAt(np.nan, (0, 0, 0))], 'PositionAt.s'),
-    (Through((0, 0, 0), 1.2), 'Through.after')])
+    (lambda: PositionAt(1.5, (0, 0, 0)), r'PositionAt.s = 1.5'),
+    (list, 'penalties'), (tuple, 'penalties'),
+    (lambda: DirectionAt(-0.1, (1, 0, 0)), r'DirectionAt.s = -0.1'),
+    (lambda: [*ANY, PositionAt(np.nan, (0, 0, 0))], 'PositionAt.s'),
+    (lambda: Through((0, 0, 0), 1.2), 'Through.after')])
 def test_places_beyond_the_ends_are_named(penalty, named):
     with pytest.raises(InvalidTask, match=named):
-        minimise_penalty(DirectSimulator(STIFF), penalty, START)
+        minimise_penalty(DirectSimulator(STIFF), penalty(), START)
 
 
 def test_what_is_not_taken_into_account_is_refused():

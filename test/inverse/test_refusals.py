@@ -44,7 +44,7 @@ def test_an_initial_shape_that_is_held_or_another_is_named():
     grasped = GraspedInside(ROD, 0.5).solve(START)
     longer = DirectSimulator(Rod(1.1, 0.05, 0.3, 0.25)).solve(START)
     for initial, named in ((held, 'initial is held at its far end'),
-                           (grasped, 'initial is grasped inside'), (longer, 'initial has length'),
+                           (grasped, 'initial.*grasped inside'), (longer, 'initial has length'),
                            ('shape', 'initial = ')):
         for plan in with_initial(InverseSimulator(direct), initial):
             with pytest.raises(InvalidTask, match=named):
