@@ -20,8 +20,9 @@ import msg_helpers
 from dlo_planner import DloPlannerError, InvalidRod, InvalidTask, Pose
 
 SECONDS = 5  # a call that takes longer hangs
-# not known until they are asked for, or until there are samples, as their docstrings say
-MAY_BE_NAN = {'dynamic_miss', 'duration', 'fastest', 'success', '_estimate'}
+# not known until they are asked for or looked at, or until there are samples: see their docstrings
+MAY_BE_NAN = {'miss', 'misalignment', 'clearance', 'deviation', 'dynamic_miss', 'swing',
+              'dynamic_clearance', 'duration', 'step', 'fastest', 'success', 'noise', '_estimate'}
 # what an argument is called in a message where it has another name there
 ALSO_CALLED = {'value': 'far_end', 'fraction': 's'}
 

@@ -1,6 +1,6 @@
 """What a DLO carries from one step to the next: its permanent set and its contacts."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -30,7 +30,7 @@ class History(Value):
     points: dict
     hold: np.ndarray
     positions: np.ndarray
-    of: Surroundings | None = None
+    of: Surroundings | None = field(default=None, compare=False)
 
     def __post_init__(self):
         for array in (self.s, self.set, self.node_force, self.hold, self.positions):

@@ -121,7 +121,7 @@ class ContactFamily:
             strain: (3,) of the DLO there, the same for all forces, as is the moment
         """
         bend, normal = np.empty((3, 3)), np.empty(3)
-        signed_distance(self._scene, self._body, self.place, normal, bend)
+        signed_distance(self._scene, self._body, np.array(self.place), normal, bend)
         _, curve = along_the_dlo(normal, bend, self.frame, strain)
         return -curve * np.diff(self._mesh.s).max() ** 2 / 8
 

@@ -90,7 +90,7 @@ class _Insertion:
 
     def _parts(self, one, other):
         """Return the stops after `one` in which to go to `other` at the same depth."""
-        apart = _apart(self._gripper(one), self._gripper(other))
+        apart = _apart(self._gripper(one), self._gripper(other), self.simulator.rod.length)
         if apart < _NOTHING and other[1] == 1.0 and one[1] == 0.0:
             return []
         if apart < _PACE:
@@ -154,18 +154,19 @@ class _Insertion:
 
         It leaps if the longer half of a step, halved again and again, does not get shorter.
         """
-        if _apart(draft.last.gripper, shape.gripper) < _PACE:
+        length = self.simulator.rod.length
+        if _apart(draft.last.gripper, shape.gripper, length) < _PACE:
             return
         (low, carried), (high, _) = one, other
         poses = [self._gripper(one), self._gripper(other)]
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
             between = self._gripper((middle, carried if middle == low else 0.0))
-            if _apart(poses[0], between) > _apart(between, poses[1]):
+            if _apart(poses[0], between, length) > _apart(between, poses[1], length):
                 high, poses[1] = middle, between
             else:
                 low, poses[0] = middle, between
-            if _apart(*poses) < _NOTHING:
+            if _apart(*poses, length) < _NOTHING:
                 return
         turn = _turn(*poses)
         raise draft.refusal('continuity', turn * shape.s[-1], 'the gripper would have to turn by '
@@ -187,6 +188,6 @@ def _turn(one, other):
     return float(Rotation.from_matrix(other.rotation @ one.rotation.T).magnitude())
 
 
-def _apart(one, other):
-    """Return turn plus shift between two Poses, rad and m."""
-    return _turn(one, other) + float(np.linalg.norm(other.position - one.position))
+def _apart(one, other, length):
+    """Return turn plus shift between two Poses, rad and parts of the DLO's length."""
+    return _turn(one, other) + float(np.linalg.norm(other.position - one.position)) / length

@@ -1,6 +1,6 @@
 """A plan as a smooth motion in time: its path, gone through within the robot's limits."""
 
-from dataclasses import InitVar, dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from dlo_planner.inverse.path import GripperPath
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.model.checks import instance, number, row
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import Value, put
+from dlo_planner.model.value import Value, brief, put
 
 _TIGHT = 5e-3    # by how much slower than the limits allow it may be
 _ROUNDS = 40     # halvings of the time between two looks
@@ -45,7 +45,6 @@ class Limits(Value):
         super().__post_init__()
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Trajectory(Value):
     """The gripper's way in time: at rest at both ends, continuous acceleration between.
 
@@ -67,20 +66,19 @@ class Trajectory(Value):
         InvalidTask: naming the argument
     """
 
-    plan: InitVar[Plan]
-    limits: Limits | None = None
-    path: GripperPath = field(init=False)
-    duration: float = field(init=False, compare=False)
-    _laws: tuple = field(init=False, repr=False, compare=False)
+    PARTS = ('path', 'limits')
+    REMEMBERED = ('duration', '_laws')
 
-    def __post_init__(self, plan):
+    def __init__(self, plan, limits=None):
         instance('plan', plan, Plan)
-        limits = Limits() if self.limits is None else instance('limits', self.limits, Limits)
+        limits = Limits() if limits is None else instance('limits', limits, Limits)
         path = GripperPath.of(plan)
         laws = tuple(_TimeLaw(leg, limits) for leg in path.legs)
-        put(self, limits=limits, path=path, _laws=laws,
+        put(self, path=path, limits=limits, _laws=laws,
             duration=float(sum(law.duration for law in laws)))
-        super().__post_init__()
+
+    def __repr__(self):
+        return brief(self, f'{self.duration:.4g} s', f'{len(self.path.legs)} legs')
 
     def at(self, times):
         """Return Poses (list), velocities (n, 6) and accelerations (n, 6) at `times` (n,) s.

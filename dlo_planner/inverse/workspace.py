@@ -7,6 +7,7 @@ import numpy as np
 
 from dlo_planner.energy.distance import SHEET, build_scene, signed_distance
 from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.path import GripperPath
 from dlo_planner.kernels import kernel
 from dlo_planner.model.checks import array, instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES
@@ -91,6 +92,7 @@ class Workspace(Value):
             index of the waypoint to which the gripper is going, name of the limit, by how much (m,
             the most before that waypoint)
         """
+        instance('path', path, GripperPath)
         limits, found = self._limits(), []
         for leg in path.legs:
             for name, rooms, sheet in limits:
