@@ -14,7 +14,7 @@ from dlo_planner.energy.potential import at_element, evaluate, new_state, projec
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve
-from dlo_planner.minimize.multipliers import rigid
+from dlo_planner.minimize.multipliers import firm, rigid
 from dlo_planner.model.pose import Pose
 from dlo_planner.ritz.kinematics import march, part_of_element
 
@@ -38,11 +38,11 @@ class Sensitivity:
         past = shape._before.holding(shape._history)
         system = here.system(gripper.rotation, gripper.position, past, shape.far_end)
         q = here.unknowns(shape.element_strains)
-        if shape.far_end is not None:
+        if shape.contacts or shape.far_end is not None:
             state = new_state(system)
             state.q[:] = q
             evaluate(system, state)
-            system = rigid(system, state)
+            system = rigid(firm(system, state), state)
         self._system = system
         self._state, self._answers, self._hessian = _answers(self._system, q)
 

@@ -24,6 +24,7 @@ _STIFFER = 10.0
 _MOST_STIFFER = 1e2
 _SAG = 2e-6         # of the length: an element that comes no nearer than its nodes by more is flat
 _BUCKLED = 0.05     # an eigenvalue below minus this is no effect of soft springs
+_FIRM = 1e2         # times the stiffness of contacts' springs, where they are to hardly give
 _RIGID = 3e2        # times the stiffness of the far end's springs, to judge stability
 HELD_NEUTRAL = 1e-3  # as NEUTRAL, with constraints: a mesh splits what is neutral by about as much
 _MOST_KICKS = 10
@@ -158,6 +159,38 @@ def rigid(system, state):
         miss(hold, p, state.rotations[-1], state.positions[-1], away, arm)
         multiplier[p] -= stiffness * away
     return system._replace(hold=hold._replace(stiffness=stiffness, multiplier=multiplier))
+
+
+def firm(system, state):
+    """Return the System with contacts so stiff that they hardly give, their forces the same."""
+    contacts = system.contacts
+    if not system.scene.kind.size:
+        return system
+    contacts = contacts._replace(node=contacts.node.copy(), multiplier=contacts.multiplier.copy())
+    _keep_forces(system._replace(contacts=contacts), state, (_FIRM - 1) * contacts.stiffness)
+    return system._replace(contacts=contacts._replace(stiffness=_FIRM * contacts.stiffness))
+
+
+@kernel
+def _keep_forces(system, state, more):
+    """Move the multipliers of what touches by what springs stiffer by `more` (N/m) would add."""
+    scene, contacts = system.scene, system.contacts
+    k = contacts.stiffness
+    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    for o in range(scene.kind.size):
+        for node in range(1, system.lengths.size + 1):
+            for i in range(3):
+                x[i] = scene.origin[i] + state.positions[node, i]
+            gap = signed_distance(scene, o, x, normal, bend) - scene.radius
+            if contacts.node[o, node] > k * gap:
+                contacts.node[o, node] += more * gap
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] < 0:
+            continue
+        gap, _ = nearest_inside(scene, contacts.obstacle[c], contacts.element[c], system.lengths,
+                                state.strains, state.rotations, state.positions, normal, bend)
+        if contacts.multiplier[c] > k * gap:
+            contacts.multiplier[c] += more * gap
 
 
 def _stiffened(system, factor):

@@ -118,13 +118,14 @@ def test_samples_do_not_depend_on_the_executor():
 def test_a_held_contact():
     bar = Capsule((0.5, -0.5, 0.7), (0.5, 0.5, 0.7), 0.02)
     direct = DirectSimulator(ROD, basis='local', n_elements=32, obstacles=[bar])
-    plan = InverseSimulator(direct).hold_contact(Pose((0.5, 0, 0.72), (0, 0, 0, 1)), 0.5,
+    # inside an element: at a node the nearest point of a row of arcs has a kink
+    plan = InverseSimulator(direct).hold_contact(Pose((0.5, 0, 0.72), (0, 0, 0, 1)), 0.51,
                                                  forces=[0.2])
     got = tolerance(direct, plan, Spread(mass=SMALL))
     shape, (place, s, _) = plan.shapes[0], plan.passes[0][0]
     ahead, back = (across(DirectSimulator(both, basis='local', n_elements=32, obstacles=[bar])
                           .solve(shape.gripper, shape), place, s) for both in rods('mass')[0])
-    assert got.first_order[0] == pytest.approx(0.5 * np.linalg.norm(ahead - back), rel=0.02)
+    assert got.first_order[0] == pytest.approx(0.5 * np.linalg.norm(ahead - back), rel=2e-3)
 
 
 @pytest.mark.parametrize(('change', 'named'), [
