@@ -46,7 +46,7 @@ def depth(direct, shape):
     """Return how far a shape is inside the obstacles, m, looked at closely along its arcs."""
     scene, radius = build_scene(direct.obstacles, direct.rod.radius), direct.rod.radius
     normal, bend = np.empty(3), np.empty((3, 3))
-    return -min(signed_distance(scene, o, shape.at(s).position, normal, bend) - radius
+    return -min(signed_distance(scene, o, np.array(shape.at(s).position), normal, bend) - radius
                 for s in np.linspace(0.01, shape.s[-1], 800) for o in range(scene.kind.size))
 
 

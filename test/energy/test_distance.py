@@ -22,7 +22,7 @@ SCENE.size[4, 0] = 0.01  # the kernel knows thickness; scenes are built of foils
 
 def distance(index, x):
     normal, bend = np.empty(3), np.empty((3, 3))
-    return signed_distance(SCENE, index, np.asarray(x, dtype=float), normal, bend), normal, bend
+    return signed_distance(SCENE, index, np.array(x, dtype=float), normal, bend), normal, bend
 
 
 def points(rng, number=200):
@@ -96,4 +96,4 @@ def test_a_hole_is_in_its_own_sheet_only(order):
     first, second = (0, 1)[::order]
     x = ROUND.centre + POSE.direction
     assert signed_distance(scene, first, x, normal, bend) == pytest.approx(0, abs=1e-12)
-    assert signed_distance(scene, second, ROUND.centre, normal, bend) == pytest.approx(0.08)
+    assert signed_distance(scene, second, np.array(ROUND.centre), normal, bend) == pytest.approx(0.08)
