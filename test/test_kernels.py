@@ -38,8 +38,8 @@ from dlo_planner.minimize.newton import descend
 from dlo_planner.ritz.kinematics import point_inside
 
 KERNELS = [descend, unknowns_of, aligned_newton, march_from_end, point_inside, passes_through,
-           evaluate, nearest_inside, nearest, signed_distance, settled, _update, _watching, _with_friction,
-           between._element_rooms, between._distances, workspace._distances]
+           evaluate, nearest_inside, nearest, signed_distance, settled, _update, _watching,
+           _with_friction, between._element_rooms, between._distances, workspace._distances]
 
 
 def use_everything():

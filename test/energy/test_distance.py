@@ -96,4 +96,5 @@ def test_a_hole_is_in_its_own_sheet_only(order):
     first, second = (0, 1)[::order]
     x = ROUND.centre + POSE.direction
     assert signed_distance(scene, first, x, normal, bend) == pytest.approx(0, abs=1e-12)
-    assert signed_distance(scene, second, np.array(ROUND.centre), normal, bend) == pytest.approx(0.08)
+    centre = np.array(ROUND.centre)
+    assert signed_distance(scene, second, centre, normal, bend) == pytest.approx(0.08)
