@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.continuation import between
 from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.clearance import sheet_of
 from dlo_planner.inverse.continuity import apart, same
 from dlo_planner.inverse.draft import Draft
 from dlo_planner.inverse.plan import Waypoint
@@ -61,6 +62,8 @@ def _from_behind(simulator, cutout, start, first, standoff, initial, brief, back
     way = _stations(cutout, start, first.gripper, standoff, brief.radius, simulator.rod.length,
                     back)
     draft = Draft(np.zeros(len(way)), brief, 'start phase, waypoint')
+    sheet = sheet_of(cutout, simulator.rod.length, brief.obstacles)
+    sheets = () if sheet is None else ((sheet, normal),)
     for gripper, wanted in way:
         brief.progress.check()
         initial = simulator.track([gripper], initial=initial)[0]
@@ -78,7 +81,7 @@ def _from_behind(simulator, cutout, start, first, standoff, initial, brief, back
             raise draft.refusal('start', apart(initial, first), 'the DLO does not come into '
                                 'the shape in which the threading begins')
         behind = room if wanted >= 0 else np.inf  # else it is in the hole
-        draft.add(Waypoint(initial, clearances=((np.inf, behind, np.inf),)))
+        draft.add(Waypoint(initial, clearances=((np.inf, behind, np.inf),), sheets=sheets))
     return draft.finished()
 
 
