@@ -33,7 +33,7 @@ def test_crossings_do_the_task_about(shapes, normal, depth):
     goal = CutOut(Pose.looking_along((0, 0, 0), normal))
     direct = DirectSimulator(ROD)
     found = Aligned(direct, goal.normal).crossings(shapes, depth)
-    assert len(found) > 5
+    assert len(found) > 5 and (shapes.stability[found.pairs] > 0).all()
     for k in range(0, len(found), 7):
         shape = direct.solve(Pose.from_rotation((0, 0, 0), found.grippers[k]))
         if np.abs(shape.frames[-1] - found.ends[k]).max() < 0.05:  # the DLO gets into it by itself
