@@ -7,14 +7,15 @@ to the gripper, for many forces at once); the direct simulation tells what can b
 """
 
 import sys
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from time import monotonic
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent.parent))
+
+from tally import arguments, tally, timed  # noqa: E402
 
 from dlo_planner import (  # noqa: E402
     Box,
@@ -174,19 +175,16 @@ def scan(direct, contact, s, below=np.inf, decades=8, per_decade=10, stable=1e-3
 
 
 def outcome(rod, obstacle, contact, s, how):
-    """Return 'held', 'confirmed', or what is wrong; and how long it took, s."""
+    """Return 'held', 'confirmed', or what is wrong; and the CPU time of planning, s."""
     direct = DirectSimulator(rod, obstacles=[obstacle], **how)
     plain = DirectSimulator(rod, obstacles=[obstacle], basis='local')
-    begun = monotonic()
-    try:
-        shape = InverseSimulator(direct).hold_contact(contact, s).shapes[0]
-    except Infeasible as error:
-        seconds = monotonic() - begun
+    plan, seconds = timed(lambda: InverseSimulator(direct).hold_contact(contact, s))
+    if isinstance(plan, Infeasible):
         found = scan(plain, contact, s)
         if found:
-            return f'refused for nothing: {error}; {found[0]:g} to {found[-1]:g} N hold', seconds
+            return f'refused for nothing: {plan}; {found[0]:g} to {found[-1]:g} N hold', seconds
         return 'confirmed', seconds
-    seconds = monotonic() - begun
+    shape = plan.shapes[0]
     force = sum(one.force for one in shape.contacts)
     if not held(direct, contact, s, shape.gripper, shape, force):
         return 'not held', seconds
@@ -204,18 +202,9 @@ def outcome(rod, obstacle, contact, s, how):
 
 def main():
     """Print how many were held, how many refusals were confirmed, and everything else."""
-    given = [int(value) for value in sys.argv[1:]]
-    number, seed = (given + [200, 0][len(given):])[:2]
-    rng, count, slowest = np.random.default_rng(seed), Counter(), {}
-    for index in range(number):
-        what, seconds = outcome(*random_task(rng), HOW[index % 3])
-        count[what.split(':')[0]] += 1
-        slowest.setdefault(what.split(':')[0], []).append(seconds)
-        if what not in ('held', 'confirmed'):
-            print(f'{index}: {what}', flush=True)
-    print(', '.join(f'{number} {what}' for what, number in sorted(count.items())))
-    for what, seconds in slowest.items():
-        print(f'{what}: {np.median(seconds):.3f} s, at most {max(seconds):.3f} s')
+    number, seed = arguments(200, 0)
+    rng = np.random.default_rng(seed)
+    tally(outcome(*random_task(rng), HOW[index % 3]) for index in range(number))
 
 
 if __name__ == '__main__':

@@ -1,10 +1,9 @@
 """Random cut-outs for random DLOs: planned and replayed, or refused and the refusal confirmed.
 
-python test/random_cutouts.py [how many] [seed]
+python test/random_cutouts.py [how many] [seed] [number of depths]
 """
 
 import sys
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from hanging import no_start, no_way  # noqa: E402
+from steps import leaps  # noqa: E402
+from tally import arguments, tally, timed  # noqa: E402
 
 from dlo_planner import (  # noqa: E402
     CutOut,
@@ -23,7 +24,7 @@ from dlo_planner import (  # noqa: E402
     Rod,
 )
 
-DEPTHS = np.linspace(0, 0.95, 20)
+DEEPEST = 0.95  # m
 MASS = 0.05  # kg/m
 
 
@@ -41,23 +42,35 @@ def random_task(rng):
     return rod, CutOut(Pose.looking_along(rng.normal(size=3), rng.normal(size=3)))
 
 
-def outcome(rod, cutout, basis):
-    """Return 'replayed', 'confirmed', or what is wrong."""
-    direct = DirectSimulator(rod, basis=basis)
-    try:
-        plan = InverseSimulator(direct).thread(cutout, depths=DEPTHS)
-    except Infeasible as error:
-        return 'confirmed' if confirmed(direct, cutout, error) else f'refused for nothing: {error}'
-    for depth, shape in zip(DEPTHS, direct.track(plan.grippers), strict=True):
+def outcome(rod, cutout, basis, number=20):
+    """Return 'replayed', 'confirmed', or what is wrong; and the CPU time of planning, s.
+
+    Args:
+        number: of depths
+    """
+    direct, depths = DirectSimulator(rod, basis=basis), np.linspace(0, DEEPEST, number)
+    plan, seconds = timed(lambda: InverseSimulator(direct).thread(cutout, depths=depths))
+    if isinstance(plan, Infeasible):
+        if confirmed(direct, cutout, depths, plan):
+            return 'confirmed', seconds
+        return f'refused for nothing: {plan.constraint}: {plan}', seconds
+    return ('leaps' if leaps(plan) else replayed(direct, cutout, plan)), seconds
+
+
+def replayed(direct, cutout, plan):
+    """Return 'replayed', or what is wrong when the gripper moves as planned."""
+    for depth, shape in zip(plan.depths, direct.track(plan.grippers), strict=True):
         axes, position = shape.frame_at(1 - depth)
+        if not shape.converged:
+            return f'not converged: at depth {depth:g}'
         if np.linalg.norm(position - cutout.centre) > 1e-6:
-            return f'misses at depth {depth}'
+            return f'misses: at depth {depth:g}'
         if np.linalg.norm(axes[:, 0] - cutout.normal) > 1e-6:
-            return f'oblique at depth {depth}'
+            return f'oblique: at depth {depth:g}'
     return 'replayed'
 
 
-def confirmed(direct, cutout, error):
+def confirmed(direct, cutout, depths, error):
     """Whether there is no way to the waypoint, among all ways in which the DLO can hang."""
     def gets_there(frames):
         shape = direct.solve(Pose.from_rotation((0, 0, 0), frames[0]))
@@ -66,21 +79,15 @@ def confirmed(direct, cutout, error):
     given = direct.rod, np.array([0, 0, -9.81 * MASS]), cutout.normal
     if error.waypoint == 0:
         return no_start(*given, gets_there)
-    return no_way(*given, 1 - DEPTHS[:error.waypoint + 1], gets_there)
+    return no_way(*given, 1 - depths[:error.waypoint + 1], gets_there)
 
 
 def main():
     """Print how many were replayed, how many refusals were confirmed, and everything else."""
-    given = [int(value) for value in sys.argv[1:]]
-    number, seed = (given + [200, 0][len(given):])[:2]
-    rng, count = np.random.default_rng(seed), Counter()
-    for index in range(number):
-        task = random_task(rng)
-        what = outcome(*task, ('local', 'chebyshev')[index % 2])
-        count[what.split(':')[0]] += 1
-        if what not in ('replayed', 'confirmed'):
-            print(f'{index}: {what}')
-    print(', '.join(f'{number} {what}' for what, number in sorted(count.items())))
+    number, seed, depths = arguments(200, 0, 20)
+    rng = np.random.default_rng(seed)
+    tally(outcome(*random_task(rng), ('local', 'chebyshev')[index % 2], depths)
+          for index in range(number))
 
 
 if __name__ == '__main__':

@@ -4,14 +4,15 @@ python test/random_insertions.py [how many] [seed]
 """
 
 import sys
-from collections import Counter
 from pathlib import Path
-from time import monotonic
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent.parent))
+
+from tally import arguments, tally, timed  # noqa: E402
 
 from dlo_planner import (  # noqa: E402
     CutOut,
@@ -60,15 +61,12 @@ def leaps(inverse, bore, plan, depths):
 
 
 def outcome(rod, bore, how):
-    """Return 'inserted' or what is wrong; and how long it took, s."""
+    """Return 'inserted' or what is wrong; and the CPU time of planning, s."""
     direct = DirectSimulator(rod, **how)
     inverse, depths = InverseSimulator(direct), np.linspace(0, 0.95, 12)
-    begun = monotonic()
-    try:
-        plan = inverse.insert(bore, depths=depths)
-    except Infeasible as error:
-        return f'refused, {error.constraint}: {error}; {error.amount:.3g}', monotonic() - begun
-    seconds = monotonic() - begun
+    plan, seconds = timed(lambda: inverse.insert(bore, depths=depths))
+    if isinstance(plan, Infeasible):
+        return f'refused, {plan.constraint}: {plan}; {plan.amount:.3g}', seconds
     if not np.isin(depths, plan.depths).all() or plan.stability.min() < -1e-3:
         return 'incomplete', seconds
     if leaps(inverse, bore, plan, depths):
@@ -81,18 +79,9 @@ def outcome(rod, bore, how):
 
 def main():
     """Print how many were inserted, how many refused and why, and everything else."""
-    given = [int(value) for value in sys.argv[1:]]
-    number, seed = (given + [100, 0][len(given):])[:2]
-    rng, count, slowest = np.random.default_rng(seed), Counter(), {}
-    for index in range(number):
-        what, seconds = outcome(*random_task(rng), HOW[index % 3])
-        count[what.split(':')[0]] += 1
-        slowest.setdefault(what.split(':')[0], []).append(seconds)
-        if what != 'inserted':
-            print(f'{index}: {what} ({seconds:.2f} s)', flush=True)
-    print(', '.join(f'{number} {what}' for what, number in sorted(count.items())))
-    for what, seconds in slowest.items():
-        print(f'{what}: {np.median(seconds):.3f} s, at most {max(seconds):.3f} s')
+    number, seed = arguments(100, 0)
+    rng = np.random.default_rng(seed)
+    tally(outcome(*random_task(rng), HOW[index % 3]) for index in range(number))
 
 
 if __name__ == '__main__':

@@ -1,12 +1,9 @@
-"""Random pairs of cut-outs for random DLOs: planned and replayed, or refused.
+"""Random pairs of cut-outs for random DLOs: planned and replayed, or refused and confirmed.
 
-python test/random_pairs.py [how many] [seed]
-
-Refusals are counted by their constraint, not confirmed.
+python test/random_pairs.py [how many] [seed] [number of depths]
 """
 
 import sys
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +11,10 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from random_cutouts import random_task  # noqa: E402
+from hanging import no_pair  # noqa: E402
+from random_cutouts import DEEPEST, MASS, random_task  # noqa: E402
+from steps import leaps  # noqa: E402
+from tally import arguments, tally, timed  # noqa: E402
 
 from dlo_planner import (  # noqa: E402
     CutOut,
@@ -24,7 +24,6 @@ from dlo_planner import (  # noqa: E402
     Pose,
 )
 
-DEPTHS = np.linspace(0, 0.95, 20)
 _HIT = 1e-6  # m
 
 
@@ -46,38 +45,47 @@ def distance(shape, point):
     return np.linalg.norm(shape.positions_at(s[10:11])[0] - point)
 
 
-def outcome(rod, first, second, basis):
-    """Return 'replayed', the constraint of a refusal, or what is wrong."""
-    direct = DirectSimulator(rod, basis=basis)
-    try:
-        plan = InverseSimulator(direct).thread_two(first, second, depths=DEPTHS)
-    except Infeasible as error:
-        return f'refused ({error.constraint})'
+def outcome(rod, first, second, basis, number=20):
+    """Return 'replayed', 'confirmed', or what is wrong; and the CPU time of planning, s.
+
+    Args:
+        number: of depths
+    """
+    direct, depths = DirectSimulator(rod, basis=basis), np.linspace(0, DEEPEST, number)
+    plan, seconds = timed(lambda: InverseSimulator(direct).thread_two(first, second,
+                                                                      depths=depths))
+    if isinstance(plan, Infeasible):
+        if no_pair(rod, np.array([0, 0, -9.81 * MASS]), first, second):
+            return 'confirmed', seconds
+        return f'refused for nothing?: {plan.constraint}: {plan}; {plan.amount:.3g}', seconds
+    return ('leaps' if leaps(plan) else replayed(direct, first, second, plan)), seconds
+
+
+def replayed(direct, first, second, plan):
+    """Return 'replayed', or what is wrong when the gripper moves as planned."""
     apart = np.linalg.norm(second.centre - first.centre)
     reached = False
-    for depth, shape in zip(DEPTHS, direct.track(plan.grippers), strict=True):
+    for depth, shape in zip(plan.depths, direct.track(plan.grippers), strict=True):
         if not shape.converged:
-            return f'not converged at depth {depth:g}'
-        if np.linalg.norm(shape.at(1 - depth).position - first.centre) > _HIT:
-            return f'misses the first at depth {depth:g}'
+            return f'not converged: at depth {depth:g}'
+        axes, position = shape.frame_at(1 - depth)
+        if np.linalg.norm(position - first.centre) > _HIT:
+            return f'misses the first: at depth {depth:g}'
+        if axes[:, 0] @ first.normal <= 0:
+            return f'passes the first backwards: at depth {depth:g}'
         hit = depth > apart and distance(shape, second.centre) < _HIT
         if reached and not hit:
-            return f'leaves the second at depth {depth:g}'
+            return f'leaves the second: at depth {depth:g}'
         reached = hit
     return 'replayed' if reached else 'never comes to the second'
 
 
 def main():
-    """Print how many were replayed, how many refused and why, and everything else."""
-    given = [int(value) for value in sys.argv[1:]]
-    number, seed = (given + [100, 0][len(given):])[:2]
-    rng, count = np.random.default_rng(seed), Counter()
-    for index in range(number):
-        what = outcome(*random_pair(rng), ('local', 'chebyshev')[index % 2])
-        count[what.split(' at depth')[0]] += 1
-        if what != 'replayed':
-            print(f'{index}: {what}')
-    print(', '.join(f'{number} {what}' for what, number in sorted(count.items())))
+    """Print how many were replayed, how many refusals were confirmed, and everything else."""
+    number, seed, depths = arguments(100, 0, 20)
+    rng = np.random.default_rng(seed)
+    tally(outcome(*random_pair(rng), ('local', 'chebyshev')[index % 2], depths)
+          for index in range(number))
 
 
 if __name__ == '__main__':

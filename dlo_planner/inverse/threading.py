@@ -106,11 +106,12 @@ def _other_ways(simulator, asked, begins, refused):
         yield from ((begin, None) for begin in begins)
         return
     route = _route(simulator, shapes, asked)
-    if route is None:
-        return
-    guess = with_free_end(simulator, route.end)
-    yield (guess, guess.gripper.rotation, route.depths[0]), route
-    if route.complete:  # there is a way: what the grid tells about it may not have been enough
+    if route is not None:
+        guess = with_free_end(simulator, route.end)
+        yield (guess, guess.gripper.rotation, route.depths[0]), route
+    # what the grid tells may not be enough: where the DLO hardly stands, the stable shapes can be a
+    # strip narrower than its mesh
+    if route is None or route.complete:
         yield from ((begin, None) for begin in begins)
 
 

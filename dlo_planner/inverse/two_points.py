@@ -1,18 +1,16 @@
 """The shapes that pass two centres at once, without a direction: x(s2) - x(s1) = P2 - P1."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from dlo_planner.direct.continuation import fell
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.inverse.aligned import free_axis
 from dlo_planner.inverse.following import Passing
 from dlo_planner.inverse.hanging import crossings
-from dlo_planner.model.pose import Pose
-from dlo_planner.ritz.arc import rotation_and_chord
 
 _ITERATIONS = 30
 _EXACT = 1e-10          # of the length
-_CHORD = 1e-5           # of the length
+_TURNED = 1e-9          # rad
 _LARGEST_TURN = 0.3     # rad per step
 
 
@@ -35,14 +33,8 @@ class TwoPoints:
     def at(self, before, depth, roll=0.0, final=False):
         """Return the Passing at `depth`; see `following.Task`."""
         del final
-        shape = before.shape
-        if roll:
-            turn = Rotation.from_rotvec(roll * self.axis(shape)).as_matrix()
-            shape = self.simulator.solve(Pose.from_rotation(
-                shape.gripper.position, turn @ shape.gripper.rotation), shape)
-            if not shape.converged:
-                return None
-        found = self._solved(shape, self.simulator.rod.length - depth, before.second, 'second')
+        found = self._solved(before.shape, self.simulator.rod.length - depth, before.second,
+                             'second', roll)
         return None if found is None else found[0]
 
     def from_end(self, guess, depth):
@@ -55,9 +47,9 @@ class TwoPoints:
         found = self._solved(guess, length - depth, length, 'first')
         return None if found is None else (found[0], length - found[1])
 
-    def _solved(self, shape, s1, s2, free):
+    def _solved(self, shape, s1, s2, free, roll=0.0):
         """Return the Passing and its s1, or None."""
-        found = two_points(self.simulator, shape, self.way, s1, s2, free)
+        found = two_points(self.simulator, shape, self.way, (s1, s2), free, roll)
         if found is None:
             return None
         shape, s1, s2 = found
@@ -114,42 +106,40 @@ def _first_above(s, away, apart):
     return np.where(found, s[k - 1] + share * (s[k] - s[k - 1]), np.nan)
 
 
-def two_points(simulator, shape, way, s1, s2, free):
+def two_points(simulator, shape, way, s, free, roll=0.0):
     """Find the gripper's rotation and an arc length such that x(s2) - x(s1) = `way`.
 
-    Newton's method with the sensitivities of the equilibrium. The rotation that is left free, about
-    the line between the points, is not made.
+    Newton's method with the sensitivities of the equilibrium, which also predict the shape after
+    each step. A step after which the DLO falls into another shape ends it.
 
     Args:
-        free: 'first' or 'second': which of s1 and s2 is sought
+        s: arc lengths s1 and s2, m; free: 'first' or 'second': which of them is sought
+        roll: rad about the axis that the task leaves free; made together with the rest, so that
+            the shapes in between pass both centres, about
 
     Returns:
         Shape, s1, s2; None if there is none
     """
-    length = shape.s[-1]
+    length, (s1, s2) = shape.s[-1], s
     axis = free_axis(shape.gripper.rotation, way / np.linalg.norm(way))
-    rows, turned = None, 0.0
-    turn, chord = np.empty((3, 3)), np.empty(3)
+    missing = roll
     for _ in range(_ITERATIONS):
         (one, begin), (other, end) = shape.frame_at(s1), shape.frame_at(s2)
         miss = end - begin - way
-        size = np.linalg.norm(miss)
-        if size < _EXACT * length and abs(turned) < 1e-9:
+        if np.linalg.norm(miss) < _EXACT * length and abs(missing) < _TURNED:
             return shape, s1, s2
-        if rows is None or size > _CHORD * length:  # so near, the last derivatives will do
-            answer = Sensitivity(shape)
-            rows = np.zeros((4, 4))
-            rows[:3, :3] = answer.at(s2)[3:, :3] - answer.at(s1)[3:, :3]
-            rows[:3, 3] = -one[:, 0] if free == 'first' else other[:, 0]
-            rows[3, :3] = axis
+        answer = Sensitivity(shape)
+        rows = np.zeros((4, 4))
+        rows[:3, :3] = answer.at(s2)[3:, :3] - answer.at(s1)[3:, :3]
+        rows[:3, 3] = -one[:, 0] if free == 'first' else other[:, 0]
+        rows[3, :3] = axis
         try:
-            step = np.linalg.solve(rows, np.append(-miss, -turned))
+            step = np.linalg.solve(rows, np.append(-miss, missing))
         except np.linalg.LinAlgError:
             return None
         step *= min(1.0, _LARGEST_TURN / max(np.linalg.norm(step[:3]), 1e-300),
                     0.1 * length / max(abs(step[3]), 1e-300))
-        rotation_and_chord(step[0], step[1], step[2], 1.0, turn, chord)
-        turned += axis @ step[:3]
+        missing -= axis @ step[:3]
         if free == 'first':
             s1 = s1 + step[3]
         else:
@@ -157,8 +147,9 @@ def two_points(simulator, shape, way, s1, s2, free):
         if not (0 <= s1 < s2 <= length * (1 + 1e-12)):
             return None
         s2 = min(s2, length)
-        gripper = Pose.from_rotation(shape.gripper.position, turn @ shape.gripper.rotation)
-        shape = simulator.solve(gripper, shape)
-        if not shape.converged:
+        guess = answer.moved(np.append(step[:3], np.zeros(3)))
+        there = simulator.solve(guess.gripper, guess)
+        if not there.converged or fell(shape, there):
             return None
+        shape = there
     return None

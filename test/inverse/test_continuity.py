@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hanging import no_pair
 from random_cutouts import MASS, random_task
-from scipy.spatial.transform import Rotation
+from steps import leaps, steps
 
 from dlo_planner import (
     CutOut,
@@ -18,21 +18,6 @@ from dlo_planner import (
 
 FOLDED = Rod(0.997, 0.1683, (0.16045, 0.78075), 0.053854, natural_curvature=(-1.7084, 0.1736))
 OBLIQUE = CutOut(Pose.looking_along((0, 0, 1), (-0.58489, -0.06167, -0.80877)))
-
-
-def steps(plan, length=1.0):
-    """Return turns (n - 1,) in rad and displacements of the gripper, of the length."""
-    turns = [Rotation.from_matrix(b.rotation @ a.rotation.T).magnitude()
-             for a, b in zip(plan.grippers, plan.grippers[1:], strict=False)]
-    places = np.array([gripper.position for gripper in plan.grippers])
-    return np.array(turns), np.linalg.norm(np.diff(places, axis=0), axis=1) / length
-
-
-def leaps(plan, length=1.0):
-    """Return whether a step is larger than any that the depth explains."""
-    turns, shifts = steps(plan, length)
-    deeper = np.diff(plan.depths) / length
-    return (turns > 0.06 + 11 * deeper).any() or (shifts > 0.03 + 3.5 * deeper).any()
 
 
 def test_where_the_family_folds_another_roll_is_taken():
