@@ -39,7 +39,7 @@ class Infeasible(DloPlannerError):
     """The task has no admissible solution from some waypoint on.
 
     Attributes:
-        waypoint: index of the first waypoint that cannot be had
+        waypoint: index of the first waypoint without an admissible solution
         constraint: short name of what is violated, e.g. 'stability'
         amount: by how much, in the constraint's own unit (see `constraint`)
         plan: the plan up to that waypoint (`fraction` < 1), as evidence; may be None

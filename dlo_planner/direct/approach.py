@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.contacts import points_of
 from dlo_planner.direct.continuation import between
@@ -11,7 +10,7 @@ from dlo_planner.direct.statics import solve
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
 from dlo_planner.model.far_end import FarEnd
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between
 
 _RELAXING = 12       # Newton steps between two parts of a motion
 _ROUGHLY = 1e-5      # of the length: how well obstacles are kept clear of on the way
@@ -104,7 +103,7 @@ def _parts(begin, gripper, held, far_end, length):
     parts = 0.0
     for one, other in pairs:
         shift = np.linalg.norm(other.position - one.position)
-        turn = Rotation.from_matrix(other.rotation @ one.rotation.T).magnitude()
+        turn = angle_between(one.rotation, other.rotation)
         if far_end is None:
             parts = max(parts, 1.0 if shift + turn > 0 else 0.0)
         else:

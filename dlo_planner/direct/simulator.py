@@ -1,5 +1,6 @@
 """The direct simulator: from gripper poses to shapes."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from inspect import signature
 
@@ -22,7 +23,7 @@ from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, brief, figures, put, same
-from dlo_planner.progress import Progress
+from dlo_planner.progress import OnProgress, Progress
 from dlo_planner.ritz.series import BASES
 
 _FARTHEST = 10  # of the length: from where a held far end may be brought
@@ -113,7 +114,7 @@ class DirectSimulator(Value):
         """Tuple of obstacles."""
         return self.surroundings.obstacles
 
-    def with_set(self, shape) -> 'DirectSimulator':
+    def with_set(self, shape: Shape) -> 'DirectSimulator':
         """Return a simulator of the DLO as `shape` leaves it, with its permanent set.
 
         Raises:
@@ -155,7 +156,7 @@ class DirectSimulator(Value):
         """Return a simulator of the same DLO, set as it is, with nothing in its way."""
         return self._with(replace(self.surroundings, obstacles=()), self._history)
 
-    def with_rod(self, rod) -> 'DirectSimulator':
+    def with_rod(self, rod: Rod) -> 'DirectSimulator':
         """Return a simulator of another Rod (as long or not), all else equal, without a set."""
         return self._with(replace(self.surroundings, rod=rod), None)
 
@@ -167,7 +168,7 @@ class DirectSimulator(Value):
             mesh = Discretisation(surroundings, s, mesh.basis, mesh.n_terms)
         return self._changed(surroundings=surroundings, _history=history, _discretisation=mesh)
 
-    def solve(self, gripper, initial=None, *, far_end=None) -> Shape:
+    def solve(self, gripper: Pose, initial: Shape | None = None, *, far_end=None) -> Shape:
         """Return the stable Shape that the DLO falls into.
 
         Args:
@@ -187,8 +188,9 @@ class DirectSimulator(Value):
             return replace(shape, jumped=True)
         return shape
 
-    def track(self, grippers, progress=None, initial=None, *, far_ends=None,
-              deadline=None) -> list[Shape]:
+    def track(self, grippers: Iterable[Pose], progress: OnProgress = None,
+              initial: Shape | None = None, *, far_ends: Iterable | None = None,
+              deadline: float | None = None) -> list[Shape]:
         """Return the shapes along a slow motion, each the continuation of the one before.
 
         Between poses the motion is taken as straight (position linear, rotation about one axis).
@@ -226,8 +228,9 @@ class DirectSimulator(Value):
             told.done(len(shapes), len(grippers))
         return shapes
 
-    def simulate(self, grippers, dt, initial=None, *, integrator='generalized_alpha',
-                 progress=None, deadline=None) -> Motion:
+    def simulate(self, grippers: Iterable[Pose], dt: float, initial: Shape | None = None, *,
+                 integrator: str = 'generalized_alpha', progress: OnProgress = None,
+                 deadline: float | None = None) -> Motion:
         """Return the Motion of the DLO under a moving gripper, with inertia and damping.
 
         Args:

@@ -1,13 +1,12 @@
 """The shapes that pass two centres at once, without a direction: x(s2) - x(s1) = P2 - P1."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.inverse.aligned import free_axis
 from dlo_planner.inverse.following import Passing
 from dlo_planner.inverse.hanging import crossings
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.ritz.arc import rotation_and_chord
 
 _ITERATIONS = 30
@@ -37,9 +36,8 @@ class TwoPoints:
         del final
         shape = before.shape
         if roll:
-            turn = Rotation.from_rotvec(roll * self.axis(shape)).as_matrix()
-            shape = self.simulator.solve(Pose.from_rotation(
-                shape.gripper.position, turn @ shape.gripper.rotation), shape)
+            roll_alone = np.append(roll * self.axis(shape), np.zeros(3))
+            shape = self.simulator.solve(displaced(shape.gripper, roll_alone), shape)
             if not shape.converged:
                 return None
         found = self._solved(shape, self.simulator.rod.length - depth, before.second, 'second')

@@ -1,5 +1,6 @@
 """Position and orientation in the world frame."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -146,6 +147,24 @@ class Pose(Value):
     def inverse(self) -> 'Pose':
         """Return the pose of the world in this frame."""
         return Pose.from_rotation(-self.rotation.T @ self.position, self.rotation.T)
+
+
+def angle_between(one: np.ndarray, other: np.ndarray) -> float:
+    """Return the angle in rad between two orientations (3, 3), as exact near 0 as near pi."""
+    turn = one.T @ other
+    twice_sine = math.hypot(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0],
+                            turn[1, 0] - turn[0, 1])
+    return math.atan2(twice_sine, turn[0, 0] + turn[1, 1] + turn[2, 2] - 1)
+
+
+def displaced(pose: Pose, twist: np.ndarray) -> Pose:
+    """Return a Pose turned about its origin and then shifted.
+
+    Args:
+        twist: (6,) rotation vector, rad, before displacement, m; world axes
+    """
+    turn = Rotation.from_rotvec(twist[:3]).as_matrix()
+    return Pose.from_rotation(pose.position + twist[3:], turn @ pose.rotation)
 
 
 def _volume(m):
