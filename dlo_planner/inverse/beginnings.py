@@ -5,7 +5,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.statics import shape_of
-from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
+from dlo_planner.energy.potential import placed
 from dlo_planner.inverse.marching import march_from_end
 from dlo_planner.model.pose import Pose, angle_between
 
@@ -98,7 +98,5 @@ def _shape_at(discretisation, strains, base):
     """Return a Shape with these strains, whether in equilibrium or not (a guess)."""
     gripper = Pose.from_rotation((0.0, 0.0, 0.0), base)
     system = discretisation.system(base)
-    state = new_state(system)
-    unknowns_of(system, strains, state.q)
-    evaluate(system, state)
+    state = placed(system, strains)
     return shape_of(discretisation, gripper, (state, np.inf, -np.inf, 0, 0, system, 0.0))

@@ -15,9 +15,10 @@ from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.statics import equilibrium, shape_of
 from dlo_planner.energy.contact import along_the_dlo
 from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.potential import placed
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import nearest
-from dlo_planner.inverse.marching import hanging, placed
+from dlo_planner.inverse.marching import hanging
 from dlo_planner.minimize.newton import descend, residual_of
 from dlo_planner.model.part import part_of_rod
 from dlo_planner.model.pose import Pose

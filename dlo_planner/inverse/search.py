@@ -24,6 +24,7 @@ from dlo_planner.model.checks import figure, flag, instance, integer, number, sh
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.ritz.arc import jacobians
 
 # What counts as zero, all per rad and per length of the DLO:
 _STILL = 1e-4       # slope of residuals, as a part of their size times that of their derivatives
@@ -266,9 +267,6 @@ def _total(penalties, shape):
 
 def left_jacobian(v):
     """Return (3, 3) the turn of exp(v) per change of v (Bullo and Murray 1995)."""
-    angle = np.linalg.norm(v)
-    if angle < 1e-6:
-        return np.eye(3)
-    across = np.cross(np.eye(3), v)  # the cross-product matrix of v
-    return (np.eye(3) + (1 - np.cos(angle)) / angle**2 * across
-            + (angle - np.sin(angle)) / angle**3 * across @ across)
+    turning, shifting = np.empty((3, 3)), np.empty((3, 3))
+    jacobians(np.array(v), 1.0, turning, shifting)
+    return turning
