@@ -1,10 +1,11 @@
 """The direct simulator: from gripper poses to shapes."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from inspect import signature
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.direct.accuracy import accurate_equilibrium, step
 from dlo_planner.direct.continuation import fell, follow
@@ -59,9 +60,10 @@ class DirectSimulator(Value):
     PARTS = ('surroundings', 'method', 'strains', 'accuracy', 'basis', '_history',
              '_discretisation')
 
-    def __init__(self, rod, *, n_elements=None, n_terms=None, basis=None, method='newton',
-                 strains='components', accuracy=None, gravity=STANDARD_GRAVITY, load=None,
-                 obstacles=()):
+    def __init__(self, rod: Rod, *, n_elements: int | None = None, n_terms: int | None = None,
+                 basis: str | None = None, method: str = 'newton', strains: str = 'components',
+                 accuracy: float | None = None, gravity: ArrayLike = STANDARD_GRAVITY,
+                 load: ArrayLike | Callable | None = None, obstacles: Iterable = ()):
         if basis is None:
             basis = 'chebyshev' if accuracy is None else 'local'
         put(self, surroundings=Surroundings(rod, gravity, load, obstacles), _history=None,
@@ -168,7 +170,8 @@ class DirectSimulator(Value):
             mesh = Discretisation(surroundings, s, mesh.basis, mesh.n_terms)
         return self._changed(surroundings=surroundings, _history=history, _discretisation=mesh)
 
-    def solve(self, gripper: Pose, initial: Shape | None = None, *, far_end=None) -> Shape:
+    def solve(self, gripper: Pose, initial: Shape | None = None, *,
+              far_end: FarEnd | Pose | ArrayLike | None = None) -> Shape:
         """Return the stable Shape that the DLO falls into.
 
         Args:
@@ -266,7 +269,7 @@ class DirectSimulator(Value):
         return simulate(self.discretisation(grippers[0], initial), grippers, dt, initial,
                         self._history, integrator, told.done)
 
-    def discretisation(self, gripper, shape) -> Discretisation:
+    def discretisation(self, gripper: Pose, shape: Shape | None) -> Discretisation:
         """Return the Discretisation that this simulator uses at a gripper's pose.
 
         Args:

@@ -103,7 +103,7 @@ class Tolerance(Value):
         """Name of the cause that hurts most: whose miss is the largest of all waypoints."""
         return self.causes[int(np.argmax(self.by_cause.max(axis=0)))]
 
-    def quantile(self, part) -> np.ndarray:
+    def quantile(self, part: float) -> np.ndarray:
         """Return (n,): the miss that `part` (0 to 1) of the samples do not exceed, m.
 
         Raises:

@@ -70,14 +70,14 @@ class Workspace(Value):
                    for o, (source, kind) in enumerate(zip(scene.source, scene.kind, strict=True))]
         return limits
 
-    def least_room(self, gripper) -> tuple[str, float]:
+    def least_room(self, gripper: Pose) -> tuple[str, float]:
         """Return (name, m) of the limit that is nearest to a gripper Pose, < 0 beyond it."""
         place = instance('gripper', gripper, Pose).position[None]
         rooms = [(name, float(room(place)[0][0]))
                  for name, room, _ in self._limits()]
         return min(rooms, key=lambda one: one[1], default=('', np.inf))
 
-    def first_beyond(self, path):
+    def first_beyond(self, path: GripperPath) -> tuple[int, str, float] | None:
         """Return where a gripper on a path first goes beyond a limit, None if it nowhere does.
 
         Looked at is all of the path, not samples of it: a piece of it is halved until it is proved

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.errors import InvalidTask
@@ -73,7 +74,7 @@ class Pose(Value):
         return cls((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
     @classmethod
-    def from_rotation(cls, position, rotation) -> 'Pose':
+    def from_rotation(cls, position: ArrayLike, rotation: ArrayLike) -> 'Pose':
         """Return the pose with the given origin (3,) and axes (3, 3), made orthonormal.
 
         Raises:
@@ -105,7 +106,7 @@ class Pose(Value):
         return quaternion
 
     @classmethod
-    def from_matrix(cls, matrix) -> 'Pose':
+    def from_matrix(cls, matrix: ArrayLike) -> 'Pose':
         """Return the pose of a (4, 4) homogeneous transform.
 
         Raises:
@@ -121,7 +122,7 @@ class Pose(Value):
             raise InvalidTask(f'matrix: expected a rigid transform; {error}') from None
 
     @classmethod
-    def looking_along(cls, position, direction) -> 'Pose':
+    def looking_along(cls, position: ArrayLike, direction: ArrayLike) -> 'Pose':
         """Return the pose whose x axis is `direction` and whose z axis is as far up as it can be.
 
         For a vertical direction, where no roll is more level than another, y stays world y.
@@ -138,7 +139,7 @@ class Pose(Value):
         y /= np.linalg.norm(y)
         return cls.from_rotation(position, np.column_stack([x, y, np.cross(x, y)]))
 
-    def compose(self, other) -> 'Pose':
+    def compose(self, other: 'Pose') -> 'Pose':
         """Return self * other: the pose `other`, given in this frame, seen from the world."""
         instance('other', other, Pose)
         return Pose.from_rotation(self.position + self.rotation @ other.position,
