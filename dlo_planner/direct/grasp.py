@@ -63,7 +63,7 @@ class GraspedInside(Value):
               initial: Shape | None = None, *, deadline: float | None = None) -> list[Shape]:
         """Return the shapes along a slow motion; arguments as `DirectSimulator.track`."""
         grippers = poses(grippers)
-        told = Progress(progress, deadline)
+        steps = Progress(progress, deadline)
         before = (None, None) if initial is None else _parts_of(initial)
         joined = []
         for gripper in grippers:
@@ -72,7 +72,7 @@ class GraspedInside(Value):
             joined.append(_joined(gripper, back, on))
             before = tuple(shape if shape.converged else last
                            for shape, last in zip((back, on), before, strict=True))
-            told.done(len(joined), len(grippers))
+            steps.done(len(joined), len(grippers))
         return joined
 
 

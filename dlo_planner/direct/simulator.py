@@ -211,7 +211,7 @@ class DirectSimulator(Value):
             InvalidTask: an argument makes no sense; the message names it
         """
         grippers = poses(grippers)
-        told = Progress(progress, deadline)
+        steps = Progress(progress, deadline)
         ends = [None] * len(grippers) if far_ends is None else [
             FarEnd.of(end) for end in items('far_ends', far_ends, object)]
         if len(ends) != len(grippers):
@@ -228,7 +228,7 @@ class DirectSimulator(Value):
             shapes.append(shape)
             if shape.converged:  # a failure is reported, not carried on
                 initial = shape
-            told.done(len(shapes), len(grippers))
+            steps.done(len(shapes), len(grippers))
         return shapes
 
     def simulate(self, grippers: Iterable[Pose], dt: float, initial: Shape | None = None, *,
@@ -252,7 +252,7 @@ class DirectSimulator(Value):
         A step that cannot be solved ends the motion: `Motion.converged` is False then.
         """
         grippers = poses(grippers, 1)
-        told = Progress(progress, deadline)
+        steps = Progress(progress, deadline)
         self._check(grippers[0], initial)
         dt = number('dt', dt, above=0)
         choice('integrator', integrator, INTEGRATORS)
@@ -267,7 +267,7 @@ class DirectSimulator(Value):
             if not initial.converged:  # what would follow from a wrong shape is worth nothing
                 grippers = grippers[:1]
         return simulate(self.discretisation(grippers[0], initial), grippers, dt, initial,
-                        self._history, integrator, told.done)
+                        self._history, integrator, steps.done)
 
     def discretisation(self, gripper: Pose, shape: Shape | None) -> Discretisation:
         """Return the Discretisation that this simulator uses at a gripper's pose.

@@ -50,7 +50,7 @@ def broken_between(path, shapes, sheets, brief, known=None):
         path: GripperPath through the gripper poses of the plan
         shapes: n Shape at its waypoints
         sheets: (Sheet, normal (3,)) around the cut-outs
-        brief: Brief: workspace, obstacles, radius; its simulator tells the shapes between the
+        brief: Brief: workspace, obstacles, radius; its simulator finds the shapes between the
             waypoints; without one, and for shapes that are parts of its rod, the DLO is not
             looked at
         known: n least rooms in the sheets at the waypoints, m; each None, or all: computed

@@ -41,7 +41,7 @@ def excess(one, other, step, length):
 def leap(simulator, before, shape):
     """Return how far (m) a DLO is from `shape` when the gripper goes there, 0 if it gets there.
 
-    The direct simulation tells, wherever the shape changes more than the gripper's turn makes it.
+    The direct simulation decides where the shape changes more than the gripper's turn causes.
 
     Args:
         simulator: DirectSimulator

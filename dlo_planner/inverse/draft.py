@@ -23,7 +23,7 @@ class Brief:
 
     Attributes:
         speeds: m/s and rad/s, for the plan's times
-        progress: Progress, told of each waypoint
+        progress: Progress, which reports each waypoint
         workspace: Workspace or None
         obstacles: that the DLO must not touch; radius: of the DLO, m
         yielding: (3,) strains since the stress-free shape, torsion and both curvatures, at which

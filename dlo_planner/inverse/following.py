@@ -60,7 +60,7 @@ def follow(task, here, depth, wanted, route=None):
         task: Task
         here: Passing at `depth` (m)
         wanted: depth where to go, m
-        route: Route that tells how to roll; None: not at all
+        route: Route that gives the rolls; None: no roll
 
     Returns:
         The Passing at `wanted`, or None; the depth that was reached; how far the gripper would have

@@ -46,7 +46,7 @@ class Report(Value):
         duration: of that motion, s; step: of its simulation, s
         fastest: shortest duration found in which `dynamic_miss` (`swing` for a plan that has no
             centres to pass) stays within the tolerance, s; infinite if there is none within 16
-            times the duration, nan if to tell takes a motion of more than 20000 steps
+            times the duration, nan if finding it takes a motion of more than 20000 steps
         not_looked_at: names of the figures that are nan
 
     In a motion that could not be simulated to its end, the figures are infinitely bad.

@@ -41,7 +41,7 @@ class InverseSimulator(Value):
             avoided by the others; a Sheet among them is the one around a cut-out that it has.
         workspace: Workspace, where the gripper may be; None: anywhere
         may_yield: whether a plan may bend the DLO beyond its yield limits. Planning itself is
-            elastic: `replay` with `simulator` tells what comes of it.
+            elastic: `replay` with `simulator` shows the set that remains.
 
     A waypoint that leaves the workspace, touches what it should not, bends more sharply than
     `Rod.max_bend_curvature`, or yields though it must not, is refused: `Infeasible` names the

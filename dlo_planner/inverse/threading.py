@@ -50,7 +50,7 @@ def thread(simulator, cutout, depths, start, initial, method, brief):
 
     Which roll of the DLO the threading begins with is free, and how it rolls on the way. The plan
     that begins with the first choice and rolls only where it has to is tried first. If it is
-    refused, the sphere of all hanging shapes tells a better way, or that there is none. A way is
+    refused, the sphere of all hanging shapes shows a better way, or that there is none. A way is
     looked for with a simulator that is quick, whatever the accuracy asked for.
     """
     asked = Threading(cutout, depths, start, initial, brief.made_with(simulator))
@@ -179,7 +179,7 @@ def _thread_from(simulator, asked, begin, route, method):
 
     Args:
         begin: Shape, reference (3, 3) for its roll, and its depth, m
-        route: Route that tells how to roll, or None
+        route: Route that gives the rolls, or None
     """
     length, cutout, brief = simulator.rod.length, asked.cutout, asked.brief
     draft = Draft(asked.depths, brief, initial=asked.initial)

@@ -1,6 +1,6 @@
 """What a plan tolerates: by how much it misses when the DLO or the robot are not as assumed.
 
-To first order from the sensitivities of the equilibrium, which tells each cause apart, and sampled,
+To first order from the sensitivities of the equilibrium, which separates the causes, and sampled,
 which needs no smallness. A miss is the distance of the DLO, extended straight on where it is too
 short to get there, from a centre that it should pass.
 """
@@ -172,7 +172,7 @@ def tolerance(simulator: DirectSimulator, plan: Plan, spread: Spread, *, samples
 def _acts_alike(shape, simulator):
     """Whether a Shape is of a simulator's rod with its gravity and load; obstacles may differ.
 
-    So may all that only tells how a rod yields, which nothing here does.
+    So may the parameters of yielding: nothing yields here.
     """
     here = shape._discretisation
     return here is not None and same(*(replace(around, obstacles=(), rod=replace(

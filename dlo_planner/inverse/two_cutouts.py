@@ -4,7 +4,7 @@ Until the free end reaches the second cut-out, the DLO passes the first one alon
 from then on it passes both centres at once. The direction is the one it has at the moment of the
 change, so that the gripper's way is continuous. As gravity does not notice where the gripper is,
 its rotation and one arc length are solved for, x(s2) - x(s1) = P2 - P1, and it is displaced after.
-Each cut-out is passed in its direction, be it obliquely.
+Each cut-out is passed in its direction, possibly obliquely.
 """
 
 from dataclasses import replace
