@@ -56,7 +56,7 @@ class Fit(Value):
     Attributes:
         rod: Rod with the values found
         values: dict of the parameters found, SI units (a pair for natural_curvature)
-        deviations: dict of their standard deviations (infinite where the observations do not determine it)
+        deviations: dict of their standard deviations (infinite where nothing was observed of it)
         misfit: root mean square distance of the points from the DLO, m
         converged: whether the search came to its end
         noise: standard deviation of the points along each axis, m, as given or as found
