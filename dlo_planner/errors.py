@@ -30,7 +30,7 @@ class NotConverged(DloPlannerError):
         shape: the last shape, with `converged` False and its residual (None if there is none)
     """
 
-    def __init__(self, message, shape=None):
+    def __init__(self, message: str, shape=None):
         super().__init__(message)
         self.shape = shape
 
@@ -39,13 +39,13 @@ class Infeasible(DloPlannerError):
     """The task has no admissible solution from some waypoint on.
 
     Attributes:
-        waypoint: index of the first waypoint that cannot be had
+        waypoint: index of the first waypoint without an admissible solution
         constraint: short name of what is violated, e.g. 'stability'
         amount: by how much, in the constraint's own unit (see `constraint`)
         plan: the plan up to that waypoint (`fraction` < 1), as evidence; may be None
     """
 
-    def __init__(self, message, waypoint, constraint, amount, plan=None):
+    def __init__(self, message: str, waypoint: int, constraint: str, amount: float, plan=None):
         super().__init__(message)
         self.waypoint = waypoint
         self.constraint = constraint
@@ -61,7 +61,7 @@ class DeadlineExceeded(DloPlannerError, TimeoutError):
         elapsed: that had passed when the computation was ended
     """
 
-    def __init__(self, message, seconds, elapsed):
+    def __init__(self, message: str, seconds: float, elapsed: float):
         super().__init__(message)
         self.seconds = seconds
         self.elapsed = elapsed

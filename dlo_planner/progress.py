@@ -6,6 +6,8 @@ from time import monotonic
 from dlo_planner.errors import DeadlineExceeded, InvalidTask
 from dlo_planner.model.checks import callback, number, shown
 
+OnProgress = Callable[[int, int], object] | None  # called as progress(done, total)
+
 
 class Progress:
     """Reports the steps of one computation and ends it at its deadline.
@@ -18,8 +20,7 @@ class Progress:
         InvalidTask: an argument makes no sense; the message names it
     """
 
-    def __init__(self, report: Callable[[int, int], object] | None = None,
-                 deadline: float | None = None):
+    def __init__(self, report: OnProgress = None, deadline: float | None = None):
         self._report = callback('progress', report)
         self._seconds = None if deadline is None else number('deadline', deadline, above=0)
         self._begun = monotonic()

@@ -15,9 +15,9 @@ def diagnostics_msg(name, hardware_id, level, message, values, stamp) -> Diagnos
 
     Args:
         name: of the status, 'node: topic'
-        hardware_id: of what it speaks
+        hardware_id: name of what the status is about
         level: OK, WARN or ERROR of this module (bytes, as the message wants them)
-        message: one line for people
+        message: one line of text
         values: dict of str -> anything; numbers are written with six digits
         stamp: builtin_interfaces/Time
     """

@@ -3,15 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.contacts import points_of
 from dlo_planner.direct.continuation import between
 from dlo_planner.direct.statics import solve
 from dlo_planner.energy.passage import passes_through
-from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
+from dlo_planner.energy.potential import placed
 from dlo_planner.model.far_end import FarEnd
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between
 
 _RELAXING = 12       # Newton steps between two parts of a motion
 _ROUGHLY = 1e-5      # of the length: how well obstacles are kept clear of on the way
@@ -44,12 +43,12 @@ def approach(discretisation, previous, strains, gripper, far_end, history):
     done, step = 0.0, 1.0 / parts
     where = begin
     while done < 1.0:
-        old = _placed(discretisation, discretisation.system(where.rotation), strains)
+        old = placed(discretisation.system(where.rotation), strains)
         target = min(1.0, done + step)
         there = gripper if target == 1.0 else between(begin, gripper, target)
         grip = _grip_at(held, far_end, target)
         system = discretisation.system(there.rotation, there.position, history, grip)
-        new = _placed(discretisation, system, strains)
+        new = placed(system, strains)
         shift = there.position - where.position
         if obstacles and passes_through(
                 system.scene, system.lengths, old.strains, old.rotations, old.positions - shift,
@@ -72,20 +71,12 @@ def approach(discretisation, previous, strains, gripper, far_end, history):
     return strains, True
 
 
-def _placed(discretisation, system, strains):
-    """Return the State of these element strains (N, 3)."""
-    state = new_state(system)
-    unknowns_of(system, strains, state.q)
-    evaluate(system, state)
-    return state
-
-
 def _grip_before(discretisation, previous, strains, begin, far_end):
     """Return the FarEnd, of the same kind, that holds the far end where it is now."""
     if previous is not None:
         end = previous.at(previous.s[-1])
     else:
-        state = _placed(discretisation, discretisation.system(begin.rotation), strains)
+        state = placed(discretisation.system(begin.rotation), strains)
         end = Pose.from_rotation(begin.position + state.positions[-1], state.rotations[-1])
     return FarEnd(end, far_end.grip)
 
@@ -104,7 +95,7 @@ def _parts(begin, gripper, held, far_end, length):
     parts = 0.0
     for one, other in pairs:
         shift = np.linalg.norm(other.position - one.position)
-        turn = Rotation.from_matrix(other.rotation @ one.rotation.T).magnitude()
+        turn = angle_between(one.rotation, other.rotation)
         if far_end is None:
             parts = max(parts, 1.0 if shift + turn > 0 else 0.0)
         else:

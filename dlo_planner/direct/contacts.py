@@ -1,4 +1,4 @@
-"""Where a DLO touches: what the kernels know, for people."""
+"""Where a DLO touches: what the kernels found, as `Contact` values."""
 
 from dataclasses import dataclass
 

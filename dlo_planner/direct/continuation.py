@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between
 
 _LONGEST_TURN = 0.25  # rad: longer steps of the gripper are cut in any case
 _SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length
@@ -25,7 +25,7 @@ def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
         far_end: FarEnd where it ends, or None
         halvings: how often the step may still be cut in two
     """
-    turn = _turn(previous.gripper, gripper)
+    turn = angle_between(previous.gripper.rotation, gripper.rotation)
     if far_end is not None:
         # both ends go in small parts anyway; a fall shows as energy that no work accounts for
         shape, kicks = equilibrium(gripper, previous, far_end)
@@ -52,7 +52,7 @@ def fell(previous, shape):
     """
     if shape.far_end is not None:
         return _lost(previous, shape)
-    turn = _turn(previous.gripper, shape.gripper)
+    turn = angle_between(previous.gripper.rotation, shape.gripper.rotation)
     return shape_change(previous, shape) > _allowed(previous, shape, turn)
 
 
@@ -68,10 +68,6 @@ def _lost(previous, shape):
         work += 0.5 * float((first + last) @ moved)
     lost = previous.energy + work - shape.energy - (shape.dissipated - previous.dissipated)
     return lost > _LOST_OF_WORK * abs(work) + _LOST_OF_ELASTIC * previous.elastic_energy
-
-
-def _turn(one, other):
-    return Rotation.from_matrix(other.rotation @ one.rotation.T).magnitude()
 
 
 def _allowed(previous, shape, turn):

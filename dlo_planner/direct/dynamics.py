@@ -20,6 +20,7 @@ from dlo_planner.energy.plastic import Layers
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.newton import newton
+from dlo_planner.model.pose import angle_between
 
 _SAME_POSE = 1e-6      # of the length, and rad: poses nearer to each other are the same
 _DEEP = 1e-3           # of the length: a DLO so far inside an obstacle is no state of a motion
@@ -64,7 +65,7 @@ def _at_first(discretisation, gripper, initial, history):
     """Return the Shape at time 0: that of `initial`, on this mesh and in these surroundings."""
     length = discretisation.s[-1]
     shift = np.linalg.norm(initial.gripper.position - gripper.position)
-    turn = np.abs(initial.gripper.rotation - gripper.rotation).max()
+    turn = angle_between(initial.gripper.rotation, gripper.rotation)
     if shift > _SAME_POSE * length or turn > _SAME_POSE:
         raise InvalidTask('initial: expected a Shape whose gripper is at grippers[0], where the '
                           f'motion begins; it is {shift:.3g} m away and {turn:.3g} rad turned')

@@ -5,6 +5,7 @@ length: its frame is (-t, n, -b), its strains are (torsion, -curvature about n, 
 The two do not touch each other; nothing else is neglected.
 """
 
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 
@@ -19,7 +20,7 @@ from dlo_planner.model.part import BACK, part_of_rod
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, brief, figures, put
-from dlo_planner.progress import Progress
+from dlo_planner.progress import OnProgress, Progress
 
 _TURNED = np.diag([-1.0, 1.0, -1.0])  # of frames
 
@@ -39,7 +40,7 @@ class GraspedInside(Value):
 
     PARTS = ('rod', 'at', '_parts')
 
-    def __init__(self, rod, at, **options):
+    def __init__(self, rod: Rod, at: float, **options):
         instance('rod', rod, Rod)
         at = number('at', at, above=0, below=rod.length)
         load = options.pop('load', None)
@@ -51,17 +52,18 @@ class GraspedInside(Value):
     def __repr__(self):
         return brief(self, f'at {self.at:.4g} m', figures(self.rod))
 
-    def solve(self, gripper, initial=None) -> Shape:
+    def solve(self, gripper: Pose, initial: Shape | None = None) -> Shape:
         """Return the stable Shape, s from end to end; arguments as `DirectSimulator.solve`."""
         before = (None, None) if initial is None else _parts_of(initial)
         back, on = (part.solve(pose, shape) for part, pose, shape in
                     zip(self._parts, _both(gripper), before, strict=True))
         return _joined(gripper, back, on)
 
-    def track(self, grippers, progress=None, initial=None, *, deadline=None) -> list[Shape]:
+    def track(self, grippers: Iterable[Pose], progress: OnProgress = None,
+              initial: Shape | None = None, *, deadline: float | None = None) -> list[Shape]:
         """Return the shapes along a slow motion; arguments as `DirectSimulator.track`."""
         grippers = poses(grippers)
-        told = Progress(progress, deadline)
+        steps = Progress(progress, deadline)
         before = (None, None) if initial is None else _parts_of(initial)
         joined = []
         for gripper in grippers:
@@ -70,7 +72,7 @@ class GraspedInside(Value):
             joined.append(_joined(gripper, back, on))
             before = tuple(shape if shape.converged else last
                            for shape, last in zip((back, on), before, strict=True))
-            told.done(len(joined), len(grippers))
+            steps.done(len(joined), len(grippers))
         return joined
 
 

@@ -1,6 +1,7 @@
 """The answer of a dynamic simulation."""
 
 from dataclasses import dataclass
+from os import PathLike
 
 import numpy as np
 
@@ -43,7 +44,7 @@ class Motion(Value):
                      f'{self.times[-1]:.4g} s' if len(self) else '',
                      'converged' if self.converged else 'not converged')
 
-    def save(self, path):
+    def save(self, path: str | PathLike) -> None:
         """Write the motion as npz: everything but the rod and its surroundings."""
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         for k, shape in enumerate(self.shapes):
@@ -51,7 +52,7 @@ class Motion(Value):
         save(path, arrays)
 
     @classmethod
-    def load(cls, path) -> 'Motion':
+    def load(cls, path: str | PathLike) -> 'Motion':
         """Return the Motion saved at `path`.
 
         Raises:

@@ -8,14 +8,13 @@ another equilibrium.
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.energy.potential import at_element, evaluate, new_state, project
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve
 from dlo_planner.minimize.multipliers import firm, rigid
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import displaced
 from dlo_planner.ritz.kinematics import march, part_of_element
 
 
@@ -72,9 +71,7 @@ class Sensitivity:
         equilibrium is not claimed, its energy and wrench are those of before.
         """
         twist, shape = np.asarray(twist, dtype=float), self.shape
-        turn = Rotation.from_rotvec(twist[:3]).as_matrix()
-        gripper = Pose.from_rotation(shape.gripper.position + twist[3:],
-                                     turn @ shape.gripper.rotation)
+        gripper = displaced(shape.gripper, twist)
         strains = shape.element_strains + self.strains @ twist
         rotations, positions = np.empty_like(shape.frames), np.empty_like(shape.positions)
         march(self._system.lengths, strains, np.array(gripper.rotation), rotations, positions)

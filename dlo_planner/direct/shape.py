@@ -3,8 +3,10 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from os import PathLike
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.direct.contacts import Contact
 from dlo_planner.direct.discretisation import Discretisation
@@ -162,7 +164,7 @@ class Shape(Value):
         """
         return self._estimate()
 
-    def at(self, s) -> Pose:
+    def at(self, s: float) -> Pose:
         """Return the Pose (x axis = tangent) at arc length `s` in m, on the element's exact arc.
 
         Raises:
@@ -172,7 +174,7 @@ class Shape(Value):
         rotation, position = self.frame_at(s)
         return Pose.from_rotation(position, rotation)
 
-    def positions_at(self, s) -> np.ndarray:
+    def positions_at(self, s: ArrayLike) -> np.ndarray:
         """Return (m, 3) positions in m at arc lengths `s` (m,) in m, as `at`, but quicker.
 
         Raises:
@@ -181,7 +183,7 @@ class Shape(Value):
         s = row('s', s, least=0, minimum=0, maximum=float(self.s[-1]))
         return np.array([self.frame_at(value)[1] for value in s]).reshape(-1, 3)
 
-    def frame_at(self, s) -> tuple[np.ndarray, np.ndarray]:
+    def frame_at(self, s: float) -> tuple[np.ndarray, np.ndarray]:
         """Return axes (3, 3) and position (3,) at `s` in m: `at` for inner loops.
 
         Raises:
@@ -258,7 +260,7 @@ class Shape(Value):
                               'the surface are asked for (Rod.circular and the like give one)')
         return self.rod.section
 
-    def resample(self, n_elements) -> 'Shape':
+    def resample(self, n_elements: int) -> 'Shape':
         """Return the same shape on `n_elements` elements of equal length, for pictures and such.
 
         Nodes lie exactly on this shape's arcs; strains are averaged.
@@ -272,12 +274,12 @@ class Shape(Value):
                        _estimate=Constant(self.error_estimate), _discretisation=None,
                        _history=None if self._history is None else self._history.on(s))
 
-    def save(self, path):
+    def save(self, path: str | PathLike) -> None:
         """Write the shape as npz: everything but the rod and its surroundings."""
         save(path, pack(self))
 
     @classmethod
-    def load(cls, path) -> 'Shape':
+    def load(cls, path: str | PathLike) -> 'Shape':
         """Return the Shape saved at `path`; it can start a simulation of the same rod.
 
         Raises:
@@ -285,7 +287,7 @@ class Shape(Value):
         """
         return load(path, partial(unpack, cls))
 
-    def moved(self, displacement) -> 'Shape':
+    def moved(self, displacement: ArrayLike) -> 'Shape':
         """Return the same shape carried by `displacement` (3,) m: gravity does not notice.
 
         Obstacles and a far end's grip would: only for shapes that touch nothing.

@@ -1,9 +1,11 @@
 """The direct simulator: from gripper poses to shapes."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from inspect import signature
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.direct.accuracy import accurate_equilibrium, step
 from dlo_planner.direct.continuation import fell, follow
@@ -22,7 +24,7 @@ from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, brief, figures, put, same
-from dlo_planner.progress import Progress
+from dlo_planner.progress import OnProgress, Progress
 from dlo_planner.ritz.series import BASES
 
 _FARTHEST = 10  # of the length: from where a held far end may be brought
@@ -58,9 +60,10 @@ class DirectSimulator(Value):
     PARTS = ('surroundings', 'method', 'strains', 'accuracy', 'basis', '_history',
              '_discretisation')
 
-    def __init__(self, rod, *, n_elements=None, n_terms=None, basis=None, method='newton',
-                 strains='components', accuracy=None, gravity=STANDARD_GRAVITY, load=None,
-                 obstacles=()):
+    def __init__(self, rod: Rod, *, n_elements: int | None = None, n_terms: int | None = None,
+                 basis: str | None = None, method: str = 'newton', strains: str = 'components',
+                 accuracy: float | None = None, gravity: ArrayLike = STANDARD_GRAVITY,
+                 load: ArrayLike | Callable | None = None, obstacles: Iterable = ()):
         if basis is None:
             basis = 'chebyshev' if accuracy is None else 'local'
         put(self, surroundings=Surroundings(rod, gravity, load, obstacles), _history=None,
@@ -113,7 +116,7 @@ class DirectSimulator(Value):
         """Tuple of obstacles."""
         return self.surroundings.obstacles
 
-    def with_set(self, shape) -> 'DirectSimulator':
+    def with_set(self, shape: Shape) -> 'DirectSimulator':
         """Return a simulator of the DLO as `shape` leaves it, with its permanent set.
 
         Raises:
@@ -155,7 +158,7 @@ class DirectSimulator(Value):
         """Return a simulator of the same DLO, set as it is, with nothing in its way."""
         return self._with(replace(self.surroundings, obstacles=()), self._history)
 
-    def with_rod(self, rod) -> 'DirectSimulator':
+    def with_rod(self, rod: Rod) -> 'DirectSimulator':
         """Return a simulator of another Rod (as long or not), all else equal, without a set."""
         return self._with(replace(self.surroundings, rod=rod), None)
 
@@ -167,7 +170,8 @@ class DirectSimulator(Value):
             mesh = Discretisation(surroundings, s, mesh.basis, mesh.n_terms)
         return self._changed(surroundings=surroundings, _history=history, _discretisation=mesh)
 
-    def solve(self, gripper, initial=None, *, far_end=None) -> Shape:
+    def solve(self, gripper: Pose, initial: Shape | None = None, *,
+              far_end: FarEnd | Pose | ArrayLike | None = None) -> Shape:
         """Return the stable Shape that the DLO falls into.
 
         Args:
@@ -187,8 +191,9 @@ class DirectSimulator(Value):
             return replace(shape, jumped=True)
         return shape
 
-    def track(self, grippers, progress=None, initial=None, *, far_ends=None,
-              deadline=None) -> list[Shape]:
+    def track(self, grippers: Iterable[Pose], progress: OnProgress = None,
+              initial: Shape | None = None, *, far_ends: Iterable | None = None,
+              deadline: float | None = None) -> list[Shape]:
         """Return the shapes along a slow motion, each the continuation of the one before.
 
         Between poses the motion is taken as straight (position linear, rotation about one axis).
@@ -206,7 +211,7 @@ class DirectSimulator(Value):
             InvalidTask: an argument makes no sense; the message names it
         """
         grippers = poses(grippers)
-        told = Progress(progress, deadline)
+        steps = Progress(progress, deadline)
         ends = [None] * len(grippers) if far_ends is None else [
             FarEnd.of(end) for end in items('far_ends', far_ends, object)]
         if len(ends) != len(grippers):
@@ -223,11 +228,12 @@ class DirectSimulator(Value):
             shapes.append(shape)
             if shape.converged:  # a failure is reported, not carried on
                 initial = shape
-            told.done(len(shapes), len(grippers))
+            steps.done(len(shapes), len(grippers))
         return shapes
 
-    def simulate(self, grippers, dt, initial=None, *, integrator='generalized_alpha',
-                 progress=None, deadline=None) -> Motion:
+    def simulate(self, grippers: Iterable[Pose], dt: float, initial: Shape | None = None, *,
+                 integrator: str = 'generalized_alpha', progress: OnProgress = None,
+                 deadline: float | None = None) -> Motion:
         """Return the Motion of the DLO under a moving gripper, with inertia and damping.
 
         Args:
@@ -246,7 +252,7 @@ class DirectSimulator(Value):
         A step that cannot be solved ends the motion: `Motion.converged` is False then.
         """
         grippers = poses(grippers, 1)
-        told = Progress(progress, deadline)
+        steps = Progress(progress, deadline)
         self._check(grippers[0], initial)
         dt = number('dt', dt, above=0)
         choice('integrator', integrator, INTEGRATORS)
@@ -261,9 +267,9 @@ class DirectSimulator(Value):
             if not initial.converged:  # what would follow from a wrong shape is worth nothing
                 grippers = grippers[:1]
         return simulate(self.discretisation(grippers[0], initial), grippers, dt, initial,
-                        self._history, integrator, told.done)
+                        self._history, integrator, steps.done)
 
-    def discretisation(self, gripper, shape) -> Discretisation:
+    def discretisation(self, gripper: Pose, shape: Shape | None) -> Discretisation:
         """Return the Discretisation that this simulator uses at a gripper's pose.
 
         Args:

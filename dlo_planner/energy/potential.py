@@ -228,3 +228,11 @@ def element_hessian(system, state, turning, cross, diagonal):
         for i in range(3):
             diagonal[e, i, i] += lengths[e] * stiffness[i] * scale[e, i] ** 2
     return base
+
+
+def placed(system, strains):
+    """Return the State of a System with element strains (N, 3)."""
+    state = new_state(system)
+    unknowns_of(system, strains, state.q)
+    evaluate(system, state)
+    return state

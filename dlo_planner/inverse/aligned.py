@@ -10,18 +10,12 @@ Hessian is the direct simulator's, so an inverse solve costs about as much as a 
 
 import numpy as np
 
-from dlo_planner.energy.potential import (
-    at_element,
-    evaluate,
-    new_state,
-    project,
-    turned_system,
-)
+from dlo_planner.energy.potential import at_element, evaluate, new_state, project, turned_system
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorise, largest_turn, new_hessian, solve
 from dlo_planner.minimize.newton import residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
-from dlo_planner.ritz.arc import jacobians, rotation_and_chord
+from dlo_planner.ritz.arc import dot, jacobians, rotation_and_chord
 
 _LARGEST_TURN = 0.6  # rad per step, of the gripper and of any node
 
@@ -67,8 +61,7 @@ def aligned_newton(system, q, element, fraction, normal, reference, axis, tolera
     load, answers = np.empty((m, 3)), np.empty((4, m, 3))
     state.q[:] = q
     evaluate(here, state)
-    miss = _miss(here, state, element, fraction, across, reference, axis, part,
-                 tangent)
+    miss = _miss(here, state, element, fraction, across, reference, axis, part, tangent)
     merit = _merit(here, state, miss)
     converged = False
     iterations = 0
@@ -76,7 +69,7 @@ def aligned_newton(system, q, element, fraction, normal, reference, axis, tolera
         residual = residual_of(here, state)
         assemble(here, state, hessian)
         factorise(here, hessian, 0.0)
-        misaligned = np.arctan2(np.sqrt(miss[0]**2 + miss[1]**2), _dot(tangent, normal))
+        misaligned = np.arctan2(np.sqrt(miss[0]**2 + miss[1]**2), dot(tangent, normal))
         converged = residual < tolerance and misaligned < tolerance
         if converged or iterations >= max_iterations:
             break
@@ -91,9 +84,9 @@ def aligned_newton(system, q, element, fraction, normal, reference, axis, tolera
             lever = np.cross(tangent, across[row])
             for column in range(3):
                 turned = _turn_at(here, hessian, part, element, answers[column])
-                rows[row, column] = lever[column] + _dot(lever, turned)
-            right[row] = -miss[row] - _dot(lever, _turn_at(here, hessian, part, element,
-                                                           answers[3]))
+                rows[row, column] = lever[column] + dot(lever, turned)
+            right[row] = -miss[row] - dot(lever, _turn_at(here, hessian, part, element,
+                                                          answers[3]))
         for column in range(3):
             rows[2, column] = _turn_rate(here.base, reference, axis, column)
         right[2] = -miss[2]
@@ -103,7 +96,7 @@ def aligned_newton(system, q, element, fraction, normal, reference, axis, tolera
         step = answers[3]
         for column in range(3):
             step += turn[column] * answers[column]
-        size = max(np.sqrt(_dot(turn, turn)), largest_turn(here, hessian, step))
+        size = max(np.sqrt(dot(turn, turn)), largest_turn(here, hessian, step))
         if not np.isfinite(size):
             break
         portion = min(1.0, _LARGEST_TURN / size) if size > 0 else 1.0
@@ -113,7 +106,7 @@ def aligned_newton(system, q, element, fraction, normal, reference, axis, tolera
             trial.q[:] = state.q + portion * step
             evaluate(there, trial)
             new_miss = _miss(there, trial, element, fraction, across, reference, axis, part,
-                 tangent)
+                             tangent)
             new_merit = _merit(there, trial, new_miss)
             if new_merit < merit * (1 - 0.1 * portion) or new_merit < tolerance:
                 moved = True
@@ -137,19 +130,13 @@ def _perpendicular(normal):
     helper = np.zeros(3)
     helper[np.argmin(np.abs(normal))] = 1.0
     across[0] = np.cross(normal, helper)
-    across[0] /= np.sqrt(_dot(across[0], across[0]))
+    across[0] /= np.sqrt(dot(across[0], across[0]))
     across[1] = np.cross(normal, across[0])
     return across
 
 
 @kernel
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@kernel
-def _miss(system, state, element, fraction, across, reference, axis, part,
-                 tangent):
+def _miss(system, state, element, fraction, across, reference, axis, part, tangent):
     """Return the three conditions' misfits; fill tangent and the turning of the part element."""
     h = fraction * system.lengths[element]
     phi = h * state.strains[element]
@@ -161,13 +148,13 @@ def _miss(system, state, element, fraction, across, reference, axis, part,
     part[:] = state.rotations[element] @ turn
     for j in range(3):
         part[:, j] *= h * system.scale[element, j]
-    return np.array([_dot(across[0], tangent), _dot(across[1], tangent),
-                     _dot(axis, _axial(system.base @ reference.T))])
+    return np.array([dot(across[0], tangent), dot(across[1], tangent),
+                     dot(axis, _axial(system.base @ reference.T))])
 
 
 @kernel
 def _merit(system, state, miss):
-    return residual_of(system, state) + np.sqrt(_dot(miss, miss))
+    return residual_of(system, state) + np.sqrt(dot(miss, miss))
 
 
 @kernel
@@ -207,7 +194,7 @@ def _turn_rate(base, reference, axis, about):
     first, second = (about + 1) % 3, (about + 2) % 3
     spin[second, first] = 1.0
     spin[first, second] = -1.0
-    return _dot(axis, _axial(spin @ (base @ reference.T)))
+    return dot(axis, _axial(spin @ (base @ reference.T)))
 
 
 @kernel

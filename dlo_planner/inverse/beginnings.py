@@ -5,9 +5,9 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.statics import shape_of
-from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
+from dlo_planner.energy.potential import placed
 from dlo_planner.inverse.marching import march_from_end
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between
 
 _ALIKE = 1e-9  # part of the stiffness, rad along the length: what makes no difference
 _ROLLS = 24  # of the free end, tried
@@ -42,7 +42,7 @@ def beginnings(simulator, cutout, start):
         return end_rolled(angle)[3]
 
     def turn_against_start(angle):
-        return Rotation.from_matrix(end_rolled(angle)[1] @ wanted.T).magnitude()
+        return angle_between(end_rolled(angle)[1], wanted)
 
     if rolls_are_alike(simulator):
         # rolled about itself, the DLO carries the gripper along
@@ -98,7 +98,5 @@ def _shape_at(discretisation, strains, base):
     """Return a Shape with these strains, whether in equilibrium or not (a guess)."""
     gripper = Pose.from_rotation((0.0, 0.0, 0.0), base)
     system = discretisation.system(base)
-    state = new_state(system)
-    unknowns_of(system, strains, state.q)
-    evaluate(system, state)
+    state = placed(system, strains)
     return shape_of(discretisation, gripper, (state, np.inf, -np.inf, 0, 0, system, 0.0))

@@ -25,7 +25,7 @@ import numpy as np
 from dlo_planner.energy.distance import build_scene, signed_distance
 from dlo_planner.inverse.clearance import clearance, room_in
 from dlo_planner.kernels import kernel
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.ritz.kinematics import point_inside
 
 _HALVINGS = 7   # of the way between two waypoints
@@ -50,7 +50,7 @@ def broken_between(path, shapes, sheets, brief, known=None):
         path: GripperPath through the gripper poses of the plan
         shapes: n Shape at its waypoints
         sheets: (Sheet, normal (3,)) around the cut-outs
-        brief: Brief: workspace, obstacles, radius; its simulator tells the shapes between the
+        brief: Brief: workspace, obstacles, radius; its simulator finds the shapes between the
             waypoints; without one, and for shapes that are parts of its rod, the DLO is not
             looked at
         known: n least rooms in the sheets at the waypoints, m; each None, or all: computed
@@ -181,8 +181,7 @@ def _short(one, other, bends):
     Also how far (m) the DLO moves, if that is more than a turn of the gripper can cause, or 0.
     """
     shift, bend = 0.125 * (other.u - one.u) ** 2 * bends
-    cosine = 0.5 * (np.vdot(one.shape.gripper.rotation, other.shape.gripper.rotation) - 1)
-    turn = float(np.arccos(min(max(cosine, -1.0), 1.0)))
+    turn = angle_between(one.shape.gripper.rotation, other.shape.gripper.rotation)
     length = one.shape.s[-1]
     moved = 0.0  # seen from the gripper
     if len(one.arms) == len(other.arms):
@@ -190,13 +189,13 @@ def _short(one, other, bends):
     lever = moved / max(turn, 1e-9) if moved > 1e-12 * length else 0.0
     short = -np.inf
     for this, that in ((one, other), (other, one)):
-        away = (0.5 * _apart(this.shape, that.shape) + shift
+        away = (0.5 * _curve_distances(this.shape, that.shape) + shift
                 + np.maximum(this.levers, lever) * (bend + turn**2 / 8))
         short = max(short, float((np.maximum(away[1:], away[:-1]) - this.rooms).max()))
     return short, moved if moved > _LEAP * length * turn else 0.0
 
 
-def _apart(this, that):
+def _curve_distances(this, that):
     """Return (N + 1,) distances in m of the nodes of a Shape from another, prolonged, as curves."""
     ends = this.positions[[0, -1]] - that.positions[[0, -1]]
     reach = float(np.sqrt((ends**2).sum(axis=1).max()))

@@ -12,7 +12,7 @@ from dlo_planner.inverse.quick import gets_there
 from dlo_planner.inverse.route import Route, motion, picked, sweep
 from dlo_planner.inverse.two_points import TwoPoints
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between
 
 _CURVES = 16        # depths at which a route is looked for, before the change and after it
 _CHANGES = 8        # changes that are tried
@@ -90,8 +90,7 @@ def _unlike(changes, costs):
     for k in np.argsort(costs):
         if not np.isfinite(costs[k]) or len(taken) == _CHANGES:
             return
-        cosines = [0.5 * (np.vdot(changes.grippers[k], changes.grippers[j]) - 1) for j in taken]
-        if max(cosines, default=-1.0) < np.cos(_UNLIKE):
+        if all(angle_between(changes.grippers[k], changes.grippers[j]) > _UNLIKE for j in taken):
             taken.append(k)
             yield k
 

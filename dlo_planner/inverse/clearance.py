@@ -7,6 +7,7 @@ from dlo_planner.energy.distance import build_scene, in_plane, signed_distance
 from dlo_planner.kernels import kernel
 from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose
+from dlo_planner.ritz.arc import dot
 from dlo_planner.ritz.kinematics import point_inside
 
 _WIDE = 100.0    # times the length: a sheet without an end
@@ -76,7 +77,7 @@ def _smallest(scene, lengths, strains, rotations, positions, normal, half):
     flush = _FLUSH * np.sum(lengths)
     gaps, heights, cuts = np.empty(nodes), np.empty(nodes), np.empty(4)
     for k in range(nodes):
-        heights[k] = _dot(normal, positions[k])
+        heights[k] = dot(normal, positions[k])
     out = np.full(4, np.inf)
     for o in range(scene.kind.size):
         for k in range(nodes):
@@ -101,7 +102,7 @@ def _smallest(scene, lengths, strains, rotations, positions, normal, half):
             for piece in range(pieces):
                 point_inside(lengths, strains, rotations, positions, e,
                              0.5 * (cuts[piece] + cuts[piece + 1]), frame, x)
-                part = _part(_dot(normal, x), half, flush)
+                part = _part(dot(normal, x), half, flush)
                 if bound < out[part]:
                     gap = _lowest(scene, o, lengths, strains, rotations, positions, e,
                                   cuts[piece], cuts[piece + 1], frame, x)
@@ -177,7 +178,7 @@ def _at_the_rim(scene, o, lengths, strains, rotations, positions, heights, norma
     """
     smallest = np.inf
     frame, x = np.empty((3, 3)), np.empty(3)
-    plane = _dot(normal, scene.centre[o] - scene.origin)
+    plane = dot(normal, scene.centre[o] - scene.origin)
     last = 0.0
     for k in range(heights.size):
         height = heights[k] - plane
@@ -198,16 +199,11 @@ def _passage(lengths, strains, rotations, positions, e, normal, plane, begin, fr
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         point_inside(lengths, strains, rotations, positions, e, middle, frame, x)
-        if (_dot(normal, x) - plane) * begin > 0.0:
+        if (dot(normal, x) - plane) * begin > 0.0:
             low = middle
         else:
             high = middle
     return middle
-
-
-@kernel
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel

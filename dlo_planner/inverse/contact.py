@@ -7,8 +7,8 @@ condition chooses from them, and the direct simulation confirms what is chosen
 """
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from dlo_planner.inverse.continuity import gripper_motion
 from dlo_planner.inverse.draft import Draft
 from dlo_planner.inverse.intervals import minima
 from dlo_planner.inverse.touching import HARDLY_STABLE, Contacting
@@ -89,17 +89,23 @@ def _chosen(task, parts, condition, start, draft):
     """Return force and confirmed Shape that a condition prefers; raise Infeasible."""
     cost, moved = _cost_of(task, condition, start), []
     for _, force in _minima_of(task, parts, condition, start):
-        shape = task.confirmed(force)
-        if shape is not None:
-            moved.append((cost(force), force, shape))
-            break
-        part = next(part for part in parts if part[0] <= force <= part[-1])
-        nearest = _nearest_confirmed(task, part, force)
-        if nearest is not None:
-            moved.append((cost(nearest[0]), *nearest))
+        found = _confirmed(task, parts, force)
+        if found is not None:
+            moved.append((cost(found[0]), *found))
+            if found[0] == force:
+                break
     if not moved:
         raise task.unconfirmed(draft, parts)
     return min(moved, key=lambda one: one[0])[1:]
+
+
+def _confirmed(task, parts, force):
+    """Return a force of `parts` with its confirmed Shape, or the nearest such pair, or None."""
+    shape = task.confirmed(force)
+    if shape is not None:
+        return force, shape
+    part = next(part for part in parts if part[0] <= force <= part[-1])
+    return _nearest_confirmed(task, part, force)
 
 
 def _nearest_confirmed(task, part, force):
@@ -142,11 +148,15 @@ def _motion(task, part):
         first -= 1
     while last + 1 < len(found) and found[last + 1] is not None:
         last += 1
-    ends = [_nearest_confirmed(task, [forces[inside]], forces[outside]) if outside in bounds else
-            None for inside, outside, bounds in ((first, first - 1, range(first)),
-                                                 (last, last + 1, range(last, len(found))))]
-    return [*(one[1] for one in ends[:1] if one), *found[first:last + 1],
-            *(one[1] for one in ends[1:] if one)]
+
+    def end(inside, outside):
+        """Return [the confirmed Shape that is nearest to what is not], [] where nothing is."""
+        if not 0 <= outside < len(found):
+            return []
+        nearest = _nearest_confirmed(task, [forces[inside]], forces[outside])
+        return [] if nearest is None else [nearest[1]]
+
+    return [*end(first, first - 1), *found[first:last + 1], *end(last, last + 1)]
 
 
 def _continued(task, parts, condition, before, draft):
@@ -164,13 +174,9 @@ def _continued(task, parts, condition, before, draft):
             best = leap
         if leap:
             continue
-        shape = task.confirmed(force)
-        if shape is not None:
-            return force, shape
-        part = next(part for part in parts if part[0] <= force <= part[-1])
-        nearest = _nearest_confirmed(task, part, force)
-        if nearest is not None:
-            return nearest
+        confirmed = _confirmed(task, parts, force)
+        if confirmed is not None:
+            return confirmed
     if not best:
         raise task.unconfirmed(draft, parts)
     raise draft.refusal('continuity', best * draft.last.s[-1], f'the gripper would leap by '
@@ -201,10 +207,8 @@ def _leap(one, other, halvings=_MOST_HALVINGS):
 
 
 def _step(one, other):
-    """Return the gripper's turn in rad plus its shift in parts of the length."""
-    one, other, length = one.gripper, other.gripper, one.s[-1]
-    turn = Rotation.from_matrix(other.rotation @ one.rotation.T).magnitude()
-    return float(turn + np.linalg.norm(other.position - one.position) / length)
+    """Return the gripper's motion between two Shapes, see `gripper_motion`."""
+    return gripper_motion(one.gripper, other.gripper, one.s[-1])
 
 
 def _away(shape, before):

@@ -23,12 +23,12 @@ class Brief:
 
     Attributes:
         speeds: m/s and rad/s, for the plan's times
-        progress: Progress, told of each waypoint
+        progress: Progress, which reports each waypoint
         workspace: Workspace or None
         obstacles: that the DLO must not touch; radius: of the DLO, m
         yielding: (3,) strains since the stress-free shape, torsion and both curvatures, at which
             the DLO would yield, 1/m, or None where it may
-        simulator: DirectSimulator without obstacles that tells the DLO's shapes between the
+        simulator: DirectSimulator without obstacles that finds the DLO's shapes between the
             waypoints; None: the DLO is looked at at the waypoints only
     """
 
@@ -41,18 +41,18 @@ class Brief:
     simulator: DirectSimulator | None = None
 
     def silent(self, simulator=None):
-        """Return the same demands for a search, of whose steps nobody is told.
+        """Return the same demands for a search, whose steps are not reported.
 
         Args:
             simulator: DirectSimulator that the search is made with, None: the same
         """
-        return replace(self, progress=self.progress.silent(), simulator=self._told_by(simulator))
+        return replace(self, progress=self.progress.silent(), simulator=self._between(simulator))
 
     def made_with(self, simulator):
-        """Return the same demands, the shapes between waypoints told by another simulator."""
-        return replace(self, simulator=self._told_by(simulator))
+        """Return the same demands, the shapes between waypoints from another simulator."""
+        return replace(self, simulator=self._between(simulator))
 
-    def _told_by(self, simulator):
+    def _between(self, simulator):
         return self.simulator if self.simulator is None or simulator is None else simulator
 
     def broken(self, waypoint):

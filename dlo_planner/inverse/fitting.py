@@ -7,6 +7,7 @@ squares, the noise (unless it is known) from what is left, by the number of resi
 was fitted to. To first order, deviations are then those of repeated experiments.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ from dlo_planner.model.checks import array, choice, figure, flag, instance, item
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, Value, brief, figures, put
-from dlo_planner.progress import Progress
+from dlo_planner.progress import OnProgress, Progress
 
 PARAMETERS = ('bending_stiffness', 'torsional_stiffness', 'natural_curvature')
 _STARTS = (0.0, -0.7, 0.7)  # logarithms of stiffness from which the search begins
@@ -55,7 +56,7 @@ class Fit(Value):
     Attributes:
         rod: Rod with the values found
         values: dict of the parameters found, SI units (a pair for natural_curvature)
-        deviations: dict of their standard deviations (infinite where the observations do not tell)
+        deviations: dict of their standard deviations (infinite where nothing was observed of it)
         misfit: root mean square distance of the points from the DLO, m
         converged: whether the search came to its end
         noise: standard deviation of the points along each axis, m, as given or as found
@@ -83,10 +84,11 @@ class Fit(Value):
                      *(f'{name} {figures(value)}' for name, value in self.values.items()))
 
 
-def fit_rod(rod: Rod, observations, parameters=('bending_stiffness',), *,
+def fit_rod(rod: Rod, observations: Iterable[Observation],
+            parameters: Iterable[str] = ('bending_stiffness',), *,
             noise: float | None = None, gripper_position: float | None = None,
             gripper_rotation: float | None = None, prior: Spread | None = None,
-            loss: str = 'linear', loss_scale: float = 1.5, progress=None,
+            loss: str = 'linear', loss_scale: float = 1.5, progress: OnProgress = None,
             deadline: float | None = None, **options) -> Fit:
     """Return the Fit of a rod's properties to observed shapes (least squares of distances).
 

@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.inverse.continuity import excess
+from dlo_planner.inverse.continuity import excess, refusal_for_leap
 from dlo_planner.inverse.hanging import Crossings, HangingShapes
 
 _LONGEST_STEP = 1 / 16   # of the length
@@ -60,7 +60,7 @@ def follow(task, here, depth, wanted, route=None):
         task: Task
         here: Passing at `depth` (m)
         wanted: depth where to go, m
-        route: Route that tells how to roll; None: not at all
+        route: Route that gives the rolls; None: no roll
 
     Returns:
         The Passing at `wanted`, or None; the depth that was reached; how far the gripper would have
@@ -84,3 +84,18 @@ def follow(task, here, depth, wanted, route=None):
         if step <= _SHORTEST_STEP * length or target == depth:
             return None, depth, too_far
         step /= 2
+
+
+def refusal_for_step(simulator, draft, before, found):
+    """Return Infeasible if gripper or DLO have to leap to the next waypoint of a Draft, or None.
+
+    Args:
+        before: Passing of the waypoint before, None at the first; found: Passing of the next one
+    """
+    length = found.shape.s[-1]
+    too_far = 0.0 if before is None else excess(before.gripper, found.gripper,
+                                                draft.step / length, length)
+    if too_far:
+        return draft.refusal('continuity', too_far, 'the gripper would have to turn or move too '
+                             'far since the waypoint before; closer waypoints may help')
+    return refusal_for_leap(simulator, draft, found.shape)

@@ -15,10 +15,12 @@ from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.statics import equilibrium, shape_of
 from dlo_planner.energy.contact import along_the_dlo
 from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.potential import placed
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import nearest
-from dlo_planner.inverse.marching import hanging, placed
+from dlo_planner.inverse.marching import hanging
 from dlo_planner.minimize.newton import descend, residual_of
+from dlo_planner.model.along import SeenFrom
 from dlo_planner.model.part import part_of_rod
 from dlo_planner.model.pose import Pose
 from dlo_planner.ritz.kinematics import point_inside
@@ -146,7 +148,6 @@ class ContactFamily:
             return -shape.violation / length
         return shape.stability - self.stable if shape.residual < _BALANCED else -np.inf
 
-
     def most_stable(self):
         """Return the most stable of the known Shapes that are in no obstacle, or None."""
         good = [shape for shape in self.known.values() if shape.residual < _BALANCED
@@ -199,7 +200,7 @@ def _cantilever(mesh, node, frame):
     around = mesh.surroundings
     s, load = mesh.s[node], around.load
     part = replace(around, rod=part_of_rod(mesh.rod, s, 1),
-                   load=(lambda x: load(s + x)) if callable(load) else load)
+                   load=SeenFrom(load, s, 1) if callable(load) else load)
     tail = Discretisation(part, mesh.s[node:] - s, 'local', 0)
     shape, _ = equilibrium(tail, Pose.from_rotation(np.zeros(3), frame), tail.natural)
     return np.array(shape.frames[-1], order='C'), shape.strains[0]

@@ -4,6 +4,7 @@ import numpy as np
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import clearance, room_in
+from dlo_planner.inverse.continuity import apart
 
 _PER_PERIOD = 25      # steps in a period of the DLO's slowest vibration
 _FEWEST, _MOST = 150, 20_000  # steps of a run
@@ -55,9 +56,7 @@ class InMotion:
             found['dynamic_miss'] = self._miss(motion.shapes, self._way.progress(shares))
         if only in (None, 'swing'):
             calm = self._simulator.track(grippers, self._progress.done, self._first)
-            found['swing'] = float(max(
-                np.linalg.norm(one.positions - other.positions_at(one.s), axis=1).max()
-                for one, other in zip(motion.shapes, calm, strict=True)))
+            found['swing'] = max(apart(*pair) for pair in zip(motion.shapes, calm, strict=True))
         if only is None:
             found['dynamic_clearance'] = least_clearance(
                 self._plan, self._obstacles, self._simulator.rod.radius or 0.0, motion.shapes)

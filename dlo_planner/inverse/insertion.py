@@ -15,12 +15,11 @@ leap. There the plan stays at one depth while the mouth takes over the weight, p
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.beginnings import beginnings, with_free_end
-from dlo_planner.inverse.continuity import refusal_for_leap
+from dlo_planner.inverse.continuity import gripper_motion, refusal_for_leap
 from dlo_planner.inverse.draft import Draft
 from dlo_planner.inverse.marching import hanging
 from dlo_planner.inverse.one_point import aligned_shape
@@ -28,7 +27,7 @@ from dlo_planner.inverse.plan import waypoint_at
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.part import before
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between
 
 _ELEMENTS = 64
 _PACE = 0.1       # rad plus part of the length: a longer step is looked at, or made in parts
@@ -90,7 +89,7 @@ class _Insertion:
 
     def _parts(self, one, other):
         """Return the stops after `one` in which to go to `other` at the same depth."""
-        apart = _apart(self._gripper(one), self._gripper(other), self.simulator.rod.length)
+        apart = gripper_motion(self._gripper(one), self._gripper(other), self.simulator.rod.length)
         if apart < _NOTHING and other[1] == 1.0 and one[1] == 0.0:
             return []
         if apart < _PACE:
@@ -155,20 +154,21 @@ class _Insertion:
         It leaps if the longer half of a step, halved again and again, does not get shorter.
         """
         length = self.simulator.rod.length
-        if _apart(draft.last.gripper, shape.gripper, length) < _PACE:
+        if gripper_motion(draft.last.gripper, shape.gripper, length) < _PACE:
             return
         (low, carried), (high, _) = one, other
         poses = [self._gripper(one), self._gripper(other)]
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
             between = self._gripper((middle, carried if middle == low else 0.0))
-            if _apart(poses[0], between, length) > _apart(between, poses[1], length):
+            here, there = (gripper_motion(one, between, length) for one in poses)
+            if here > there:
                 high, poses[1] = middle, between
             else:
                 low, poses[0] = middle, between
-            if _apart(*poses, length) < _NOTHING:
+            if gripper_motion(*poses, length) < _NOTHING:
                 return
-        turn = _turn(*poses)
+        turn = angle_between(*(pose.rotation for pose in poses))
         raise draft.refusal('continuity', turn * shape.s[-1], 'the gripper would have to turn by '
                             f'{turn:.3g} rad at once at depth {high:g} m; closer waypoints do not '
                             'help')
@@ -181,13 +181,3 @@ def _unconverged(draft, shape, missing):
                              f'stability {shape.stability:.3g}')
     return draft.refusal('equilibrium', missing, 'the equilibrium was not found exactly: residual '
                          f'{shape.residual:.3g}, off the mouth by {shape.violation:.3g} m')
-
-
-def _turn(one, other):
-    """Return the angle in rad between two Poses."""
-    return float(Rotation.from_matrix(other.rotation @ one.rotation.T).magnitude())
-
-
-def _apart(one, other, length):
-    """Return turn plus shift between two Poses, rad and parts of the DLO's length."""
-    return _turn(one, other) + float(np.linalg.norm(other.position - one.position)) / length

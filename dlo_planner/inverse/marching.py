@@ -7,7 +7,7 @@ solution for a DLO whose free end alone is prescribed: where a threading begins.
 
 import numpy as np
 
-from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
+from dlo_planner.energy.potential import placed
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.arc import jacobians, rotation_and_chord
 
@@ -23,14 +23,6 @@ def hanging(system, end):
     """
     strains, base = march_from_end(system, end)
     return placed(system._replace(base=base), strains), base
-
-
-def placed(system, strains):
-    """Return the State of a System with element strains (N, 3)."""
-    state = new_state(system)
-    unknowns_of(system, strains, state.q)
-    evaluate(system, state)
-    return state
 
 
 @kernel

@@ -6,13 +6,12 @@ Each observation costs one equilibrium; the derivatives come from its sensitivit
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.search import left_jacobian
 from dlo_planner.kernels import kernel
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import displaced
 from dlo_planner.ritz.kinematics import point_inside
 
 _BENT = 0.1  # rad along the length: how far natural curvature is moved as one unit
@@ -64,9 +63,7 @@ class Observed:
         k = len(self._pose)
         begin = self.n_parameters + k * index
         twist = x[begin:begin + k] @ self._pose
-        given = self.observations[index].gripper
-        turn = Rotation.from_rotvec(twist[:3]).as_matrix()
-        return Pose.from_rotation(given.position + twist[3:], turn @ given.rotation), twist
+        return displaced(self.observations[index].gripper, twist), twist
 
     def at(self, x):
         """Return the Misfit at unknowns x (n,)."""

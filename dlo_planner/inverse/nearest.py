@@ -6,10 +6,9 @@ the least penalty is farther away, the step goes as far towards it as it may.
 """
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import displaced
 
 _ITERATIONS = 25
 _STILL = 1e-9     # rad, and of the length: a step that ends the search
@@ -35,7 +34,7 @@ def nearest_within(simulator, penalties, before, turn, shift):
         right = np.concatenate([penalty.residuals(shape) for penalty in penalties])
         step = _step_within_ball(rows, right, x)
         for _ in range(_HALVINGS):
-            trial = simulator.solve(_moved(before.gripper, scale * (x + step)), shape)
+            trial = simulator.solve(displaced(before.gripper, scale * (x + step)), shape)
             new = _value(penalties, trial) if trial.converged else np.inf
             if new <= value:
                 break
@@ -52,11 +51,6 @@ def nearest_within(simulator, penalties, before, turn, shift):
 
 def _value(penalties, shape):
     return sum(float(np.sum(penalty.residuals(shape) ** 2)) for penalty in penalties)
-
-
-def _moved(gripper, twist):
-    turn = Rotation.from_rotvec(twist[:3]).as_matrix()
-    return Pose.from_rotation(gripper.position + twist[3:], turn @ gripper.rotation)
 
 
 def _step_within_ball(rows, right, x):

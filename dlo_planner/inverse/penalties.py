@@ -50,12 +50,12 @@ class PositionAt(Value):
             weight=_weight(self))
         super().__post_init__()
 
-    def residuals(self, shape) -> np.ndarray:
+    def residuals(self, shape: Shape) -> np.ndarray:
         """Return (3,)."""
         _judge(shape)
         return self.weight * (shape.frame_at(self.s)[1] - self.target)
 
-    def slopes(self, shape, sensitivity) -> np.ndarray:
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (3, 6)."""
         _judge(shape, sensitivity)
         return self.weight * sensitivity.at(self.s)[3:]
@@ -74,12 +74,12 @@ class DirectionAt(Value):
             direction=direction('DirectionAt.direction', self.direction))
         super().__post_init__()
 
-    def residuals(self, shape) -> np.ndarray:
+    def residuals(self, shape: Shape) -> np.ndarray:
         """Return (3,): the difference of two unit vectors."""
         _judge(shape)
         return self.weight * (shape.frame_at(self.s)[0][:, 0] - self.direction)
 
-    def slopes(self, shape, sensitivity) -> np.ndarray:
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (3, 6)."""
         _judge(shape, sensitivity)
         tangent = shape.frame_at(self.s)[0][:, 0]
@@ -102,14 +102,14 @@ class GripperNear(Value):
         put(self, weight=_weight(self))
         super().__post_init__()
 
-    def residuals(self, shape) -> np.ndarray:
+    def residuals(self, shape: Shape) -> np.ndarray:
         """Return (6,)."""
         _judge(shape)
         turn = Rotation.from_matrix(shape.gripper.rotation @ self.pose.rotation.T).as_rotvec()
         away = shape.gripper.position - self.pose.position
         return self.weight * np.concatenate([turn, away])
 
-    def slopes(self, shape, sensitivity) -> np.ndarray:
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (6, 6); the rotation's to first order about the pose."""
         _judge(shape, sensitivity)
         return self.weight * np.eye(6)
@@ -134,7 +134,7 @@ class Through(Value):
             weight=_weight(self))
         super().__post_init__()
 
-    def passage(self, shape) -> float:
+    def passage(self, shape: Shape) -> float:
         """Return the arc length that is nearest to the point, m; beyond L if it only aims."""
         _judge(shape)
         known = np.flatnonzero(shape.s > self.after)
@@ -156,11 +156,11 @@ class Through(Value):
             s = np.clip(s - off @ tangent / (1 + off @ turn), low, high)
         return float(s)
 
-    def residuals(self, shape) -> np.ndarray:
+    def residuals(self, shape: Shape) -> np.ndarray:
         """Return (3,)."""
         return self.weight * self._off(shape, self.passage(shape))
 
-    def slopes(self, shape, sensitivity) -> np.ndarray:
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (3, 6); the nearest arc length gives way."""
         _judge(shape, sensitivity)
         s = self.passage(shape)
@@ -217,13 +217,13 @@ class AwayFrom(Value):
     def _scene(self):
         return build_scene(self.obstacles, self.radius)
 
-    def residuals(self, shape) -> np.ndarray:
+    def residuals(self, shape: Shape) -> np.ndarray:
         """Return what is missing of the distance, one number per body."""
         _judge(shape)
         gaps = np.array([gap for gap, _, _ in nearest(self._scene, shape)])
         return self.weight * np.maximum(self.distance - gaps, 0.0)
 
-    def slopes(self, shape, sensitivity) -> np.ndarray:
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (bodies, 6): the nearest point stays the nearest to first order."""
         _judge(shape, sensitivity)
         return np.array([-self.weight * (normal @ sensitivity.at(s)[3:]) * (gap < self.distance)
@@ -246,13 +246,13 @@ class BentAtMost(Value):
         put(self, curvature=_length(self, 'curvature'), weight=_weight(self))
         super().__post_init__()
 
-    def residuals(self, shape) -> np.ndarray:
+    def residuals(self, shape: Shape) -> np.ndarray:
         """Return (N,): the excess of each element, so that squares add up to the mean square."""
         _judge(shape)
         excess = np.hypot(*shape.element_strains[:, 1:].T) - self.curvature
         return self.weight * np.sqrt(np.diff(shape.s) / shape.s[-1]) * np.maximum(excess, 0.0)
 
-    def slopes(self, shape, sensitivity) -> np.ndarray:
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (N, 6)."""
         _judge(shape, sensitivity)
         bend = shape.element_strains[:, 1:]

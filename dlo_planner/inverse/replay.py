@@ -1,5 +1,6 @@
 """Proof with a plan: it is run through the direct simulator, slowly and at its own pace."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.continuity import apart
 from dlo_planner.inverse.in_motion import InMotion, TooLong, fastest_scale, least_clearance
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.trajectory import Limits, Trajectory
@@ -14,7 +16,7 @@ from dlo_planner.model.checks import figure, flag, instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.model.part import before
 from dlo_planner.model.value import Value, brief, put
-from dlo_planner.progress import Progress
+from dlo_planner.progress import OnProgress, Progress
 
 _AS_PLANNED = 0.01  # of the length: shapes that are farther from the planned ones are others
 _MAY_BE_LEFT_OUT = ('miss', 'misalignment', 'clearance', 'dynamic_miss', 'swing',
@@ -44,7 +46,7 @@ class Report(Value):
         duration: of that motion, s; step: of its simulation, s
         fastest: shortest duration found in which `dynamic_miss` (`swing` for a plan that has no
             centres to pass) stays within the tolerance, s; infinite if there is none within 16
-            times the duration, nan if to tell takes a motion of more than 20000 steps
+            times the duration, nan if finding it takes a motion of more than 20000 steps
         not_looked_at: names of the figures that are nan
 
     In a motion that could not be simulated to its end, the figures are infinitely bad.
@@ -82,8 +84,10 @@ class Report(Value):
             for name, unit in said.items() if np.isfinite(getattr(self, name))))
 
 
-def replay(simulator, plan, *, obstacles=(), limits=None, tolerance=None, initial=None,
-           progress=None, deadline=None) -> Report:
+def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
+           limits: Limits | None = None, tolerance: float | None = None,
+           initial: Shape | None = None, progress: OnProgress = None,
+           deadline: float | None = None) -> Report:
     """Return the Report of a Plan.
 
     Args:
@@ -150,7 +154,7 @@ def _at_rest(simulator, plan, shapes, obstacles):
             if normal is not None:
                 angles.append(np.arctan2(np.linalg.norm(np.cross(axes[:, 0], normal)),
                                          axes[:, 0] @ normal))
-    deviation = max(_apart(*pair) for pair in zip(shapes, plan.shapes, strict=True))
+    deviation = max(apart(*pair) for pair in zip(shapes, plan.shapes, strict=True))
     return {
         'converged': all(shape.converged and not shape.jumped for shape in shapes)
         and bool(deviation <= _AS_PLANNED * simulator.rod.length),
@@ -176,12 +180,6 @@ def _in_motion(motion, tolerance):
     except TooLong:  # so slow a motion is not looked at
         return figures
     return figures | {'fastest': float(figures['duration'] * scale)}
-
-
-def _apart(one, other):
-    """Return the largest distance (m) of two Shapes, at the nodes of one."""
-    return float(np.linalg.norm(one.positions - other.positions_at(
-        np.minimum(one.s, other.s[-1])), axis=1).max())
 
 
 def _worst(values):

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares, minimize
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
@@ -22,9 +21,10 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.inverse.penalties import DirectionAt, PositionAt, Through
 from dlo_planner.model.checks import figure, flag, instance, integer, number, shown
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.value import Value, brief, put
-from dlo_planner.progress import Progress
+from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.ritz.arc import jacobians
 
 # What counts as zero, all per rad and per length of the DLO:
 _STILL = 1e-4       # slope of residuals, as a part of their size times that of their derivatives
@@ -70,7 +70,7 @@ class Found(Value):
 
 def minimise_penalty(simulator: DirectSimulator, penalties: object, start: Pose, *,
                      initial: Shape | None = None, max_iterations: int = 200,
-                     progress=None, deadline: float | None = None) -> Found:
+                     progress: OnProgress = None, deadline: float | None = None) -> Found:
     """Return the Found of a task given as penalties of the shape (paper, section 5.1).
 
     Where the past counts (a DLO that yields, friction), each pose is judged as if the gripper went
@@ -183,10 +183,7 @@ class _Search:
     def shape_at(self, x):
         key = x.tobytes()
         if key not in self._known:
-            turn = Rotation.from_rotvec(x[:3]).as_matrix()
-            shape = self.simulator.solve(
-                Pose.from_rotation(self.start.position + x[3:], turn @ self.start.rotation),
-                self._last)
+            shape = self.simulator.solve(displaced(self.start, x), self._last)
             self.count += 1
             self._progress.done(min(self.count, self._most), self._most)
             if shape.converged and not self._depends_on_the_way:
@@ -270,9 +267,6 @@ def _total(penalties, shape):
 
 def left_jacobian(v):
     """Return (3, 3) the turn of exp(v) per change of v (Bullo and Murray 1995)."""
-    angle = np.linalg.norm(v)
-    if angle < 1e-6:
-        return np.eye(3)
-    across = np.cross(np.eye(3), v)  # the cross-product matrix of v
-    return (np.eye(3) + (1 - np.cos(angle)) / angle**2 * across
-            + (angle - np.sin(angle)) / angle**3 * across @ across)
+    turning, shifting = np.empty((3, 3)), np.empty((3, 3))
+    jacobians(np.array(v), 1.0, turning, shifting)
+    return turning

@@ -1,6 +1,9 @@
 """The inverse simulator: from a task to gripper poses."""
 
+from collections.abc import Iterable
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
@@ -9,7 +12,7 @@ from dlo_planner.inverse.contact import CONDITIONS, hold_contact, slide_contact
 from dlo_planner.inverse.draft import Brief, Draft, kept_between
 from dlo_planner.inverse.insertion import insert
 from dlo_planner.inverse.plan import Plan, Waypoint
-from dlo_planner.inverse.search import minimise_penalty
+from dlo_planner.inverse.search import Found, minimise_penalty
 from dlo_planner.inverse.sequence import thread_sequence
 from dlo_planner.inverse.start_phase import start_phase
 from dlo_planner.inverse.threading import kept_before, thread
@@ -20,7 +23,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, freeze, put
 from dlo_planner.model.value import brief as one_line
-from dlo_planner.progress import Progress
+from dlo_planner.progress import OnProgress, Progress
 
 _WAYPOINTS = 40
 _MOST = 10_000  # waypoints of a plan, or forces
@@ -38,7 +41,7 @@ class InverseSimulator(Value):
             avoided by the others; a Sheet among them is the one around a cut-out that it has.
         workspace: Workspace, where the gripper may be; None: anywhere
         may_yield: whether a plan may bend the DLO beyond its yield limits. Planning itself is
-            elastic: `replay` with `simulator` tells what comes of it.
+            elastic: `replay` with `simulator` shows the set that remains.
 
     A waypoint that leaves the workspace, touches what it should not, bends more sharply than
     `Rod.max_bend_curvature`, or yields though it must not, is refused: `Infeasible` names the
@@ -50,7 +53,8 @@ class InverseSimulator(Value):
 
     PARTS = ('simulator', 'workspace', '_yielding', '_alone', '_given')
 
-    def __init__(self, simulator, *, workspace=None, may_yield=True):
+    def __init__(self, simulator: DirectSimulator, *, workspace: Workspace | None = None,
+                 may_yield: bool = True):
         instance('simulator', simulator, DirectSimulator)
         instance('workspace', workspace, Workspace, optional=True)
         if simulator.method != 'newton':
@@ -70,9 +74,11 @@ class InverseSimulator(Value):
         return one_line(self, repr(self.simulator), '' if self.workspace is None else
                      repr(self.workspace))
 
-    def thread(self, cutout, *, start=None, initial=None, depths=None, method='coupled',
-               gripper_clearance=None, linear_speed=0.1, angular_speed=0.5, progress=None,
-               deadline=None) -> Plan:
+    def thread(self, cutout: CutOut, *, start: Pose | None = None, initial: Shape | None = None,
+               depths: ArrayLike | None = None, method: str = 'coupled',
+               gripper_clearance: float | None = None, linear_speed: float = 0.1,
+               angular_speed: float = 0.5, progress: OnProgress = None,
+               deadline: float | None = None) -> Plan:
         """Plan the threading through one cut-out, anywhere and in any direction in 3-D.
 
         At each depth the DLO passes the centre P_goal along the normal n_goal (paper, section
@@ -116,8 +122,9 @@ class InverseSimulator(Value):
         kept = kept_before(plan, cutout, gripper_clearance, depths is None)
         return kept if len(kept) == len(plan) else kept_between(kept, brief)
 
-    def insert(self, bore, *, start=None, depths=None, linear_speed=0.1, angular_speed=0.5,
-               progress=None, deadline=None) -> Plan:
+    def insert(self, bore: CutOut, *, start: Pose | None = None, depths: ArrayLike | None = None,
+               linear_speed: float = 0.1, angular_speed: float = 0.5,
+               progress: OnProgress = None, deadline: float | None = None) -> Plan:
         """Plan the insertion into a bore of about the DLO's diameter (paper, section 5.2).
 
         The walls carry what is inside; what is outside transmits neither force nor moment to the
@@ -150,8 +157,10 @@ class InverseSimulator(Value):
         return insert(self._alone, bore, depths, start,
                       self._brief(linear_speed, angular_speed, progress, deadline))
 
-    def start_phase(self, cutout, plan, start, *, standoff=0.05, initial=None, linear_speed=0.1,
-                    angular_speed=0.5, progress=None, deadline=None) -> Plan:
+    def start_phase(self, cutout: CutOut, plan: Plan, start: Pose, *, standoff: float = 0.05,
+                    initial: Shape | None = None, linear_speed: float = 0.1,
+                    angular_speed: float = 0.5, progress: OnProgress = None,
+                    deadline: float | None = None) -> Plan:
         """Plan the way from the gripper's present pose to where a threading begins.
 
         The gripper backs off along the normal, turns where the DLO cannot reach the sheet, and
@@ -188,8 +197,10 @@ class InverseSimulator(Value):
                            number('standoff', standoff, minimum=0, maximum=farthest), initial,
                            self._brief(linear_speed, angular_speed, progress, deadline))
 
-    def thread_two(self, first, second, *, start=None, depths=None, linear_speed=0.1,
-                   angular_speed=0.5, progress=None, deadline=None) -> Plan:
+    def thread_two(self, first: CutOut, second: CutOut, *, start: Pose | None = None,
+                   depths: ArrayLike | None = None, linear_speed: float = 0.1,
+                   angular_speed: float = 0.5, progress: OnProgress = None,
+                   deadline: float | None = None) -> Plan:
         """Plan the threading through two cut-outs, whose centres count (paper, section 5.2).
 
         From where the free end reaches the second centre, both are hit at once; before, the first
@@ -213,8 +224,10 @@ class InverseSimulator(Value):
         return thread_two(self._alone, first, second, self._checked(depths), start,
                           self._brief(linear_speed, angular_speed, progress, deadline))
 
-    def thread_sequence(self, cutouts, *, weights=None, start=None, depths=None, linear_speed=0.1,
-                        angular_speed=0.5, progress=None, deadline=None) -> Plan:
+    def thread_sequence(self, cutouts: Iterable[CutOut], *, weights: ArrayLike | None = None,
+                        start: Pose | None = None, depths: ArrayLike | None = None,
+                        linear_speed: float = 0.1, angular_speed: float = 0.5,
+                        progress: OnProgress = None, deadline: float | None = None) -> Plan:
         """Plan the threading through any number of cut-outs, as well as can be.
 
         One is passed along its normal, as by `thread`, and two at once, as by `thread_two`. More
@@ -248,8 +261,9 @@ class InverseSimulator(Value):
             return thread_two(self._alone, *cutouts, depths, start, brief)
         return thread_sequence(self._alone, cutouts, weights, depths, start, brief)
 
-    def minimise_penalty(self, penalties, start, *, initial=None, max_iterations=200,
-                         progress=None, deadline=None):
+    def minimise_penalty(self, penalties: object, start: Pose, *, initial: Shape | None = None,
+                         max_iterations: int = 200, progress: OnProgress = None,
+                         deadline: float | None = None) -> Found:
         """Return what `minimise_penalty` finds for this simulator (paper, section 5.1).
 
         Its arguments are explained there.
@@ -264,8 +278,10 @@ class InverseSimulator(Value):
         Draft([0.0], self._brief(1.0, 1.0, touching=True)).add(Waypoint(found.shape))
         return found
 
-    def hold_contact(self, contact, s, *, condition='least_energy', forces=None, start=None,
-                     linear_speed=0.1, angular_speed=0.5, progress=None, deadline=None) -> Plan:
+    def hold_contact(self, contact: Pose, s: float, *, condition: str | None = 'least_energy',
+                     forces: ArrayLike | None = None, start: Pose | None = None,
+                     linear_speed: float = 0.1, angular_speed: float = 0.5,
+                     progress: OnProgress = None, deadline: float | None = None) -> Plan:
         """Plan how to hold the DLO in contact with an obstacle (paper, section 5.3, Fig. 16).
 
         Arc length, place and direction at the contact leave the force of contact free: a family of
@@ -308,8 +324,10 @@ class InverseSimulator(Value):
                             self._brief(linear_speed, angular_speed, progress, deadline,
                                         touching=True))
 
-    def slide_contact(self, contact, lengths, *, condition='least_motion', forces=None, start=None,
-                      linear_speed=0.1, angular_speed=0.5, progress=None, deadline=None) -> Plan:
+    def slide_contact(self, contact: Pose, lengths: ArrayLike, *, condition: str = 'least_motion',
+                      forces: ArrayLike | None = None, start: Pose | None = None,
+                      linear_speed: float = 0.1, angular_speed: float = 0.5,
+                      progress: OnProgress = None, deadline: float | None = None) -> Plan:
         """Plan how to draw the DLO over an obstacle, its direction there kept (Fig. 15).
 
         Args:
@@ -336,7 +354,8 @@ class InverseSimulator(Value):
                              self._brief(linear_speed, angular_speed, progress, deadline,
                                          touching=True))
 
-    def check(self, plan, *, progress=None, deadline=None):
+    def check(self, plan: Plan, *, progress: OnProgress = None,
+              deadline: float | None = None) -> Plan:
         """Return a Plan if it keeps all demands between its waypoints too.
 
         The path of its `Trajectory` is looked at, all of it: the gripper in the workspace and, if

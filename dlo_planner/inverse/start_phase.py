@@ -8,7 +8,6 @@ DLO cannot reach the sheet at all.
 """
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.continuation import between
 from dlo_planner.errors import Infeasible
@@ -17,7 +16,7 @@ from dlo_planner.inverse.continuity import apart, same
 from dlo_planner.inverse.draft import Draft
 from dlo_planner.inverse.plan import Waypoint
 from dlo_planner.inverse.quick import quick_simulator
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between
 
 _MARGIN = 0.02        # of the length
 _LONGEST = 0.1        # of the length, and
@@ -114,7 +113,6 @@ def _way_left(stations):
 def _way(one, other, length):
     """Return Poses from `one`, which is left out, to `other`; none where they are the same."""
     shift = np.linalg.norm(other.position - one.position)
-    # not by its cosine, which tells angles below 1e-8 from zero by rounding errors
-    turn = Rotation.from_matrix(other.rotation @ one.rotation.T).magnitude()
+    turn = angle_between(one.rotation, other.rotation)
     parts = int(np.ceil(max(shift / (_LONGEST * length), turn / _SHARPEST) - 1e-9))
     return [between(one, other, k / parts) for k in range(1, parts + 1)]

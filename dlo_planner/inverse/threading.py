@@ -7,9 +7,9 @@ import numpy as np
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.beginnings import beginnings, rolls_are_alike, with_free_end
 from dlo_planner.inverse.clearance import sheet_of
-from dlo_planner.inverse.continuity import excess, largest_turn, refusal_for_leap
+from dlo_planner.inverse.continuity import largest_turn
 from dlo_planner.inverse.draft import Brief, Draft
-from dlo_planner.inverse.following import follow
+from dlo_planner.inverse.following import follow, refusal_for_step
 from dlo_planner.inverse.hanging import hanging_shapes
 from dlo_planner.inverse.one_point import Aligned
 from dlo_planner.inverse.plan import PlanStatus, first_part, waypoint_of
@@ -17,7 +17,7 @@ from dlo_planner.inverse.quick import gets_there, grid_nodes, quick_simulator
 from dlo_planner.inverse.route import find_route
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between
 
 _ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
 _DOUBTFUL = 0.05    # stability below which another roll is looked for
@@ -50,7 +50,7 @@ def thread(simulator, cutout, depths, start, initial, method, brief):
 
     Which roll of the DLO the threading begins with is free, and how it rolls on the way. The plan
     that begins with the first choice and rolls only where it has to is tried first. If it is
-    refused, the sphere of all hanging shapes tells a better way, or that there is none. A way is
+    refused, the sphere of all hanging shapes shows a better way, or that there is none. A way is
     looked for with a simulator that is quick, whatever the accuracy asked for.
     """
     asked = Threading(cutout, depths, start, initial, brief.made_with(simulator))
@@ -134,14 +134,10 @@ def _starts(simulator, curve, asked):
     for k in np.unique(np.linspace(0, len(curve) - 1, min(len(curve), most)).astype(int)):
         gripper = Pose.from_rotation(asked.cutout.centre + curve.places[k], curve.grippers[k])
         if gets_there(simulator, gripper, curve.ends[k], asked.initial):
-            turn = 0.0 if asked.start is None else _angle_between(gripper, asked.start)
+            turn = 0.0 if asked.start is None else angle_between(
+                gripper.rotation, asked.start.rotation)
             cost[k] = _PREFERENCE * turn**2
     return cost
-
-
-def _angle_between(one, other):
-    cosine = 0.5 * (np.vdot(one.rotation, other.rotation) - 1)
-    return float(np.arccos(np.clip(cosine, -1, 1)))
 
 
 def _thinned(asked):
@@ -184,7 +180,7 @@ def _thread_from(simulator, asked, begin, route, method):
 
     Args:
         begin: Shape, reference (3, 3) for its roll, and its depth, m
-        route: Route that tells how to roll, or None
+        route: Route that gives the rolls, or None
     """
     length, cutout, brief = simulator.rod.length, asked.cutout, asked.brief
     draft = Draft(asked.depths, brief, initial=asked.initial)
@@ -231,13 +227,7 @@ def _refusal(simulator, draft, before, found, wanted, reached, too_far):
     if shape.stability < -NEUTRAL:
         return draft.refusal('stability', -shape.stability, 'the DLO would not stay in the shape '
                              f'that passes the cut-out; stability {shape.stability:.3g} < 0')
-    if before is not None:
-        length = shape.s[-1]
-        too_far = excess(before.gripper, found.gripper, draft.step / length, length)
-        if too_far:
-            return draft.refusal('continuity', too_far, 'the gripper would have to turn or move '
-                                 'too far since the waypoint before; closer waypoints may help')
-    return refusal_for_leap(simulator, draft, shape)
+    return refusal_for_step(simulator, draft, before, found)
 
 
 def _rolled(simulator, draft, task, here, depth, wanted, best):

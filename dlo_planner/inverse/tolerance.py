@@ -1,6 +1,6 @@
 """What a plan tolerates: by how much it misses when the DLO or the robot are not as assumed.
 
-To first order from the sensitivities of the equilibrium, which tells each cause apart, and sampled,
+To first order from the sensitivities of the equilibrium, which separates the causes, and sampled,
 which needs no smallness. A miss is the distance of the DLO, extended straight on where it is too
 short to get there, from a centre that it should pass.
 """
@@ -9,7 +9,6 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.simulator import DirectSimulator
@@ -18,8 +17,9 @@ from dlo_planner.inverse.penalties import Through
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.model.along import Scaled, Shifted
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import displaced
 from dlo_planner.model.value import Value, brief, put, same
+from dlo_planner.progress import OnProgress, Progress
 
 _SMALL = 1e-3   # of a spread: step of the differences
 _NEAR = 0.1     # of the length: how far from the planned arc length the DLO may pass a centre
@@ -103,7 +103,7 @@ class Tolerance(Value):
         """Name of the cause that hurts most: whose miss is the largest of all waypoints."""
         return self.causes[int(np.argmax(self.by_cause.max(axis=0)))]
 
-    def quantile(self, part) -> np.ndarray:
+    def quantile(self, part: float) -> np.ndarray:
         """Return (n,): the miss that `part` (0 to 1) of the samples do not exceed, m.
 
         Raises:
@@ -115,7 +115,9 @@ class Tolerance(Value):
         return np.sort(self.sampled, axis=0)[int(np.ceil(part * (len(self.sampled) - 1)))]
 
 
-def tolerance(simulator, plan, spread, *, samples=0, seed=0, executor=None) -> Tolerance:
+def tolerance(simulator: DirectSimulator, plan: Plan, spread: Spread, *, samples: int = 0,
+              seed: int = 0, executor: Executor | None = None, progress: OnProgress = None,
+              deadline: float | None = None) -> Tolerance:
     """Return the Tolerance of a plan under a Spread.
 
     Args:
@@ -125,9 +127,12 @@ def tolerance(simulator, plan, spread, *, samples=0, seed=0, executor=None) -> T
         seed: of the draws
         executor: a `concurrent.futures.Executor` for the samples, e.g. a ProcessPoolExecutor; None:
             one after the other. The result does not depend on it.
+        progress: called as progress(done, total) after each batch of samples
+        deadline: s of computing after which DeadlineExceeded is raised; None: no limit
 
     Raises:
         InvalidTask: an argument makes no sense; the message names it
+        DeadlineExceeded: the deadline is over; samples that an executor has begun go on
     """
     instance('simulator', simulator, DirectSimulator)
     if not len(instance('plan', plan, Plan)):
@@ -139,6 +144,7 @@ def tolerance(simulator, plan, spread, *, samples=0, seed=0, executor=None) -> T
     seed = integer('seed', seed, minimum=0, maximum=2**63)
     if executor is not None:
         instance('executor', executor, Executor)
+    steps = Progress(progress, deadline)
     own = simulator._history is not None  # its set makes a rod of its own
     simulator = simulator.elastic()
     if not own and not all(_acts_alike(shape, simulator) for shape in plan.shapes):
@@ -146,12 +152,16 @@ def tolerance(simulator, plan, spread, *, samples=0, seed=0, executor=None) -> T
                           'gravity and load')
     if not any(shape.contacts for shape in plan.shapes):
         simulator = simulator.without_obstacles()  # a rim would hold it back, and hide the miss
-    by_cause = _first_order(simulator.rod, plan, spread)
+    by_cause = _first_order(simulator.rod, plan, spread, steps)
     draws = np.random.default_rng(seed).normal(size=(samples, len(_DRAWN)))
     work = [(simulator, plan.shapes, plan.passes, spread, draws[k:k + _AT_ONCE])
             for k in range(0, samples, _AT_ONCE)]
     run = map if executor is None else executor.map
-    sampled = np.concatenate([np.zeros((0, len(plan))), *run(_sampled, work)])
+    batches = [np.zeros((0, len(plan)))]
+    for batch in run(_sampled, work):
+        batches.append(batch)
+        steps.done(len(batches) - 1, len(work))
+    sampled = np.concatenate(batches)
     room = plan.clearances[:, :, 0].min(axis=1, initial=np.inf)
     success = np.nan
     if samples and np.isfinite(room).any():
@@ -162,7 +172,7 @@ def tolerance(simulator, plan, spread, *, samples=0, seed=0, executor=None) -> T
 def _acts_alike(shape, simulator):
     """Whether a Shape is of a simulator's rod with its gravity and load; obstacles may differ.
 
-    So may all that only tells how a rod yields, which nothing here does.
+    So may the parameters of yielding: nothing yields here.
     """
     here = shape._discretisation
     return here is not None and same(*(replace(around, obstacles=(), rod=replace(
@@ -170,7 +180,7 @@ def _acts_alike(shape, simulator):
         for around in (here.surroundings, simulator.surroundings)))
 
 
-def _first_order(rod, plan, spread):
+def _first_order(rod, plan, spread, progress):
     """Return (n, causes) root mean square misses."""
     out = np.zeros((len(plan), len(CAUSES)))
     columns = [CAUSES.index(name) for name in _DRAWN]
@@ -180,6 +190,7 @@ def _first_order(rod, plan, spread):
     for k, (shape, passes) in enumerate(zip(plan.shapes, plan.passes, strict=True)):
         if not passes or not steps:
             continue
+        progress.check()
         sensitivity = Sensitivity(shape)
         squares = np.zeros((len(passes), len(CAUSES)))
         for step, both in zip(steps, rods, strict=True):
@@ -203,10 +214,7 @@ def _sampled(work):
         varied = simulator if rod is simulator.rod else simulator.with_rod(rod)
         initial = None
         for k, shape in enumerate(shapes):
-            twist = _twist(shape.gripper, spread, draw)
-            turn = Rotation.from_rotvec(twist[:3]).as_matrix()
-            gripper = Pose.from_rotation(shape.gripper.position + twist[3:],
-                                         turn @ shape.gripper.rotation)
+            gripper = displaced(shape.gripper, _twist(shape.gripper, spread, draw))
             # it starts where the plan does, and then goes its own way
             start = _stretched(shape, rod.length) if initial is None else initial
             found = varied.track([gripper], initial=start)[0]

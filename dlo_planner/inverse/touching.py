@@ -10,6 +10,7 @@ import numpy as np
 
 from dlo_planner.direct.accuracy import step
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.inverse.continuity import apart
 from dlo_planner.inverse.draft import Brief
 from dlo_planner.inverse.holding import STABLE, ContactFamily
 from dlo_planner.inverse.intervals import intervals
@@ -145,7 +146,5 @@ class Contacting:
 
     def left(self, draft, shape, found, why):
         """Return Infeasible because the DLO is `found` elsewhere; the amount is how far, in m."""
-        samples = np.linspace(0, shape.s[-1], 17)
-        away = found.positions_at(samples) - shape.positions_at(samples)
-        amount = np.linalg.norm(away, axis=1).max()
+        amount = apart(found, shape)
         return draft.refusal('contact', amount, f'{why}; the DLO would be off by {amount:.3g} m')

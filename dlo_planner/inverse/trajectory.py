@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.inverse.path import GripperPath
 from dlo_planner.inverse.plan import Plan
@@ -69,7 +70,7 @@ class Trajectory(Value):
     PARTS = ('path', 'limits')
     REMEMBERED = ('duration', '_laws')
 
-    def __init__(self, plan, limits=None):
+    def __init__(self, plan: Plan, limits: Limits | None = None):
         instance('plan', plan, Plan)
         limits = Limits() if limits is None else instance('limits', limits, Limits)
         path = GripperPath.of(plan)
@@ -80,7 +81,7 @@ class Trajectory(Value):
     def __repr__(self):
         return brief(self, f'{self.duration:.4g} s', f'{len(self.path.legs)} legs')
 
-    def at(self, times):
+    def at(self, times: ArrayLike) -> tuple[list[Pose], np.ndarray, np.ndarray]:
         """Return Poses (list), velocities (n, 6) and accelerations (n, 6) at `times` (n,) s.
 
         Linear before angular, m/s, rad/s, m/s^2, rad/s^2, all in world axes: the angular ones are
@@ -99,7 +100,7 @@ class Trajectory(Value):
                 poses[index] = Pose.from_rotation(*pose)
         return poses, speeds, accelerations
 
-    def progress(self, times):
+    def progress(self, times: ArrayLike) -> np.ndarray:
         """Return the plan's own times (n,), as in `Plan.times`, that are reached at `times` s."""
         which, since = self._split(times)
         done = np.empty(since.size)

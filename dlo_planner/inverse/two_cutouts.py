@@ -4,20 +4,19 @@ Until the free end reaches the second cut-out, the DLO passes the first one alon
 from then on it passes both centres at once. The direction is the one it has at the moment of the
 change, so that the gripper's way is continuous. As gravity does not notice where the gripper is,
 its rotation and one arc length are solved for, x(s2) - x(s1) = P2 - P1, and it is displaced after.
-Each cut-out is passed in its direction, be it obliquely.
+Each cut-out is passed in its direction, possibly obliquely.
 """
 
 from dataclasses import replace
-from functools import cached_property
+from functools import cache
 
 import numpy as np
 
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.changes import Change, Pair, other_changes
 from dlo_planner.inverse.clearance import sheet_of
-from dlo_planner.inverse.continuity import excess, refusal_for_leap
 from dlo_planner.inverse.draft import Brief, Draft
-from dlo_planner.inverse.following import follow
+from dlo_planner.inverse.following import follow, refusal_for_step
 from dlo_planner.inverse.hanging import hanging_shapes
 from dlo_planner.inverse.one_point import Aligned
 from dlo_planner.inverse.plan import waypoint_of
@@ -53,7 +52,9 @@ def thread_two(simulator, first, second, depths, start, brief):
 
 def _search(simulator, asked):
     """Return a Plan and the Change that it makes."""
-    refused, shapes = None, _Sphere(simulator)
+    refused = None
+    # all hanging shapes take a while: they are made once, and only if they are needed
+    shapes = cache(lambda: hanging_shapes(simulator.surroundings, grid_nodes(simulator)))
     for change in _changes(simulator, asked, shapes):
         asked.brief.progress.check()
         try:
@@ -61,28 +62,20 @@ def _search(simulator, asked):
         except Infeasible as error:
             if refused is None or error.waypoint > refused.waypoint:
                 refused = error
-    raise refused or _unreached(simulator, asked, shapes.known)
-
-
-class _Sphere:
-    """All hanging shapes of a simulator's DLO, if they are needed: made once."""
-
-    def __init__(self, simulator):
-        self._simulator = simulator
-
-    @cached_property
-    def known(self):
-        """HangingShapes, or None where there is no such sphere."""
-        return hanging_shapes(self._simulator.surroundings, grid_nodes(self._simulator))
+    raise refused or _unreached(simulator, asked, shapes())
 
 
 def _changes(simulator, asked, shapes):
-    """Yield Changes: first the one that following a single shape finds, if it does."""
+    """Yield Changes: first the one that following a single shape finds, if it does.
+
+    Args:
+        shapes: function () -> HangingShapes, or None where there is no such sphere
+    """
     change = _straight_there(simulator, asked)
     if change is not None:
         yield change
-    if shapes.known is not None:
-        yield from other_changes(simulator, asked, shapes.known)
+    if shapes() is not None:
+        yield from other_changes(simulator, asked, shapes())
 
 
 def _unreached(simulator, asked, shapes=None):
@@ -169,7 +162,7 @@ def _direction_refusal(draft, name, along):
 
 
 def _judged(simulator, asked, change, found):
-    """Return the Plan of all waypoints, or raise Infeasible at the first that is not to be had.
+    """Return the Plan of all waypoints, or raise Infeasible at the first impossible one.
 
     Args:
         found: dict of index -> (Passing or None, depth that was reached, m, leap in m)
@@ -210,14 +203,8 @@ def _refusal(simulator, asked, draft, before, here, missing, too_far):
     if shape.stability < -NEUTRAL:
         return draft.refusal('stability', -shape.stability, 'the DLO would not stay there; '
                              f'stability {shape.stability:.3g} < 0')
-    length = shape.s[-1]
     depth = asked.depths[len(draft.waypoints)]
     against = _against(asked, here, depth)
     if against is not None:
         return _direction_refusal(draft, *against)
-    if before is not None:
-        leap = excess(before.gripper, here.gripper, draft.step / length, length)
-        if leap:
-            return draft.refusal('continuity', leap, 'the gripper would have to turn or move too '
-                                 'far since the waypoint before; closer waypoints may help')
-    return refusal_for_leap(simulator, draft, shape)
+    return refusal_for_step(simulator, draft, before, here)

@@ -70,17 +70,17 @@ class Workspace(Value):
                    for o, (source, kind) in enumerate(zip(scene.source, scene.kind, strict=True))]
         return limits
 
-    def least_room(self, gripper) -> tuple[str, float]:
+    def least_room(self, gripper: Pose) -> tuple[str, float]:
         """Return (name, m) of the limit that is nearest to a gripper Pose, < 0 beyond it."""
         place = instance('gripper', gripper, Pose).position[None]
         rooms = [(name, float(room(place)[0][0]))
                  for name, room, _ in self._limits()]
         return min(rooms, key=lambda one: one[1], default=('', np.inf))
 
-    def first_beyond(self, path):
-        """Return where a gripper on a path first goes beyond a limit, None if it nowhere does.
+    def first_beyond(self, path: GripperPath) -> tuple[int, str, float] | None:
+        """Return where a gripper on a path first goes beyond a limit, None if it never does.
 
-        Looked at is all of the path, not samples of it: a piece of it is halved until it is proved
+        All of the path is checked, not samples of it: a piece of it is halved until it is proved
         to keep its room, or a place beyond the limit is found. The sides of the box, and the
         distance from a convex body, lie above their tangent planes, and the path within its
         control points; a sheet's distance changes no more than the place does.
@@ -122,7 +122,7 @@ def _least_on(leg, rooms, sheet):
         points = leg.control_points(a, b)
         (first, slope), (last, other) = rooms(points[:, 0]), rooms(points[:, 3])
         close = max(close, _ROUNDING * max(np.abs(first).max(), np.abs(points).max()))
-        if sheet:  # without thickness: who comes so near is in it
+        if sheet:  # it may be without thickness: what comes this near is in it
             first, last = first - 2 * close, last - 2 * close
         np.minimum.at(least, piece, np.minimum(first, last))
         length = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.model.checks import choice, instance, vector
 from dlo_planner.model.pose import Pose
@@ -31,7 +32,7 @@ class FarEnd(Value):
         super().__post_init__()
 
     @classmethod
-    def of(cls, value) -> 'FarEnd | None':
+    def of(cls, value: 'FarEnd | Pose | ArrayLike | None') -> 'FarEnd | None':
         """Return a FarEnd from one, a Pose (clamped), a position (3,) (pinned), or None."""
         if value is None or isinstance(value, FarEnd):
             return value

@@ -126,7 +126,8 @@ class Sheet(Value):
         super().__post_init__()
 
     @classmethod
-    def around(cls, cutout, width=0.4, height=0.4, thickness=1e-3, friction=0.0) -> 'Sheet':
+    def around(cls, cutout: CutOut, width: float = 0.4, height: float = 0.4,
+               thickness: float = 1e-3, friction: float = 0.0) -> 'Sheet':
         """Return a sheet centred at the one cut-out that it has."""
         instance('cutout', cutout, CutOut)
         return cls(cutout.pose, width, height, thickness, (cutout,), friction)

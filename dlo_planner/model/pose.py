@@ -1,8 +1,10 @@
 """Position and orientation in the world frame."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.errors import InvalidTask
@@ -72,7 +74,7 @@ class Pose(Value):
         return cls((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
     @classmethod
-    def from_rotation(cls, position, rotation) -> 'Pose':
+    def from_rotation(cls, position: ArrayLike, rotation: ArrayLike) -> 'Pose':
         """Return the pose with the given origin (3,) and axes (3, 3), made orthonormal.
 
         Raises:
@@ -104,7 +106,7 @@ class Pose(Value):
         return quaternion
 
     @classmethod
-    def from_matrix(cls, matrix) -> 'Pose':
+    def from_matrix(cls, matrix: ArrayLike) -> 'Pose':
         """Return the pose of a (4, 4) homogeneous transform.
 
         Raises:
@@ -120,7 +122,7 @@ class Pose(Value):
             raise InvalidTask(f'matrix: expected a rigid transform; {error}') from None
 
     @classmethod
-    def looking_along(cls, position, direction) -> 'Pose':
+    def looking_along(cls, position: ArrayLike, direction: ArrayLike) -> 'Pose':
         """Return the pose whose x axis is `direction` and whose z axis is as far up as it can be.
 
         For a vertical direction, where no roll is more level than another, y stays world y.
@@ -137,7 +139,7 @@ class Pose(Value):
         y /= np.linalg.norm(y)
         return cls.from_rotation(position, np.column_stack([x, y, np.cross(x, y)]))
 
-    def compose(self, other) -> 'Pose':
+    def compose(self, other: 'Pose') -> 'Pose':
         """Return self * other: the pose `other`, given in this frame, seen from the world."""
         instance('other', other, Pose)
         return Pose.from_rotation(self.position + self.rotation @ other.position,
@@ -146,6 +148,24 @@ class Pose(Value):
     def inverse(self) -> 'Pose':
         """Return the pose of the world in this frame."""
         return Pose.from_rotation(-self.rotation.T @ self.position, self.rotation.T)
+
+
+def angle_between(one: np.ndarray, other: np.ndarray) -> float:
+    """Return the angle in rad between two orientations (3, 3), as exact near 0 as near pi."""
+    turn = one.T @ other
+    twice_sine = math.hypot(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0],
+                            turn[1, 0] - turn[0, 1])
+    return math.atan2(twice_sine, turn[0, 0] + turn[1, 1] + turn[2, 2] - 1)
+
+
+def displaced(pose: Pose, twist: np.ndarray) -> Pose:
+    """Return a Pose turned about its origin and then shifted.
+
+    Args:
+        twist: (6,) rotation vector, rad, before displacement, m; world axes
+    """
+    turn = Rotation.from_rotvec(twist[:3]).as_matrix()
+    return Pose.from_rotation(pose.position + twist[3:], turn @ pose.rotation)
 
 
 def _volume(m):

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidRod
 from dlo_planner.model.checks import array, choice, instance, number, returned, shown
@@ -118,7 +119,7 @@ class Rod(Value):
         """Whether there is a threshold beyond which the DLO is set for good."""
         return self.yield_curvature is not None or self.yield_torsion is not None
 
-    def masses_per_length(self, s) -> np.ndarray:
+    def masses_per_length(self, s: ArrayLike) -> np.ndarray:
         """Return the mass per length at arc lengths `s` (n,) as (n,), kg/m."""
         s = array('s', s, (None,), InvalidRod)
         known, name = self.mass_per_length, 'Rod.mass_per_length'
@@ -127,7 +128,7 @@ class Rod(Value):
         return np.array([number(f'{name}({v:g})', returned(name, known, v, InvalidRod), InvalidRod,
                                 minimum=0) for v in s])
 
-    def natural_strains(self, s) -> np.ndarray:
+    def natural_strains(self, s: ArrayLike) -> np.ndarray:
         """Return the stress-free strains at arc lengths `s` (n,) as (n, 3), 1/m."""
         s = array('s', s, (None,), InvalidRod)
         strains = np.empty((s.size, 3))
@@ -141,8 +142,8 @@ class Rod(Value):
         return strains
 
     @classmethod
-    def circular(cls, length, diameter, density, youngs_modulus, poisson_ratio, *,
-                 yield_stress=None, **more):
+    def circular(cls, length: float, diameter: float, density: float, youngs_modulus: float,
+                 poisson_ratio: float, *, yield_stress: float | None = None, **more) -> 'Rod':
         """Return a rod of solid round section (wire).
 
         EI = E pi d^4 / 64, GJ = G pi d^4 / 32, G = E / (2 (1 + nu)).
@@ -160,8 +161,9 @@ class Rod(Value):
         return cls._of_section(section, length, density, yield_stress, more)
 
     @classmethod
-    def tube(cls, length, outer_diameter, inner_diameter, density, youngs_modulus, poisson_ratio,
-             *, yield_stress=None, **more):
+    def tube(cls, length: float, outer_diameter: float, inner_diameter: float, density: float,
+             youngs_modulus: float, poisson_ratio: float, *, yield_stress: float | None = None,
+             **more) -> 'Rod':
         """Return a rod of annular section (hose); arguments as in `circular`."""
         outer = _size('outer_diameter', outer_diameter)
         inner = number('inner_diameter', inner_diameter, InvalidRod, minimum=0)
@@ -173,8 +175,9 @@ class Rod(Value):
         return cls._of_section(section, length, density, yield_stress, more)
 
     @classmethod
-    def rectangular(cls, length, width, thickness, density, youngs_modulus, poisson_ratio, *,
-                    yield_stress=None, **more):
+    def rectangular(cls, length: float, width: float, thickness: float, density: float,
+                    youngs_modulus: float, poisson_ratio: float, *,
+                    yield_stress: float | None = None, **more) -> 'Rod':
         """Return a rod of solid rectangular section (leaf spring), `width` along the n axis.
 
         EI_n = E w t^3 / 12 (soft if t < w), EI_b = E t w^3 / 12; GJ from Saint-Venant's series.

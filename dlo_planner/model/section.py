@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidRod
 from dlo_planner.model.checks import array, choice, number
@@ -53,7 +54,8 @@ class Section(Value):
         super().__post_init__()
 
     @classmethod
-    def of(cls, kind, half_n, half_b, youngs_modulus, poisson_ratio, inner=0.0):
+    def of(cls, kind: str, half_n: float, half_b: float, youngs_modulus: float,
+           poisson_ratio: float, inner: float = 0.0) -> 'Section':
         """Return the section, with its material judged (InvalidRod)."""
         modulus = number('youngs_modulus', youngs_modulus, InvalidRod, minimum=10 * MODULI[0],
                          maximum=MODULI[1])
@@ -100,7 +102,7 @@ class Section(Value):
         """Largest shear strain at the surface per torsion, m."""
         return self._rectangle()[1] if self.kind == 'rectangular' else self.half_n
 
-    def surface_strain(self, bend):
+    def surface_strain(self, bend: ArrayLike) -> np.ndarray:
         """Return the largest axial and the largest shear strain (n, 2) of (n, 3) strains.
 
         Args:
@@ -113,7 +115,7 @@ class Section(Value):
             axial = np.hypot(bend[:, 1], bend[:, 2]) * self.half_n
         return np.column_stack([axial, np.abs(bend[:, 0]) * self.shear_arm])
 
-    def thresholds(self, yield_stress):
+    def thresholds(self, yield_stress: float) -> tuple[tuple[float, float], float]:
         """Return ((k_n, k_b), torsion) in 1/m at which the outermost fibre yields.
 
         Torsion by von Mises: shear yields at yield_stress / sqrt(3).

@@ -166,3 +166,9 @@ def add_second_derivatives(phi, h, force, moment, out):
     out[2, 0] += c2 * b2
     out[1, 1] -= 2 * c2 * b0
     out[2, 2] -= 2 * c2 * b0
+
+
+@kernel
+def dot(a, b):
+    """Return the product of two vectors (3,)."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

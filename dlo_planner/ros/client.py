@@ -160,7 +160,7 @@ class PlannerClient:
         return self._call(SetParameters, 'set_parameters', request)[0].results
 
     def reported(self, name):
-        """Return a figure that /diagnostics tells, as soon as it is a number; nan if it is not."""
+        """Return a figure on /diagnostics, as soon as it is a number; nan if it is not."""
         with suppress(queue.Empty):
             while True:  # what was said before does not count
                 self.diagnostics.get_nowait()

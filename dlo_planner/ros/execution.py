@@ -5,6 +5,7 @@ from threading import Lock
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.pose import angle_between
 
 
 def ready(made, proved, now):
@@ -31,8 +32,7 @@ def ready(made, proved, now):
     if away > scene.start_distance:
         raise InvalidTask(f'the gripper is {away:.3g} m from where the plan begins: expected '
                           f'execute.start_distance = {scene.start_distance:g} m at most')
-    turn = now.rotation.T @ plan.grippers[0].rotation
-    angle = float(np.arccos(np.clip(0.5 * (np.trace(turn) - 1), -1, 1)))
+    angle = angle_between(now.rotation, plan.grippers[0].rotation)
     if angle > scene.start_angle:
         raise InvalidTask(f'the gripper is turned by {angle:.3g} rad from where the plan begins: '
                           f'expected execute.start_angle = {scene.start_angle:g} rad at most')

@@ -8,7 +8,7 @@ import numpy as np
 
 from msg_helpers.diagnostics import ERROR, OK, WARN
 
-_RECENT = 50      # shapes that rates and latencies speak of
+_RECENT = 50      # shapes over which rates and latencies are averaged
 _STALE = 30.0     # s that an error stays the headline
 
 

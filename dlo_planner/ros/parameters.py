@@ -41,7 +41,7 @@ ENTRIES = {
     'frame_id': Entry('world', 'Frame of all poses in and out, z up.', read_only=True),
     'diagnostics_period': Entry(1.0, 'Seconds between messages on /diagnostics.', 0.05, 60.0,
                                 read_only=True),
-    'rod.name': Entry('copper wire', 'Name of the DLO, for people.'),
+    'rod.name': Entry('copper wire', 'Name of the DLO, in the log and on diagnostics.'),
     'rod.section': Entry('round', 'Section: round | tube | rectangular (density, youngs_modulus, '
                          'poisson_ratio and sizes are used) | stiffness (mass_per_length, '
                          'bending_stiffness, torsional_stiffness are used).'),

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner import (
     Capsule,
     CutOut,
+    DeadlineExceeded,
     DirectSimulator,
     InvalidTask,
     InverseSimulator,
@@ -173,3 +174,12 @@ def test_success_asks_for_every_waypoint():
         bound = got.quantile(part)
         assert ((got.sampled <= bound).mean(axis=0) >= part).all()
         assert ((got.sampled < bound).mean(axis=0) <= part).all()
+
+
+def test_progress_and_deadline():
+    seen, spread = [], Spread(length=1e-4)
+    tolerance(DIRECT, PLAN, spread, samples=30, progress=lambda *step: seen.append(step))
+    assert seen == [(1, 2), (2, 2)]
+    for samples in (0, 30):
+        with pytest.raises(DeadlineExceeded, match='deadline'):
+            tolerance(DIRECT, PLAN, spread, samples=samples, deadline=1e-9)

@@ -2,8 +2,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from dlo_planner import CutOut, InvalidTask, Pose
+from dlo_planner.model.pose import angle_between, displaced
 
 numbers = st.floats(-10, 10).filter(lambda x: abs(x) > 1e-3)
 vectors = st.tuples(numbers, numbers, numbers)
@@ -87,3 +89,17 @@ def test_axes_that_are_nearly_a_rotation_are_made_one(rng):
 
 def test_a_quaternion_may_be_large():
     np.testing.assert_allclose(Pose((0, 0, 0), (0, 0, 0, 1e70)).quaternion, (0, 0, 0, 1))
+
+
+@pytest.mark.parametrize('angle', [0.0, 1e-12, 1e-5, 1.0, np.pi - 1e-9, np.pi])
+def test_angles_between_orientations_are_exact_at_both_ends(angle):
+    for axis in ((1, 0, 0), (0, 0.6, -0.8), (-0.48, 0.6, 0.64)):
+        turn = Rotation.from_rotvec(angle * np.array(axis)).as_matrix()
+        base = Rotation.from_euler('xyz', (0.3, -1.2, 2.0)).as_matrix()
+        assert abs(angle_between(base, turn @ base) - angle) < 1e-15 + 1e-14 * angle
+
+
+def test_a_displaced_pose_turns_about_its_own_origin():
+    pose = displaced(Pose((1, 2, 3), (0, 0, 0, 1)), np.array([0, 0, np.pi / 2, 0.1, 0, 0]))
+    assert np.allclose(pose.position, (1.1, 2, 3), rtol=0, atol=1e-15)
+    assert np.allclose(pose.rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], rtol=0, atol=1e-15)
