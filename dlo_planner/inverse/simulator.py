@@ -29,6 +29,7 @@ _WAYPOINTS = 40
 _MOST = 10_000  # waypoints of a plan, or forces
 _DEEPEST = 0.95  # of the length, where no depths are given
 _INSERTED = 0.99
+_FASTEST = 1e6   # lengths of the DLO and rad per s: times of a plan have to differ
 _FARTHEST = 100  # of the length: from where a start phase may come
 
 
@@ -411,8 +412,9 @@ class InverseSimulator(Value):
         return depths
 
     def _brief(self, linear_speed, angular_speed, progress=None, deadline=None, touching=False):
-        speeds = (number('linear_speed', linear_speed, above=0),
-                  number('angular_speed', angular_speed, above=0))
+        speeds = (number('linear_speed', linear_speed, above=0,
+                         maximum=_FASTEST * self.simulator.rod.length),
+                  number('angular_speed', angular_speed, above=0, maximum=_FASTEST))
         return Brief(speeds, Progress(progress, deadline), self.workspace,
                      () if touching else self.simulator.obstacles, self.simulator.rod.radius or 0.0,
                      self._yielding, None if touching else self._alone)
