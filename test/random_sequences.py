@@ -1,4 +1,4 @@
-"""Random sequences of three cut-outs for random DLOs: planned without a leap and replayed, or refused.
+"""Random sequences of three cut-outs for random DLOs: planned and replayed, or refused and why.
 
 python test/random_sequences.py [how many] [seed] [number of depths]
 """
