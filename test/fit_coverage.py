@@ -4,12 +4,15 @@ python test/fit_coverage.py [repeats] [case ...]
 """
 
 import sys
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import DirectSimulator, Observation, Pose, Rod, Spread, fit_rod
+sys.path.insert(0, str(Path(__file__).parent.parent))
+
+from dlo_planner import DirectSimulator, Observation, Pose, Rod, Spread, fit_rod  # noqa: E402
 
 TRUE = Rod(1.0, 0.07, 0.02, 0.015, natural_curvature=(0.3, -0.2))
 GUESS = Rod(1.0, 0.07, 0.03, 0.015)

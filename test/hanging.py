@@ -151,9 +151,18 @@ def no_start(rod, weight, normal, gets_there, rolls=180):
 def no_pair(rod, weight, first, second, grid=2500):
     """Return whether no stable shape passes two cut-outs, its free end at the second centre.
 
-    True confirms a refusal. Each cut-out has to be passed in its direction, be it obliquely. A turn
-    about the vertical is free, so a shape does it if the vertical part of x(L) - x(s1) is that of
-    the way between the centres, where s1 is the last place as far from the end as they are apart.
+    True confirms a refusal. For the arguments see `directions_in_first`.
+    """
+    return len(directions_in_first(rod, weight, first, second, grid)) == 0
+
+
+def directions_in_first(rod, weight, first, second, grid=2500):
+    """Return tangents (m, 3) in the first of two cut-outs, the free end at the second centre.
+
+    Those of all stable shapes, as densely as the grid. Each cut-out has to be passed in its
+    direction, be it obliquely. A turn about the vertical is free, so a shape does it if the
+    vertical part of x(L) - x(s1) is that of the way between the centres, where s1 is the last place
+    as far from the end as they are apart.
 
     Args:
         first, second: CutOuts
@@ -178,15 +187,16 @@ def no_pair(rod, weight, first, second, grid=2500):
     chord = places[-1] - place
     angle = np.arctan2(way[1], way[0]) - np.arctan2(chord[:, 1], chord[:, 0])
 
-    def along(vectors, normal):
+    def turned_to_way(vectors):
         x = np.cos(angle) * vectors[:, 0] - np.sin(angle) * vectors[:, 1]
         y = np.sin(angle) * vectors[:, 0] + np.cos(angle) * vectors[:, 1]
-        return x * normal[0] + y * normal[1] + vectors[:, 2] * normal[2]
+        return np.column_stack([x, y, vectors[:, 2]])
 
-    right = (along(tangent, first.normal) > _GRAZING) & (
-        along(tangents[-1], second.normal) > _GRAZING)
+    tangent = turned_to_way(tangent)
+    right = (tangent @ first.normal > _GRAZING) & (
+        turned_to_way(tangents[-1]) @ second.normal > _GRAZING)
     misfit = chord[:, 2] - way[2]
     hull = ConvexHull(points).simplices
     a, b = np.vstack([hull[:, [0, 1]], hull[:, [1, 2]], hull[:, [2, 0]]]).T
     good = reaches & stable & right
-    return not (good[a] & good[b] & (misfit[a] * misfit[b] <= 0)).any()
+    return tangent[np.unique(a[good[a] & good[b] & (misfit[a] * misfit[b] <= 0)])]

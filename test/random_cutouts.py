@@ -72,14 +72,20 @@ def replayed(direct, cutout, plan):
 
 def confirmed(direct, cutout, depths, error):
     """Whether there is no way to the waypoint, among all ways in which the DLO can hang."""
-    def gets_there(frames):
-        shape = direct.solve(Pose.from_rotation((0, 0, 0), frames[0]))
-        return np.abs(shape.frames[-1] - frames[-1]).max() < 0.02
-
+    gets_there = falls_into(direct)
     given = direct.rod, np.array([0, 0, -9.81 * MASS]), cutout.normal
     if error.waypoint == 0:
         return no_start(*given, gets_there)
     return no_way(*given, 1 - depths[:error.waypoint + 1], gets_there)
+
+
+def falls_into(direct):
+    """Return a function: whether the DLO, set down, falls into a shape with frames (n, 3, 3)."""
+    def gets_there(frames):
+        shape = direct.solve(Pose.from_rotation((0, 0, 0), frames[0]))
+        return np.abs(shape.frames[-1] - frames[-1]).max() < 0.02
+
+    return gets_there
 
 
 def main():

@@ -11,8 +11,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from hanging import no_pair  # noqa: E402
-from random_cutouts import DEEPEST, MASS, random_task  # noqa: E402
+from hanging import directions_in_first, no_start  # noqa: E402
+from random_cutouts import DEEPEST, MASS, falls_into, random_task  # noqa: E402
 from steps import leaps  # noqa: E402
 from tally import arguments, tally, timed  # noqa: E402
 
@@ -55,10 +55,23 @@ def outcome(rod, first, second, basis, number=20):
     plan, seconds = timed(lambda: InverseSimulator(direct).thread_two(first, second,
                                                                       depths=depths))
     if isinstance(plan, Infeasible):
-        if no_pair(rod, np.array([0, 0, -9.81 * MASS]), first, second):
+        if confirmed(direct, first, second, plan):
             return 'confirmed', seconds
         return f'refused for nothing?: {plan.constraint}: {plan}; {plan.amount:.3g}', seconds
     return ('leaps' if leaps(plan) else replayed(direct, first, second, plan)), seconds
+
+
+def confirmed(direct, first, second, error):
+    """Whether no stable shape passes both, or (`start`) the DLO begins with none that leads there.
+
+    It begins along the direction in which it is to pass the first one.
+    """
+    given = direct.rod, np.array([0, 0, -9.81 * MASS])
+    directions = directions_in_first(*given, first, second)
+    if error.constraint == 'start':
+        return all(no_start(*given, one / np.linalg.norm(one), falls_into(direct))
+                   for one in directions)
+    return len(directions) == 0
 
 
 def replayed(direct, first, second, plan):

@@ -1,4 +1,4 @@
-"""Random sequences of three cut-outs for random DLOs: planned without a leap, or refused and why.
+"""Random sequences of three cut-outs for random DLOs: planned and replayed, or refused and why.
 
 python test/random_sequences.py [how many] [seed] [number of depths]
 """
@@ -11,7 +11,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from random_cutouts import random_task  # noqa: E402
+from random_cutouts import confirmed, random_task  # noqa: E402
 from steps import leaps  # noqa: E402
 from tally import arguments, tally, timed  # noqa: E402
 
@@ -32,7 +32,7 @@ def random_sequence(rng):
 
 
 def outcome(rod, cutouts, basis, number=100):
-    """Return 'replayed', or what is wrong; and the CPU time of planning, s.
+    """Return 'replayed', 'confirmed', or what is wrong; and the CPU time of planning, s.
 
     Args:
         number: of depths
@@ -40,6 +40,8 @@ def outcome(rod, cutouts, basis, number=100):
     direct, depths = DirectSimulator(rod, basis=basis), np.linspace(0, _DEEPEST, number)
     plan, seconds = timed(lambda: InverseSimulator(direct).thread_sequence(cutouts, depths=depths))
     if isinstance(plan, Infeasible):
+        if plan.waypoint == 0 and confirmed(direct, cutouts[0], depths, plan):
+            return 'confirmed', seconds  # it begins as a threading through the first one does
         return f'refused, {plan.constraint}: {plan}; {plan.amount:.3g}', seconds
     return ('leaps' if leaps(plan) else replayed(direct, plan)), seconds
 

@@ -59,10 +59,7 @@ class Pair:
 def other_changes(simulator, asked, shapes):
     """Yield Changes with their Routes, found among all HangingShapes, the best first."""
     task = TwoPoints(simulator, asked.way)
-    changes, depths = task.last_crossings(shapes)
-    along = _directions(shapes, changes, simulator.rod.length - depths)
-    right = (along @ asked.first.normal > 0) & (changes.ends[:, :, 0] @ asked.second.normal > 0)
-    changes, depths, along = changes.chosen(right), depths[right], along[right]
+    changes, depths, along = at_the_second(simulator, asked, shapes)
     ways_on = _ways_on(task, shapes, changes, depths, asked)
     for k in _unlike(changes, np.array([cost for cost, _ in ways_on])):
         asked.brief.progress.check()
@@ -74,6 +71,17 @@ def other_changes(simulator, asked, shapes):
         found = task.from_end(shape, depths[k]) if shape.converged else None
         if found is not None:
             yield Change(*found, back, ways_on[k][1])
+
+
+def at_the_second(simulator, asked, shapes):
+    """Return all Crossings whose free end is at the second centre, in the right directions.
+
+    And their depths (m,) and directions (m, 3) in the first one.
+    """
+    changes, depths = TwoPoints(simulator, asked.way).last_crossings(shapes)
+    along = _directions(shapes, changes, simulator.rod.length - depths)
+    right = (along @ asked.first.normal > 0) & (changes.ends[:, :, 0] @ asked.second.normal > 0)
+    return changes.chosen(right), depths[right], along[right]
 
 
 def _directions(shapes, changes, s):

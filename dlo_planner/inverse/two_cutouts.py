@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.changes import Change, Pair, other_changes
+from dlo_planner.inverse.changes import Change, Pair, at_the_second, other_changes
 from dlo_planner.inverse.clearance import sheet_of
 from dlo_planner.inverse.draft import Brief, Draft
 from dlo_planner.inverse.following import follow, refusal_for_step
@@ -83,11 +83,36 @@ def _unreached(simulator, asked, shapes=None):
     apart = float(np.linalg.norm(asked.way))
     missing = max(apart - simulator.rod.length, 0.0)
     if shapes is not None:
+        fallen = _least_fall(simulator, asked, shapes)
+        if fallen:
+            return Draft(asked.depths, asked.brief).refusal(
+                'start', fallen, 'stable shapes pass both centres, but set down in its natural '
+                'shape the DLO falls into none that leads to them')
         missing = TwoPoints(simulator, asked.way).least_miss(shapes)
     waypoint = min(int(np.searchsorted(asked.depths, apart)), len(asked.depths) - 1)
     return Infeasible(f'no stable shape was found that passes both centres, {apart:g} m apart, in '
                       'their directions as the free end reaches the second one', waypoint, 'reach',
                       missing, Draft(asked.depths, asked.brief).partial())
+
+
+def _least_fall(simulator, asked, shapes):
+    """Return how far (m) the DLO falls from where it would have to begin, at least; 0 if it stays.
+
+    It has to begin along a direction in which a shape passes both centres.
+    """
+    _, depths, along = at_the_second(simulator, asked, shapes)
+    along, least = along[depths > asked.depths[0]], np.inf
+    for direction in along[::max(1, len(along) // _GUESSES)]:
+        begin = CutOut(Pose.looking_along(asked.first.centre, direction))
+        try:
+            first_choice(simulator, Threading(begin, asked.depths[:1], asked.start, None,
+                                              Brief((1.0, 1.0))))
+        except Infeasible as error:
+            if error.constraint == 'start':
+                least = min(least, error.amount)
+                continue
+        return 0.0
+    return least if np.isfinite(least) else 0.0
 
 
 def _straight_there(simulator, asked):
