@@ -71,7 +71,8 @@ def _lost(previous, shape):
 
 
 def _turn(one, other):
-    return Rotation.from_matrix(other.rotation @ one.rotation.T).magnitude()
+    cosine = 0.5 * (np.vdot(one.rotation, other.rotation) - 1)  # half the trace of R' R^T, less 1/2
+    return float(np.arccos(min(max(cosine, -1.0), 1.0)))
 
 
 def _allowed(previous, shape, turn):

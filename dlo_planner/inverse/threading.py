@@ -109,8 +109,10 @@ def _other_ways(simulator, asked, begins, refused):
     if route is None:
         return
     guess = with_free_end(simulator, route.end)
-    yield (guess, guess.gripper.rotation, route.depths[0]), route
+    begin = guess, guess.gripper.rotation, route.depths[0]
+    yield begin, route
     if route.complete:  # there is a way: what the grid tells about it may not have been enough
+        yield begin, replace(route, ahead=0.0)
         yield from ((begin, None) for begin in begins)
 
 
