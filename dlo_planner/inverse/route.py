@@ -22,6 +22,8 @@ class Route:
         end: (3, 3) rotation of the free end where it begins, about
         length: of the DLO, m
         complete: whether it goes through all the curves that it was to go through
+        ahead: part of the length by which it is looked along to smooth its rolls; 0: every turn of
+            it is made
     """
 
     depths: np.ndarray
@@ -29,13 +31,14 @@ class Route:
     end: np.ndarray
     length: float
     complete: bool
+    ahead: float = _AHEAD
 
     def roll(self, task, here, depth, target):
         """Return the roll (rad) to make on the way from one depth to another, m.
 
         It leads towards the route a little ahead: the grid's roughness averages out.
         """
-        shape, ahead = here.shape, _AHEAD * self.length
+        shape, ahead = here.shape, self.ahead * self.length
         wanted = self._gripper(target + (ahead if target >= depth else -ahead))
         away = Rotation.from_matrix(wanted @ shape.gripper.rotation.T).as_rotvec()
         step = abs(target - depth)

@@ -108,7 +108,10 @@ def _other_ways(simulator, asked, begins, refused):
     route = _route(simulator, shapes, asked)
     if route is not None:
         guess = with_free_end(simulator, route.end)
-        yield (guess, guess.gripper.rotation, route.depths[0]), route
+        begin = guess, guess.gripper.rotation, route.depths[0]
+        yield begin, route
+        if route.complete:  # where rolls that are averaged miss a narrow way
+            yield begin, replace(route, ahead=0.0)
     # what the grid tells may not be enough: where the DLO hardly stands, the stable shapes can be a
     # strip narrower than its mesh
     if route is None or route.complete:

@@ -30,6 +30,13 @@ def test_benchmark_c(wire, basis):
         assert shape.error_estimate > error / 10
 
 
+def test_a_motion_in_a_plane_leaves_no_subnormal_numbers(wire):
+    shapes = DirectSimulator(wire).track([turned(-angle) for angle in range(0, 181, 5)])
+    for shape in shapes:
+        sizes = np.abs([*shape.frames.ravel(), *shape.positions.ravel()])
+        assert not ((sizes > 0) & (sizes < 1e-200)).any()
+
+
 def test_step_size_does_not_matter_while_nothing_jumps(wire):
     simulator = DirectSimulator(wire)
     fine = simulator.track([turned(angle) for angle in range(0, 81, 2)])[-1]

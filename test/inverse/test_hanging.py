@@ -64,3 +64,19 @@ def test_there_is_no_sphere_without_one_direction_of_load():
                               np.linspace(0, 1, 9)) is None
     weightless = InverseSimulator(DirectSimulator(ROD, gravity=(0, 0, 0)))
     assert weightless.thread(CutOut(Pose.identity()), depths=[0.0, 0.5]).fraction == 1
+
+
+def test_a_way_with_sharp_turns_is_found_as_well():
+    # found from other rolls to begin with; smoothed, the route leads through unstable shapes
+    rod = Rod(1.0, 0.05, (0.154177909812173, 3.5720077822874683), 0.05554659528170239,
+              natural_curvature=(3.1776148781720446, 0.40727826977359327),
+              natural_twist=-1.4938595013810794, tip_mass=0.0348074728041803)
+    cutout = CutOut(Pose((2.03109252, 0.25657722, 0.24470148),
+                         (-0.00349648, -0.01835972, -0.18704776, 0.98217302)))
+    direct, depths = DirectSimulator(rod, basis='chebyshev'), np.linspace(0, 0.95, 20)
+    plan = InverseSimulator(direct).thread(cutout, depths=depths)
+    for depth, shape in zip(depths, direct.track(plan.grippers), strict=True):
+        axes, position = shape.frame_at(1 - depth)
+        assert shape.converged and not shape.jumped
+        np.testing.assert_allclose(position, cutout.centre, atol=1e-9)
+        np.testing.assert_allclose(axes[:, 0], cutout.normal, atol=1e-6)
