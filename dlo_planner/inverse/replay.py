@@ -20,7 +20,7 @@ from dlo_planner.progress import OnProgress, Progress
 
 _AS_PLANNED = 0.01  # of the length: shapes that are farther from the planned ones are others
 _MAY_BE_LEFT_OUT = ('miss', 'misalignment', 'clearance', 'dynamic_miss', 'swing',
-                    'dynamic_clearance', 'fastest')
+                    'dynamic_clearance', 'duration', 'step', 'fastest')
 
 
 @dataclass(frozen=True, eq=False, repr=False)

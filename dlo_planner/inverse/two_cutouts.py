@@ -28,6 +28,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 
 _GUESSES = 9
+_FEW = 16  # waypoints at most where a way is only looked for
 
 
 def thread_two(simulator, first, second, depths, start, brief):
@@ -55,14 +56,34 @@ def _search(simulator, asked):
     refused = None
     # all hanging shapes take a while: they are made once, and only if they are needed
     shapes = cache(lambda: hanging_shapes(simulator.surroundings, grid_nodes(simulator)))
+    few, best = asked, None
     for change in _changes(simulator, asked, shapes):
         asked.brief.progress.check()
+        tried = few
         try:
+            if few is not asked:
+                _thread_through(simulator, few, change)
+            tried = asked
             return _thread_through(simulator, asked, change), change
         except Infeasible as error:
-            if refused is None or error.waypoint > refused.waypoint:
-                refused = error
-    raise refused or _unreached(simulator, asked, shapes())
+            depth = tried.depths[error.waypoint]
+            if best is None or depth > best[0]:
+                best = depth, change, tried, error
+        few = _thinned(asked)
+    if best is None:
+        raise _unreached(simulator, asked, shapes())
+    _, change, tried, refused = best
+    if tried is not asked:  # the same at all depths, as evidence
+        return _thread_through(simulator, asked, change), change
+    raise refused
+
+
+def _thinned(asked):
+    """Return the Pair at some of its depths only, and without reports of progress: for a search."""
+    if len(asked.depths) <= _FEW:
+        return asked
+    some = np.unique(np.linspace(0, len(asked.depths) - 1, _FEW).astype(int))
+    return replace(asked, depths=asked.depths[some], brief=asked.brief.silent())
 
 
 def _changes(simulator, asked, shapes):
