@@ -24,8 +24,9 @@ _DOUBTFUL = 0.05    # stability below which another roll is looked for
 _FEW = 60           # waypoints at most where a way is only looked for
 _CURVES = 32        # depths at which a route is looked for
 _STARTS = 80, 24    # shapes looked at: set down in the natural shape, brought from an initial one
+_AHEAD = 0.0, 0.15  # of the length: other smoothings of a route
 _PREFERENCE = 0.01  # for a start without a turn, per rad^2, against rad^2 of motion on the way
-_NO_WAY = ('equilibrium', 'stability', 'start', 'continuity')
+NO_WAY = ('equilibrium', 'stability', 'start', 'continuity', 'direction', 'reach')
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ def _search(simulator, asked, method):
 
 def _other_ways(simulator, asked, begins, refused):
     """Yield what else a threading may begin with, and a Route or None, after a refusal."""
-    if refused.constraint not in _NO_WAY:  # a demand: another roll may keep it
+    if refused.constraint not in NO_WAY:  # a demand: another roll may keep it
         yield from ((begin, None) for begin in begins)
         return
     if rolls_are_alike(simulator):
@@ -110,8 +111,8 @@ def _other_ways(simulator, asked, begins, refused):
         guess = with_free_end(simulator, route.end)
         begin = guess, guess.gripper.rotation, route.depths[0]
         yield begin, route
-        if route.complete:  # where rolls that are averaged miss a narrow way
-            yield begin, replace(route, ahead=0.0)
+        if route.complete:  # rolls that are averaged may miss a narrow way, or leap on a rough one
+            yield from ((begin, replace(route, ahead=ahead)) for ahead in _AHEAD)
     # what the grid tells may not be enough: where the DLO hardly stands, the stable shapes can be a
     # strip narrower than its mesh
     if route is None or route.complete:
@@ -199,7 +200,7 @@ def _thread_from(simulator, asked, begin, route, method):
         before = here if draft.waypoints else None
         refusal = _refusal(simulator, draft, before, found, wanted, reached, too_far)
         doubtful = refusal is not None or found.shape.stability < _DOUBTFUL
-        if doubtful and draft.waypoints and not alike and route is None:
+        if doubtful and draft.waypoints and not alike:
             found = _rolled(simulator, draft, task, here, depth, wanted,
                             found if refusal is None else None)
         elif refusal is not None:

@@ -21,13 +21,14 @@ from dlo_planner.inverse.hanging import hanging_shapes
 from dlo_planner.inverse.one_point import Aligned
 from dlo_planner.inverse.plan import waypoint_of
 from dlo_planner.inverse.quick import grid_nodes, quick_simulator
-from dlo_planner.inverse.threading import Threading, first_choice
+from dlo_planner.inverse.threading import NO_WAY, Threading, first_choice
 from dlo_planner.inverse.two_points import TwoPoints
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 
 _GUESSES = 9
+_DEMANDED = 4  # changes that are tried where a demand refuses them
 _FEW = 16  # waypoints at most where a way is only looked for
 
 
@@ -57,8 +58,10 @@ def _search(simulator, asked):
     # all hanging shapes take a while: they are made once, and only if they are needed
     shapes = cache(lambda: hanging_shapes(simulator.surroundings, grid_nodes(simulator)))
     few, best = asked, None
-    for change in _changes(simulator, asked, shapes):
+    for number, change in enumerate(_changes(simulator, asked, shapes)):
         asked.brief.progress.check()
+        if number >= _DEMANDED and best is not None and best[-1].constraint not in NO_WAY:
+            break  # what is in the way of so many is in the way of all
         tried = few
         try:
             if few is not asked:

@@ -30,6 +30,19 @@ def test_where_the_family_folds_another_roll_is_taken():
     assert all(shape.converged and not shape.jumped for shape in replayed)
 
 
+@pytest.mark.parametrize('waypoints', [20, 39])
+def test_a_narrow_way_is_rolled_along(waypoints):
+    bent = Rod(1.0, 0.05, (3.8384478655661844, 2.9982709478076406), 0.9807901221383606,
+               natural_curvature=(2.258140625317773, -3.6757538582281963),
+               natural_twist=-0.19184982119478816)
+    hole = CutOut(Pose((0, 0, 0), (0.05490103, 0.0811599, -0.5576044, 0.82430351)))
+    plan = InverseSimulator(DirectSimulator(bent, basis='local')).thread(
+        hole, depths=np.linspace(0, 0.95, waypoints))
+    assert plan.fraction == 1 and not leaps(plan) and plan.stability.min() > 0.1
+    assert max(np.linalg.norm(shape.at(1 - depth).position)
+               for depth, shape in zip(plan.depths, plan.shapes, strict=True)) < 1e-9
+
+
 @pytest.mark.parametrize('seed', [0, 11])
 def test_random_plans_do_not_leap(seed):
     rng, depths = np.random.default_rng(seed), np.linspace(0, 0.95, 100)

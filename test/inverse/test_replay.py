@@ -97,7 +97,7 @@ def test_what_was_not_looked_at_is_nan_and_named(plan):
     unsized = InverseSimulator(DIRECT).thread(CutOut(ROUND.pose), depths=[0.0, 0.3])
     report = replay(DIRECT, unsized)
     assert set(report.not_looked_at) == {'clearance', 'dynamic_miss', 'swing',
-                                         'dynamic_clearance', 'fastest'}
+                                         'dynamic_clearance', 'duration', 'step', 'fastest'}
     assert all(np.isnan(getattr(report, name)) for name in report.not_looked_at)
     report = replay(DIRECT, plan, limits=Limits(), tolerance=2e-3)
     assert report.not_looked_at == ()
