@@ -15,6 +15,7 @@ from dlo_planner.inverse.hanging import Crossings, HangingShapes
 
 _LONGEST_STEP = 1 / 16   # of the length
 _SHORTEST_STEP = 1 / 1024
+_SHARES = 1.0, 0.5, 0.0  # of a roll
 
 
 class Passing(NamedTuple):
@@ -71,16 +72,18 @@ def follow(task, here, depth, wanted, route=None):
     while True:
         target = depth + float(np.clip(wanted - depth, -step, step))
         roll = 0.0 if route is None else route.roll(task, here, depth, target)
-        found = task.at(here, target, roll, target == wanted)
-        too_far = 0.0
-        if found is not None:
-            too_far = excess(here.gripper, found.gripper, (target - depth) / length, length)
-            if not too_far:
-                here, depth = found, target
-                if depth == wanted:
-                    return here, depth, 0.0
-                step = min(2 * step, longest)
-                continue
+        for share in _SHARES if roll else (1.0,):  # what cannot be rolled at once, is rolled later
+            found = task.at(here, target, share * roll, target == wanted)
+            too_far = 0.0 if found is None else excess(
+                here.gripper, found.gripper, (target - depth) / length, length)
+            if found is not None and not too_far:
+                break
+        if found is not None and not too_far:
+            here, depth = found, target
+            if depth == wanted:
+                return here, depth, 0.0
+            step = min(2 * step, longest)
+            continue
         if step <= _SHORTEST_STEP * length or target == depth:
             return None, depth, too_far
         step /= 2
