@@ -62,13 +62,13 @@ def outcome(rod, first, second, basis, number=20):
 
 
 def confirmed(direct, first, second, error):
-    """Whether no stable shape passes both, or (`start`) the DLO begins with none that leads there.
+    """Whether no stable shape passes both, or the DLO begins with none that leads there.
 
     It begins along the direction in which it is to pass the first one.
     """
     given = direct.rod, np.array([0, 0, -9.81 * MASS])
     directions = directions_in_first(*given, first, second)
-    if error.constraint == 'start':
+    if error.waypoint == 0:
         return all(no_start(*given, one / np.linalg.norm(one), falls_into(direct))
                    for one in directions)
     return len(directions) == 0

@@ -107,11 +107,11 @@ def _unreached(simulator, asked, shapes=None):
     apart = float(np.linalg.norm(asked.way))
     missing = max(apart - simulator.rod.length, 0.0)
     if shapes is not None:
-        fallen = _least_fall(simulator, asked, shapes)
-        if fallen:
+        begin = _no_beginning(simulator, asked, shapes)
+        if begin is not None:
             return Draft(asked.depths, asked.brief).refusal(
-                'start', fallen, 'stable shapes pass both centres, but set down in its natural '
-                'shape the DLO falls into none that leads to them')
+                begin.constraint, begin.amount, 'stable shapes pass both centres, but set down in '
+                'its natural shape the DLO falls into none that leads to them')
         missing = TwoPoints(simulator, asked.way).least_miss(shapes)
     waypoint = min(int(np.searchsorted(asked.depths, apart)), len(asked.depths) - 1)
     return Infeasible(f'no stable shape was found that passes both centres, {apart:g} m apart, in '
@@ -119,24 +119,23 @@ def _unreached(simulator, asked, shapes=None):
                       missing, Draft(asked.depths, asked.brief).partial())
 
 
-def _least_fall(simulator, asked, shapes):
-    """Return how far (m) the DLO falls from where it would have to begin, at least; 0 if it stays.
+def _no_beginning(simulator, asked, shapes):
+    """Return why the DLO cannot begin along any direction that leads through both; None if it can.
 
-    It has to begin along a direction in which a shape passes both centres.
+    That is the Infeasible of the direction that is nearest to it: of those that fall, if any does.
     """
     _, depths, along = at_the_second(simulator, asked, shapes)
-    along, least = along[depths > asked.depths[0]], np.inf
+    along, refusals = along[depths > asked.depths[0]], []
     for direction in along[::max(1, len(along) // _GUESSES)]:
         begin = CutOut(Pose.looking_along(asked.first.centre, direction))
         try:
             first_choice(simulator, Threading(begin, asked.depths[:1], asked.start, None,
                                               Brief((1.0, 1.0))))
         except Infeasible as error:
-            if error.constraint == 'start':
-                least = min(least, error.amount)
-                continue
-        return 0.0
-    return least if np.isfinite(least) else 0.0
+            refusals.append(error)
+        else:
+            return None
+    return min(refusals, default=None, key=lambda one: (one.constraint != 'start', one.amount))
 
 
 def _straight_there(simulator, asked):
