@@ -3,6 +3,8 @@
 A refusal costs the same at any accuracy then; only the plan itself is made as accurate as asked.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from dlo_planner.direct.simulator import DirectSimulator
@@ -39,3 +41,14 @@ def gets_there(simulator, gripper, end, initial=None):
     there = (simulator.solve(gripper) if initial is None
              else simulator.track([gripper], initial=initial)[0])
     return there.converged and np.abs(there.frames[-1] - end).max() < _GETS_THERE
+
+
+def thinned(asked, most):
+    """Return a task with `depths` and a `brief` at `most` of its depths, its steps not reported.
+
+    The task itself, if it has no more.
+    """
+    if len(asked.depths) <= most:
+        return asked
+    some = np.unique(np.linspace(0, len(asked.depths) - 1, most).astype(int))
+    return replace(asked, depths=asked.depths[some], brief=asked.brief.silent())

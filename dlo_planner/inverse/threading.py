@@ -13,7 +13,7 @@ from dlo_planner.inverse.following import follow, refusal_for_step
 from dlo_planner.inverse.hanging import hanging_shapes
 from dlo_planner.inverse.one_point import Aligned
 from dlo_planner.inverse.plan import PlanStatus, first_part, waypoint_of
-from dlo_planner.inverse.quick import gets_there, grid_nodes, quick_simulator
+from dlo_planner.inverse.quick import gets_there, grid_nodes, quick_simulator, thinned
 from dlo_planner.inverse.route import find_route
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.cutout import CutOut
@@ -78,7 +78,7 @@ def _search(simulator, asked, method):
         return _thread_from(simulator, asked, next(begins), None, method), None, None
     except Infeasible as error:
         refused = error
-    few = _thinned(asked)
+    few = thinned(asked, _FEW)
     best = _depth(asked, refused), None, None
     for begin, route in _other_ways(simulator, asked, begins, refused):
         asked.brief.progress.check()
@@ -142,14 +142,6 @@ def _starts(simulator, curve, asked):
                 gripper.rotation, asked.start.rotation)
             cost[k] = _PREFERENCE * turn**2
     return cost
-
-
-def _thinned(asked):
-    """Return the Threading at some of its depths only, and without reports of progress."""
-    if len(asked.depths) <= _FEW:
-        return asked
-    some = np.unique(np.linspace(0, len(asked.depths) - 1, _FEW).astype(int))
-    return replace(asked, depths=asked.depths[some], brief=asked.brief.silent())
 
 
 def _depth(asked, refused):

@@ -20,7 +20,7 @@ from dlo_planner.inverse.following import follow, refusal_for_step
 from dlo_planner.inverse.hanging import hanging_shapes
 from dlo_planner.inverse.one_point import Aligned
 from dlo_planner.inverse.plan import waypoint_of
-from dlo_planner.inverse.quick import grid_nodes, quick_simulator
+from dlo_planner.inverse.quick import grid_nodes, quick_simulator, thinned
 from dlo_planner.inverse.threading import NO_WAY, Threading, first_choice
 from dlo_planner.inverse.two_points import TwoPoints
 from dlo_planner.minimize.newton import NEUTRAL
@@ -72,21 +72,13 @@ def _search(simulator, asked):
             depth = tried.depths[error.waypoint]
             if best is None or depth > best[0]:
                 best = depth, change, tried, error
-        few = _thinned(asked)
+        few = thinned(asked, _FEW)
     if best is None:
         raise _unreached(simulator, asked, shapes())
     _, change, tried, refused = best
     if tried is not asked:  # the same at all depths, as evidence
         return _thread_through(simulator, asked, change), change
     raise refused
-
-
-def _thinned(asked):
-    """Return the Pair at some of its depths only, and without reports of progress: for a search."""
-    if len(asked.depths) <= _FEW:
-        return asked
-    some = np.unique(np.linspace(0, len(asked.depths) - 1, _FEW).astype(int))
-    return replace(asked, depths=asked.depths[some], brief=asked.brief.silent())
 
 
 def _changes(simulator, asked, shapes):
