@@ -371,6 +371,9 @@ def main(args=None):
     except (DloPlannerError, ParameterException) as error:
         print(f'dlo_planner: cannot start: {error}', file=sys.stderr)
         return 1
+    except Exception:
+        if rclpy.ok():  # what fails after the end was asked for, e.g. a wait set, is part of it
+            raise
     finally:
         if node is not None:
             node.destroy_node()
