@@ -39,8 +39,8 @@ def described_equilibrium(discretisation, gripper, strains, method, history):
     basis = orthonormal_basis(discretisation.basis, discretisation.n_terms, discretisation.s)
     weighted = basis * system.lengths[:, None]
     # angles count as much as the curvature they turn, so that all unknowns are roots of energies
-    stiffness, length = min(system.stiffness[1:]), system.lengths.sum()
-    unit = 1 / np.sqrt([stiffness / length**2, stiffness, system.stiffness[0]])
+    stiffness, length = system.stiffness[:, 1:].min(), system.lengths.sum()
+    unit = 1 / np.sqrt([stiffness / length**2, stiffness, system.stiffness[:, 0].min()])
     state = new_state(system)
 
     def components(flat):

@@ -51,7 +51,8 @@ class Discretisation(Value):
             _hold_spring=(_STIFF_CONTACT * weight + _STIFF_HOLD * bend) / rod.length,
             _start=History.none(s, len(share), scene.kind.size, surroundings))
         put(self, _system=System(
-            lengths, rod.natural_strains(0.5 * (s[1:] + s[:-1])), rod.stiffness, scale,
+            lengths, rod.natural_strains(0.5 * (s[1:] + s[:-1])),
+            np.tile(rod.stiffness, (lengths.size, 1)), scale,
             orthonormal_basis(basis, n_terms, s), pull, np.eye(3), np.zeros((0, 3)), np.zeros(0),
             Layers(share, limit, self._start.set.copy()), self._free, scene,
             self._contacts(self._start, np.zeros(3)), np.zeros((0, 3)), 0.0))

@@ -9,7 +9,7 @@ from dlo_planner.direct.contacts import contacts_of, points_of
 from dlo_planner.direct.history import History
 from dlo_planner.direct.shape import Shape
 from dlo_planner.energy.plastic import settled
-from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
+from dlo_planner.energy.potential import bend_energy, evaluate, new_state, unknowns_of
 from dlo_planner.minimize.dfp import dfp
 from dlo_planner.minimize.downhill_simplex import downhill_simplex
 from dlo_planner.minimize.multipliers import HELD_NEUTRAL, constrained_newton
@@ -78,7 +78,7 @@ def _descend(system, q, method):
     def value_and_gradient(flat):
         return value(flat), state.gradient.ravel().copy()
 
-    bend = np.sqrt(min(system.stiffness[1:]) / system.lengths.sum())
+    bend = np.sqrt(bend_energy(system))
     return method(Problem(value, value_and_gradient, bend), q.ravel().copy(), TOLERANCE)
 
 
@@ -133,7 +133,7 @@ def elastic_energy(discretisation, strains, plastic_set):
         return 0.5 * float(np.sum(lengths * system.stiffness * bent**2))
     share = system.layers.share[:, [0, 1, 1]]
     away = bent[:, None, :] - plastic_set
-    return 0.5 * float(np.sum(lengths[:, :, None] * system.stiffness * share * away**2))
+    return 0.5 * float(np.sum(lengths[:, :, None] * system.stiffness[:, None] * share * away**2))
 
 
 _NOTHING = np.zeros(6)

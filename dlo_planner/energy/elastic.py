@@ -10,13 +10,13 @@ def add_elastic(lengths, strains, natural, stiffness, gradient):
     Args:
         lengths: (N,) m
         strains, natural: (N, 3) 1/m
-        stiffness: (3,) GJ, EI_n, EI_b in N m^2
+        stiffness: (N, 3) GJ, EI_n, EI_b in N m^2
     """
     energy = 0.0
     for e in range(lengths.size):
         for i in range(3):
             deviation = strains[e, i] - natural[e, i]
-            moment = lengths[e] * stiffness[i] * deviation
+            moment = lengths[e] * stiffness[e, i] * deviation
             gradient[e, i] += moment
             energy += 0.5 * moment * deviation
     return energy

@@ -74,9 +74,9 @@ def _layer(e, j, strains, natural, stiffness, share, limits, known):
     The last result is the multiplier of `yielded`.
     """
     limit = limits[j]
-    k0 = stiffness[0] * share[j, 0]
-    k1 = stiffness[1] * share[j, 1]
-    k2 = stiffness[2] * share[j, 1]
+    k0 = stiffness[e, 0] * share[j, 0]
+    k1 = stiffness[e, 1] * share[j, 1]
+    k2 = stiffness[e, 2] * share[j, 1]
     d0 = strains[e, 0] - natural[e, 0] - known[e, j, 0]
     d1 = strains[e, 1] - natural[e, 1] - known[e, j, 1]
     d2 = strains[e, 2] - natural[e, 2] - known[e, j, 2]

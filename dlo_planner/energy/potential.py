@@ -25,7 +25,7 @@ class System(Record):
     Attributes:
         lengths: (N,) of the elements, m
         natural: (N, 3) stress-free strains, 1/m
-        stiffness: (3,) GJ, EI_n, EI_b, N m^2
+        stiffness: (N, 3) GJ, EI_n, EI_b, N m^2
         scale: (N, 3) strain = natural + scale * (basis @ q, or q itself)
         basis: (N, N_c) orthonormal basis at the elements; (N, 0) = local
         pull: (N + 1, 3) derivative of the dead loads' potential by the node positions, N
@@ -108,6 +108,15 @@ def unknown_count(system):
     if system.basis.shape[1] == 0:
         return system.lengths.size
     return system.basis.shape[1]
+
+
+@kernel
+def bend_energy(system):
+    """Return twice the energy in J that bending the whole DLO evenly by 1 rad takes."""
+    compliance = 0.0
+    for e in range(system.lengths.size):
+        compliance += system.lengths[e] / min(system.stiffness[e, 1], system.stiffness[e, 2])
+    return 1.0 / compliance
 
 
 @kernel
@@ -226,7 +235,7 @@ def element_hessian(system, state, turning, cross, diagonal):
     lengths, stiffness, scale = system.lengths, system.stiffness, system.scale
     for e in range(lengths.size):
         for i in range(3):
-            diagonal[e, i, i] += lengths[e] * stiffness[i] * scale[e, i] ** 2
+            diagonal[e, i, i] += lengths[e] * stiffness[e, i] * scale[e, i] ** 2
     return base
 
 

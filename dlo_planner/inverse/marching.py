@@ -68,7 +68,7 @@ def march_from_end(system, end):
                 bend = 0.0
                 for j in range(3):
                     bend += near[j, i] * own_moment[j] + shifting[j, i] * own_force[j]
-                wanted = natural[e, i] - bend / stiffness[i]
+                wanted = natural[e, i] - bend / stiffness[e, i]
                 change = max(change, abs(wanted - u[i]))
                 u[i] = wanted
             if change * h < 1e-15:

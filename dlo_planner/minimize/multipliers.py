@@ -10,19 +10,19 @@ follow from the contact forces of the round before.
 
 import numpy as np
 
-from dlo_planner.energy.contact import Contacts, along_the_dlo, nearest_inside
+from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.hold import miss
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import bend_energy, evaluate, new_state
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.newton import descend, kick, newton
-from dlo_planner.ritz.kinematics import point_inside
+from dlo_planner.minimize.watching import watching
 
 _ROUNDS = 60
 _SLOW = 0.3         # a violation that falls less than this in a round needs a stiffer spring
 _STIFFER = 10.0
 _MOST_STIFFER = 1e2
-_SAG = 2e-6         # of the length: an element that comes no nearer than its nodes by more is flat
 _BUCKLED = 0.05     # an eigenvalue below minus this is no effect of soft springs
 _FIRM = 1e2         # times the stiffness of contacts' springs, where they are to hardly give
 _RIGID = 3e2        # times the stiffness of the far end's springs, to judge stability
@@ -32,7 +32,6 @@ _TIE = 1e-4         # of the elastic stiffness: keeps a neutral shape where it i
 _FEW, _MANY = 6, 100  # Newton steps with each soft spring, on a step's way and after a push
 _COARSER = 10.0     # times the tolerance: the springs' rounding errors leave no more of it
 _STALLED = 100.0    # the same, where Newton's method has found no better point
-_FRICTION_SETTLED = 1e-6
 
 
 def constrained_newton(system, q, tolerance, max_iterations, check, exact, previous):
@@ -54,7 +53,7 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
     tolerance *= _COARSER
     held = system.hold.offset.shape[0] > 0
     slipping = bool(np.any(system.scene.friction > 0.0))
-    bend = min(system.stiffness[1:]) / np.sum(system.lengths)
+    bend = bend_energy(system)
     iterations = kicks = 0
     before = violation = np.inf
     stiffer = 1.0
@@ -130,9 +129,9 @@ def _looking_again(system, state, previous, slipping):
     settled = True
     following = system
     if slipping:
-        contacts, settled = _with_friction(system, state, previous)
+        contacts, settled = with_friction(system, state, previous)
         following = system._replace(contacts=contacts)
-    return system._replace(contacts=_watching(following, state)), settled
+    return system._replace(contacts=watching(following, state)), settled
 
 
 def _judged(system, state, tolerance):
@@ -228,150 +227,3 @@ def _update(system, state):
         violation = max(violation, abs(min(gap, contacts.multiplier[c] / k)))
         contacts.multiplier[c] = max(0.0, contacts.multiplier[c] - k * gap)
     return violation
-
-
-@kernel
-def _watching(system, state):
-    """Return the Contacts that watch the points inside elements which matter now.
-
-    Points of friction are kept; multipliers go to the nearest new point on the same obstacle.
-    """
-    old = system.contacts
-    n = system.lengths.size
-    inside = _points_inside(system, state)
-    kept = np.sum(old.obstacle < 0)
-    total = inside.shape[0] + kept
-    element = np.empty(total, dtype=np.int64)
-    obstacle = np.empty(total, dtype=np.int64)
-    multiplier, fraction = np.zeros(total), np.zeros(total)
-    anchor, normal = np.zeros((total, 3)), np.zeros((total, 3))
-    taken = np.zeros(old.element.size, dtype=np.bool_)
-    c = 0
-    for e in range(n):
-        for k in range(inside.shape[0]):
-            if inside[k, 0] != e:
-                continue
-            element[c], obstacle[c] = e, inside[k, 1]
-            best = -1
-            for b in range(old.element.size):
-                if (old.obstacle[b] == obstacle[c] and not taken[b]
-                        and abs(old.element[b] - e) <= 1
-                        and (best < 0 or old.element[b] == e)):
-                    best = b
-            if best >= 0:
-                taken[best] = True
-                multiplier[c] = old.multiplier[best]
-            c += 1
-        for b in range(old.element.size):
-            if old.obstacle[b] < 0 and old.element[b] == e:
-                element[c], obstacle[c] = e, -1
-                multiplier[c], fraction[c] = old.multiplier[b], old.fraction[b]
-                anchor[c], normal[c] = old.anchor[b], old.normal[b]
-                c += 1
-    return Contacts(old.stiffness, old.node, element, obstacle, multiplier, fraction, anchor,
-                    normal, old.grip)
-
-
-@kernel
-def _points_inside(system, state):
-    """Return (C, 2) element and obstacle where the DLO is nearest inside an element, sharply."""
-    scene = system.scene
-    n = system.lengths.size
-    total = np.sum(system.lengths)
-    found = np.empty((n * scene.kind.size, 2), dtype=np.int64)
-    count = 0
-    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
-    rotation = np.empty((3, 3))
-    gaps, slopes = np.empty(n + 1), np.empty(n + 1)
-    for o in range(scene.kind.size):
-        for k in range(n + 1):
-            for i in range(3):
-                x[i] = scene.origin[i] + state.positions[k, i]
-            gaps[k] = signed_distance(scene, o, x, normal, bend) - scene.radius
-            slopes[k] = np.sum(normal * state.rotations[k, :, 0])
-        for e in range(n):
-            near = min(gaps[e], gaps[e + 1])
-            if near > system.lengths[e] or slopes[e] >= 0.0 or slopes[e + 1] <= 0.0:
-                continue
-            gap, fraction = nearest_inside(scene, o, e, system.lengths, state.strains,
-                                           state.rotations, state.positions, normal, bend)
-            point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
-                         fraction, rotation, x)
-            _, curve = along_the_dlo(normal, bend, rotation, state.strains[e])
-            sharp = curve * system.lengths[e] ** 2 > 8 * _SAG * total
-            if (sharp or gap < near - _SAG * total) and gap < 0.5 * system.lengths[e]:
-                found[count, 0], found[count, 1] = e, o
-                count += 1
-    return found[:count]
-
-
-@kernel
-def _with_friction(system, state, previous):
-    """Return the Contacts with the points of friction of now, and if these have settled.
-
-    A point sticks to where it was before the step, less what its spring was stretched by then.
-    """
-    scene = system.scene
-    n = system.lengths.size
-    old = system.contacts
-    most = (n + 1) * scene.kind.size + old.element.size
-    where = np.empty((most, 2))  # element, fraction
-    limits, anchors, normals = np.empty(most), np.empty((most, 3)), np.empty((most, 3))
-    count = 0
-    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
-    rotation = np.empty((3, 3))
-    settled = True
-    for o in range(scene.kind.size):
-        if scene.friction[o] == 0.0:
-            continue
-        for k in range(1, n + 1):
-            if old.node[o, k] > 0.0:
-                where[count, 0], where[count, 1] = k - 1, 1.0
-                limits[count] = scene.friction[o] * old.node[o, k]
-                x[:] = scene.origin + state.positions[k]
-                signed_distance(scene, o, x, normals[count], bend)
-                count += 1
-        for c in range(old.element.size):
-            if old.obstacle[c] == o and old.multiplier[c] > 0.0:
-                e = old.element[c]
-                _, fraction = nearest_inside(scene, o, e, system.lengths, state.strains,
-                                             state.rotations, state.positions, normal, bend)
-                where[count, 0], where[count, 1] = e, fraction
-                limits[count] = scene.friction[o] * old.multiplier[c]
-                normals[count] = normal
-                count += 1
-    for k in range(count):
-        e, fraction = int(where[k, 0]), where[k, 1]
-        best, nearest = -1, 1.0
-        for b in range(old.element.size):
-            away = abs(old.element[b] + old.fraction[b] - e - fraction)
-            if old.obstacle[b] < 0 and away < nearest:
-                best, nearest = b, away
-        if best < 0:
-            settled = False
-            if previous.shape[0]:
-                anchors[k] = (1 - fraction) * previous[e] + fraction * previous[e + 1]
-            else:
-                point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
-                             fraction, rotation, x)
-                anchors[k] = x
-        else:
-            anchors[k] = old.anchor[best]
-            if previous.shape[0]:  # another point of the DLO: its own way, the same stretch
-                was = old.element[best]
-                anchors[k] += ((1 - fraction) * previous[e] + fraction * previous[e + 1]
-                               - (1 - old.fraction[best]) * previous[was]
-                               - old.fraction[best] * previous[was + 1])
-            change = abs(old.multiplier[best] - limits[k])
-            settled = settled and change <= _FRICTION_SETTLED * (limits[k] + old.multiplier[best])
-    stripped = old.obstacle >= 0
-    element = np.concatenate((old.element[stripped], where[:count, 0].astype(np.int64)))
-    order = np.argsort(element, kind='mergesort')
-    obstacle = np.concatenate((old.obstacle[stripped], np.full(count, -1)))
-    multiplier = np.concatenate((old.multiplier[stripped], limits[:count]))
-    fraction = np.concatenate((old.fraction[stripped], where[:count, 1]))
-    anchor = np.concatenate((old.anchor[stripped], anchors[:count]))
-    normal_of = np.concatenate((old.normal[stripped], normals[:count]))
-    return Contacts(old.stiffness, old.node, element[order], obstacle[order],
-                    multiplier[order], fraction[order], anchor[order], normal_of[order],
-                    old.grip), settled

@@ -14,7 +14,7 @@ step to step. So it leans, by little but far more than those, to the side that
 import numpy as np
 
 from dlo_planner.energy.passage import passes_through
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import bend_energy, evaluate, new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import (
     assemble,
@@ -41,9 +41,7 @@ _WELL_STABLE = 0.01  # an eigenvalue that such a step cannot make doubtful
 @kernel
 def residual_of(system, state):
     """Return the gradient's size, relative to the elastic energy and that of a 1 rad bend."""
-    stiffness = min(system.stiffness[1], system.stiffness[2])
-    bend = stiffness / np.sum(system.lengths)
-    return np.sqrt(np.sum(state.gradient**2) / (np.sum(state.q**2) + bend))
+    return np.sqrt(np.sum(state.gradient**2) / (np.sum(state.q**2) + bend_energy(system)))
 
 
 def newton(system, q, tolerance, max_iterations, check, neutral=NEUTRAL):

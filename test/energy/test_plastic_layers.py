@@ -7,7 +7,7 @@ from dlo_planner.energy.elastic import add_elastic
 from dlo_planner.energy.plastic import Layers, add_plastic, settled, yielded
 
 LENGTHS = np.array([0.1, 0.3, 0.2])
-STIFFNESS = np.array([0.4, 0.7, 2.0])
+STIFFNESS = np.tile(np.array([0.4, 0.7, 2.0]), (LENGTHS.size, 1))
 SHARE = np.array([[0.5, 0.2], [0.3, 0.5], [0.2, 0.3]])
 LIMIT = np.array([[0.5, 1.0, 0.4], [0.8, 1.5, 0.6], [np.inf] * 3])
 
@@ -48,7 +48,7 @@ def test_a_step_stores_and_loses_what_it_costs(rng):
     new, lost = settled(LENGTHS, strains, natural, STIFFNESS, layers)
     np.testing.assert_array_equal(layers.set, before)  # the step may still be made again
     elastic = strains[:, None] - natural[:, None] - new
-    stiffness = LENGTHS[:, None, None] * STIFFNESS * SHARE[:, [0, 1, 1]]
+    stiffness = LENGTHS[:, None, None] * STIFFNESS[:, None] * SHARE[:, [0, 1, 1]]
     assert lost > 0
     assert energy == pytest.approx(0.5 * np.sum(stiffness * elastic**2) + lost)
     np.testing.assert_allclose(gradient, np.sum(stiffness * elastic, axis=1), atol=1e-12)
