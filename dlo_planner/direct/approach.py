@@ -52,7 +52,7 @@ def approach(discretisation, previous, strains, gripper, far_end, history):
         shift = there.position - where.position
         if obstacles and passes_through(
                 system.scene, system.lengths, old.strains, old.rotations, old.positions - shift,
-                new.positions):
+                new.rotations, new.positions):
             step *= 0.5
             if step < _SMALLEST:
                 return strains, False

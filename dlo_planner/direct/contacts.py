@@ -6,7 +6,7 @@ import numpy as np
 
 from dlo_planner.direct.history import NO_POINTS
 from dlo_planner.energy.contact import nearest_inside
-from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.outline import node_gap
 from dlo_planner.model.checks import figure, integer, results
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.ritz.kinematics import point_inside
@@ -14,7 +14,7 @@ from dlo_planner.ritz.kinematics import point_inside
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Contact(Value):
-    """One place where a DLO touches an obstacle.
+    """One place where a DLO touches an obstacle; each edge of a rectangular one by itself.
 
     Attributes:
         obstacle: index of the obstacle in the simulator's `obstacles`
@@ -76,11 +76,11 @@ def contacts_of(discretisation, system, state, gripper):
                              friction, float(max(0.0, -gap))))
 
     for o, node in zip(*np.nonzero(contacts.node > 0), strict=True):
-        x = gripper.position + state.positions[node]
-        gap = signed_distance(scene, o, x, normal, bend) - scene.radius
+        gap = node_gap(scene, o, node, state.rotations, state.positions, np.zeros(2), np.empty(3),
+                       normal, bend)
         force = contacts.node[o, node] - contacts.stiffness * gap
         if force > 0:
-            add(o, float(node), force, gap, x)
+            add(o, float(node), force, gap, gripper.position + state.positions[node])
     rotation, x = np.empty((3, 3)), np.empty(3)
     for c in np.flatnonzero(contacts.obstacle >= 0):
         o, e = contacts.obstacle[c], contacts.element[c]

@@ -13,6 +13,7 @@ from dlo_planner.energy.loads import distributed, node_masses
 from dlo_planner.energy.plastic import Layers
 from dlo_planner.energy.potential import System
 from dlo_planner.model.section import yielding_layers
+from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import Value, freeze, put, same
 from dlo_planner.ritz.series import orthonormal_basis
 
@@ -46,7 +47,7 @@ class Discretisation(Value):
         share, limit = _layers(rod)
         weight = np.linalg.norm(pull, axis=1).sum()
         bend = min(rod.bending_stiffness) / rod.length**2
-        scene = build_scene(surroundings.obstacles, rod.radius or 0.0)
+        scene = build_scene(surroundings.obstacles, Surface.of(rod), s)
         put(self, spring=_STIFF_CONTACT * (weight + bend) / rod.length,
             _hold_spring=(_STIFF_CONTACT * weight + _STIFF_HOLD * bend) / rod.length,
             _start=History.none(s, len(share), scene.kind.size, surroundings))

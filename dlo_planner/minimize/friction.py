@@ -3,7 +3,7 @@
 import numpy as np
 
 from dlo_planner.energy.contact import Contacts, nearest_inside
-from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.outline import node_gap
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import point_inside
 
@@ -24,7 +24,7 @@ def with_friction(system, state, previous):
     limits, anchors, normals = np.empty(most), np.empty((most, 3)), np.empty((most, 3))
     count = 0
     x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
-    rotation = np.empty((3, 3))
+    rotation, offset = np.empty((3, 3)), np.zeros(2)
     settled = True
     for o in range(scene.kind.size):
         if scene.friction[o] == 0.0:
@@ -33,8 +33,8 @@ def with_friction(system, state, previous):
             if old.node[o, k] > 0.0:
                 where[count, 0], where[count, 1] = k - 1, 1.0
                 limits[count] = scene.friction[o] * old.node[o, k]
-                x[:] = scene.origin + state.positions[k]
-                signed_distance(scene, o, x, normals[count], bend)
+                node_gap(scene, o, k, state.rotations, state.positions, offset, x, normals[count],
+                         bend)
                 count += 1
         for c in range(old.element.size):
             if old.obstacle[c] == o and old.multiplier[c] > 0.0:

@@ -11,8 +11,8 @@ follow from the contact forces of the round before.
 import numpy as np
 
 from dlo_planner.energy.contact import nearest_inside
-from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.hold import miss
+from dlo_planner.energy.outline import is_face, node_gap
 from dlo_planner.energy.potential import bend_energy, evaluate, new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.friction import with_friction
@@ -175,12 +175,13 @@ def _keep_forces(system, state, more):
     """Move the multipliers of what touches by what springs stiffer by `more` (N/m) would add."""
     scene, contacts = system.scene, system.contacts
     k = contacts.stiffness
-    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    x, normal, bend, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
     for o in range(scene.kind.size):
+        if is_face(scene, o):
+            continue
         for node in range(1, system.lengths.size + 1):
-            for i in range(3):
-                x[i] = scene.origin[i] + state.positions[node, i]
-            gap = signed_distance(scene, o, x, normal, bend) - scene.radius
+            gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
+                           bend)
             if contacts.node[o, node] > k * gap:
                 contacts.node[o, node] += more * gap
     for c in range(contacts.element.size):
@@ -211,12 +212,13 @@ def _update(system, state):
         violation = max(violation, np.sqrt(np.sum(away * away)))
     scene, contacts = system.scene, system.contacts
     k = contacts.stiffness
-    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    x, normal, bend, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
     for o in range(scene.kind.size):
+        if is_face(scene, o):
+            continue
         for node in range(1, last + 1):
-            for i in range(3):
-                x[i] = scene.origin[i] + state.positions[node, i]
-            gap = signed_distance(scene, o, x, normal, bend) - scene.radius
+            gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
+                           bend)
             violation = max(violation, abs(min(gap, contacts.node[o, node] / k)))
             contacts.node[o, node] = max(0.0, contacts.node[o, node] - k * gap)
     for c in range(contacts.element.size):

@@ -25,7 +25,8 @@ def part_of_rod(rod, at, way):
     signs = tuple(BACK[1:]) if way < 0 else (1.0, 1.0)
     curvature = rod.natural_curvature
     changed = {name: SeenFrom(getattr(rod, name), at, way)
-               for name in ('mass_per_length', 'natural_twist') if callable(getattr(rod, name))}
+               for name in ('mass_per_length', 'natural_twist', 'radius')
+               if callable(getattr(rod, name))}
     return replace(rod, length=length, point_masses=tuple(masses),
                    tip_mass=rod.tip_mass if way > 0 else 0.0,
                    natural_curvature=SeenFrom(curvature, at, way, signs) if callable(curvature)

@@ -30,7 +30,8 @@ class Rod(Value):
         tip_mass: kg at s = length
         damping: (a, b) of Rayleigh: a in 1/s times mass, b in s times stiffness; one number is b;
             it acts on motions and leaves statics alone
-        radius: of the outside, metres, where contact and pictures need it; None = thin line
+        radius: of the outside, metres, where contact and pictures need it: a number, a table
+            ((s, radius), ...) or a callable of s; None = thin line
         yield_curvature: curvature since the stress-free shape beyond which bending is plastic,
             1/m; one number, or (about n, about b); None: never
         yield_torsion: the same for torsion, 1/m
@@ -53,7 +54,7 @@ class Rod(Value):
     point_masses: tuple[tuple[float, float], ...] = ()
     tip_mass: float = 0.0
     damping: float | tuple[float, float] = 0.0
-    radius: float | None = None
+    radius: float | tuple | Callable | None = None
     yield_curvature: float | tuple[float, float] | None = None
     yield_torsion: float | None = None
     section_model: str = 'ideal'
@@ -65,7 +66,10 @@ class Rod(Value):
         put(self, **{name: number(f'Rod.{name}', getattr(self, name), InvalidRod, **limits)
                      for name, limits in _NUMBERS.items()
                      if not (getattr(self, name) is None and name in _OPTIONAL
-                             or callable(getattr(self, name)) and name in _FUNCTIONS)})
+                             or callable(getattr(self, name)) and name in _FUNCTIONS
+                             or name == 'radius' and _is_row(self.radius))})
+        if self.radius is not None and _is_row(self.radius):
+            put(self, radius=_table('Rod.radius', self.radius))
         damping = self.damping
         if not _is_row(damping):
             damping = (0.0, damping)
@@ -86,6 +90,8 @@ class Rod(Value):
         probes = np.linspace(0, self.length, 9)
         self.natural_strains(probes)  # callables are judged now, not later
         self.masses_per_length(probes)
+        if self.radius is not None:
+            self.radii(probes)
         super().__post_init__()
 
     def __repr__(self):
@@ -96,7 +102,8 @@ class Rod(Value):
                      f'EI {first:.3g} N m^2' if first == second
                      else f'EI {first:.3g}, {second:.3g} N m^2',
                      f'GJ {self.torsional_stiffness:.3g} N m^2',
-                     '' if self.radius is None else f'radius {self.radius:.3g} m',
+                     '' if self.radius is None else f'radius {self.radius:.3g} m'
+                     if isinstance(self.radius, float) else 'varying radius',
                      'naturally bent' if bent else '',
                      'yields' if self.yields else '')
 
@@ -127,6 +134,18 @@ class Rod(Value):
             return np.full(s.size, known)
         return np.array([number(f'{name}({v:g})', returned(name, known, v, InvalidRod), InvalidRod,
                                 minimum=0) for v in s])
+
+    def radii(self, s: ArrayLike) -> np.ndarray:
+        """Return the radius of the outside at arc lengths `s` (n,) as (n,), m."""
+        s = array('s', s, (None,), InvalidRod)
+        known = self.radius
+        if callable(known):
+            return np.array([number(f'Rod.radius({v:g})', returned('Rod.radius', known, v,
+                                                                   InvalidRod), InvalidRod, above=0)
+                             for v in s])
+        if isinstance(known, tuple):
+            return np.interp(s, *np.array(known).T)
+        return np.full(s.size, 0.0 if known is None else known)
 
     def natural_strains(self, s: ArrayLike) -> np.ndarray:
         """Return the stress-free strains at arc lengths `s` (n,) as (n, 3), 1/m."""
@@ -213,13 +232,21 @@ _NUMBERS = {
     'yield_torsion': {'above': 0}, 'hardening': {'minimum': 0, 'below': 1},
     'max_bend_curvature': {'above': 0}}
 _OPTIONAL = ('radius', 'yield_torsion', 'max_bend_curvature')
-_FUNCTIONS = ('mass_per_length', 'natural_twist')
+_FUNCTIONS = ('mass_per_length', 'natural_twist', 'radius')
 
 
 def _is_row(value):
     """Whether it has places by index: a tuple, list, (n,) array, or an array of ROS parameters."""
     return (hasattr(value, '__getitem__') and hasattr(value, '__len__')
             and not isinstance(value, str | bytes | dict) and getattr(value, 'ndim', 1) == 1)
+
+
+def _table(name, values):
+    try:
+        return tuple((number(f'{name} s', s, InvalidRod), number(f'{name} value', value, InvalidRod,
+                                                                 above=0)) for s, value in values)
+    except (TypeError, ValueError):
+        raise InvalidRod(f'{name} = {shown(values)}: expected ((s, value), ...)') from None
 
 
 def _pair(name, value, expected, **limits):
