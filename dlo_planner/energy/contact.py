@@ -15,12 +15,12 @@ mu m of the contact, taken from the outer iteration before.
 
 import numpy as np
 
-from dlo_planner.energy.distance import AXIS, NODE_FACE
+from dlo_planner.energy.distance import AXIS, NODE_FACE, signed_distance
 from dlo_planner.energy.outline import (
     gap_at,
     is_face,
-    node_gap,
     radius_at,
+    radius_at_node,
     sliding,
     slope_along,
     taper,
@@ -75,8 +75,16 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
     for o in range(scene.kind.size):
         if is_face(scene, o):
             continue
+        offset[0], offset[1] = scene.offset[o, 0], scene.offset[o, 1]
+        varies = scene.radii.shape[0] > 0
+        radius = radius_at_node(scene, o, 0)
         for node in range(1, positions.shape[0]):
-            gap = node_gap(scene, o, node, rotations, positions, offset, x, normal, bend)
+            for i in range(3):
+                x[i] = (scene.origin[i] + positions[node, i] + rotations[node, i, 1] * offset[0]
+                        + rotations[node, i, 2] * offset[1])
+            if varies:
+                radius = radius_at_node(scene, o, node)
+            gap = signed_distance(scene, o, x, normal, bend) - radius
             force = contacts.node[o, node] - k * gap
             if force > 0.0:
                 energy += 0.5 * force * force / k
@@ -235,12 +243,15 @@ def nearest_inside(scene, o, e, lengths, strains, rotations, positions, normal, 
         low = fraction = 1.0
     for iteration in range(60):
         point_inside(lengths, strains, rotations, positions, e, fraction, rotation, x)
-        gap = gap_at(scene, o, rotation, x, radius_at(scene, o, e, fraction), offset, point,
-                     normal, bend)
+        radius = radius_at(scene, o, e, fraction)
         if axial:
+            for i in range(3):
+                x[i] += scene.origin[i]
+            gap = signed_distance(scene, o, x, normal, bend) - radius
             slope, curve = along_the_dlo(normal, bend, rotation, strains[e])
             slope -= grows
         else:
+            gap = gap_at(scene, o, rotation, x, radius, offset, point, normal, bend)
             slope, curve = slope_along(scene, o, rotation, strains[e], offset, normal, bend)
         if slope > 0.0:
             high = fraction

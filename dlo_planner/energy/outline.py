@@ -84,8 +84,14 @@ def gap_at(scene, o, rotation, position, radius, offset, point, normal, bend):
 @kernel
 def node_gap(scene, o, k, rotations, positions, offset, point, normal, bend):
     """Return the gap in m of node k; see `gap_at`."""
-    return gap_at(scene, o, rotations[k], positions[k], radius_at_node(scene, o, k), offset, point,
-                  normal, bend)
+    if scene.feature[o] >= FACE:
+        return gap_at(scene, o, rotations[k], positions[k], scene.rounding[o], offset, point,
+                      normal, bend)
+    offset[0], offset[1] = scene.offset[o, 0], scene.offset[o, 1]
+    for i in range(3):
+        point[i] = (scene.origin[i] + positions[k, i] + rotations[k, i, 1] * offset[0]
+                    + rotations[k, i, 2] * offset[1])
+    return signed_distance(scene, o, point, normal, bend) - radius_at_node(scene, o, k)
 
 
 @kernel

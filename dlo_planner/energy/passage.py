@@ -11,7 +11,7 @@ import numpy as np
 
 from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.distance import AXIS, BOX, FACE, NODE_FACE, PLANE, SHEET, in_plane
-from dlo_planner.energy.outline import gap_at, radius_at_node, stretch
+from dlo_planner.energy.outline import gap_at, node_gap, radius_at_node, stretch
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import point_inside
 
@@ -70,11 +70,15 @@ def _corners(scene, o, rotation, position, corners):
 
 
 @kernel
-def _move(scene, o, rotation, position, turned, moved, before, after):
-    """Return how far (m) the section moves at most; `before`, `after`: (4, 3) scratch."""
+def _move(scene, o, k, rotations, old, turned, new, before, after):
+    """Return how far (m) the section at node k moves at most; `before`, `after`: (4, 3) scratch."""
     largest = 0.0
-    count = _corners(scene, o, rotation, position, before)
-    _corners(scene, o, turned, moved, after)
+    if scene.feature[o] == AXIS:
+        for i in range(3):
+            largest += (new[k, i] - old[k, i]) ** 2
+        return np.sqrt(largest)
+    count = _corners(scene, o, rotations[k], old[k], before)
+    _corners(scene, o, turned[k], new[k], after)
     for c in range(count):
         change = 0.0
         for i in range(3):
@@ -94,8 +98,8 @@ def _through_solid(scene, o, flush, lengths, strains, rotations, old, turned, ne
     last_gap = last_move = last_radius = 0.0
     for k in range(lengths.size + 1):
         radius = radius_at_node(scene, o, k)
-        move = _move(scene, o, rotations[k], old[k], turned[k], new[k], before, after)
-        here = gap_at(scene, o, rotations[k], old[k], radius, offset, point, normal, bend)
+        move = _move(scene, o, k, rotations, old, turned, new, before, after)
+        here = node_gap(scene, o, k, rotations, old, offset, point, normal, bend)
         near, moved, thick = min(here, last_gap), max(move, last_move), max(radius, last_radius)
         last_gap, last_move, last_radius = here, move, radius
         if k == 0:

@@ -88,8 +88,9 @@ def broad(curly, basis, rng):
     assert set(system.scene.feature) == {EDGE, FACE, NODE_FACE}
     elements = np.sort(rng.integers(0, 9, bodies.size))
     none = np.zeros((bodies.size, 3))
-    contacts = Contacts(2.0, rng.uniform(0, 6, size=(bodies.size, 10)), elements,
-                        rng.permutation(bodies), rng.uniform(5, 6, bodies.size),
+    pushed = np.maximum(rng.uniform(-0.5, 0.06, size=(bodies.size, 10)), 0)
+    contacts = Contacts(0.02, pushed, elements, rng.permutation(bodies),
+                        rng.uniform(0.05, 0.06, bodies.size),
                         np.zeros(bodies.size), none, none, 0.5)
     return system._replace(contacts=contacts)
 
