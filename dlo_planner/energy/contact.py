@@ -19,6 +19,7 @@ from dlo_planner.energy.distance import AXIS, NODE_FACE, signed_distance
 from dlo_planner.energy.outline import (
     gap_at,
     is_face,
+    nodes_of,
     radius_at,
     radius_at_node,
     sliding,
@@ -78,7 +79,8 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
         offset[0], offset[1] = scene.offset[o, 0], scene.offset[o, 1]
         varies = scene.radii.shape[0] > 0
         radius = radius_at_node(scene, o, 0)
-        for node in range(1, positions.shape[0]):
+        begin, end = nodes_of(scene, o, lengths.size)
+        for node in range(max(1, begin), end + 1):
             for i in range(3):
                 x[i] = (scene.origin[i] + positions[node, i] + rotations[node, i, 1] * offset[0]
                         + rotations[node, i, 2] * offset[1])

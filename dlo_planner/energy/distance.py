@@ -15,6 +15,8 @@ PLANE, SPHERE, CAPSULE, BOX, SHEET = range(5)
 AXIS, EDGE, FACE, NODE_FACE = range(4)
 _MOST_FOILS = 5
 _ROUNDING = 0.02  # of the smaller half size: of a section's edges where an obstacle has edges
+_ALL = (0, 2**31)  # nodes
+_AROUND = np.array([(np.cos(angle), np.sin(angle)) for angle in np.arange(12) * np.pi / 6])
 _CENTRE = 1e-12  # of a radius: so near to the middle, no direction leads out
 
 
@@ -42,6 +44,7 @@ class Scene(Record):
         feature: (M,) of the DLO: AXIS, EDGE, FACE (anywhere along an element) or NODE_FACE
         offset: (M, 2) of an edge from the axis along n and b, m; of faces: half sizes of the
             section; less `rounding` (M,) m, by which the feature is thickened
+        span: (M, 2) first and last node of the feature; it may end beyond the DLO
         radii: (N, 2) of the DLO at both ends of its elements, m; (0, 2): `radius` everywhere
     """
 
@@ -60,15 +63,16 @@ class Scene(Record):
     feature: np.ndarray
     offset: np.ndarray
     rounding: np.ndarray
+    span: np.ndarray
     radii: np.ndarray
 
 
 @makes(Scene)
 @kernel
 def _new_scene(source, kind, axes, centre, size, friction, hole_of, hole_centre, hole_axis,
-               hole_size, radius, origin, feature, offset, rounding, radii):
+               hole_size, radius, origin, feature, offset, rounding, span, radii):
     return Scene(source, kind, axes, centre, size, friction, hole_of, hole_centre, hole_axis,
-                 hole_size, radius, origin, feature, offset, rounding, radii)
+                 hole_size, radius, origin, feature, offset, rounding, span, radii)
 
 
 def build_scene(obstacles, surface, s=None, *, sharp=False):
@@ -83,16 +87,17 @@ def build_scene(obstacles, surface, s=None, *, sharp=False):
     if not isinstance(surface, Surface):
         surface = Surface(float(surface))
     rows, holes = [], []
+    rims = [] if s is None else surface.rims(np.asarray(s))
     for source, obstacle in enumerate(obstacles):
         for part in _parts(obstacle, surface):
             kind, pose, half = _body(part)
-            for feature, offset, rounding in _features(kind, half, surface, sharp):
+            for feature, offset, rounding, span in _features(kind, half, surface, rims, sharp):
                 if kind == SHEET:
                     holes += [(len(rows), *_hole(pose, cutout)) for cutout in part.cutouts]
                 rows.append((source, kind, pose.rotation, pose.position, half, obstacle.friction,
-                             feature, offset, rounding))
-    source, kind, axes, centre, size, friction, feature, offset, rounding = (
-        zip(*rows, strict=True) if rows else ((),) * 9)
+                             feature, offset, rounding, span))
+    source, kind, axes, centre, size, friction, feature, offset, rounding, span = (
+        zip(*rows, strict=True) if rows else ((),) * 10)
     return Scene(np.array(source, dtype=np.int64), np.array(kind, dtype=np.int64),
                  np.array(axes, dtype=float).reshape(-1, 3, 3),
                  np.array(centre, dtype=float).reshape(-1, 3),
@@ -102,6 +107,7 @@ def build_scene(obstacles, surface, s=None, *, sharp=False):
                    for k in (1, 2, 3)), surface.radius, np.zeros(3),
                  np.array(feature, dtype=np.int64),
                  np.array(offset, dtype=float).reshape(-1, 2), np.array(rounding, dtype=float),
+                 np.array(span, dtype=np.int64).reshape(-1, 2),
                  np.zeros((0, 2)) if s is None else surface.radii(np.asarray(s)))
 
 
@@ -142,17 +148,24 @@ def _body(part):
     return CAPSULE, pose, (half, 0, 0)
 
 
-def _features(kind, size, surface, sharp):
-    """Return [(feature, offset, rounding)] of a DLO's surface that may touch a body."""
+def _features(kind, size, surface, rims, sharp):
+    """Return [(feature, offset, rounding, span)] of a DLO's surface that may touch a body.
+
+    Args:
+        rims: of `Surface.rims`
+    """
+    smooth = kind in (PLANE, SPHERE, CAPSULE)  # edges need not be rounded to touch it
     if surface.half is None:
-        return [(AXIS, (0.0, 0.0), 0.0)]
+        features = [(AXIS, (0.0, 0.0), 0.0, _ALL)]
+        for radius, span in rims:
+            rounding = 0.0 if smooth or sharp else _ROUNDING * radius
+            features += [(EDGE, (radius - rounding) * around, rounding, span) for around in _AROUND]
+        return features
     half, rounding = np.array(surface.half), _ROUNDING * min(surface.half)
-    faces = [(feature, half - rounding, rounding) for feature in (FACE, NODE_FACE)]
-    if kind in (BOX, SHEET) and sharp:
+    faces = [(feature, half - rounding, rounding, _ALL) for feature in (FACE, NODE_FACE)]
+    if smooth or sharp:
         rounding = 0.0
-    elif kind in (PLANE, SPHERE, CAPSULE):
-        rounding = 0.0  # it is smooth itself
-    edges = [(EDGE, signs * (half - rounding), rounding)
+    edges = [(EDGE, signs * (half - rounding), rounding, _ALL)
              for signs in map(np.array, product((-1, 1), repeat=2))]
     if kind in (SPHERE, CAPSULE):
         return edges + faces if size[2] > 0 else faces

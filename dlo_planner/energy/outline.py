@@ -29,6 +29,12 @@ def is_face(scene, o):
 
 
 @kernel
+def nodes_of(scene, o, n):
+    """Return the first and the last of nodes 0 ... n that the DLO's feature for body `o` has."""
+    return scene.span[o, 0], min(scene.span[o, 1], n)
+
+
+@kernel
 def radius_at(scene, o, e, fraction):
     """Return the radius in m about the DLO's feature for body `o`, at `fraction` of element e."""
     if scene.feature[o] != AXIS:

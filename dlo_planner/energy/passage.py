@@ -11,7 +11,7 @@ import numpy as np
 
 from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.distance import AXIS, BOX, FACE, NODE_FACE, PLANE, SHEET, in_plane
-from dlo_planner.energy.outline import gap_at, node_gap, radius_at_node, stretch
+from dlo_planner.energy.outline import gap_at, node_gap, nodes_of, radius_at_node, stretch
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import point_inside
 
@@ -40,13 +40,14 @@ def passes_through(scene, lengths, strains, rotations, old, turned, new):
 
 @kernel
 def _line(scene, o, rotations, positions):
-    """Return (N + 1, 3) the places of the DLO's feature for body `o` at the nodes."""
+    """Return (n, 3) the places of the DLO's feature for body `o` at its nodes."""
     if scene.feature[o] == AXIS:
         return positions
-    line = np.empty_like(positions)
-    for k in range(positions.shape[0]):
+    begin, end = nodes_of(scene, o, positions.shape[0] - 1)
+    line = np.empty((end - begin + 1, 3))
+    for k in range(begin, end + 1):
         for i in range(3):
-            line[k, i] = (positions[k, i] + rotations[k, i, 1] * scene.offset[o, 0]
+            line[k - begin, i] = (positions[k, i] + rotations[k, i, 1] * scene.offset[o, 0]
                           + rotations[k, i, 2] * scene.offset[o, 1])
     return line
 
@@ -96,13 +97,14 @@ def _through_solid(scene, o, flush, lengths, strains, rotations, old, turned, ne
     if scene.kind[o] == BOX:
         inner = np.min(scene.size[o])
     last_gap = last_move = last_radius = 0.0
-    for k in range(lengths.size + 1):
+    begin, last = nodes_of(scene, o, lengths.size)
+    for k in range(begin, last + 1):
         radius = radius_at_node(scene, o, k)
         move = _move(scene, o, k, rotations, old, turned, new, before, after)
         here = node_gap(scene, o, k, rotations, old, offset, point, normal, bend)
         near, moved, thick = min(here, last_gap), max(move, last_move), max(radius, last_radius)
         last_gap, last_move, last_radius = here, move, radius
-        if k == 0:
+        if k == begin:
             continue
         e = k - 1
         depth = 0.5 * (inner + min(thick, radius))  # this far in a point still knows its way out

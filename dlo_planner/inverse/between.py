@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.energy.distance import NODE_FACE, build_scene
-from dlo_planner.energy.outline import node_gap, stretch, taper
+from dlo_planner.energy.outline import node_gap, nodes_of, stretch, taper
 from dlo_planner.inverse.clearance import clearance, room_in
 from dlo_planner.kernels import kernel
 from dlo_planner.model.pose import Pose, angle_between
@@ -94,7 +94,8 @@ class _Sweep:
         around = [sheet for sheet, _ in sheets]
         self._others = [obstacle for obstacle in brief.obstacles
                         if not any(obstacle is sheet for sheet in around)]
-        self._scene = build_scene([*around, *self._others], brief.surface, sharp=True)
+        self._bodies = [*around, *self._others]
+        self._scene = build_scene(self._bodies, brief.surface, sharp=True)
 
     def broken(self, shapes, known, found):
         """Return the first Broken on the way to n Shapes, before the one that is `found`."""
@@ -125,7 +126,9 @@ class _Sweep:
             rooms.append(clearance(self._others, self._brief.surface, shape))
         least = float(min(rooms))
         arms = shape.positions - shape.gripper.position
-        scene = self._scene._replace(radii=self._brief.surface.radii(shape.s))
+        scene, surface = self._scene, self._brief.surface
+        if surface.rod is not None:  # on each mesh another one
+            scene = build_scene(self._bodies, surface, shape.s, sharp=True)
         return _Look(u, shape, arms, np.sqrt(np.einsum('ij,ij->i', arms, arms)), _element_rooms(
             scene, *shape.for_kernels, least), least)
 
@@ -214,9 +217,10 @@ def _element_rooms(scene, lengths, strains, rotations, positions, least):
         if scene.feature[o] == NODE_FACE:
             continue
         last = 0.0
-        for k in range(positions.shape[0]):
+        begin, end = nodes_of(scene, o, lengths.size)
+        for k in range(begin, end + 1):
             gap = node_gap(scene, o, k, rotations, positions, offset, x, slope, bend)
-            if k:
+            if k > begin:
                 e = k - 1
                 reach = lengths[e] * stretch(scene, o, strains[e]) + abs(taper(scene, o, e))
                 rooms[e] = min(rooms[e], 0.5 * (gap + last - reach))

@@ -4,7 +4,15 @@ import numpy as np
 
 from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.distance import AXIS, FACE, NODE_FACE, build_scene, in_plane
-from dlo_planner.energy.outline import gap_at, node_gap, radius_at, radius_at_node, stretch, taper
+from dlo_planner.energy.outline import (
+    gap_at,
+    node_gap,
+    nodes_of,
+    radius_at,
+    radius_at_node,
+    stretch,
+    taper,
+)
 from dlo_planner.kernels import kernel
 from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose
@@ -84,13 +92,14 @@ def _smallest(scene, lengths, strains, rotations, positions, normal, half):
     for o in range(scene.kind.size):
         if scene.feature[o] == NODE_FACE:
             continue  # the face itself is looked at everywhere
-        for k in range(nodes):
+        begin, end = nodes_of(scene, o, nodes - 1)
+        for k in range(begin, end + 1):
             gaps[k] = node_gap(scene, o, k, rotations, positions, offset, x, slope, bend)
             _shifted(scene, o, rotations[k], positions[k], x)
             heights[k] = dot(normal, x)
             part = _part(heights[k], half, flush)
             out[part] = min(out[part], gaps[k])
-        for e in range(nodes - 1):
+        for e in range(begin, end):
             # no point of an element comes nearer than half its length beyond its nodes' mean
             reach = lengths[e] * stretch(scene, o, strains[e]) + abs(taper(scene, o, e))
             bound = 0.5 * (gaps[e] + gaps[e + 1] - reach)
@@ -201,7 +210,8 @@ def _at_the_rim(scene, o, lengths, strains, rotations, positions, heights, norma
     frame, x = np.empty((3, 3)), np.empty(3)
     plane = dot(normal, scene.centre[o] - scene.origin)
     last = 0.0
-    for k in range(heights.size):
+    begin, end = nodes_of(scene, o, heights.size - 1)
+    for k in range(begin, end + 1):
         height = heights[k] - plane
         if abs(height) <= flush:
             height = 0.0
@@ -257,17 +267,18 @@ def _nearest(scene, o, s, lengths, strains, rotations, positions):
     x, slope, bend, normal = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(3)
     offset, last = np.zeros(2), np.empty(3)
     smallest, where = np.inf, 0.0
-    for k in range(positions.shape[0]):
+    begin, end = nodes_of(scene, o, positions.shape[0] - 1)
+    for k in range(begin, end + 1):
         gap = node_gap(scene, o, k, rotations, positions, offset, x, slope, bend)
         if gap < smallest:
             smallest, where = gap, s[k]
             normal[:] = slope
-        if k:
+        if k > begin:
             grows = taper(scene, o, k - 1) / lengths[k - 1]
             before = dot(last, rotations[k - 1, :, 0]) - grows
             behind = dot(slope, rotations[k, :, 0]) - grows
         last[:] = slope
-        if k and before < 0.0 < behind:
+        if k > begin and before < 0.0 < behind:
             gap, fraction = nearest_inside(scene, o, k - 1, lengths, strains, rotations, positions,
                                            slope, bend)
             if gap < smallest:

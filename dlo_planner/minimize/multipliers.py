@@ -12,7 +12,7 @@ import numpy as np
 
 from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.hold import miss
-from dlo_planner.energy.outline import is_face, node_gap
+from dlo_planner.energy.outline import is_face, node_gap, nodes_of
 from dlo_planner.energy.potential import bend_energy, evaluate, new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.friction import with_friction
@@ -179,7 +179,8 @@ def _keep_forces(system, state, more):
     for o in range(scene.kind.size):
         if is_face(scene, o):
             continue
-        for node in range(1, system.lengths.size + 1):
+        begin, end = nodes_of(scene, o, system.lengths.size)
+        for node in range(max(1, begin), end + 1):
             gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
                            bend)
             if contacts.node[o, node] > k * gap:
@@ -216,7 +217,8 @@ def _update(system, state):
     for o in range(scene.kind.size):
         if is_face(scene, o):
             continue
-        for node in range(1, last + 1):
+        begin, end = nodes_of(scene, o, last)
+        for node in range(max(1, begin), end + 1):
             gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
                            bend)
             violation = max(violation, abs(min(gap, contacts.node[o, node] / k)))

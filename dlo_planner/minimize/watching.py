@@ -4,7 +4,7 @@ import numpy as np
 
 from dlo_planner.energy.contact import Contacts, nearest_inside
 from dlo_planner.energy.distance import FACE, NODE_FACE
-from dlo_planner.energy.outline import gap_at, node_gap, sliding, slope_along, taper
+from dlo_planner.energy.outline import gap_at, node_gap, nodes_of, sliding, slope_along, taper
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import point_inside
 
@@ -65,11 +65,12 @@ def _points_inside(system, state):
     rotation, offset, point = np.empty((3, 3)), np.zeros(2), np.empty(3)
     gaps, normals, offsets = np.empty(n + 1), np.empty((n + 1, 3)), np.empty((n + 1, 2))
     for o in range(scene.kind.size):
-        for k in range(n + 1):
+        begin, end = nodes_of(scene, o, n)
+        for k in range(begin, end + 1):
             gaps[k] = node_gap(scene, o, k, state.rotations, state.positions, offset, point,
                                normals[k], bend)
             offsets[k] = offset
-        for e in range(n):
+        for e in range(begin, end):
             near = min(gaps[e], gaps[e + 1])
             if near > system.lengths[e]:
                 continue
