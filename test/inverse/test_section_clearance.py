@@ -78,9 +78,10 @@ def test_clearance_of_a_curved_strip_against_samples(index):
     angle = rng.uniform(0, 2 * np.pi)
     away = axes[:, 1] * np.cos(angle) + axes[:, 2] * np.sin(angle)
     across = rng.normal(size=3)
+    across -= (across @ away) * away
     turn = Rotation.random(random_state=rng).as_matrix()
     obstacle = [Sphere(place + 0.03 * away, 0.012), Plane(place - 0.05 * away, away),
-                Capsule(place + 0.03 * away - 0.02 * across, place + 0.03 * away + 0.02 * across,
+                Capsule(place + 0.04 * away - 0.01 * across, place + 0.04 * away + 0.01 * across,
                         0.003),
                 Box(Pose.from_rotation(place + 0.04 * away, turn), (0.02, 0.03, 0.01))][index % 4]
     wanted = distance(obstacle, points).min()
