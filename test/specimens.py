@@ -101,6 +101,7 @@ def arguments():
         # simulators
         'at': 0.4, 'gripper': LEVEL, 'grippers': [LEVEL, LEVEL], 'dt': 0.01, 'shape': shape,
         's': 0.5, 'Rod.masses_per_length.s': [0.1, 0.2], 'Rod.natural_strains.s': [0.1, 0.2],
+        'Rod.radii.s': [0.1, 0.2],
         'Shape.s': shape.s, 'converged': True, 'n_elements': 8, 'n_terms': 4, 'path': 'saved',
         'Workspace.first_beyond.path': known['Trajectory'].path,
         'Shape.load.path': 'saved.npz', 'Motion.load.path': 'motion.npz',

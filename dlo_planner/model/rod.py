@@ -242,11 +242,15 @@ def _is_row(value):
 
 
 def _table(name, values):
+    expected = f'{name} = {shown(values)}: expected ((s, value), ...)'
     try:
-        return tuple((number(f'{name} s', s, InvalidRod), number(f'{name} value', value, InvalidRod,
-                                                                 above=0)) for s, value in values)
+        rows = [(s, value) for s, value in values]
     except (TypeError, ValueError):
-        raise InvalidRod(f'{name} = {shown(values)}: expected ((s, value), ...)') from None
+        raise InvalidRod(expected) from None
+    if not rows:
+        raise InvalidRod(expected)
+    return tuple((number(f'{name} s', s, InvalidRod), number(f'{name} value', value, InvalidRod,
+                                                             above=0)) for s, value in rows)
 
 
 def _pair(name, value, expected, **limits):
