@@ -30,7 +30,7 @@ def step(discretisation, gripper, initial, history, far_end, method='newton',
     else:
         strains = discretisation.strains_from(initial.s, initial.element_strains)
     if unknowns == 'paper':
-        return described_equilibrium(discretisation, gripper, strains, method, past), 0
+        return described_equilibrium(discretisation, gripper, strains, method, past)
     strains, clear = approach(discretisation, initial, strains, gripper, far_end, past)
     shape, kicks = equilibrium(discretisation, gripper, strains, method, past, far_end)
     return (shape if clear else replace(shape, converged=False, jumped=True)), kicks

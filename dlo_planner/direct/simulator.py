@@ -15,9 +15,9 @@ from dlo_planner.direct.dynamics import simulate
 from dlo_planner.direct.integrator import INTEGRATORS
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import METHODS
 from dlo_planner.direct.surroundings import STANDARD_GRAVITY, Surroundings
 from dlo_planner.errors import InvalidTask
+from dlo_planner.minimize.methods import METHODS
 from dlo_planner.model.along import Stepwise
 from dlo_planner.model.checks import choice, instance, integer, items, number, shown
 from dlo_planner.model.far_end import FarEnd
