@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.accuracy import accurate_equilibrium, step
-from dlo_planner.direct.continuation import fell, follow
+from dlo_planner.direct.continuation import follow, leapt
 from dlo_planner.direct.described import STRAINS
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.dynamics import simulate
@@ -187,9 +187,10 @@ class DirectSimulator(Value):
         far_end = FarEnd.of(far_end)
         self._check(gripper, initial, far_end)
         shape, kicks = self._equilibrium(gripper, initial, far_end)
-        if initial is not None and self._made(initial) and (kicks or fell(initial, shape)):
-            return replace(shape, jumped=True)
-        return shape
+        if initial is None or not self._made(initial):
+            return shape
+        jumped = shape.jumped or leapt(self._equilibrium, initial, shape, kicks)
+        return replace(shape, jumped=jumped)
 
     def track(self, grippers: Iterable[Pose], progress: OnProgress = None,
               initial: Shape | None = None, *, far_ends: Iterable | None = None,
