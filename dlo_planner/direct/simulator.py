@@ -25,7 +25,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, brief, figures, put, same
 from dlo_planner.progress import OnProgress, Progress
-from dlo_planner.ritz.series import BASES
+from dlo_planner.ritz.series import BASES, converging
 
 _FARTHEST = 10  # of the length: from where a held far end may be brought
 
@@ -36,11 +36,13 @@ class DirectSimulator(Value):
     Args:
         rod: what is held
         n_elements: N_L, elements of equal length (default 64)
-        n_terms: N_c, terms of the Ritz series per strain component (default 10)
-        basis: 'chebyshev' (default), 'fourier', or 'local' (one unknown strain per element)
-        method: 'newton' (default), or the paper's 'dfp' and 'downhill_simplex'; these two may end
-            in a saddle, and the last one is slow and sees its way only to about 1e-6 of the size
-            of q, so its shapes are seldom `converged`
+        n_terms: N_c, terms of the Ritz series per strain component (default 10); N_L of them span
+            all that the elements can do, more are the same as N_L
+        basis: 'chebyshev' (default), 'fourier', 'fourier_polynomial' (with polynomials to degree 4
+            beside it; it replaces 'fourier' where an accuracy is asked for, which the plain series
+            hardly ever reaches), or 'local' (one unknown strain per element)
+        method: 'newton' (default), or the paper's 'dfp' and 'downhill_simplex', for study; the last
+            one is slow
         strains: what the series describe: 'components' (torsion, curvature about n, about b) or
             'paper' (q_d, q_kappa, q_tau), for study, with 'dfp' or 'downhill_simplex' only
         accuracy: in m; picks mesh and terms instead of n_elements and n_terms. The basis is then
@@ -81,14 +83,13 @@ class DirectSimulator(Value):
                     'them, not both')
             if method != 'newton':
                 raise InvalidTask(f'method = {method!r}: expected \'newton\' with an accuracy')
-            put(self, accuracy=number('accuracy', accuracy, minimum=1e-9 * rod.length))
+            put(self, accuracy=number('accuracy', accuracy, minimum=1e-9 * rod.length),
+                basis=converging(self.basis))
             return
         n_elements = integer('n_elements', 64 if n_elements is None else n_elements,
                              minimum=2, maximum=100_000)
         n_terms = integer('n_terms', min(10, n_elements) if n_terms is None else n_terms,
                           minimum=1, maximum=200)
-        if self.basis != 'local' and n_terms > n_elements:
-            raise InvalidTask(f'n_terms = {n_terms}: expected at most n_elements = {n_elements}')
         s = np.arange(n_elements + 1) * (rod.length / n_elements)
         s[-1] = rod.length
         put(self, _discretisation=Discretisation(self.surroundings, s, self.basis, n_terms))

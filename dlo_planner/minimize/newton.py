@@ -31,6 +31,7 @@ _LEAN = 1e-5        # rad, of a DLO that is about to fall
 _FALLING = 2e-3     # a shift that is needed beyond this tells that it is, not that it is neutral
 _ALIKE = 0.5        # of the lower side's fall: a side that falls by more is as good
 NEUTRAL = 1e-7      # eigenvalues nearer to zero than this count as zero
+_NEARLY = 10 * NEUTRAL  # the same where the gradient has not vanished yet
 MOST_KICKS = 10
 _OFTEN = 3
 _UNTOLD = 100.0      # rounding errors of the energy: a gain below these is not told by it
@@ -58,14 +59,15 @@ def newton(system, q, tolerance, max_iterations, check, neutral=NEUTRAL):
     Returns:
         state: at the end
         residual: scaled gradient; stability: smallest eigenvalue (nan if not `check`)
-        iterations: Newton steps made; kicks: how often a saddle was left, or leant out of
+        iterations: Newton steps made; kicks: how often a saddle was left, 1 at least
+            where the descent had to lean to a side
     """
     kicks = iterations = 0
     while True:
         state, residual, stability, made, mode, leant = _descend(
             system, q, tolerance, max_iterations - iterations, check)
         iterations += made
-        kicks += leant
+        kicks = max(kicks, int(leant))
         steady = not check or stability > -neutral
         if steady or iterations >= max_iterations or kicks >= MOST_KICKS:
             break
@@ -129,13 +131,10 @@ def _descend(system, q, tolerance, max_iterations, check):
                 energy, noise = evaluate(system, state)
                 continue
         solve(system, hessian, -state.gradient, step)
-        if check and shift > 0.0 and -np.sum(state.gradient * step) < _UNTOLD * noise:
-            # A saddle from which rounding errors hide the way down: its lowest mode has to tell.
-            if factorise(system, hessian, 0.0) > 0:
-                stalled = True
-                continue
-            shift = 0.0
-            solve(system, hessian, -state.gradient, step)
+        if (check and shift > 0.0 and -np.sum(state.gradient * step) < _UNTOLD * noise
+                and factorise(system, hessian, _NEARLY) > 0):
+            stalled = True  # rounding errors hide the way down from a saddle: its mode has to tell
+            continue
         turn = largest_turn(system, hessian, step)
         shifted = shift
         if turn > LARGEST_TURN:
