@@ -32,7 +32,7 @@ def step(discretisation, gripper, initial, history, far_end, method='newton',
     else:
         strains = discretisation.strains_from(initial.s, initial.element_strains)
     if unknowns == 'paper':
-        return described_equilibrium(discretisation, gripper, strains, method, past), 0
+        return described_equilibrium(discretisation, gripper, strains, method, past)
     strains, clear = approach(discretisation, initial, strains, gripper, far_end, past)
     shape, kicks = equilibrium(discretisation, gripper, strains, method, past, far_end)
     return (shape if clear else replace(shape, converged=False, jumped=True)), kicks
@@ -117,7 +117,8 @@ def _refined(discretisation, fine, shape, accuracy):
     elements, terms = len(shape.element_strains), discretisation.n_terms
     bent = shape.element_strains - discretisation.natural
     if discretisation.basis != fine:
-        return Discretisation(around, graded_mesh(s, bent, elements, around.breaks), fine, 0)
+        s = graded_mesh(s, bent, elements, around.breaks)
+        return Discretisation(around, s, fine, _FIRST_TERMS)
     from_mesh = shape.error_estimate
     if fine != 'local':
         free = Discretisation(around, s, 'local', 0)

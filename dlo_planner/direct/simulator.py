@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.accuracy import accurate_equilibrium, first_mesh, step, within
-from dlo_planner.direct.continuation import fell, follow
+from dlo_planner.direct.continuation import follow, leapt
 from dlo_planner.direct.described import STRAINS
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.dynamics import simulate
@@ -16,9 +16,9 @@ from dlo_planner.direct.integrator import INTEGRATORS
 from dlo_planner.direct.mesh import even_mesh, with_breaks
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import METHODS
 from dlo_planner.direct.surroundings import STANDARD_GRAVITY, Surroundings
 from dlo_planner.errors import InvalidTask
+from dlo_planner.minimize.methods import METHODS
 from dlo_planner.model.along import Stepwise
 from dlo_planner.model.checks import choice, instance, integer, items, number, shown
 from dlo_planner.model.far_end import FarEnd
@@ -26,7 +26,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, brief, figures, put, same
 from dlo_planner.progress import OnProgress, Progress
-from dlo_planner.ritz.series import BASES
+from dlo_planner.ritz.series import BASES, converging
 
 DEFAULT_ACCURACY = 1e-3  # of the length
 _FARTHEST = 10  # of the length: from where a held far end may be brought
@@ -40,11 +40,12 @@ class DirectSimulator(Value):
         n_elements: N_L, elements (64 where only n_terms is given), of equal length between the
             places where something jumps
         n_terms: N_c, terms of the Ritz series per strain component (10 where only n_elements is
-            given)
-        basis: 'chebyshev' (default), 'fourier', or 'local' (one unknown strain per element)
-        method: 'newton' (default), or the paper's 'dfp' and 'downhill_simplex'; these two may end
-            in a saddle, and the last one is slow and sees its way only to about 1e-6 of the size
-            of q, so its shapes are seldom `converged`
+            given); N_L of them span all that the elements can do, more are the same as N_L
+        basis: 'chebyshev' (default), 'fourier', 'fourier_polynomial' (with polynomials to degree 4
+            beside it; it replaces 'fourier' where an accuracy is asked for, which the plain series
+            hardly ever reaches), or 'local' (one unknown strain per element)
+        method: 'newton' (default), or the paper's 'dfp' and 'downhill_simplex', for study; the last
+            one is slow
         strains: what the series describe: 'components' (torsion, curvature about n, about b) or
             'paper' (q_d, q_kappa, q_tau), for study, with 'dfp' or 'downhill_simplex' only
         accuracy: in m; picks mesh and terms instead of n_elements and n_terms. The basis is then
@@ -76,7 +77,7 @@ class DirectSimulator(Value):
         put(self, surroundings=around, _history=None, method=choice('method', method, METHODS),
             strains=choice('strains', strains, STRAINS),
             basis='chebyshev' if basis is None else choice('basis', basis, BASES))
-        put(self, _fine='local' if basis is None else self.basis)
+        put(self, _fine='local' if basis is None else converging(self.basis))
         self._judge_method(around)
         if accuracy is not None:
             if fixed:
@@ -92,8 +93,6 @@ class DirectSimulator(Value):
                              minimum=2, maximum=100_000)
         n_terms = integer('n_terms', min(10, n_elements) if n_terms is None else n_terms,
                           minimum=1, maximum=200)
-        if self.basis != 'local' and n_terms > n_elements:
-            raise InvalidTask(f'n_terms = {n_terms}: expected at most n_elements = {n_elements}')
         put(self, accuracy=None if fixed or method != 'newton' else DEFAULT_ACCURACY * rod.length,
             _discretisation=Discretisation(
                 around, even_mesh(rod.length, n_elements, around.breaks), self.basis, n_terms))
@@ -209,9 +208,10 @@ class DirectSimulator(Value):
         far_end = FarEnd.of(far_end)
         self._check(gripper, initial, far_end)
         shape, kicks = self._equilibrium(gripper, initial, far_end)
-        if initial is not None and self._made(initial) and (kicks or fell(initial, shape)):
-            return replace(shape, jumped=True)
-        return shape
+        if initial is None or not self._made(initial):
+            return shape
+        jumped = shape.jumped or leapt(self._equilibrium, initial, shape, kicks)
+        return replace(shape, jumped=jumped)
 
     def track(self, grippers: Iterable[Pose], progress: OnProgress = None,
               initial: Shape | None = None, *, far_ends: Iterable | None = None,

@@ -10,12 +10,10 @@ from dlo_planner.direct.history import History
 from dlo_planner.direct.moments import balanced
 from dlo_planner.direct.shape import Shape
 from dlo_planner.energy.plastic import settled
-from dlo_planner.energy.potential import bend_energy, evaluate, new_state, unknowns_of
-from dlo_planner.minimize.dfp import dfp
-from dlo_planner.minimize.downhill_simplex import downhill_simplex
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.minimize.methods import search
 from dlo_planner.minimize.multipliers import HELD_NEUTRAL, constrained_newton
 from dlo_planner.minimize.newton import NEUTRAL, newton
-from dlo_planner.minimize.protocol import Problem
 
 TOLERANCE = 1e-10  # of the residual; the last step of a quadratic method overshoots it
 CONVERGED = 1e-8   # what is promised
@@ -25,9 +23,6 @@ KEPT = 1e-6        # of the length: violation that still counts as converged
 MAX_ITERATIONS = 1000
 
 
-METHODS = ('newton', 'dfp', 'downhill_simplex')
-
-
 def equilibrium(discretisation, gripper, strains, method='newton', history=None, far_end=None):
     """Return the Shape that the DLO falls into from the given strains, and how often it kicked.
 
@@ -35,23 +30,18 @@ def equilibrium(discretisation, gripper, strains, method='newton', history=None,
         discretisation: a Discretisation
         gripper: Pose
         strains: (N, 3) of the elements, 1/m, where the descent starts
-        method: of METHODS. Only 'newton' leaves a saddle; the others may end in one, and then
-            stability says so.
+        method: of METHODS
         history: History on the same mesh; None: no past
         far_end: FarEnd or None
     """
     system = discretisation.system(gripper.rotation, gripper.position, history, far_end)
     q = discretisation.unknowns(strains)
-    most = MAX_ITERATIONS
-    learnt = None
-    if method != 'newton':
-        learnt = _descend(system, q, {'dfp': dfp, 'downhill_simplex': downhill_simplex}[method])
-        q, most = learnt.q.reshape(q.shape), 0  # Newton's part is only to judge the result
-    found = solve(discretisation, system, gripper, q, history, most)
-    shape = shape_of(discretisation, gripper, found, history, far_end)
-    if learnt is not None:
-        shape = replace(shape, iterations=learnt.iterations, evaluations=learnt.evaluations)
-    return shape, found[4]
+    if method == 'newton':
+        found = solve(discretisation, system, gripper, q, history)
+        return shape_of(discretisation, gripper, found, history, far_end), found[4]
+    *found, evaluations = search(system, q, method, TOLERANCE)
+    shape = shape_of(discretisation, gripper, (*found, system, 0.0), history)
+    return replace(shape, evaluations=evaluations), found[4]
 
 
 def solve(discretisation, system, gripper, q, history, most=MAX_ITERATIONS, check=True,
@@ -71,21 +61,6 @@ def solve(discretisation, system, gripper, q, history, most=MAX_ITERATIONS, chec
     if discretisation.surroundings.has_moments:
         return balanced(solved, system, q, discretisation.moments)
     return solved(system, q)
-
-
-def _descend(system, q, method):
-    """Return the Minimum that `method` reaches from q (m, 3)."""
-    state = new_state(system)
-
-    def value(flat):
-        state.q[:] = flat.reshape(state.q.shape)
-        return evaluate(system, state)[0]
-
-    def value_and_gradient(flat):
-        return value(flat), state.gradient.ravel().copy()
-
-    bend = np.sqrt(bend_energy(system))
-    return method(Problem(value, value_and_gradient, bend), q.ravel().copy(), TOLERANCE)
 
 
 def shape_of(discretisation, gripper, found, history=None, far_end=None):
