@@ -1,0 +1,78 @@
+"""Where a cross-section is looked at to see what yields: its fibres, and its layers in torsion.
+
+All in units of the section: heights over the neutral axes and distances from the middle are 1 at
+the surface. A section is symmetric and so is what bending does to it: the half above one axis
+stands for both, and what one mirror image of a fibre does, the other three may do too, so that
+bending in a plane of symmetry stays in it.
+"""
+
+from functools import cache
+
+import numpy as np
+
+KINDS = ('round', 'tube', 'rectangular')
+_FIBRES = 128   # about
+_RINGS, _MOST_AROUND = 8, 32
+_LATTICE = 25   # steps of columns: of all below 32, it leaves the smallest errors
+_LAYERS = 24
+
+
+@cache
+def fibres(kind: str, bore: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return the heights (J, 2) of J fibres over the axes n and b, and their weights (J,).
+
+    Elastic bending is exact: the sums of weight times height squared are 1 for both axes, that of
+    the product of the heights is 0. `docs/validation.md` says how near yielding comes to the
+    continuous section.
+
+    Args:
+        kind: of KINDS
+        bore: radius of a tube's bore as a part of the outer one
+    """
+    heights, weights = _in_square() if kind == 'rectangular' else _in_ring(bore)
+    return heights, weights / (weights @ heights[:, 0] ** 2)
+
+
+@cache
+def layers(measure: str, bore: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return the heights (J,) of J layers that are all strained alike, and their weights (J,).
+
+    The sum of weight times height squared is 1.
+
+    Args:
+        measure: how much of the section is at a height: 'rectangular', 'round', 'tube': bending in
+            one plane; 'torsion': around the middle of a round one
+        bore: as for `fibres`
+    """
+    inside = bore if measure == 'torsion' else 0.0
+    heights = inside + (1 - inside) * (np.arange(_LAYERS) + 0.5) / _LAYERS
+    if measure == 'torsion':
+        weights = heights
+    elif measure == 'rectangular':
+        weights = np.ones(_LAYERS)
+    else:
+        weights = np.sqrt(1 - heights**2) - np.sqrt(np.maximum(bore**2 - heights**2, 0.0))
+    return heights, weights / (weights @ heights**2)
+
+
+def _in_ring(bore):
+    """Return heights and weights by Gauss' rule along the radius, evenly around, in turns."""
+    rings = max(2, int(np.ceil(_RINGS * (1 - bore))))
+    around = min(4 * round(_FIBRES / rings / 4), _MOST_AROUND)
+    points, parts = np.polynomial.legendre.leggauss(rings)
+    radii = bore + (1 - bore) * (points + 1) / 2
+    # every other ring is turned by half of a step: of all fibres, no two rows yield at once
+    angles = np.pi / around * (np.arange(around) + 0.5 * (np.arange(rings)[:, None] % 2))
+    heights = radii[:, None, None] * np.stack([np.sin(angles), np.cos(angles)], axis=-1)
+    return heights.reshape(-1, 2), np.repeat(parts * radii, around)
+
+
+def _in_square():
+    """Return heights and weights on a lattice in a quarter, no two in a row, and its mirror image.
+
+    Such a lattice has as many rows and columns as points (a lattice rule of rank 1).
+    """
+    size = _FIBRES // 2
+    step = np.arange(size)
+    quarter = np.column_stack([step + 0.5, step * _LATTICE % size + 0.5]) / size
+    return np.vstack([quarter, quarter * [1, -1]]), np.ones(2 * size)
