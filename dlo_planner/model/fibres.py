@@ -11,9 +11,8 @@ from functools import cache
 import numpy as np
 
 KINDS = ('round', 'tube', 'rectangular')
-_FIBRES = 128   # about
-_RINGS, _MOST_AROUND = 8, 32
-_LATTICE = 25   # steps of columns: of all below 32, it leaves the smallest errors
+_RINGS, _MOST_AROUND, _IN_RINGS = 8, 32, 128
+_ROWS, _STEP = 89, 35  # of a lattice: of all with up to 96 rows, among those of smallest errors
 _LAYERS = 24
 
 
@@ -58,7 +57,7 @@ def layers(measure: str, bore: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
 def _in_ring(bore):
     """Return heights and weights by Gauss' rule along the radius, evenly around, in turns."""
     rings = max(2, int(np.ceil(_RINGS * (1 - bore))))
-    around = min(4 * round(_FIBRES / rings / 4), _MOST_AROUND)
+    around = min(4 * round(_IN_RINGS / rings / 4), _MOST_AROUND)
     points, parts = np.polynomial.legendre.leggauss(rings)
     radii = bore + (1 - bore) * (points + 1) / 2
     # every other ring is turned by half of a step: of all fibres, no two rows yield at once
@@ -72,7 +71,6 @@ def _in_square():
 
     Such a lattice has as many rows and columns as points (a lattice rule of rank 1).
     """
-    size = _FIBRES // 2
-    step = np.arange(size)
-    quarter = np.column_stack([step + 0.5, step * _LATTICE % size + 0.5]) / size
-    return np.vstack([quarter, quarter * [1, -1]]), np.ones(2 * size)
+    row = np.arange(_ROWS)
+    quarter = np.column_stack([row + 0.5, row * _STEP % _ROWS + 0.5]) / _ROWS
+    return np.vstack([quarter, quarter * [1, -1]]), np.ones(2 * _ROWS)

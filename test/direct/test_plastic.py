@@ -1,5 +1,7 @@
 """Plastic bending and torsion: textbook curves, springback, energy, direction, mesh."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -86,15 +88,68 @@ def test_energy_lost_is_the_work_done_less_what_is_stored(model):
     del simulator
 
 
-def test_yielding_knows_no_preferred_direction():
-    rod = section('round', hardening=0.05)
+@pytest.mark.parametrize(('model', 'within'), [('ideal', 1e-4), ('round', 4e-3)])
+def test_yielding_of_what_is_round_knows_no_preferred_direction(model, within):
+    rod = section(model, hardening=0.05)
     one = bent(rod, [0.8, 2.0])[1][-1]
     for angle in (0.3, 1.1, 2.5):
         axis = (0, np.cos(angle), np.sin(angle))
         other = bent(rod, [0.8, 2.0], axis)[1][-1]
         np.testing.assert_allclose(other.gripper_wrench[3:], -np.linalg.norm(
-            one.gripper_wrench[3:]) * np.array(axis), atol=1e-4)
-        assert other.dissipated == pytest.approx(one.dissipated, rel=1e-4)
+            one.gripper_wrench[3:]) * np.array(axis), atol=within * BENDING * 0.8)
+        assert other.dissipated == pytest.approx(one.dissipated, rel=within)
+
+
+@pytest.mark.parametrize('axis', [(0, 1, 0), (0, 0, 1)])
+@pytest.mark.parametrize('model', ['rectangular', 'round'])
+def test_what_is_bent_in_a_plane_of_symmetry_stays_in_it(model, axis):
+    rod = replace(section(model, hardening=0.05), bending_stiffness=(BENDING, 0.4))
+    across = np.cross((1, 0, 0), axis)
+    for shape in bent(rod, [0.8, 2.0, -1.0, 3.0], axis)[1]:
+        assert shape.converged
+        np.testing.assert_allclose(shape.gripper_wrench[3:] @ across, 0, atol=1e-8)
+        np.testing.assert_allclose(shape.positions @ np.asarray(axis), 0, atol=1e-9)
+
+
+def fine_disc(count=200):
+    """Return heights (n, 2) over both axes and weights of the cells of a disc; M_y is 1."""
+    middle = (np.arange(count) + 0.5) / count * 2 - 1
+    cells = np.column_stack([axis.ravel() for axis in np.meshgrid(middle, middle)])
+    cells = cells[np.hypot(*cells.T) < 1]
+    return cells, np.full(len(cells), 1 / np.sum(cells[:, 0] ** 2))
+
+
+@pytest.mark.parametrize('more', [{'section_model': 'round'}, {}], ids=['stated', 'default'])
+def test_a_cantilever_rolled_under_its_load_follows_its_fibers(more):
+    # a short rod with a heavy tip turns about its axis: statics tells the moments, fibers the rest
+    known = Rod.circular(0.05, 2e-3, 0.0, 110e9, 0.34, yield_stress=60e6, hardening=0.2)
+    rod = replace(known, **more, tip_mass=1.35 * known.bending_stiffness[0]
+                  * known.yield_curvature[0] / (0.05 * 9.81), section=known.section)
+    if more:
+        rod = replace(rod, section=None)
+    direct = DirectSimulator(rod, basis='local', n_elements=6)
+    ways = np.linspace(0, 1.5 * np.pi, 13)
+    shapes = direct.track([Pose((0, 0, 0), Rotation.from_rotvec([a, 0, 0]).as_quat())
+                           for a in ways])
+    heights, weights = fine_disc()
+    plastic = np.zeros((6, len(weights)))
+    largest, hardening = 0.0, 0.2
+    for shape in shapes:
+        assert shape.converged
+        middle = 0.5 * (shape.positions[1:] + shape.positions[:-1])
+        force = np.array([0, 0, -9.81 * rod.tip_mass])
+        for e in range(6):
+            frame = 0.5 * (shape.frames[e] + shape.frames[e + 1])
+            statics = (frame.T @ np.cross(shape.positions[-1] - middle[e], force))[1:]
+            bend = shape.element_strains[e, 1:] / rod.yield_curvature
+            strain = heights @ bend
+            elastic = np.clip(strain - plastic[e], -1, 1)
+            plastic[e] = strain - elastic
+            moment = (1 - hardening) * heights.T @ (weights * elastic) + hardening * bend
+            off = moment - statics / (rod.bending_stiffness * np.array(rod.yield_curvature))
+            largest = max(largest, np.linalg.norm(off))
+    assert shapes[-1].dissipated > 2 * shapes[1].dissipated > 0
+    assert largest < 0.02
 
 
 def test_projection_onto_an_ellipse_is_the_nearest_point(rng):
@@ -158,7 +213,7 @@ def test_motion_with_plasticity_loses_energy(wire):
 
 
 @pytest.mark.parametrize(('name', 'value'), [
-    ('yield_curvature', 0.0), ('yield_torsion', -1), ('hardening', 1.0), ('section_model', 'oval'),
+    ('yield_curvature', 0.0), ('yield_torsion', -1), ('hardening', 1.0), ('section_model', 'oval'), ('section_model', 'fibres'),
     ('yield_curvature', (1.0, 2.0, 3.0)), ('max_bend_curvature', 'x')])
 def test_nonsense_is_named(name, value):
     with pytest.raises(InvalidRod, match=name):
