@@ -100,15 +100,16 @@ def test_yielding_of_what_is_round_knows_no_preferred_direction(model, within):
         assert other.dissipated == pytest.approx(one.dissipated, rel=within)
 
 
-@pytest.mark.parametrize('axis', [(0, 1, 0), (0, 0, 1)])
+@pytest.mark.parametrize(('axis', 'stiffness'), [((0, 1, 0), (0.4, BENDING)),
+                                                 ((0, 0, 1), (BENDING, 0.4))])
 @pytest.mark.parametrize('model', ['rectangular', 'round'])
-def test_what_is_bent_in_a_plane_of_symmetry_stays_in_it(model, axis):
-    rod = replace(section(model, hardening=0.05), bending_stiffness=(BENDING, 0.4))
+def test_what_is_bent_in_a_plane_of_symmetry_stays_in_it(model, axis, stiffness):
+    rod = replace(section(model, hardening=0.05), bending_stiffness=stiffness)
     across = np.cross((1, 0, 0), axis)
     for shape in bent(rod, [0.8, 2.0, -1.0, 3.0], axis)[1]:
         assert shape.converged
-        np.testing.assert_allclose(shape.gripper_wrench[3:] @ across, 0, atol=1e-8)
-        np.testing.assert_allclose(shape.positions @ np.asarray(axis), 0, atol=1e-9)
+        np.testing.assert_allclose(shape.gripper_wrench[3:] @ across, 0, atol=1e-6)
+        np.testing.assert_allclose(shape.positions @ np.asarray(axis), 0, atol=1e-7)
 
 
 def fine_disc(count=200):
@@ -213,8 +214,8 @@ def test_motion_with_plasticity_loses_energy(wire):
 
 
 @pytest.mark.parametrize(('name', 'value'), [
-    ('yield_curvature', 0.0), ('yield_torsion', -1), ('hardening', 1.0), ('section_model', 'oval'), ('section_model', 'fibres'),
-    ('yield_curvature', (1.0, 2.0, 3.0)), ('max_bend_curvature', 'x')])
+    ('yield_curvature', 0.0), ('yield_torsion', -1), ('hardening', 1.0), ('section_model', 'oval'),
+    ('section_model', 'fibres'), ('yield_curvature', (1.0, 2.0, 3.0)), ('max_bend_curvature', 'x')])
 def test_nonsense_is_named(name, value):
     with pytest.raises(InvalidRod, match=name):
         Rod(1.0, 0.1, 1.0, 1.0, **{name: value})
