@@ -61,9 +61,15 @@ def _in_ring(bore):
     points, parts = np.polynomial.legendre.leggauss(rings)
     radii = bore + (1 - bore) * (points + 1) / 2
     # every other ring is turned by half of a step: of all fibres, no two rows yield at once
-    angles = np.pi / around * (np.arange(around) + 0.5 * (np.arange(rings)[:, None] % 2))
-    heights = radii[:, None, None] * np.stack([np.sin(angles), np.cos(angles)], axis=-1)
-    return heights.reshape(-1, 2), np.repeat(parts * radii, around)
+    heights, weights = [], []
+    for ring, (radius, part) in enumerate(zip(radii, parts, strict=True)):
+        turn = np.pi / around * np.arange(0.5 * (ring % 2), around / 2 + 0.1)
+        heights.append(radius * np.column_stack([np.sin(turn), np.cos(turn)]))
+        weights.append(np.full(turn.size, part * radius / 2))
+        if ring % 2 == 0:  # both ends are on an axis
+            heights[-1][[0, -1], [0, 1]] = 0.0
+            weights[-1][[0, -1]] /= 2
+    return _mirrored(np.vstack(heights), np.concatenate(weights))
 
 
 def _in_square():
@@ -73,4 +79,9 @@ def _in_square():
     """
     row = np.arange(_ROWS)
     quarter = np.column_stack([row + 0.5, row * _STEP % _ROWS + 0.5]) / _ROWS
-    return np.vstack([quarter, quarter * [1, -1]]), np.ones(2 * _ROWS)
+    return _mirrored(quarter, np.ones(_ROWS))
+
+
+def _mirrored(quarter, weights):
+    """Return fibres with their mirror images: each next to its own, so that sums vanish exactly."""
+    return (np.stack([quarter, quarter * [1, -1]], axis=1).reshape(-1, 2), np.repeat(weights, 2))

@@ -100,16 +100,20 @@ def test_yielding_of_what_is_round_knows_no_preferred_direction(model, within):
         assert other.dissipated == pytest.approx(one.dissipated, rel=within)
 
 
-@pytest.mark.parametrize(('axis', 'stiffness'), [((0, 1, 0), (0.4, BENDING)),
-                                                 ((0, 0, 1), (BENDING, 0.4))])
-@pytest.mark.parametrize('model', ['rectangular', 'round'])
-def test_what_is_bent_in_a_plane_of_symmetry_stays_in_it(model, axis, stiffness):
-    rod = replace(section(model, hardening=0.05), bending_stiffness=stiffness)
-    across = np.cross((1, 0, 0), axis)
-    for shape in bent(rod, [0.8, 2.0, -1.0, 3.0], axis)[1]:
-        assert shape.converged
-        np.testing.assert_allclose(shape.gripper_wrench[3:] @ across, 0, atol=1e-6)
-        np.testing.assert_allclose(shape.positions @ np.asarray(axis), 0, atol=1e-7)
+@pytest.mark.parametrize('roll', [0, 1])
+@pytest.mark.parametrize('model', ['rectangular', 'round', 'ideal'])
+def test_what_is_bent_in_a_plane_of_symmetry_stays_in_it(model, roll):
+    # it falls to no side by rounding: mirror images of fibers cancel
+    stiffness = (0.4, BENDING) if roll == 0 else (BENDING, 0.4)
+    rod = replace(section(model, hardening=0.1), bending_stiffness=stiffness, tip_mass=0.1)
+    axes = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]])
+    if roll:
+        axes = axes[:, [0, 2, 1]] * (1, -1, 1)
+    tilted = Rotation.from_rotvec([0, 0.7, 0]).as_matrix()
+    grippers = [Pose.from_rotation((0, 0, 0), turn @ axes) for turn in (np.eye(3), tilted)]
+    for shape in DirectSimulator(rod, n_elements=24).track(grippers):
+        assert shape.converged and shape.dissipated > 0
+        np.testing.assert_allclose(shape.positions[:, 1], 0, atol=1e-13)
 
 
 def fine_disc(count=200):
