@@ -189,6 +189,20 @@ def test_axes_that_fit_no_one_section_keep_their_own_curves(model, thresholds):
             assert abs(moment[1 - about]) <= 1e-12 * abs(moment[about])
 
 
+def test_each_element_has_its_own_stiffness():
+    # thresholds are the same all along, so moments at the same strain go with the stiffness
+    rod = RODS['flat']
+    stiffness = np.outer([1.0, 3.0, 0.2], rod.stiffness)
+    layers, length = yielding_layers(rod, stiffness), np.array([0.2, 0.3, 0.5])
+    strain = np.array([1.5 * rod.yield_torsion, *(2 * np.array(rod.yield_curvature))])
+    gradient = np.zeros((3, 3))
+    add_plastic(length, np.tile(strain, (3, 1)), np.zeros((3, 3)), stiffness, layers, gradient)
+    wanted = OneElement(rod).step(strain)
+    np.testing.assert_allclose(gradient / length[:, None], np.outer([1.0, 3.0, 0.2], wanted),
+                               rtol=1e-12)
+    assert (np.abs(wanted) < np.abs(rod.stiffness * strain)).all()
+
+
 def ring_torque(bore, x):
     """Return T / T_y of a ring at x times its threshold: the integral of shear times radius."""
     radius = bore + (1 - bore) * (np.arange(100_000) + 0.5) / 100_000
