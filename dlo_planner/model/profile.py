@@ -20,12 +20,13 @@ _CLOSE = 1e-8        # part of the largest value: two descriptions that differ b
 _JUMP = 1e-6         # the same, between the two sides of a point
 _NARROWEST = 2e-13   # of the length: a panel that is not halved any further
 _ONE_PLACE = 1e-9    # of the length: jumps nearer to each other are one
-_MOST = 40_000       # panels
+_MOST = 16_000       # panels
 
 _X, _ = np.polynomial.legendre.leggauss(_POINTS)
 _AT = 0.5 * (1 + _X)                                      # of a panel, in [0, 1]
 _POWERS = np.linalg.inv(np.vander(_AT, increasing=True))  # values -> coefficients of powers
-_HALVES = np.concatenate([0.5 * _AT, 0.5 + 0.5 * _AT])
+_INSIDE = 1e-6  # of a panel: a jump nearer to its end is at its end
+_HALVES = np.concatenate([0.5 * _AT, 0.5 + 0.5 * _AT, [_INSIDE, 1 - _INSIDE]])
 _AT_HALVES = np.vander(_HALVES, _POINTS, increasing=True) @ _POWERS
 _AT_ENDS = np.vander([0.0, 1.0], _POINTS, increasing=True) @ _POWERS
 
@@ -94,7 +95,7 @@ def resolved(name, function, length, stated=(), error=InvalidRod):
             raise error(f'{name}: expected a function that {_MOST} polynomials of degree '
                         f'{_POINTS - 1} can follow along the DLO, this one varies too wildly near '
                         f's = {left[0]:.6g} m')
-        values = np.concatenate([halves[:, :_POINTS], halves[:, _POINTS:]])
+        values = np.concatenate([halves[:, :_POINTS], halves[:, _POINTS:2 * _POINTS]])
         left = np.concatenate([left, left + width])
         width = np.concatenate([width, width])
     left, width, values = (np.concatenate(parts) for parts in zip(*known, strict=True))

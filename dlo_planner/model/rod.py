@@ -147,6 +147,11 @@ class Rod(Value):
         return stiffness
 
     @property
+    def varies(self) -> bool:
+        """Whether anything of it varies along it."""
+        return any(callable(getattr(self, name)) for name in _VARYING)
+
+    @property
     def yields(self) -> bool:
         """Whether there is a threshold beyond which the DLO is set for good."""
         return self.yield_curvature is not None or self.yield_torsion is not None
