@@ -115,8 +115,8 @@ def _moving(discretisation, gripper, history, masses, nodes, bends, scheme):
         natural = (system.natural + firm * calm) / (1 + firm)
         return system._replace(natural=natural, stiffness=system.stiffness * (1 + firm))
     # here it is one with what never yields
-    rest = (layers.firm * layers.rest + firm * (calm - system.natural)) / (layers.firm + firm)
-    return system._replace(layers=layers._replace(firm=layers.firm + firm, rest=rest))
+    couple = layers.couple + firm * system.stiffness * (calm - system.natural)
+    return system._replace(layers=layers._replace(firm=layers.firm + firm, couple=couple))
 
 
 def _let_go(discretisation, grippers, masses, strains, history, dt):

@@ -30,8 +30,8 @@ class Layers(Record):
         share: (J,) of the stiffness of its kind
         kind: (J,) 0 torsion, 1 curvature about n, 2 about b, SHARED both
         strength: (N, 4) stiffness of each kind, N m^2
-        firm: (3,) part of the stiffness that never yields; rest: (N, 3) the strains since the
-            natural ones at which that part is free, 1/m
+        firm: (3,) part of the stiffness that never yields
+        couple: (N, 3) moments that pull at the strains, whatever yields, N m
         ellipse: (2,) curvatures about n and b at which what is not firm yields, if no spring bears
             bending, 1/m; else (0,)
         set: (N, J) plastic strain of each spring in each element, 1/m; with an ellipse (N, J + 2),
@@ -44,15 +44,15 @@ class Layers(Record):
     kind: np.ndarray
     strength: np.ndarray
     firm: np.ndarray
-    rest: np.ndarray
+    couple: np.ndarray
     ellipse: np.ndarray
     set: np.ndarray
 
 
 @makes(Layers)
 @kernel
-def _new_layers(direction, limit, share, kind, strength, firm, rest, ellipse, set):
-    return Layers(direction, limit, share, kind, strength, firm, rest, ellipse, set)
+def _new_layers(direction, limit, share, kind, strength, firm, couple, ellipse, set):
+    return Layers(direction, limit, share, kind, strength, firm, couple, ellipse, set)
 
 
 @kernel
@@ -137,10 +137,11 @@ def _add_firm(e, h, strains, natural, stiffness, layers, gradient):
     """Add the moment of what never yields in element e, and return its energy."""
     energy = 0.0
     for i in range(3):
-        away = strains[e, i] - natural[e, i] - layers.rest[e, i]
-        moment = h * layers.firm[i] * stiffness[e, i] * away
-        gradient[e, i] += moment
-        energy += 0.5 * moment * away
+        away = strains[e, i] - natural[e, i]
+        moment = layers.firm[i] * stiffness[e, i] * away
+        couple = layers.couple[e, i]
+        gradient[e, i] += h * (moment - couple)
+        energy += h * away * (0.5 * moment - couple)
     return energy
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import DirectSimulator, InvalidRod, Plane, Pose, Rod
+from dlo_planner import DirectSimulator, InvalidRod, Plane, PointLoad, Pose, Rod
 from dlo_planner.energy.plastic import yielded
 
 HERE = Pose.identity()
@@ -273,3 +273,27 @@ def test_a_set_stays_when_obstacles_go():
                                atol=1e-8)
     new = used.with_rod(rod).solve(down)
     assert np.hypot(*new.positions[-1, :2]) < 1e-6
+
+
+@pytest.mark.parametrize(('model', 'ratio'), [('rectangular', 1 / np.sqrt(0.4)), ('ideal', None)])
+def test_a_dead_moment_bends_by_the_curve_of_each_part(model, ratio):
+    # 1.3 times the yield moment of the first half; the other one is three times as stiff and bent
+    hardening = 0.0 if ratio else 0.1
+    rod = section(model, hardening=hardening)
+    rod = replace(rod, bending_stiffness=((0, 1.0), (0.5, 1.0), (0.5, 3.0), (1.0, 3.0)),
+                  natural_curvature=lambda s: (0.0 if s < 0.5 else -0.4, 0.0))
+    moment = 1.3 * 0.8
+    simulator = DirectSimulator(rod, basis='local', n_elements=16, gravity=(0, 0, 0),
+                                point_loads=[PointLoad(moment=(0, moment, 0))])
+    shape = simulator.solve(HERE)
+    assert shape.converged and shape.dissipated > 0
+    first = 0.8 * (ratio or 1 + 0.3 / hardening)
+    middle = 0.5 * (shape.s[1:] + shape.s[:-1])
+    wanted = np.where(middle < 0.5, first, moment / 3 - 0.4)
+    np.testing.assert_allclose(shape.element_strains[:, 1], wanted, rtol=2e-3)
+    np.testing.assert_allclose(shape.element_strains[:, [0, 2]], 0, atol=1e-9)
+    np.testing.assert_allclose(np.abs(shape.gripper_wrench[4]), moment, rtol=1e-8)
+    free = DirectSimulator(rod, basis='local', n_elements=16, gravity=(0, 0, 0))
+    back = free.solve(HERE, shape)  # a set belongs to the rod, whatever acts on it
+    np.testing.assert_allclose(back.element_strains[:, 1],
+                               np.where(middle < 0.5, first - moment, -0.4), rtol=3e-3)
