@@ -281,6 +281,9 @@ class DirectSimulator(Value):
         if self.method != 'newton':
             raise InvalidTask(f'method = {self.method!r}: expected a simulator with \'newton\' '
                               'where motions are simulated')
+        if self.surroundings.has_moments:
+            raise InvalidTask('point_loads: expected forces alone in a motion, dead moments have '
+                              'no potential')
         if initial is not None and initial.far_end is not None:
             raise InvalidTask('initial is held at its far end: expected a Shape whose far end is '
                               'free, as it is in the motion')
