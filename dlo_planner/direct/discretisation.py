@@ -11,9 +11,9 @@ from dlo_planner.energy.contact import Contacts
 from dlo_planner.energy.distance import build_scene
 from dlo_planner.energy.hold import Hold
 from dlo_planner.energy.loads import node_forces, node_masses, node_moments
-from dlo_planner.energy.plastic import Layers
+from dlo_planner.energy.plastic import set_strains
 from dlo_planner.energy.potential import System
-from dlo_planner.model.section import yielding_layers
+from dlo_planner.energy.yielding import yielding_layers
 from dlo_planner.model.value import Value, freeze, put, same
 from dlo_planner.ritz.series import orthonormal_basis
 
@@ -46,17 +46,17 @@ class Discretisation(Value):
             scale = np.sqrt(rod.stiffness) / stiffness
         pull = (-node_masses(rod, s)[:, None] * surroundings.gravity
                 - node_forces(surroundings, s))
-        share, limit = _layers(rod)
+        layers = yielding_layers(rod, stiffness)
         weight = np.linalg.norm(pull, axis=1).sum()
         bend = min(rod.stiffness[1:]) / rod.length**2
         scene = build_scene(surroundings.obstacles, rod.radius or 0.0)
         put(self, spring=_STIFF_CONTACT * (weight + bend) / rod.length,
             _hold_spring=(_STIFF_CONTACT * weight + _STIFF_HOLD * bend) / rod.length,
-            _start=History.none(s, len(share), scene.kind.size, surroundings))
+            _start=History.none(s, layers.set.shape[1], scene.kind.size, surroundings))
         put(self, _system=System(
             lengths, rod.mean_natural_strains(s), stiffness, scale,
             orthonormal_basis(basis, n_terms, s), pull, np.eye(3), np.zeros((0, 3)), np.zeros(0),
-            Layers(share, limit, self._start.set.copy()), self._free, scene,
+            layers, self._free, scene,
             self._contacts(self._start, np.zeros(3)), np.zeros((0, 3)), 0.0))
 
     def __reduce__(self):
@@ -198,17 +198,6 @@ class Discretisation(Value):
 
     def stress_free(self, history):
         """Return (N, 3) the strains at which no moment acts, 1/m: natural ones plus the set."""
-        layers = self._system.layers
-        share = layers.share[:, [0, 1, 1]]
-        return self.natural + np.einsum('ejk,jk->ek', self.past(history).set, share)
-
-
-def _layers(rod):
-    """Return share (J, 2) and limit (J, 3) of a rod; J = 0 if it does not yield."""
-    if not rod.yields:
-        return np.zeros((0, 2)), np.zeros((0, 3))
-    share, multiples = yielding_layers(rod.section_model, rod.hardening)
-    bending = rod.yield_curvature or (np.inf, np.inf)
-    torsion = rod.yield_torsion or np.inf
-    return share, np.column_stack([multiples[:, 0] * torsion, multiples[:, 1] * bending[0],
-                                   multiples[:, 1] * bending[1]])
+        system = self._system
+        layers = system.layers._replace(set=self.past(history).set.copy())
+        return self.natural + set_strains(system.stiffness, layers)

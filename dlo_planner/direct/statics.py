@@ -9,7 +9,7 @@ from dlo_planner.direct.contacts import contacts_of, points_of
 from dlo_planner.direct.history import History
 from dlo_planner.direct.moments import balanced
 from dlo_planner.direct.shape import Shape
-from dlo_planner.energy.plastic import settled
+from dlo_planner.energy.plastic import add_plastic, settled
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.minimize.methods import search
 from dlo_planner.minimize.multipliers import HELD_NEUTRAL, constrained_newton
@@ -74,10 +74,7 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None):
     load = discretisation.load
     new_set, lost = history.set, 0.0
     if system.layers.share.size:
-        new_set, lost = settled(system.lengths, state.strains, system.natural, system.stiffness,
-                                system.layers)
-        # a damper among the layers has no set
-        new_set = new_set[:, :history.set.shape[1]].copy()
+        new_set, lost = settled(system.lengths, state.strains, system.natural, system.layers)
     if (system.natural is discretisation.natural and discretisation.isometric
             and not system.layers.share.size):
         stored = 0.5 * float(np.vdot(state.q, state.q))  # what the unknowns are scaled for
@@ -107,15 +104,14 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None):
 
 
 def elastic_energy(discretisation, strains, plastic_set):
-    """Return the stored energy in J of element strains (N, 3) with a set (N, J, 3)."""
+    """Return the stored energy in J of element strains (N, 3) with a set (N, J)."""
     system = discretisation.static
-    lengths = system.lengths[:, None]
-    bent = strains - system.natural
     if not system.layers.share.size:
-        return 0.5 * float(np.sum(lengths * system.stiffness * bent**2))
-    share = system.layers.share[:, [0, 1, 1]]
-    away = bent[:, None, :] - plastic_set
-    return 0.5 * float(np.sum(lengths[:, :, None] * system.stiffness[:, None] * share * away**2))
+        bent = strains - system.natural
+        return 0.5 * float(np.sum(system.lengths[:, None] * system.stiffness * bent**2))
+    layers = system.layers._replace(set=plastic_set.copy())
+    return add_plastic(system.lengths, strains.copy(), system.natural, system.stiffness, layers,
+                       np.zeros_like(strains))
 
 
 _NOTHING = np.zeros(6)

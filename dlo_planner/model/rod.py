@@ -44,10 +44,12 @@ class Rod(Value):
         yield_curvature: curvature since the stress-free shape beyond which bending is plastic,
             1/m; one number, or (about n, about b); None: never
         yield_torsion: the same for torsion, 1/m
-        section_model: how it goes on yielding: 'ideal' (the moment stays), or with an elastic
-            core, 'round' or 'rectangular'; see `model.section`
+        section_model: how it goes on yielding: 'fibres' of its section, 'round' or 'rectangular':
+            fibres of such a section with this stiffness and these thresholds; 'ideal' (the paper's:
+            all at once, the moment stays); None: 'fibres' with a section, else 'ideal'
         hardening: part of the stiffness that never yields, 0 <= hardening < 1
         max_bend_curvature: curvature not to be exceeded, 1/m; None: any
+        section: Section, where its fibres, or strain and stress at the surface, are asked for
         section: Section, where strain and stress at the surface are asked for
         nodes: further arc lengths in m at which every mesh has a node, as where something jumps
 
@@ -67,7 +69,7 @@ class Rod(Value):
     radius: Along | None = None
     yield_curvature: float | tuple[float, float] | None = None
     yield_torsion: float | None = None
-    section_model: str = 'ideal'
+    section_model: str | None = None
     hardening: float = 0.0
     max_bend_curvature: float | None = None
     section: Section | None = None
@@ -90,8 +92,8 @@ class Rod(Value):
         if self.yield_curvature is not None:
             put(self, yield_curvature=pair('Rod.yield_curvature', self.yield_curvature,
                                             'a threshold or (about n, about b)', above=0))
-        choice('Rod.section_model', self.section_model, MODELS, InvalidRod)
         instance('Rod.section', self.section, Section, InvalidRod, optional=True)
+        put(self, section_model=self._checked_model())
         put(self, nodes=tuple(row('Rod.nodes', self.nodes, InvalidRod, least=0, minimum=0,
                                   maximum=self.length).tolist()))
         probes = np.linspace(0, self.length, 9)
@@ -121,6 +123,23 @@ class Rod(Value):
             raise InvalidRod(expected) from None
         return tuple((number('Rod.point_masses s', s, InvalidRod, minimum=0, maximum=self.length),
                       number('Rod.point_masses kg', m, InvalidRod, minimum=0)) for s, m in masses)
+
+    def _checked_model(self):
+        model = self.section_model
+        if model is None:
+            return 'ideal' if self.section is None else 'fibres'
+        choice('Rod.section_model', model, MODELS, InvalidRod)
+        if model == 'fibres' and self.section is None:
+            raise InvalidRod("Rod.section_model = 'fibres': expected 'round', 'rectangular' or "
+                             "'ideal' where Rod.section is None")
+        return model
+
+    @property
+    def section_outline(self) -> tuple[str, float]:
+        """What yields: 'round', 'tube', 'rectangular', 'ideal'; its bore as part of the radius."""
+        if self.section_model != 'fibres':
+            return self.section_model, 0.0
+        return self.section.kind, self.section.inner / self.section.half_n
 
     @cached_property
     def stiffness(self) -> np.ndarray:
