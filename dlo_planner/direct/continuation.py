@@ -12,14 +12,20 @@ _SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length
 _HALVINGS = 7    # a step is cut into 2^7 parts at most before a leap counts as a jump
 _LEAP = 0.1      # rad: change of shape that a vanishing step of the gripper cannot cause
 _LOST_OF_WORK, _LOST_OF_ELASTIC = 0.2, 0.05  # of energy, by more than which a held DLO has fallen
+_SAME = 1e-3      # rad: two shapes that differ by less are one
 _FOLLOWING = 3.0  # rad of shape per rad of the gripper: more is looked at in smaller steps
 
 
 def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
     """Return the Shape at `gripper` that continues `previous`; its `jumped` says if none does.
 
+    None does where the shape changes more than the step can cause, and where the way down from
+    `previous` leads off an unstable shape, however small the step: what it continues as has
+    lost its stability there, and the DLO takes one of several sides (a pitchfork).
+
     Args:
-        equilibrium: function (gripper, initial, far_end) -> (Shape, kicks)
+        equilibrium: function (gripper, initial, far_end) -> (Shape, how often an unstable shape
+            was left on the way to it)
         previous: Shape at the pose where the step starts
         gripper: Pose where it ends
         far_end: FarEnd where it ends, or None
@@ -31,8 +37,8 @@ def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
         shape, kicks = equilibrium(gripper, previous, far_end)
         return replace(shape, jumped=shape.jumped or kicks > 0 or fell(previous, shape))
     if turn <= _LONGEST_TURN or halvings == 0:
-        shape, _ = equilibrium(gripper, previous, None)
-        if shape.converged and not fell(previous, shape):
+        shape, kicks = equilibrium(gripper, previous, None)
+        if shape.converged and not kicks and not fell(previous, shape):
             return shape
         if halvings == 0:
             return replace(shape, jumped=True)
@@ -42,6 +48,22 @@ def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
         return replace(middle if turn > _LONGEST_TURN else shape, jumped=True)
     shape = follow(equilibrium, middle, gripper, None, halvings - 1)
     return replace(shape, jumped=shape.jumped or middle.jumped)
+
+
+def leapt(equilibrium, previous, shape, kicks):
+    """Return whether `shape`, found from `previous` in one step, does not continue it.
+
+    Args:
+        equilibrium, previous: as for `follow`
+        shape: what `equilibrium` returned for the whole step, and `kicks` with it
+    """
+    if fell(previous, shape) or kicks and shape.far_end is not None:
+        return True
+    if not kicks:
+        return False
+    # A long step may pass by unstable shapes that the motion itself does not meet.
+    followed = follow(equilibrium, previous, shape.gripper)
+    return followed.jumped or shape_change(followed, shape) > _SAME
 
 
 def fell(previous, shape):

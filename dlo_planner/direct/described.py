@@ -12,9 +12,8 @@ import numpy as np
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.statics import TOLERANCE, shape_of
 from dlo_planner.energy.potential import evaluate, new_state
-from dlo_planner.minimize.dfp import dfp
-from dlo_planner.minimize.downhill_simplex import downhill_simplex
-from dlo_planner.minimize.newton import descend
+from dlo_planner.minimize.methods import SEARCHES, judged
+from dlo_planner.minimize.newton import MOST_KICKS
 from dlo_planner.minimize.protocol import Problem
 from dlo_planner.ritz.paper_strains import from_components, to_components
 from dlo_planner.ritz.series import orthonormal_basis
@@ -24,7 +23,7 @@ _SLIGHT = 1e-2  # rad over the length
 
 
 def described_equilibrium(discretisation, gripper, strains, method, history):
-    """Return the Shape whose (q_d, q_kappa, q_tau) are series.
+    """Return the Shape whose (q_d, q_kappa, q_tau) are series, and how often it left a saddle.
 
     `residual` is that of the series' coefficients; `stability` is the DLO's own, freed from them.
 
@@ -61,7 +60,28 @@ def described_equilibrium(discretisation, gripper, strains, method, history):
             cosine * by_strain[:, 1] + sine * by_strain[:, 2], by_strain[:, 0]])
         return energy, (basis.T @ slope * unit).ravel()
 
+    bend = np.sqrt(stiffness / length)
+    problem = Problem(value, value_and_gradient, bend)
+    iterations = evaluations = kicks = 0
+    while True:
+        start = weighted.T @ _described(system, state, strains) / unit
+        found = SEARCHES[method](problem, start.ravel(), TOLERANCE)
+        iterations, evaluations = iterations + found.iterations, evaluations + found.evaluations
+        _, gradient = value_and_gradient(found.q)
+        residual = np.linalg.norm(gradient) / np.hypot(np.linalg.norm(state.q), bend)
+        _, _, stability, kicked = judged(system, state.q.copy(), TOLERANCE)
+        if kicked is None or kicks >= MOST_KICKS:
+            break
+        strains, kicks = system.natural + system.scale * kicked, kicks + 1
+    shape = shape_of(free, gripper, (state, residual, stability, iterations, kicks, system, 0.0),
+                     history)
+    return replace(shape, evaluations=evaluations), kicks
+
+
+def _described(system, state, strains):
+    """Return (N, 3) q_d, q_kappa, q_tau of component strains (N, 3), slightly bent at least."""
     start = from_components(strains - system.natural)
+    length = system.lengths.sum()
     if np.abs(start[:, 1]).max() * length < _SLIGHT:
         state.q[:] = 0.0
         evaluate(system, state)
@@ -69,12 +89,4 @@ def described_equilibrium(discretisation, gripper, strains, method, history):
         start[:, 0] = towards[np.argmax(towards[:, 1]), 0]
         start[:, 1] = _SLIGHT / length
     start[:, 0] = np.unwrap(start[:, 0])
-    bend = np.sqrt(stiffness / length)
-    found = {'dfp': dfp, 'downhill_simplex': downhill_simplex}[method](
-        Problem(value, value_and_gradient, bend), (weighted.T @ start / unit).ravel(), TOLERANCE)
-    _, gradient = value_and_gradient(found.q)
-    residual = np.linalg.norm(gradient) / np.hypot(np.linalg.norm(state.q), bend)
-    _, _, stability, _, _ = descend(system, state.q, TOLERANCE, 0, True)
-    shape = shape_of(free, gripper, (state, residual, stability, found.iterations, 0, system, 0.0),
-                     history)
-    return replace(shape, evaluations=found.evaluations)
+    return start

@@ -16,7 +16,6 @@ from dlo_planner.direct.integrator import Course, Scheme
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.statics import elastic_energy, shape_of, solve
 from dlo_planner.energy.loads import node_masses
-from dlo_planner.energy.plastic import Layers
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.newton import newton
@@ -115,11 +114,9 @@ def _moving(discretisation, gripper, history, masses, nodes, bends, scheme):
     if not layers.share.size:  # two springs make one
         natural = (system.natural + firm * calm) / (1 + firm)
         return system._replace(natural=natural, stiffness=system.stiffness * (1 + firm))
-    own = (calm - system.natural)[:, None, :]
-    return system._replace(layers=Layers(
-        np.vstack([layers.share, [[firm, firm]]]),
-        np.vstack([layers.limit, np.full((1, 3), np.inf)]),
-        np.concatenate([layers.set, own], axis=1)))
+    # here it is one with what never yields
+    couple = layers.couple + firm * system.stiffness * (calm - system.natural)
+    return system._replace(layers=layers._replace(firm=layers.firm + firm, couple=couple))
 
 
 def _let_go(discretisation, grippers, masses, strains, history, dt):

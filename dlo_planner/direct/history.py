@@ -14,7 +14,7 @@ class History(Value):
 
     Attributes:
         s: (N + 1,) the mesh it is given on, m
-        set: (N, J, 3) plastic strain of each layer, 1/m; (N, 0, 3) for an elastic DLO
+        set: (N, J) plastic strain of each spring, 1/m, see `energy.plastic`; (N, 0) if elastic
         lost: energy lost to plastic deformation so far, J
         node_force: (M, N + 1) force of each obstacle on each node, N
         points: dict of arrays, contacts inside elements and points of friction, world frame
@@ -39,23 +39,21 @@ class History(Value):
             freeze(self.points)
 
     @classmethod
-    def none(cls, s, layers, obstacles, of=None):
+    def none(cls, s, springs, obstacles, of=None):
         """Return the past of a DLO that has none."""
         n = s.size - 1
-        return cls(s, np.zeros((n, layers, 3)), 0.0, np.zeros((obstacles, n + 1)), NO_POINTS,
+        return cls(s, np.zeros((n, springs)), 0.0, np.zeros((obstacles, n + 1)), NO_POINTS,
                    np.zeros((0, 3)), np.zeros((0, 3)), of)
 
     def on(self, s):
         """Return the same past on another mesh `s` (n + 1,); forces of contact are forgotten."""
         if s is self.s or np.array_equal(s, self.s):
             return self
-        n, layers = s.size - 1, self.set.shape[1]
-        moved = mapped(self.s, self.set.reshape(len(self.set), -1), s).reshape(n, layers, 3)
         positions = self.positions
         if len(positions):
             positions = np.column_stack([np.interp(s, self.s, column) for column in positions.T])
-        return replace(self, s=s, set=moved, positions=positions).without_contacts(
-            self.node_force.shape[0])
+        moved = replace(self, s=s, set=mapped(self.s, self.set, s), positions=positions)
+        return moved.without_contacts(self.node_force.shape[0])
 
     def holding(self, later):
         """Return the same past with the forces of contacts and grips of a `later` one."""

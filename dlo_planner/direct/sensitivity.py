@@ -31,6 +31,8 @@ class Sensitivity:
     def __init__(self, shape):
         if shape._discretisation is None or shape._before is None:
             raise InvalidTask('shape: expected one that comes from a simulator')
+        if shape._discretisation.surroundings.has_moments:
+            raise InvalidTask('shape: expected one without dead moments, which have no potential')
         self.shape = shape
         here, gripper = shape._discretisation, shape.gripper
         # the past before the step: what yields in it, yields along with the gripper

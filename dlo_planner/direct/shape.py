@@ -57,7 +57,8 @@ class Shape(Value):
         iterations: Newton steps; evaluations: of the potential, where the method counts them
         converged: the residual is below 1e-8, the shape is stable or neutral, no constraint is
             violated by more than 1e-6 of the length, and a requested accuracy was reached
-        jumped: the shape is not the continuation of the one it was started from
+        jumped: the shape is not the continuation of the one it was started from, or the one of
+            several into which that one parts
         contacts: tuple of Contact, by s
         violation: by how much a constraint (contact, far end) is violated, m
         far_end: FarEnd, what holds the far end; None if it is free

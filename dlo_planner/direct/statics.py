@@ -7,14 +7,13 @@ import numpy as np
 
 from dlo_planner.direct.contacts import contacts_of, points_of
 from dlo_planner.direct.history import History
+from dlo_planner.direct.moments import balanced
 from dlo_planner.direct.shape import Shape
-from dlo_planner.energy.plastic import settled
-from dlo_planner.energy.potential import bend_energy, evaluate, new_state, unknowns_of
-from dlo_planner.minimize.dfp import dfp
-from dlo_planner.minimize.downhill_simplex import downhill_simplex
+from dlo_planner.energy.plastic import add_plastic, settled
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.minimize.methods import search
 from dlo_planner.minimize.multipliers import HELD_NEUTRAL, constrained_newton
 from dlo_planner.minimize.newton import NEUTRAL, newton
-from dlo_planner.minimize.protocol import Problem
 
 TOLERANCE = 1e-10  # of the residual; the last step of a quadratic method overshoots it
 CONVERGED = 1e-8   # what is promised
@@ -24,9 +23,6 @@ KEPT = 1e-6        # of the length: violation that still counts as converged
 MAX_ITERATIONS = 1000
 
 
-METHODS = ('newton', 'dfp', 'downhill_simplex')
-
-
 def equilibrium(discretisation, gripper, strains, method='newton', history=None, far_end=None):
     """Return the Shape that the DLO falls into from the given strains, and how often it kicked.
 
@@ -34,23 +30,18 @@ def equilibrium(discretisation, gripper, strains, method='newton', history=None,
         discretisation: a Discretisation
         gripper: Pose
         strains: (N, 3) of the elements, 1/m, where the descent starts
-        method: of METHODS. Only 'newton' leaves a saddle; the others may end in one, and then
-            stability says so.
+        method: of METHODS
         history: History on the same mesh; None: no past
         far_end: FarEnd or None
     """
     system = discretisation.system(gripper.rotation, gripper.position, history, far_end)
     q = discretisation.unknowns(strains)
-    most = MAX_ITERATIONS
-    learnt = None
-    if method != 'newton':
-        learnt = _descend(system, q, {'dfp': dfp, 'downhill_simplex': downhill_simplex}[method])
-        q, most = learnt.q.reshape(q.shape), 0  # Newton's part is only to judge the result
-    found = solve(discretisation, system, gripper, q, history, most)
-    shape = shape_of(discretisation, gripper, found, history, far_end)
-    if learnt is not None:
-        shape = replace(shape, iterations=learnt.iterations, evaluations=learnt.evaluations)
-    return shape, found[4]
+    if method == 'newton':
+        found = solve(discretisation, system, gripper, q, history)
+        return shape_of(discretisation, gripper, found, history, far_end), found[4]
+    *found, evaluations = search(system, q, method, TOLERANCE)
+    shape = shape_of(discretisation, gripper, (*found, system, 0.0), history)
+    return replace(shape, evaluations=evaluations), found[4]
 
 
 def solve(discretisation, system, gripper, q, history, most=MAX_ITERATIONS, check=True,
@@ -63,23 +54,13 @@ def solve(discretisation, system, gripper, q, history, most=MAX_ITERATIONS, chec
     before = np.zeros((0, 3))
     if history is not None and len(history.positions):
         before = history.positions - gripper.position
-    return constrained_newton(system, q, TOLERANCE, most, check, exact * discretisation.s[-1],
-                              before)
+    def solved(system, q):
+        return constrained_newton(system, q, TOLERANCE, most, check,
+                                  exact * discretisation.s[-1], before)
 
-
-def _descend(system, q, method):
-    """Return the Minimum that `method` reaches from q (m, 3)."""
-    state = new_state(system)
-
-    def value(flat):
-        state.q[:] = flat.reshape(state.q.shape)
-        return evaluate(system, state)[0]
-
-    def value_and_gradient(flat):
-        return value(flat), state.gradient.ravel().copy()
-
-    bend = np.sqrt(bend_energy(system))
-    return method(Problem(value, value_and_gradient, bend), q.ravel().copy(), TOLERANCE)
+    if discretisation.surroundings.has_moments:
+        return balanced(solved, system, q, discretisation.moments)
+    return solved(system, q)
 
 
 def shape_of(discretisation, gripper, found, history=None, far_end=None):
@@ -93,11 +74,9 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None):
     load = discretisation.load
     new_set, lost = history.set, 0.0
     if system.layers.share.size:
-        new_set, lost = settled(system.lengths, state.strains, system.natural, system.stiffness,
-                                system.layers)
-        # a damper among the layers has no set
-        new_set = new_set[:, :history.set.shape[1]].copy()
-    if system.natural is discretisation.natural and not system.layers.share.size:
+        new_set, lost = settled(system.lengths, state.strains, system.natural, system.layers)
+    if (system.natural is discretisation.natural and discretisation.isometric
+            and not system.layers.share.size):
         stored = 0.5 * float(np.vdot(state.q, state.q))  # what the unknowns are scaled for
     else:
         stored = elastic_energy(discretisation, state.strains, new_set)
@@ -114,7 +93,7 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None):
         promised, neutral = _HELD, HELD_NEUTRAL
     converged = bool(residual < promised and stability > -neutral and kept)
     return Shape(gripper, discretisation.s, positions, state.rotations, state.strains, energy,
-                 stored, np.concatenate([state.base_force, state.base_moment]), float(residual),
+                 stored, _wrench(discretisation, state), float(residual),
                  float(stability), int(iterations), converged, contacts=touching,
                  violation=float(violation), far_end=far_end,
                  far_wrench=_NOTHING if far_end is None else _far_wrench(state),
@@ -125,18 +104,25 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None):
 
 
 def elastic_energy(discretisation, strains, plastic_set):
-    """Return the stored energy in J of element strains (N, 3) with a set (N, J, 3)."""
+    """Return the stored energy in J of element strains (N, 3) with a set (N, J)."""
     system = discretisation.static
-    lengths = system.lengths[:, None]
-    bent = strains - system.natural
     if not system.layers.share.size:
-        return 0.5 * float(np.sum(lengths * system.stiffness * bent**2))
-    share = system.layers.share[:, [0, 1, 1]]
-    away = bent[:, None, :] - plastic_set
-    return 0.5 * float(np.sum(lengths[:, :, None] * system.stiffness[:, None] * share * away**2))
+        bent = strains - system.natural
+        return 0.5 * float(np.sum(system.lengths[:, None] * system.stiffness * bent**2))
+    layers = system.layers._replace(set=plastic_set.copy())
+    return add_plastic(system.lengths, strains.copy(), system.natural, system.stiffness, layers,
+                       np.zeros_like(strains))
 
 
 _NOTHING = np.zeros(6)
+
+
+def _wrench(discretisation, state):
+    """Return force and moment (6,) on the DLO at its gripper."""
+    moment = state.base_moment
+    if discretisation.surroundings.has_moments:
+        moment = moment - discretisation.moments.sum(axis=0)
+    return np.concatenate([state.base_force, moment])
 
 
 def _far_wrench(state):
@@ -156,7 +142,8 @@ def _estimate(discretisation, gripper, strains, positions, history, far_end):
     system = finer.system(gripper.rotation, gripper.position, past, far_end)
     q = np.empty((finer.n_unknowns, 3))
     unknowns_of(system, np.repeat(strains, 2, axis=0), q)
-    if system.scene.kind.size or far_end is not None or system.layers.share.size:
+    if (system.scene.kind.size or far_end is not None or system.layers.share.size
+            or discretisation.surroundings.has_moments):
         state = solve(finer, system, gripper, q, past)[0]
     else:
         state = newton(system, q, 1e-9, 4, False)[0]

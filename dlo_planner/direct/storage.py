@@ -58,7 +58,8 @@ def unpack(shape_class, stored, prefix=''):
     if prefix + 'past_set' in stored:
         mark = prefix + 'past_point_'
         points = {key[len(mark):]: stored[key] for key in stored if key.startswith(mark)}
-        history = History(get('past_s'), get('past_set'), float(get('past_lost')),
+        past_set = get('past_set').reshape(len(get('past_set')), -1)  # older files: layers apart
+        history = History(get('past_s'), past_set, float(get('past_lost')),
                           get('past_node_force'), points, get('past_hold'), get('past_positions'))
     estimate = float(get('error_estimate'))
     values = {name: get(name) for name in _ARRAYS}

@@ -146,7 +146,21 @@ def changed(rod, parameters, x):
             values[name] = tuple(np.array(rod.bending_stiffness) * np.exp(x.pop(0)))
         else:
             values[name] = rod.torsional_stiffness * np.exp(x.pop(0))
-    return replace(rod, section=None, **values)
+    return replace(rod, section=_section(rod, values), **values)
+
+
+def _section(rod, values):
+    """Return the section whose material gives the changed stiffness; None without a section."""
+    if rod.section is None:
+        return None
+    moduli = {}
+    if 'bending_stiffness' in values:
+        moduli['youngs_modulus'] = (rod.section.youngs_modulus
+                                    * values['bending_stiffness'][0] / rod.bending_stiffness[0])
+    if 'torsional_stiffness' in values:
+        moduli['shear_modulus'] = (rod.section.shear_modulus
+                                   * values['torsional_stiffness'] / rod.torsional_stiffness)
+    return replace(rod.section, **moduli)
 
 
 def curvature_unit(rod):

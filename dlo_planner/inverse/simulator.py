@@ -62,6 +62,9 @@ class InverseSimulator(Value):
         if simulator.method != 'newton':
             raise InvalidTask(f'simulator.method = {simulator.method!r}: expected \'newton\', '
                               'which plans are made with')
+        if simulator.surroundings.has_moments:
+            raise InvalidTask('simulator.point_loads: expected forces alone where plans are made, '
+                              'dead moments have no potential')
         put(self, _given=simulator)
         yielding = None
         if not flag('may_yield', may_yield) and simulator.rod.yields:
@@ -156,6 +159,9 @@ class InverseSimulator(Value):
         if depths[-1] > _INSERTED * self.simulator.rod.length:
             raise InvalidTask(f'depths[{len(depths) - 1}] = {depths[-1]:g}: expected at most '
                               f'{_INSERTED:g} of the length')
+        if self.simulator.surroundings.point_loads:
+            raise InvalidTask('simulator.point_loads: expected none where a DLO is inserted, parts '
+                              'of it are in the bore')
         return insert(self._alone, bore, depths, start,
                       self._brief(linear_speed, angular_speed, progress, deadline))
 

@@ -31,8 +31,10 @@ _LEAN = 1e-5        # rad, of a DLO that is about to fall
 _FALLING = 2e-3     # a shift that is needed beyond this tells that it is, not that it is neutral
 _ALIKE = 0.5        # of the lower side's fall: a side that falls by more is as good
 NEUTRAL = 1e-7      # eigenvalues nearer to zero than this count as zero
-_MOST_KICKS = 10
+_NEARLY = 10 * NEUTRAL  # the same where the gradient has not vanished yet
+MOST_KICKS = 10
 _OFTEN = 3
+_UNTOLD = 100.0      # rounding errors of the energy: a gain below these is not told by it
 _HARDLY = 1e-4       # rad: a step that changes the Hessian by about as little
 _TRACE = 1e-100      # an unknown as small has no effect at any scale
 _WELL_STABLE = 0.01  # an eigenvalue that such a step cannot make doubtful
@@ -57,15 +59,17 @@ def newton(system, q, tolerance, max_iterations, check, neutral=NEUTRAL):
     Returns:
         state: at the end
         residual: scaled gradient; stability: smallest eigenvalue (nan if not `check`)
-        iterations: Newton steps made; kicks: how often a saddle was left
+        iterations: Newton steps made; kicks: how often a saddle was left, 1 at least
+            where the descent had to lean to a side
     """
     kicks = iterations = 0
     while True:
-        state, residual, stability, made, mode = descend(system, q, tolerance,
-                                                         max_iterations - iterations, check)
+        state, residual, stability, made, mode, leant = _descend(
+            system, q, tolerance, max_iterations - iterations, check)
         iterations += made
+        kicks = max(kicks, int(leant))
         steady = not check or stability > -neutral
-        if steady or iterations >= max_iterations or kicks >= _MOST_KICKS:
+        if steady or iterations >= max_iterations or kicks >= MOST_KICKS:
             break
         kicked = kick(system, state, mode)
         if kicked is None:
@@ -81,6 +85,14 @@ def descend(system, q, tolerance, max_iterations, check):
 
     Arguments and results as `newton`; the last result is the lowest mode (m, 3) in place of kicks.
     """
+    state, residual, stability, iterations, mode, _ = _descend(system, q, tolerance,
+                                                               max_iterations, check)
+    return state, residual, stability, iterations, mode
+
+
+@kernel
+def _descend(system, q, tolerance, max_iterations, check):
+    """Return what `descend` returns, and whether it had to lean to a side."""
     state = new_state(system)
     trial = new_state(system)
     hessian = new_hessian(system)
@@ -119,11 +131,15 @@ def descend(system, q, tolerance, max_iterations, check):
                 energy, noise = evaluate(system, state)
                 continue
         solve(system, hessian, -state.gradient, step)
+        if (check and shift > 0.0 and -np.sum(state.gradient * step) < _UNTOLD * noise
+                and factorise(system, hessian, _NEARLY) > 0):
+            stalled = True  # rounding errors hide the way down from a saddle: its mode has to tell
+            continue
         turn = largest_turn(system, hessian, step)
         shifted = shift
         if turn > LARGEST_TURN:
             step *= LARGEST_TURN / turn
-        energy, noise, moved, blocked = _descend(system, state, trial, step, energy, noise)
+        energy, noise, moved, blocked = _fall(system, state, trial, step, energy, noise)
         iterations += 1
         obstructed += blocked
         if moved:
@@ -133,7 +149,7 @@ def descend(system, q, tolerance, max_iterations, check):
         else:
             stalled = shift == 0.0 or shift > 1e6
             shift = max(1e-2, 10.0 * shift)
-    return state, residual, stability, iterations, mode
+    return state, residual, stability, iterations, mode, leans
 
 
 @kernel
@@ -171,7 +187,7 @@ def _leant(system, hessian, state, trial):
 
 
 @kernel
-def _descend(system, state, trial, step, energy, noise):
+def _fall(system, state, trial, step, energy, noise):
     """Fill `trial` on the way along `step` where the potential has fallen enough.
 
     Returns its energy, noise, whether there is such a point, and whether an obstacle was met.
@@ -190,7 +206,7 @@ def _descend(system, state, trial, step, energy, noise):
             blocked = True
             continue
         # Where the gain drowns in rounding errors the gradient has to tell.
-        within_noise = abs(fraction * slope) < 100 * noise
+        within_noise = abs(fraction * slope) < _UNTOLD * noise
         if (new <= energy + 1e-4 * fraction * slope
                 or (within_noise and np.sum(trial.gradient**2) < 0.9 * size)):
             return new, new_noise, True, blocked

@@ -12,7 +12,15 @@ BACK = np.array([1.0, -1.0, 1.0])  # strains, seen along the DLO in the other di
 def before(rod, end):
     """Return the Rod from 0 to `end` (m), without what is fixed to it beyond."""
     return replace(rod, length=end, tip_mass=rod.tip_mass if end == rod.length else 0.0,
+                   nodes=tuple(s for s in rod.nodes if s <= end),
                    point_masses=tuple((s, mass) for s, mass in rod.point_masses if s <= end))
+
+
+def part_of_loads(loads, rod, at, way):
+    """Return the PointLoads of `part_of_rod`, as that part knows them."""
+    places = [(rod.length if one.s is None else one.s, one) for one in loads]
+    return tuple(replace(one, s=abs(s - at)) for s, one in places
+                 if (s - at) * way > 0 or s == at and way > 0)
 
 
 def part_of_rod(rod, at, way):
@@ -25,9 +33,10 @@ def part_of_rod(rod, at, way):
     signs = tuple(BACK[1:]) if way < 0 else (1.0, 1.0)
     curvature = rod.natural_curvature
     changed = {name: SeenFrom(getattr(rod, name), at, way)
-               for name in ('mass_per_length', 'natural_twist', 'radius')
-               if callable(getattr(rod, name))}
-    return replace(rod, length=length, point_masses=tuple(masses),
+               for name in ('mass_per_length', 'natural_twist', 'bending_stiffness',
+                            'torsional_stiffness', 'radius') if callable(getattr(rod, name))}
+    nodes = tuple(abs(s - at) for s in rod.nodes if (s - at) * way > 0)
+    return replace(rod, length=length, point_masses=tuple(masses), nodes=nodes,
                    tip_mass=rod.tip_mass if way > 0 else 0.0,
                    natural_curvature=SeenFrom(curvature, at, way, signs) if callable(curvature)
                    else tuple(np.array(signs) * curvature), **changed)

@@ -34,8 +34,11 @@ class Surface(Value):
         if rod.radius is None:
             return cls()
         section = rod.section
-        if not isinstance(rod.radius, float):
-            return cls(float(rod.radii(np.linspace(0, rod.length, 1025)).max()), None, rod)
+        if callable(rod.radius):
+            breaks = np.asarray(getattr(rod.radius, 'breaks', ()), dtype=float)
+            beside = np.outer(breaks, (1 - _BESIDE, 1, 1 + _BESIDE)).ravel()
+            probes = np.append(np.linspace(0, rod.length, 1025), beside)
+            return cls(float(rod.radii(np.clip(probes, 0, rod.length)).max()), None, rod)
         if (section is not None and section.kind == 'rectangular'
                 and rod.radius == max(section.half_n, section.half_b)):
             return cls(rod.radius, (section.half_n, section.half_b))

@@ -240,10 +240,11 @@ def test_damping_is_the_same_for_a_dlo_that_could_yield(basis):
     assert np.abs(free.shapes[-1].positions - one.shapes[-1].positions).max() > 1e-3
 
 
-def test_damping_has_nothing_to_do_at_rest():
+@pytest.mark.parametrize('model', ['ideal', 'rectangular'])
+def test_damping_has_nothing_to_do_at_rest(model):
     # a naturally bent DLO that yields and is damped stays where it hangs
     rod = Rod(1.0, 0.3, (1.0, 2.0), 0.7, natural_curvature=(0.9, -0.6), damping=(0.3, 0.05),
-              yield_curvature=0.5, yield_torsion=0.3, hardening=0.2)
+              yield_curvature=0.5, yield_torsion=0.3, hardening=0.2, section_model=model)
     direct = DirectSimulator(rod, n_elements=24)
     start = direct.solve(LEVEL)
     assert start.dissipated > 0

@@ -12,7 +12,6 @@ from dlo_planner.direct.discretisation import Discretisation
     ({'n_elements': 1}, 'n_elements = 1'),
     ({'n_elements': 2.5}, 'n_elements = 2.5'),
     ({'n_terms': 0}, 'n_terms = 0'),
-    ({'n_terms': 12, 'n_elements': 8}, 'n_terms = 12'),
     ({'basis': 'splines'}, "basis = 'splines'"),
     ({'method': 'magic'}, "method = 'magic'"),
     ({'accuracy': 0.0}, 'accuracy = 0.0'),

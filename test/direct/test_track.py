@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from random_rods import random_rod
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, InvalidTask, Plane, Pose, Rod
@@ -28,6 +29,71 @@ def test_benchmark_c(wire, basis):
         error = np.linalg.norm(shape.positions - points, axis=1).max()
         assert error < 1e-4
         assert shape.error_estimate > error / 10
+
+
+@pytest.mark.parametrize('options', [
+    {'method': 'dfp'}, {'method': 'dfp', 'basis': 'local', 'n_elements': 24},
+    {'method': 'downhill_simplex', 'n_elements': 16, 'n_terms': 3}])
+def test_benchmark_c_with_the_papers_methods(wire, options):
+    grippers = [turned(angle) for angle in ANGLES]
+    shapes = DirectSimulator(wire, **options).track(grippers)
+    wanted = DirectSimulator(wire, **{**options, 'method': 'newton'}).track(grippers)
+    assert [a for a, shape in zip(ANGLES, shapes, strict=True) if shape.jumped] == [100, 80]
+    for angle, shape, newton in zip(ANGLES, shapes, wanted, strict=True):
+        assert shape.converged
+        if angle != 90:  # neutral there: it could point anywhere
+            np.testing.assert_allclose(shape.positions, newton.positions, atol=1e-7)
+
+
+def pitched(degrees, roll):
+    """Return a gripper that looks `degrees` down, with the strip's width rolled out of its edge."""
+    turn = Rotation.from_euler('y', degrees, degrees=True)
+    return Pose((0, 0, 1), (turn * Rotation.from_euler('x', 90 + roll, degrees=True)).as_quat())
+
+
+@pytest.mark.parametrize('step', [10, 5, 1.7])
+@pytest.mark.parametrize('load', [25, 40, 100])
+def test_a_strip_that_buckles_sideways_has_jumped_once(load, step):
+    # turned up from hanging, on edge: in its plane it loses its stability and takes a side
+    direct = DirectSimulator(Rod(1.0, load / 9.81, (1.0, 100.0), 2.0))
+    angles = np.arange(90.0, -90.1, -step)
+    shapes = direct.track([pitched(angle, 0.0) for angle in angles])
+    assert all(shape.converged for shape in shapes)
+    flat = [abs(shape.positions[-1, 1]) < 1e-3 for shape in shapes]
+    jumps = [shape.jumped for shape in shapes]
+    assert jumps == [here and not after for here, after in zip([True, *flat], flat, strict=False)]
+    assert sum(jumps) == 1
+    index = jumps.index(True)
+    alone = direct.solve(shapes[index].gripper, shapes[index - 1])
+    assert alone.jumped and not direct.solve(shapes[1].gripper, shapes[0]).jumped
+
+
+@pytest.mark.parametrize('step', [10, 2])
+def test_a_strip_held_aslant_bends_aside_without_a_jump(step):
+    # the same motion, 3 degrees off the edge: the side is given, and it goes there quickly
+    direct = DirectSimulator(Rod(1.0, 25 / 9.81, (1.0, 100.0), 2.0))
+    shapes = direct.track([pitched(angle, 3.0) for angle in range(90, -91, -step)])
+    assert max(abs(shape.positions[-1, 1]) for shape in shapes) > 0.6
+    assert not any(shape.jumped for shape in shapes)
+
+
+def test_smooth_motions_do_not_jump(rng):
+    # any rods, any motions: what a motion in steps a tenth as large passes without a jump
+    jumps = []
+    for _ in range(20):
+        rod, gripper = random_rod(rng, 1e3)
+        axis = rng.normal(size=3)
+        axis *= 0.15 / np.linalg.norm(axis)
+
+        def path(parts, gripper=gripper, axis=axis):
+            return [Pose.from_rotation(gripper.position, Rotation.from_rotvec(
+                axis * k / parts).as_matrix() @ gripper.rotation) for k in range(8 * parts + 1)]
+
+        direct = DirectSimulator(rod)
+        jumps.append([sum(shape.jumped for shape in direct.track(path(n))) for n in (1, 10)])
+    coarse, fine = np.array(jumps).T
+    np.testing.assert_array_equal(coarse, fine)
+    assert (fine == 0).sum() > 10
 
 
 def test_a_motion_in_a_plane_leaves_no_subnormal_numbers(wire):

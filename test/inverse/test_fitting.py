@@ -15,7 +15,7 @@ from dlo_planner import (
     Spread,
     fit_rod,
 )
-from dlo_planner.inverse.misfit import Observed
+from dlo_planner.inverse.misfit import Observed, changed
 from dlo_planner.progress import Progress
 
 TRUE = Rod(1.0, 0.07, (0.02, 0.03), 0.015, natural_curvature=(0.3, -0.2))
@@ -43,6 +43,16 @@ def test_exact_observations_give_the_exact_rod(rng, known):
     assert fit.values['torsional_stiffness'] == pytest.approx(0.015, rel=10 * tolerance)
     assert fit.values['natural_curvature'] == pytest.approx((0.3, -0.2), abs=tolerance)
     assert fit.misfit < 1e-8
+
+
+def test_a_section_goes_with_the_stiffness_that_is_fitted():
+    # what yields by the fibers of its section does so with other stiffness too
+    rod = Rod.tube(1.0, 4e-3, 3e-3, 8960.0, 110e9, 0.34, yield_stress=60e6)
+    other = changed(rod, ('bending_stiffness', 'torsional_stiffness'), np.log([1.5, 0.8]))
+    assert other.section_model == 'fibres'
+    assert other.bending_stiffness == pytest.approx(np.multiply(1.5, rod.bending_stiffness))
+    assert other.section.bending_stiffness == pytest.approx(other.bending_stiffness)
+    assert other.section.torsional_stiffness == pytest.approx(0.8 * rod.torsional_stiffness)
 
 
 @pytest.mark.parametrize(('case', 'repeats'), [('without s', 16),

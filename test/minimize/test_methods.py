@@ -6,7 +6,7 @@ from scipy.optimize import rosen, rosen_der
 
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.minimize.dfp import dfp
-from dlo_planner.minimize.downhill_simplex import downhill_simplex
+from dlo_planner.minimize.downhill_simplex import downhill_simplex, quadratic_surface
 from dlo_planner.minimize.newton import newton
 from dlo_planner.minimize.protocol import Problem
 
@@ -58,12 +58,44 @@ def test_downhill_simplex_agrees_with_newton(wire):
     assert two.iterations > 10 * one.iterations
 
 
-def test_a_saddle_is_not_called_a_shape():
+def test_the_simplex_keeps_the_promise(wire, curly):
+    for rod in (wire, curly):
+        for terms in (2, 5):
+            shape = DirectSimulator(rod, n_elements=16, n_terms=terms,
+                                    method='downhill_simplex').solve(TILTED)
+            assert shape.converged and shape.residual < 1e-8
 
-    rod = Rod(1.0, 20 / 9.81, 1.0, 0.75)
-    shape = DirectSimulator(rod, method='dfp').solve(Pose.looking_along((0, 0, 0), (0, 0, 1)))
-    assert shape.stability < 0
-    assert not shape.converged
+
+def test_a_quadratic_surface_through_a_quadratic_is_exact(rng):
+    matrix, slope = rng.normal(size=(2, 5, 5))
+    matrix, slope, at = matrix + matrix.T, slope[0], rng.normal(size=5)
+    gradient, hessian = quadratic_surface(lambda q: 3 + slope @ q + 0.5 * q @ matrix @ q, at, 0.1)
+    np.testing.assert_allclose(gradient, slope + matrix @ at, atol=1e-11)
+    np.testing.assert_allclose(hessian, matrix, atol=1e-10)
+
+
+def test_a_quadratic_surface_is_of_second_order():
+    at = np.array([0.3, -0.7])
+    errors = [np.abs(quadratic_surface(rosen, at, edge)[0] - rosen_der(at)).max()
+              for edge in (1e-3, 5e-4)]
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.05)
+
+
+@pytest.mark.parametrize('options', [
+    {'method': 'dfp'}, {'method': 'dfp', 'basis': 'local', 'n_elements': 16},
+    {'method': 'dfp', 'strains': 'paper'},
+    {'method': 'downhill_simplex', 'n_elements': 16, 'n_terms': 3}])
+@pytest.mark.parametrize('stiffness', [1.0, (1.0, 3.0)])
+def test_a_saddle_is_left(stiffness, options):
+    # upright and above Greenhill's load, where standing straight is stationary
+    rod = Rod(1.0, 20 / 9.81, stiffness, 0.75)
+    upright = Pose.looking_along((0, 0, 0), (0, 0, 1))
+    shape = DirectSimulator(rod, **options).solve(upright)
+    wanted = DirectSimulator(rod, **{**options, 'method': 'newton',
+                                     'strains': 'components'}).solve(upright)
+    assert shape.converged and shape.stability > -1e-7
+    assert shape.energy == pytest.approx(wanted.energy, rel=1e-4)
+    assert shape.positions[-1, 2] == pytest.approx(wanted.positions[-1, 2], abs=5e-3)
 
 
 def test_every_newton_step_lowers_the_energy(wire_with_load):

@@ -217,7 +217,6 @@ def test_parameters_change_at_run_time(client):
     ('rod__poisson_ratio', 0.9, 'rod.poisson_ratio'),
     ('rod__section', 'oval', "rod.section = 'oval'"),
     ('rod__bending_stiffness', [1.0, 2.0, 3.0], None),  # unused by a round section: accepted
-    ('simulator__n_terms', 100, 'n_terms = 100'),
     ('simulator__basis', 'splines', "basis = 'splines'"),
     ('gravity', [0.0, float('nan'), 0.0], 'gravity'),
     ('tool__orientation', [0.0, 0.0, 0.0, 0.0], 'Pose.quaternion'),

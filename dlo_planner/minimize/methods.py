@@ -1,0 +1,56 @@
+"""The paper's two minimisers, and how they come to end in a minimum.
+
+Both stop where the gradient vanishes, which may be a saddle. What they reach is judged as what
+Newton's method reaches, and a saddle is left in the same way: kicked along its lowest mode.
+"""
+
+import numpy as np
+
+from dlo_planner.energy.potential import bend_energy, evaluate, new_state
+from dlo_planner.minimize.dfp import dfp
+from dlo_planner.minimize.downhill_simplex import downhill_simplex
+from dlo_planner.minimize.newton import MOST_KICKS, NEUTRAL, descend, kick
+from dlo_planner.minimize.protocol import Problem
+
+SEARCHES = {'dfp': dfp, 'downhill_simplex': downhill_simplex}
+METHODS = ('newton', *SEARCHES)
+
+
+def search(system, q, method, tolerance):
+    """Descend from q (m, 3) to a minimum of the potential, as `minimize.newton.newton` does.
+
+    Args:
+        method: key of SEARCHES
+        tolerance: of the residual
+
+    Returns:
+        state, residual, stability, iterations, kicks: as `newton`
+        evaluations: of the potential
+    """
+    state = new_state(system)
+
+    def value(flat):
+        state.q[:] = flat.reshape(state.q.shape)
+        return evaluate(system, state)[0]
+
+    def value_and_gradient(flat):
+        return value(flat), state.gradient.ravel().copy()
+
+    problem = Problem(value, value_and_gradient, np.sqrt(bend_energy(system)))
+    iterations = evaluations = kicks = 0
+    while True:
+        found = SEARCHES[method](problem, q.ravel().copy(), tolerance)
+        iterations, evaluations = iterations + found.iterations, evaluations + found.evaluations
+        reached, residual, stability, kicked = judged(system, found.q.reshape(q.shape), tolerance)
+        if kicked is None or kicks >= MOST_KICKS:
+            return reached, residual, stability, iterations, kicks, evaluations
+        q, kicks = kicked, kicks + 1
+
+
+def judged(system, q, tolerance):
+    """Return State, residual and stability at q (m, 3), and unknowns beside it if it is a saddle.
+
+    The last is None at a minimum, and where no way down is found.
+    """
+    state, residual, stability, _, mode = descend(system, q, tolerance, 0, True)
+    return state, residual, stability, None if stability > -NEUTRAL else kick(system, state, mode)
