@@ -6,7 +6,7 @@ there, y'' = stiffness (y - anchor), so a step is a minimisation (Eq. 9 to 11 of
 that acceleration is in balance with the forces at the same instant.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,9 +67,33 @@ class Scheme:
         return Course(position, velocity + self.drag * away, acceleration,
                       self._mean_acceleration(before, acceleration))
 
+    def error(self, times, positions):
+        """Return the local error (m) of a step, to leading order: the largest of a node.
+
+        What the scheme's position differs by from Taylor's series of the true one:
+        (1/6 - beta - (alpha_f - alpha_m) / 2) dt^3 x'''. Accelerations are no measure of it: they
+        are those that keep the DLO's length, and tell of changes of the step as well.
+
+        Args:
+            times: 4 of them, s, the last one at the end of the step
+            positions: 4 arrays (N + 1, 3) at these times, m
+        """
+        third = _divided(times, positions)
+        part = 6 * abs(1 / 6 - self.beta - 0.5 * (self.alpha_f - self.alpha_m)) * self.dt**3
+        return part * float(np.sqrt(np.max(np.sum(third**2, axis=1))))
+
     def _mean_acceleration(self, before, acceleration):
         return ((1 - self.alpha_f) * acceleration + self.alpha_f * before.acceleration
                 - self.alpha_m * before.mean) / (1 - self.alpha_m)
+
+
+def _divided(times, values):
+    """Return the divided difference (an array) of all `values` (arrays) at `times`."""
+    values = list(values)
+    for order in range(1, len(times)):
+        values = [(later - earlier) / (times[k + order] - times[k])
+                  for k, (earlier, later) in enumerate(zip(values, values[1:], strict=False))]
+    return values[0]
 
 
 @dataclass(frozen=True)
@@ -87,6 +111,13 @@ class Course:
     mean: np.ndarray
 
     @classmethod
-    def at_rest(cls, position, acceleration):
-        """Return the course of something that is let go."""
-        return cls(position, np.zeros_like(position), acceleration, acceleration)
+    def begun(cls, position, velocity, acceleration):
+        """Return the course of something that begins to move freely."""
+        return cls(position, velocity, acceleration, acceleration)
+
+    def stretched(self, ratio):
+        """Return the same course for steps that are `ratio` times as long as the last one.
+
+        `mean` is ahead of `acceleration` by a part of the step.
+        """
+        return replace(self, mean=self.acceleration + ratio * (self.mean - self.acceleration))
