@@ -7,13 +7,12 @@ import numpy as np
 from dlo_planner.direct.accuracy import past_of
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.statics import shape_of, solve
-from dlo_planner.energy.potential import placed
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import array, returned, vector
 from dlo_planner.model.pose import angle_between
 
 _SAME_POSE = 1e-6    # of the length, and rad: poses nearer to each other are the same
-_SAME_SHAPE = 1e-9   # of the length: nodes nearer to where their strains put them are there
+_SAME = 1e-9         # of the length, of the energy: what differs by less is the same
 _DEEP = 1e-3         # of the length: a DLO so far inside an obstacle is no state of a motion
 _FINEST = 96         # elements at least, where an accuracy chooses the mesh
 _DIFFERENT = 0.1     # of the velocities: what grips and inextensibility may change of them
@@ -51,13 +50,13 @@ def first_shape(discretisation, gripper, far_end, initial, history):
         _meets('initial', 'far end', 'far_ends[0]', end,
                replace(pose, position=_held(far_end, end.position)), length)
     history = past_of(discretisation, initial, history)
-    first = initial
-    if initial._discretisation is not discretisation or not _fits(discretisation, initial):
-        system = discretisation.system(gripper.rotation, gripper.position, history, far_end)
-        q = discretisation.unknowns(discretisation.strains_from(initial.s, initial.element_strains))
-        found = solve(discretisation, system, gripper, q, history, 0, False)
-        # nothing was solved yet that could have failed
-        first = replace(shape_of(discretisation, gripper, found, history, far_end), converged=True)
+    system = discretisation.system(gripper.rotation, gripper.position, history, far_end)
+    q = discretisation.unknowns(discretisation.strains_from(initial.s, initial.element_strains))
+    found = solve(discretisation, system, gripper, q, history, 0, False)
+    # nothing was solved yet that could have failed
+    first = replace(shape_of(discretisation, gripper, found, history, far_end), converged=True)
+    if initial._discretisation is discretisation and _alike(first, initial):
+        first = initial
     if first.converged and first.violation > _DEEP * length:
         raise InvalidTask(f'initial: expected a Shape outside of all obstacles, it is '
                           f'{first.violation:.3g} m inside one')
@@ -78,11 +77,11 @@ def _meets(name, what, where, pose, wanted, length):
                           f'motion begins; it is {shift:.3g} m away and {turn:.3g} rad turned')
 
 
-def _fits(discretisation, shape):
-    """Whether the nodes of a Shape are where its strains put them."""
-    state = placed(discretisation.system(shape.gripper.rotation), shape.element_strains.copy())
-    away = np.abs(state.positions + shape.gripper.position - shape.positions).max()
-    return away <= _SAME_SHAPE * shape.s[-1]
+def _alike(one, other):
+    """Whether two Shapes on one mesh are the same, and know the same energy."""
+    away = np.abs(one.positions - other.positions).max()
+    size = abs(one.energy) + one.elastic_energy
+    return away <= _SAME * one.s[-1] and abs(one.energy - other.energy) <= _SAME * size
 
 
 def nodes_velocity(velocity, initial, first):

@@ -13,8 +13,11 @@ from dlo_planner.direct.stepping import Stepper
 
 _HALVINGS = 12       # of an interval between two instants, at most
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
+_NOISE = 1e-5        # of weight times length and of a bend by 1 rad: the same, at rest
 _PART = 1 / 64       # of the tolerance: what one step may add to the error
 _WELL_WITHIN = 0.6   # of that: a step of twice the length, with 8 times the error, may be tried
+_CALM = 16           # steps that all were well within, before it is
+_OF_IMPACTS = 3      # halvings for its error of a step in which the DLO meets an obstacle
 _GAIN = 1e-3         # of the energy that has moved: what a motion may gain by rounding and errors
 
 
@@ -66,8 +69,8 @@ def _run(stepper, first, plan, progress):
     """
     whole = 1 << _HALVINGS
     now, past = first, _before(first.nodes, stepper.dt)
-    reached, steps, local, level = [first], [], 0.0, 0
-    books = _Books(first)
+    reached, steps, local, level, calm = [first], [], 0.0, 0, 0
+    books = _Books(first, stepper.discretisation)
     while len(reached) < plan.instants:
         begin, at = len(reached) - 1, 0
         while at < whole:
@@ -80,11 +83,14 @@ def _run(stepper, first, plan, progress):
             tail = [*past, (place * stepper.dt, after.nodes.position)]
             error = _scheme(stepper, plan.integrator, level).error(*zip(*tail, strict=True))
             if not last_try and not (after.shape.converged and books.hold(after)
-                                     and error <= _PART * plan.tolerance):
-                level += 1
+                                     and (error <= _PART * plan.tolerance
+                                          or after.impact and level >= _OF_IMPACTS)):
+                level, calm = level + 1, 0
                 continue
-            if not (after.shape.converged and books.hold(after)):
+            if not (after.shape.converged
+                    and (books.hold(after) or plan.integrator == 'paper')):
                 status = 'energy' if after.shape.converged else 'unsolved'
+                after = replace(after, shape=replace(after.shape, converged=False))
                 return ([*reached, after], steps, local, status,
                         _reason(status, stepper, now, place))
             books.enter(after)
@@ -92,17 +98,17 @@ def _run(stepper, first, plan, progress):
             steps.append(level)
             now, past = after, tail[1:]
             at += size
-            if level and at % (2 * size) == 0 and 8 * error < _WELL_WITHIN * _PART * plan.tolerance:
-                level -= 1
+            calm = calm + 1 if 8 * error < _WELL_WITHIN * _PART * plan.tolerance else 0
+            if level and at % (2 * size) == 0 and calm >= _CALM:
+                level, calm = level - 1, 0
         reached.append(now)
         progress.done(len(reached), plan.instants)
     return reached, steps, local, 'complete', ''
 
 
 def _step(stepper, now, steps, level, place, integrator, patience):
-    if steps and steps[-1] != level:
-        ratio = 2.0 ** (steps[-1] - level)
-        now = replace(now, nodes=now.nodes.stretched(ratio), bends=now.bends.stretched(ratio))
+    if steps and steps[-1] != level and not now.impact:
+        now = stepper.renewed(now)
     return stepper.step(now, place, _scheme(stepper, integrator, level), patience)
 
 
@@ -119,8 +125,10 @@ def _before(nodes, dt):
 class _Books:
     """Says whether a motion gains energy: of that which has moved so far, at most a small part."""
 
-    def __init__(self, first):
-        self._begun = self._least = first.balance
+    def __init__(self, first, mesh):
+        self._noise = _NOISE * (np.abs(mesh.load).sum() * mesh.rod.length
+                                + max(mesh.rod.bending_stiffness) / mesh.rod.length)
+        self._least = first.balance
         self._low = self._high = first.potential
         self._most = first.kinetic
 
@@ -135,7 +143,7 @@ class _Books:
         """Whether an Instant has no more energy than there can be."""
         moved = (max(self._most, instant.kinetic) + max(self._high, instant.potential)
                  - min(self._low, instant.potential))
-        return instant.balance - self._least <= _GAIN * moved + 1e-12 * abs(self._begun)
+        return instant.balance - self._least <= _GAIN * moved + self._noise
 
 
 def _reason(status, stepper, now, place):

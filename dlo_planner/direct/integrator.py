@@ -31,14 +31,21 @@ class Scheme:
         fastest vibrations (1: all of them), and slow ones are hardly damped. 'paper' is Eq. 8 to
         10: constant acceleration over a step, taken at its end; as a Newmark method beta = 1/2,
         gamma = 1, of first order, and it damps: a vibration of angular frequency w loses the part
-        w dt / 4 of its amplitude per radian.
+        w dt / 4 of its amplitude per radian. 'euler' (for a `uniform` course) is the implicit one.
         """
+        if name == 'euler':
+            return cls(0.0, 0.0, 1.0, 1.0, dt)
         if name == 'paper':
             return cls(0.0, 0.0, 0.5, 1.0, dt)
         alpha_m = (2 * high_frequency - 1) / (high_frequency + 1)
         alpha_f = high_frequency / (high_frequency + 1)
         return cls(alpha_m, alpha_f, 0.25 * (1 - alpha_m + alpha_f) ** 2,
                    0.5 - alpha_m + alpha_f, dt)
+
+    @property
+    def first_order(self):
+        """Whether it is of first order only."""
+        return self.gamma == 1.0
 
     @property
     def stiffness(self):
@@ -115,9 +122,7 @@ class Course:
         """Return the course of something that begins to move freely."""
         return cls(position, velocity, acceleration, acceleration)
 
-    def stretched(self, ratio):
-        """Return the same course for steps that are `ratio` times as long as the last one.
-
-        `mean` is ahead of `acceleration` by a part of the step.
-        """
-        return replace(self, mean=self.acceleration + ratio * (self.mean - self.acceleration))
+    def uniform(self):
+        """Return the same course as if nothing accelerated it."""
+        none = np.zeros_like(self.position)
+        return replace(self, acceleration=none, mean=none)

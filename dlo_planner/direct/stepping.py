@@ -34,6 +34,7 @@ class Instant:
         kinetic, potential: J
         work: J, done by the grips so far; power: W, now
         losses: (3,) J, taken by damping, plasticity and friction so far; damping: W, now
+        impact: whether the DLO met or left an obstacle in the last step
     """
 
     place: float
@@ -46,6 +47,7 @@ class Instant:
     power: float
     losses: np.ndarray
     damping: float
+    impact: bool = False
 
     @property
     def balance(self) -> float:
@@ -69,13 +71,26 @@ class Stepper:
         # of the rod: 0.56 of the period of its slowest vibration, without tip mass
         self._own_time = np.sqrt((self.masses.sum() or 1.0) * rod.length**3
                                  / min(rod.bending_stiffness))
+        self._brief = Scheme.named('paper', min(_BRIEF[0] * dt, _BRIEF[1] * self._own_time))
 
     def step(self, before, place, scheme, patience=MAX_ITERATIONS):
         """Return the Instant at `place`, one step of `scheme` later; converged or not.
 
+        Where the DLO meets or leaves an obstacle the forces are impulses, of which a scheme that
+        carries accelerations along would make energy: that step is an implicit Euler's, which
+        takes the energy of the impact.
+
         Args:
             patience: Newton steps after which it counts as not solved
         """
+        after = self._step(before, place, scheme, patience)
+        if _touched(before.shape) == _touched(after.shape) or not after.shape.converged:
+            return after
+        calm = replace(before, nodes=before.nodes.uniform(), bends=before.bends.uniform())
+        after = self._step(calm, place, Scheme.named('euler', scheme.dt), patience)
+        return replace(self.renewed(after), impact=True) if after.shape.converged else after
+
+    def _step(self, before, place, scheme, patience):
         mesh = self.discretisation
         gripper, far_end = self.grips.at(place)
         history = before.shape._history
@@ -107,11 +122,15 @@ class Stepper:
         power = self.grips.power(place, shape.gripper_wrench, shape.far_wrench)
         damping = self._damping(nodes.velocity, bends.velocity)
         half = 0.5 * scheme.dt
+        work = half * (before.power + power)
+        if scheme.first_order:  # its forces are the same all the step long
+            then = self.grips.power(before.place, shape.gripper_wrench, shape.far_wrench)
+            work = half * (then + power)
         losses = before.losses + (half * (before.damping + damping),
                                   shape.dissipated - before.shape.dissipated,
                                   _rubbed(before.shape, shape))
         return Instant(place, shape, nodes, bends, self._kinetic(nodes.velocity), shape.energy,
-                       before.work + half * (before.power + power), power, losses, damping)
+                       before.work + work, power, losses, damping)
 
     def begin(self, shape, velocity=None):
         """Return the Instant at time 0 of a DLO that is free to move from now on.
@@ -123,7 +142,7 @@ class Stepper:
             velocity: (N + 1, 3) of the nodes, m/s; None: at rest
         """
         mesh = self.discretisation
-        brief = Scheme.named('paper', min(_BRIEF[0] * self.dt, _BRIEF[1] * self._own_time))
+        brief = self._brief
         strains = np.array(shape.element_strains)
         here = placed(mesh.system(shape.gripper.rotation), strains)
         positions = here.positions + shape.gripper.position
@@ -131,25 +150,47 @@ class Stepper:
         nodes, bends = (Course.begun(where, still, still) for where, still in
                         zip((positions, here.strains), rest, strict=True))
         if velocity is not None:
-            nodes, bends = self._set_going(nodes, bends, shape._history, velocity, brief)
-        state, gripper = self._shortly(nodes, bends, shape._history, brief, brief.dt)
-        ahead = brief.after(nodes, state.positions + gripper.position)
-        nodes = Course.begun(positions, nodes.velocity, ahead.acceleration)
-        ahead = brief.after(bends, state.strains)
-        bends = Course.begun(here.strains, bends.velocity, ahead.acceleration)
-        power = self.grips.power(0.0, np.concatenate([state.base_force, state.base_moment]),
+            nodes, bends = self._set_going(nodes, bends, shape._history, velocity, brief, 0.0)
+        nodes, bends, state = self._accelerated(nodes, bends, shape._history, brief, 0.0)
+        begun = Instant(0.0, replace(shape, _estimate=_unknown), nodes, bends, 0.0, shape.energy,
+                        0.0, 0.0, np.zeros(3), 0.0)
+        return self._with(begun, nodes, bends, state)
+
+    def renewed(self, instant):
+        """Return an Instant with the velocities and accelerations that its grips and forces allow.
+
+        A scheme that keeps the length by positions alone carries small parts of both along that
+        do not: harmless as long as the steps stay the same, not where they change.
+        """
+        time, history = instant.place * self.dt, instant.shape._history
+        nodes, bends = self._set_going(instant.nodes.uniform(), instant.bends.uniform(), history,
+                                       instant.nodes.velocity, self._brief, time)
+        nodes, bends, state = self._accelerated(nodes, bends, history, self._brief, time)
+        return self._with(instant, nodes, bends, state)
+
+    def _with(self, instant, nodes, bends, state):
+        """Return an Instant with other Courses; the State has the forces of the grips."""
+        power = self.grips.power(instant.place, np.concatenate([state.base_force,
+                                                                state.base_moment]),
                                  -np.concatenate([state.attached.tip_force,
                                                   state.attached.tip_moment]))
-        return Instant(0.0, replace(shape, _estimate=_unknown), nodes, bends,
-                       self._kinetic(nodes.velocity), shape.energy, 0.0, power, np.zeros(3),
-                       self._damping(nodes.velocity, bends.velocity))
+        return replace(instant, nodes=nodes, bends=bends, kinetic=self._kinetic(nodes.velocity),
+                       power=power, damping=self._damping(nodes.velocity, bends.velocity))
 
-    def _set_going(self, nodes, bends, history, velocity, brief):
+    def _accelerated(self, nodes, bends, history, brief, time):
+        """Return the Courses with their accelerations, and the kernels' State very soon after."""
+        state, gripper = self._shortly(nodes, bends, history, brief, time + brief.dt)
+        return (*(Course.begun(one.position, one.velocity, brief.after(one, there).acceleration)
+                  for one, there in ((nodes, state.positions + gripper.position),
+                                     (bends, state.strains))), state)
+
+    def _set_going(self, nodes, bends, history, velocity, brief, time):
         """Return Courses with the velocities nearest to `velocity` that the grips allow."""
         found = []
         for sign in (1.0, -1.0):
             pushed = replace(nodes, velocity=sign * velocity)
-            state, gripper = self._shortly(pushed, bends, history, brief, sign * brief.dt)
+            state, gripper = self._shortly(pushed, bends, history, brief,
+                                           time + sign * brief.dt)
             found.append((state.positions + gripper.position, state.strains))
         rates = [(ahead - back) / (2 * brief.dt) for ahead, back in zip(*found, strict=True)]
         return replace(nodes, velocity=rates[0]), replace(bends, velocity=rates[1])
@@ -202,6 +243,11 @@ def _viscous(system, bends, viscosity, scheme):
         np.vstack([layers.share, [[firm, firm]]]),
         np.vstack([layers.limit, np.full((1, 3), np.inf)]),
         np.concatenate([layers.set, own], axis=1)))
+
+
+def _touched(shape):
+    """Return how often each obstacle is touched, as something that can be compared."""
+    return sorted(contact.obstacle for contact in shape.contacts)
 
 
 def _rubbed(before, after):
