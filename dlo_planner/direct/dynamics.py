@@ -14,7 +14,7 @@ from dlo_planner.direct.stepping import Stepper
 _HALVINGS = 12       # of an interval between two instants, at most
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
 _NOISE = 1e-5        # of weight times length and of a bend by 1 rad: the same, at rest
-_PART = 1 / 64       # of the tolerance: what one step may add to the error
+_PART = 1 / 600      # of the tolerance: what one step may add to the error
 _WELL_WITHIN = 0.6   # of that: a step of twice the length, with 8 times the error, may be tried
 _CALM = 16           # steps that all were well within, before it is
 _OF_IMPACTS = 3      # halvings for its error of a step in which the DLO meets an obstacle

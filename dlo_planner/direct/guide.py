@@ -37,8 +37,8 @@ class Guide(Value):
     def at(self, place: float) -> Pose:
         """Return the Pose at `place` = time / dt."""
         nearest = round(place)
-        if self._spline is None or place == nearest:
-            return self.poses[nearest if self._spline is not None else 0]
+        if self._spline is None or place == nearest and 0 <= nearest < len(self.poses):
+            return self.poses[0 if self._spline is None else nearest]
         values = self._spline(place)
         return Pose(values[:3], values[3:])
 
@@ -86,9 +86,17 @@ class Grips(Value):
         end = None if self.far_end is None else FarEnd(self.far_end.at(place), self.grip)
         return self.gripper.at(place), end
 
-    def power(self, place: float, wrench: np.ndarray, far_wrench: np.ndarray) -> float:
-        """Return the power in W of the wrenches (6,) that the gripper and the far end exert."""
+    def power(self, place: float, wrench: np.ndarray, far_wrench: np.ndarray,
+              end: np.ndarray) -> float:
+        """Return the power in W of the wrenches (6,) that the gripper and the far end exert.
+
+        Args:
+            place: time / dt
+            end: (3,) of the free end, m; in a sleeve it is not where the sleeve's pose is
+        """
         power = wrench @ self.gripper.twist(place)
         if self.far_end is not None:
-            power += far_wrench @ self.far_end.twist(place)
+            twist = self.far_end.twist(place)
+            lever = end - self.far_end.at(place).position if self.grip == 'sleeve' else np.zeros(3)
+            power += far_wrench @ twist + far_wrench[:3] @ np.cross(twist[3:], lever)
         return float(power)

@@ -255,7 +255,7 @@ class DirectSimulator(Value):
             velocity: at time 0, m/s, world axes: (N + 1, 3) of the nodes of `initial`, or a
                 callable of s (m) that returns (3,); the nearest velocities that grips and length
                 allow are taken. None: at rest, or that of a Motion.
-            tolerance: m; a step may add 1/64 of it to the error; infinite: none is halved for its
+            tolerance: m; a step may add 1/600 of it to the error; infinite: none is halved for its
                 error; None: 1e-3 of the length. `Motion.error_estimate` tells the error.
             integrator: 'generalized_alpha' (second order) or 'paper' (Eq. 8 to 10: first order,
                 damps, in fixed steps of dt), see `direct.integrator`

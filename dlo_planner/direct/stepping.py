@@ -119,12 +119,14 @@ class Stepper:
     def _after(self, before, place, shape, scheme):
         nodes = scheme.after(before.nodes, shape.positions)
         bends = scheme.after(before.bends, shape.element_strains)
-        power = self.grips.power(place, shape.gripper_wrench, shape.far_wrench)
+        power = self.grips.power(place, shape.gripper_wrench, shape.far_wrench,
+                                 shape.positions[-1])
         damping = self._damping(nodes.velocity, bends.velocity)
         half = 0.5 * scheme.dt
         work = half * (before.power + power)
         if scheme.first_order:  # its forces are the same all the step long
-            then = self.grips.power(before.place, shape.gripper_wrench, shape.far_wrench)
+            then = self.grips.power(before.place, shape.gripper_wrench, shape.far_wrench,
+                                    shape.positions[-1])
             work = half * (then + power)
         losses = before.losses + (half * (before.damping + damping),
                                   shape.dissipated - before.shape.dissipated,
@@ -170,10 +172,11 @@ class Stepper:
 
     def _with(self, instant, nodes, bends, state):
         """Return an Instant with other Courses; the State has the forces of the grips."""
-        power = self.grips.power(instant.place, np.concatenate([state.base_force,
-                                                                state.base_moment]),
-                                 -np.concatenate([state.attached.tip_force,
-                                                  state.attached.tip_moment]))
+        attached = state.attached
+        power = self.grips.power(instant.place,
+                                 np.concatenate([state.base_force, state.base_moment]),
+                                 -np.concatenate([attached.tip_force, attached.tip_moment]),
+                                 nodes.position[-1])
         return replace(instant, nodes=nodes, bends=bends, kinetic=self._kinetic(nodes.velocity),
                        power=power, damping=self._damping(nodes.velocity, bends.velocity))
 

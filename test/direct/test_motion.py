@@ -11,6 +11,10 @@ from dlo_planner import Capsule, DirectSimulator, FarEnd, InvalidTask, Motion, P
 
 LEVEL = Pose.identity()
 DENSITY, STIFFNESS = 0.1, 0.05
+# x and z of the tip in m at hundredths of a second, in benchmark C without damping: chains of 24
+# and 48 bars (`planar_wires.links`), extrapolated
+REFERENCE_C = {50: (0.64699, -0.40074), 100: (-0.99267, 0.11679),
+               125: (0.65159, -0.38623), 150: (-0.18759, -0.39121)}
 
 
 def rod(**more):
@@ -31,7 +35,7 @@ def turn(angle):
     return at
 
 
-def shaken(t, hertz=20.0, size=0.01):
+def shaken(t, hertz=20.0, size=0.002):
     """Return place, velocity and acceleration of a gripper that begins to shake along z."""
     w = 2 * np.pi * hertz
     up, rate, change = size * (1 - np.cos(w * t)), size * w * np.sin(w * t), w * w * np.cos(w * t)
@@ -46,10 +50,10 @@ def still(t):
 CASES = {'swing': (lambda t: (0.0, 0.0, 0.0), still, 0.0, 0.8, 0.01),
          'whirl': (turn(np.pi), still, 0.0, 1.0, 0.01),
          'tip mass': (turn(0.7), still, 0.1, 1.0, 0.01),
-         'shake': (lambda t: (0.0, 0.0, 0.0), shaken, 0.0, 0.4, 0.004)}
+         'shake': (lambda t: (0.0, 0.0, 0.0), shaken, 0.0, 0.2, 0.004)}
 
 
-def motion_of(case, dt=None, tip_mass=None, **options):
+def motion_of(case, **options):
     angle, place, mass, seconds, interval = CASES[case]
     n = round(seconds / interval)
     times = interval * np.arange(n + 1)
@@ -60,12 +64,12 @@ def motion_of(case, dt=None, tip_mass=None, **options):
 
 
 def reference(case, bars=(12, 24)):
-    """Return the tips of a chain of bars with ever more of them."""
+    """Return the tips of a chain with ever more bars, and how far they may be off, m."""
     angle, place, mass, seconds, interval = CASES[case]
     times = interval * np.arange(round(seconds / interval) + 1)
     wire = Wire(1.0, DENSITY, STIFFNESS, angle, place, mass)
     coarse, fine = (links(wire, times, np.zeros(n), 1e-7) for n in bars)
-    return (4 * fine - coarse) / 3
+    return (4 * fine - coarse) / 3, np.linalg.norm(fine - coarse, axis=1).max() / 12
 
 
 def tips(motion):
@@ -76,9 +80,10 @@ def tips(motion):
 def test_a_motion_is_right_within_its_estimate(case):
     motion = motion_of(case)
     assert motion.converged
-    true = np.linalg.norm(tips(motion) - reference(case), axis=1)
-    assert true.max() < 0.05
-    assert (motion.error_estimate >= 0.1 * true - 2e-5).all()
+    known, doubtful = reference(case)
+    true = np.linalg.norm(tips(motion) - known, axis=1)
+    assert true.max() < 5e-3 + doubtful
+    assert (motion.error_estimate >= 0.1 * (true - doubtful)).all()
     assert (np.diff(motion.error_estimate) >= 0).all()
     assert motion.error_estimate[-1] < 100 * true.max() + 1e-3
     moved = motion.kinetic_energy.max() + np.ptp(motion.potential_energy)
@@ -91,9 +96,9 @@ def test_both_references_agree():
     angle, place, mass, _, _ = CASES['whirl']
     wire = Wire(1.0, DENSITY, STIFFNESS, angle, place, mass)
     times = np.linspace(0, 0.3, 16)
-    one, energies = spectral(wire, times, np.zeros(6), 6, 20, 1e-6)
-    np.testing.assert_allclose(one, (4 * links(wire, times, np.zeros(16), 1e-7)
-                                     - links(wire, times, np.zeros(8), 1e-7)) / 3, atol=5e-4)
+    one, energies = spectral(wire, times, np.zeros(8), 8, 24, 1e-6)
+    np.testing.assert_allclose(one, (4 * links(wire, times, np.zeros(24), 1e-7)
+                                     - links(wire, times, np.zeros(12), 1e-7)) / 3, atol=5e-4)
     assert np.isfinite(energies).all()
 
 
@@ -130,7 +135,6 @@ def test_the_wild_turn_of_benchmark_c_keeps_its_energy(wire):
     grippers = [tilted(np.pi / 2 * (1 - np.cos(np.pi * t))) for t in times[:151]]
     motion = DirectSimulator(wire).simulate(grippers, 0.01)
     assert motion.status == 'complete'
-    # of a chain of 48 and one of 24 bars, see `links`, extrapolated; m
     known = np.array([REFERENCE_C[k] for k in (50, 100, 125, 150)])
     away = np.linalg.norm(tips(motion)[[50, 100, 125, 150]] - known, axis=1)
     assert away.max() < 1e-3
@@ -156,8 +160,6 @@ def test_an_initial_velocity_is_made_possible_or_refused():
     simulator = DirectSimulator(rod(), gravity=(0, 0, 0))
     start = simulator.solve(LEVEL)
     spin = np.array([0, -3.0, 0])
-    along = np.array([tilted(-0.03 * k).position for k in range(2)])
-    assert along.shape == (2, 3)
     # turned and let the gripper turn with it: a rigid rotation stays one
     grippers = [tilted(3.0 * 0.01 * k) for k in range(20)]
     motion = simulator.simulate(grippers, 0.01, start,
@@ -174,7 +176,7 @@ def test_an_initial_velocity_is_made_possible_or_refused():
 def test_a_far_end_that_moves_slowly_is_as_in_statics(grip):
     simulator = DirectSimulator(rod(damping=(8.0, 0.02)))
     share = 0.5 - 0.5 * np.cos(np.pi * np.minimum(np.linspace(0, 1.5, 46), 1.0))
-    ends = [FarEnd(tilted(-0.4 * x, (0.8 - 0.1 * x, 0.1 * x)), grip) for x in share]
+    ends = [FarEnd(tilted(-0.2 * x, (0.95 - 0.05 * x, 0.1 * x)), grip) for x in share]
     motion = simulator.simulate([LEVEL] * 46, 0.1, far_ends=ends)
     assert motion.converged, motion.message
     still = simulator.track([LEVEL] * 46, far_ends=ends)[-1]
@@ -202,7 +204,7 @@ def test_impacts_make_no_energy(obstacle):
     thing = rod(radius=2e-3)
     straight = DirectSimulator(thing, gravity=(0, 0, 0), n_elements=24, basis='local').solve(LEVEL)
     simulator = DirectSimulator(thing, n_elements=24, basis='local', obstacles=[obstacle])
-    motion = simulator.simulate([LEVEL] * 36, 0.01, straight)
+    motion = simulator.simulate([LEVEL] * 28, 0.01, straight)
     assert any(shape.contacts for shape in motion.shapes)
     moved = motion.kinetic_energy.max()
     assert motion.converged or 's ' in motion.message
@@ -210,11 +212,9 @@ def test_impacts_make_no_energy(obstacle):
 
 
 def test_what_stops_a_motion_is_named():
-    floor = Plane((0, 0, -0.2), (0, 0, 1))
     simulator = DirectSimulator(rod(radius=2e-3, damping=1.0), n_elements=16, obstacles=[
         Plane((0, 0, -0.9), (0, 0, 1))])
     motion = simulator.simulate([tilted(0, (0, z)) for z in np.linspace(0, -1, 11)], 0.1)
-    assert floor != simulator.obstacles[0]
     assert not motion.converged and motion.status in ('unsolved', 'energy')
     assert f'{motion.times[-1]:.3g}'[:3] in motion.message
     assert not motion.shapes[-1].converged
@@ -232,6 +232,3 @@ def test_a_motion_travels_with_its_estimate(tmp_path):
     assert read == motion
     np.testing.assert_array_equal(read.error_estimate, motion.error_estimate)
     assert motion.within_tolerance == (motion.error_estimate <= motion.tolerance).all()
-
-
-REFERENCE_C = {50: (0.64699, -0.40074), 100: (-0.99267, 0.11679), 125: (0.65159, -0.38623), 150: (-0.18759, -0.39121)}
