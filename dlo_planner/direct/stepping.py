@@ -99,7 +99,8 @@ class Stepper:
         guess, clear = bends.position + dt * (bends.velocity + 0.5 * dt * bends.acceleration), True
         if mesh.surroundings.obstacles:
             # the search begins where the DLO is known to be outside of obstacles
-            guess, clear = bends.position, self._is_clear(system, before, gripper)
+            guess = bends.position.copy()  # a Shape's are read-only, another type for kernels
+            clear = self._is_clear(system, before.shape, guess, gripper)
         q = np.empty((mesh.n_unknowns, 3))
         unknowns_of(system, guess, q)
         rounding = min(_ROUNDING * scheme.stiffness * self._own_time**2, _ROUGHEST)
@@ -109,10 +110,9 @@ class Stepper:
         shape = replace(shape, _estimate=_unknown, converged=shape.converged and clear)
         return self._after(before, place, shape, scheme)
 
-    def _is_clear(self, system, before, gripper):
-        """Whether nothing is run through by the DLO as it is when the gripper goes on."""
-        old, new = before.shape, placed(system, before.bends.position)
-        shift = gripper.position
+    def _is_clear(self, system, old, strains, gripper):
+        """Whether nothing is run through by the Shape `old` as it is when the gripper goes on."""
+        new, shift = placed(system, strains), gripper.position
         return not passes_through(system.scene, system.lengths, old.element_strains.copy(),
                                   old.frames.copy(), old.positions - shift, new.positions)
 
@@ -204,7 +204,7 @@ class Stepper:
         gripper, far_end = self.grips.at(time / self.dt)
         system = self._moving(gripper, far_end, history, nodes, bends, brief)
         q = np.empty((mesh.n_unknowns, 3))
-        unknowns_of(system, bends.position, q)
+        unknowns_of(system, bends.position.copy(), q)
         return solve(mesh, system, gripper, q, history, exact=_AT_ONCE)[0], gripper
 
     def _moving(self, gripper, far_end, history, nodes, bends, scheme):

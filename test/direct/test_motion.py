@@ -4,76 +4,22 @@ import pickle
 
 import numpy as np
 import pytest
+from motion_cases import (
+    CASES,
+    DENSITY,
+    LEVEL,
+    REFERENCE_C,
+    STIFFNESS,
+    motion_of,
+    reference,
+    rod,
+    tilted,
+    tips,
+    wild_turn,
+)
 from planar_wires import Wire, links, spectral
-from scipy.spatial.transform import Rotation
 
-from dlo_planner import Capsule, DirectSimulator, FarEnd, InvalidTask, Motion, Plane, Pose, Rod
-
-LEVEL = Pose.identity()
-DENSITY, STIFFNESS = 0.1, 0.05
-# x and z of the tip in m at hundredths of a second, in benchmark C without damping: chains of 24
-# and 48 bars (`planar_wires.links`), extrapolated
-REFERENCE_C = {50: (0.64699, -0.40074), 100: (-0.99267, 0.11679),
-               125: (0.65159, -0.38623), 150: (-0.18759, -0.39121)}
-
-
-def rod(**more):
-    return Rod(1.0, DENSITY, STIFFNESS, 0.04, **more)
-
-
-def tilted(angle, place=(0.0, 0.0)):
-    """Return a gripper turned by `angle` from x to z, at x, z."""
-    return Pose((place[0], 0, place[1]), Rotation.from_euler('y', -angle).as_quat())
-
-
-def turn(angle):
-    """Return angle, rate and acceleration of a turn that begins and ends smoothly in 1 s."""
-    def at(t):
-        x = min(t, 1.0)
-        return (angle * x**3 * (10 - 15 * x + 6 * x**2), angle * 30 * x**2 * (1 - x) ** 2,
-                angle * 60 * x * (1 - x) * (1 - 2 * x))
-    return at
-
-
-def shaken(t, hertz=20.0, size=0.002):
-    """Return place, velocity and acceleration of a gripper that begins to shake along z."""
-    w = 2 * np.pi * hertz
-    up, rate, change = size * (1 - np.cos(w * t)), size * w * np.sin(w * t), w * w * np.cos(w * t)
-    return np.array([0, up]), np.array([0, rate]), np.array([0, size * change])
-
-
-def still(t):
-    return np.zeros(2), np.zeros(2), np.zeros(2)
-
-
-# angle and place of the gripper, tip mass, s, interval s; all begin straight and level, at rest
-CASES = {'swing': (lambda t: (0.0, 0.0, 0.0), still, 0.0, 0.8, 0.01),
-         'whirl': (turn(np.pi), still, 0.0, 1.0, 0.01),
-         'tip mass': (turn(0.7), still, 0.1, 1.0, 0.01),
-         'shake': (lambda t: (0.0, 0.0, 0.0), shaken, 0.0, 0.2, 0.004)}
-
-
-def motion_of(case, **options):
-    angle, place, mass, seconds, interval = CASES[case]
-    n = round(seconds / interval)
-    times = interval * np.arange(n + 1)
-    thing = rod(tip_mass=mass)
-    straight = DirectSimulator(thing, gravity=(0, 0, 0), **options).solve(LEVEL)
-    grippers = [tilted(angle(t)[0], place(t)[0]) for t in times]
-    return DirectSimulator(thing, **options).simulate(grippers, interval, straight)
-
-
-def reference(case, bars=(12, 24)):
-    """Return the tips of a chain with ever more bars, and how far they may be off, m."""
-    angle, place, mass, seconds, interval = CASES[case]
-    times = interval * np.arange(round(seconds / interval) + 1)
-    wire = Wire(1.0, DENSITY, STIFFNESS, angle, place, mass)
-    coarse, fine = (links(wire, times, np.zeros(n), 1e-7) for n in bars)
-    return (4 * fine - coarse) / 3, np.linalg.norm(fine - coarse, axis=1).max() / 12
-
-
-def tips(motion):
-    return np.array([shape.positions[-1, [0, 2]] for shape in motion.shapes])
+from dlo_planner import Capsule, DirectSimulator, FarEnd, InvalidTask, Motion, Plane
 
 
 @pytest.mark.parametrize('case', CASES)
@@ -129,14 +75,11 @@ def test_work_of_a_gripper_that_lifts_slowly():
     assert motion.energy[-1] - motion.energy[0] == pytest.approx(motion.work[-1], rel=2e-3)
 
 
-def test_the_wild_turn_of_benchmark_c_keeps_its_energy(wire):
-    # 180 degrees and back within 2 s, without damping: the end cracks like a whip at 1.6 s
-    times = 0.01 * np.arange(201)
-    grippers = [tilted(np.pi / 2 * (1 - np.cos(np.pi * t))) for t in times[:151]]
-    motion = DirectSimulator(wire).simulate(grippers, 0.01)
+def test_the_wild_turn_of_benchmark_c_keeps_its_energy():
+    # without damping the end cracks like a whip at 1.6 s
+    motion = wild_turn()
     assert motion.status == 'complete'
-    known = np.array([REFERENCE_C[k] for k in (50, 100, 125, 150)])
-    away = np.linalg.norm(tips(motion)[[50, 100, 125, 150]] - known, axis=1)
+    away = np.linalg.norm(tips(motion)[list(REFERENCE_C)] - list(REFERENCE_C.values()), axis=1)
     assert away.max() < 1e-3
     moved = motion.kinetic_energy.max() + np.ptp(motion.potential_energy)
     assert motion.numerical_loss.min() > -1e-3 * moved
