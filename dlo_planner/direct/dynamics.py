@@ -17,7 +17,7 @@ _NOISE = 1e-5        # of weight times length and of a bend by 1 rad: the same, 
 _PART = 1 / 600      # of the tolerance: what one step may add to the error
 _WELL_WITHIN = 0.6   # of that: a step of twice the length, with 8 times the error, may be tried
 _CALM = 16           # steps that all were well within, before it is
-_OF_IMPACTS = 3      # halvings for its error of a step in which the DLO meets an obstacle
+_OF_CONTACT = 3      # halvings for its error of a step since the DLO touched an obstacle
 _GAIN = 1e-3         # of the energy that has moved: what a motion may gain by rounding and errors
 
 
@@ -84,7 +84,7 @@ def _run(stepper, first, plan, progress):
             error = _scheme(stepper, plan.integrator, level).error(*zip(*tail, strict=True))
             if not last_try and not (after.shape.converged and books.hold(after)
                                      and (error <= _PART * plan.tolerance
-                                          or after.impact and level >= _OF_IMPACTS)):
+                                          or after.touched and level >= _OF_CONTACT)):
                 level, calm = level + 1, 0
                 continue
             if not (after.shape.converged
@@ -107,7 +107,7 @@ def _run(stepper, first, plan, progress):
 
 
 def _step(stepper, now, steps, level, place, integrator, patience):
-    if steps and steps[-1] != level and not now.impact:
+    if steps and steps[-1] != level and not now.touched:
         now = stepper.renewed(now)
     return stepper.step(now, place, _scheme(stepper, integrator, level), patience)
 
@@ -201,5 +201,5 @@ def _error(stepper, start, velocity, plan, at_rest, places, positions):
             found[k] = np.linalg.norm(now.nodes.position[::2] - positions[k], axis=1).max()
             k += 1
     rounding = 1e-15 * coarse.s.size * coarse.s[-1]
-    factor = 2.0 if plan.integrator == 'paper' else 4 / 3
-    return factor * np.maximum.accumulate(found) + rounding
+    second = plan.integrator != 'paper' and not coarse.surroundings.obstacles
+    return (4 / 3 if second else 2.0) * np.maximum.accumulate(found) + rounding

@@ -34,7 +34,7 @@ class Instant:
         kinetic, potential: J
         work: J, done by the grips so far; power: W, now
         losses: (3,) J, taken by damping, plasticity and friction so far; damping: W, now
-        impact: whether the DLO met or left an obstacle in the last step
+        touched: whether the DLO has touched an obstacle
     """
 
     place: float
@@ -47,7 +47,7 @@ class Instant:
     power: float
     losses: np.ndarray
     damping: float
-    impact: bool = False
+    touched: bool = False
 
     @property
     def balance(self) -> float:
@@ -76,19 +76,22 @@ class Stepper:
     def step(self, before, place, scheme, patience=MAX_ITERATIONS):
         """Return the Instant at `place`, one step of `scheme` later; converged or not.
 
-        Where the DLO meets or leaves an obstacle the forces are impulses, of which a scheme that
-        carries accelerations along would make energy: that step is an implicit Euler's, which
-        takes the energy of the impact.
+        Once the DLO has touched an obstacle its forces may be impulses, of which a scheme that
+        carries accelerations along would make energy: from then on steps are an implicit
+        Euler's, of first order, which take the energy of impacts and some of vibrations.
 
         Args:
             patience: Newton steps after which it counts as not solved
         """
-        after = self._step(before, place, scheme, patience)
-        if _touched(before.shape) == _touched(after.shape) or not after.shape.converged:
-            return after
+        if scheme.first_order:
+            return self._step(before, place, scheme, patience)
+        if not (before.touched or before.shape.contacts):
+            after = self._step(before, place, scheme, patience)
+            if not after.shape.contacts:
+                return after
         calm = replace(before, nodes=before.nodes.uniform(), bends=before.bends.uniform())
-        after = self._step(calm, place, Scheme.named('euler', scheme.dt), patience)
-        return replace(self.renewed(after), impact=True) if after.shape.converged else after
+        euler = Scheme.named('euler', scheme.dt)
+        return replace(self._step(calm, place, euler, patience), touched=True)
 
     def _step(self, before, place, scheme, patience):
         mesh = self.discretisation
@@ -177,8 +180,9 @@ class Stepper:
                                  np.concatenate([state.base_force, state.base_moment]),
                                  -np.concatenate([attached.tip_force, attached.tip_moment]),
                                  nodes.position[-1])
-        return replace(instant, nodes=nodes, bends=bends, kinetic=self._kinetic(nodes.velocity),
-                       power=power, damping=self._damping(nodes.velocity, bends.velocity))
+        return replace(instant, nodes=nodes, bends=bends, power=power,
+                       kinetic=self._kinetic(nodes.velocity),
+                       damping=self._damping(nodes.velocity, bends.velocity))
 
     def _accelerated(self, nodes, bends, history, brief, time):
         """Return the Courses with their accelerations, and the kernels' State very soon after."""
@@ -246,11 +250,6 @@ def _viscous(system, bends, viscosity, scheme):
         np.vstack([layers.share, [[firm, firm]]]),
         np.vstack([layers.limit, np.full((1, 3), np.inf)]),
         np.concatenate([layers.set, own], axis=1)))
-
-
-def _touched(shape):
-    """Return how often each obstacle is touched, as something that can be compared."""
-    return sorted(contact.obstacle for contact in shape.contacts)
 
 
 def _rubbed(before, after):
