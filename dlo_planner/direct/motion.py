@@ -11,7 +11,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.storage import load, pack, save, unpack
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import choice, figure, items, results, shown
-from dlo_planner.model.value import Constant, Value, brief, put
+from dlo_planner.model.value import Constant, Value, brief, freeze, put
 
 STATUSES = ('complete', 'unsolved', 'energy')
 _ARRAYS = ('times', 'velocities', 'kinetic_energy', 'potential_energy', 'work', 'losses')
@@ -67,6 +67,8 @@ class Motion(Value):
             raise InvalidTask(f'Motion.message = {shown(self.message)}: expected a string')
         if self._estimate is None:
             put(self, _estimate=Constant(np.full(n, np.nan)))
+        if isinstance(self._estimate, Constant):
+            freeze(self._estimate.content)
         if not callable(self._estimate):
             raise InvalidTask(f'Motion._estimate = {shown(self._estimate)}: expected a function')
         super().__post_init__()
@@ -141,7 +143,7 @@ class Motion(Value):
         follow; nan for a motion that does not know (from a file, saved before it was read).
         """
         found = self._estimate()
-        found.flags.writeable = False
+        freeze(found)
         return found
 
     @property
