@@ -121,7 +121,9 @@ def arguments():
         'Plane.friction': 0.0, 'Sphere.friction': 0.0, 'Capsule.friction': 0.0,
         'Box.friction': 0.0, 'Sheet.friction': 0.0, 'Sheet.around.friction': 0.0,
         'times': np.zeros(1), 'shapes': [shape], 'velocities': np.zeros((1, 9, 3)),
-        'kinetic_energy': np.zeros(1), 'potential_energy': np.zeros(1),
+        'kinetic_energy': np.zeros(1), 'potential_energy': np.zeros(1), 'work': np.zeros(1),
+        'losses': np.zeros((1, 3)), 'velocity': None, 'far_ends': None, 'tolerance': 1e-3,
+        'Motion.status': 'complete', 'integrator': 'paper',
         # tasks
         'bore': hole, 'first': hole, 'cutouts': [hole],
         'second': CutOut(Pose.looking_along((0.6, 0, 1), (1, 0, 0)), radius=0.2),

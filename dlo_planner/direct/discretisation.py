@@ -105,7 +105,8 @@ class Discretisation(Value):
         target = far_end.pose.position - origin + offset @ far_end.pose.rotation.T
         force = np.zeros((points, 3))
         if history is not None and history.hold.shape == force.shape:
-            force = history.hold.copy()
+            # a sleeve that has turned since bears nothing along its axis of now
+            force = history.hold - np.outer(history.hold @ far_end.slide, far_end.slide)
         return Hold(offset, target, np.array(far_end.slide), force, self._hold_spring)
 
     @cached_property

@@ -45,17 +45,19 @@ def equilibrium(discretisation, gripper, strains, method='newton', history=None,
 
 
 def solve(discretisation, system, gripper, q, history, most=MAX_ITERATIONS, check=True,
-          exact=EXACT):
+          exact=EXACT, rounding=0.0):
     """Return what `constrained_newton` returns for q (m, 3) and the past `history` or None.
 
     Args:
         exact: part of the length by which constraints may be violated
+        rounding: of the residual, where it is more than usual
     """
     before = np.zeros((0, 3))
     if history is not None and len(history.positions):
         before = history.positions - gripper.position
+
     def solved(system, q):
-        return constrained_newton(system, q, TOLERANCE, most, check,
+        return constrained_newton(system, q, TOLERANCE + rounding, most, check,
                                   exact * discretisation.s[-1], before)
 
     if discretisation.surroundings.has_moments:
@@ -63,11 +65,12 @@ def solve(discretisation, system, gripper, q, history, most=MAX_ITERATIONS, chec
     return solved(system, q)
 
 
-def shape_of(discretisation, gripper, found, history=None, far_end=None):
+def shape_of(discretisation, gripper, found, history=None, far_end=None, rounding=0.0):
     """Return the Shape of a kernel's result.
 
     Args:
         found: state, residual, stability, iterations, kicks, system, violation
+        rounding: of the residual, where it is more than usual
     """
     state, residual, stability, iterations, _, system, violation = found
     history = history or discretisation.start
@@ -91,7 +94,7 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None):
     promised, neutral = CONVERGED, NEUTRAL
     if system.scene.kind.size or far_end is not None:
         promised, neutral = _HELD, HELD_NEUTRAL
-    converged = bool(residual < promised and stability > -neutral and kept)
+    converged = bool(residual < promised + 100 * rounding and stability > -neutral and kept)
     return Shape(gripper, discretisation.s, positions, state.rotations, state.strains, energy,
                  stored, _wrench(discretisation, state), float(residual),
                  float(stability), int(iterations), converged, contacts=touching,
