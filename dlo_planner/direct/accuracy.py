@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dlo_planner.direct.approach import approach
+from dlo_planner.direct.approach import brought
 from dlo_planner.direct.described import described_equilibrium
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.statics import equilibrium
@@ -31,7 +31,7 @@ def step(discretisation, gripper, initial, history, far_end, method='newton',
         strains = discretisation.strains_from(initial.s, initial.element_strains)
     if unknowns == 'paper':
         return described_equilibrium(discretisation, gripper, strains, method, past), 0
-    strains, clear = approach(discretisation, initial, strains, gripper, far_end, past)
+    strains, past, clear = brought(discretisation, initial, strains, gripper, far_end, past)
     shape, kicks = equilibrium(discretisation, gripper, strains, method, past, far_end)
     return (shape if clear else replace(shape, converged=False, jumped=True)), kicks
 

@@ -8,9 +8,11 @@ Both factorisations are congruences, so the signs of their pivots are the signs 
 
 import numpy as np
 
+from dlo_planner.energy.hold import held_twists
 from dlo_planner.energy.potential import (
     at_element,
     element_hessian,
+    project,
     twists_count,
     unknown_count,
 )
@@ -18,6 +20,7 @@ from dlo_planner.kernels import kernel
 from dlo_planner.ritz.record import Record
 
 _TINY = 1e-300
+_NEVER = 1e-14  # of the largest: the eigenvalue of a direction in which nothing can move
 
 
 class Hessian(Record):
@@ -29,6 +32,9 @@ class Hessian(Record):
         base: (3, 3) change of the moment on the gripper per rotation of it
         gain: (N, 3, w), inverse: (N, 3, 3) of the Riccati sweep; empty for Ritz
         dense, factor: (3 m, 3 m) for Ritz; (0, 0) for local
+        border: (K, m, 3) derivatives of what is held of the far end; answers: (K, m, 3) H^-1 of
+            them; schur: (K, K) inverse of border answers + give
+        give: (1,) m/N, by which each row of what is held gives way
     """
 
     turning: np.ndarray
@@ -39,6 +45,10 @@ class Hessian(Record):
     inverse: np.ndarray
     dense: np.ndarray
     factor: np.ndarray
+    border: np.ndarray
+    answers: np.ndarray
+    schur: np.ndarray
+    give: np.ndarray
 
 
 @kernel
@@ -46,11 +56,13 @@ def new_hessian(system):
     """Return an empty Hessian of the right sizes."""
     n = system.lengths.size
     local = n if system.basis.shape[1] == 0 else 0
-    size = 0 if local else 3 * unknown_count(system)
+    m, held = unknown_count(system), system.hold.multiplier.size
+    size = 0 if local else 3 * m
     wide = 6 if twists_count(system) else 3
     return Hessian(np.empty((n, wide, 3)), np.empty((n, 3, wide)), np.empty((n, 3, 3)),
                    np.empty((3, 3)), np.empty((local, 3, wide)), np.empty((local, 3, 3)),
-                   np.empty((size, size)), np.empty((size, size)))
+                   np.empty((size, size)), np.empty((size, size)), np.empty((held, m, 3)),
+                   np.empty((held, m, 3)), np.empty((held, held)), np.zeros(1))
 
 
 @kernel
@@ -63,6 +75,8 @@ def assemble(system, state, hessian):
             _project(system.basis, hessian, 3)
         else:
             _project(system.basis, hessian, 6)
+    if hessian.border.shape[0]:
+        _fill_border(system, state, hessian)
     if system.near.shape[0]:
         if system.basis.shape[1] > 0:
             for i in range(hessian.dense.shape[0]):
@@ -107,8 +121,54 @@ def _project(basis, hessian, wide):
 
 
 @kernel
+def _fill_border(system, state, hessian):
+    """Fill the derivatives of what is held of the far end by the unknowns."""
+    n, held = system.lengths.size, hessian.border.shape[0]
+    twists, values = np.empty((held, 6)), np.zeros((n, 3))
+    held_twists(system.hold, state.rotations[n], state.positions[n], twists)
+    for row in range(held):
+        for e in range(n):
+            for i in range(3):
+                values[e, i] = 0.0
+                for k in range(6):
+                    values[e, i] += hessian.turning[e, k, i] * twists[row, k]
+        project(system.basis, values, hessian.border[row])
+
+
+@kernel
 def factorise(system, hessian, shift):
-    """Factorise H + shift I; return the number of pivots that are not positive."""
+    """Factorise H + shift I; return how many of its eigenvalues are not positive.
+
+    With a held far end these are the eigenvalues on what the grip leaves free (Haynsworth).
+    """
+    negative = _factorise_alone(system, hessian, shift)
+    held = hessian.border.shape[0]
+    if held == 0:
+        return negative
+    for row in range(held):
+        _solve_alone(system, hessian, hessian.border[row], hessian.answers[row])
+    schur = hessian.schur
+    for row in range(held):
+        for other in range(row + 1):
+            schur[row, other] = dot(hessian.border[row], hessian.answers[other])
+            schur[other, row] = schur[row, other]
+        schur[row, row] += hessian.give[0]
+    values, vectors = np.linalg.eigh(schur)
+    largest = np.abs(values).max()
+    for row in range(held):
+        for other in range(held):
+            schur[row, other] = 0.0
+    for k in range(held):
+        negative -= values[k] < 0.0
+        if abs(values[k]) > _NEVER * largest:  # else no force there changes anything
+            for row in range(held):
+                for other in range(held):
+                    schur[row, other] += vectors[row, k] * vectors[other, k] / values[k]
+    return negative
+
+
+@kernel
+def _factorise_alone(system, hessian, shift):
     if system.basis.shape[1] == 0:
         if hessian.turning.shape[1] == 3:
             return _factorise_sweep(hessian, shift, 3)
@@ -118,7 +178,61 @@ def factorise(system, hessian, shift):
 
 @kernel
 def solve(system, hessian, right, out):
-    """Fill out (m, 3) with the solution of (H + shift I) out = right (m, 3)."""
+    """Fill out (m, 3) with the solution of (H + shift I) out = right (m, 3).
+
+    With a held far end `out` keeps to what the grip leaves free, and the equation holds there.
+    """
+    _solve_alone(system, hessian, right, out)
+    if hessian.border.shape[0]:
+        reaction = np.zeros(hessian.border.shape[0])
+        _keep(hessian, out, reaction)
+
+
+@kernel
+def solve_held(system, hessian, right, miss, out, reaction):
+    """Fill out (m, 3) and reaction (K,), which bring a grip that is missed by `miss` (K,) to zero.
+
+    To first order, and but for what the grip gives under the reaction.
+    """
+    _solve_alone(system, hessian, right, out)
+    reaction[:] = miss
+    _keep(hessian, out, reaction)
+
+
+@kernel
+def _keep(hessian, out, reaction):
+    """Correct the solution `out` (m, 3) without the grip; `reaction` (K,): in the miss."""
+    held = reaction.size
+    miss = np.empty(held)
+    for row in range(held):
+        miss[row] = reaction[row] + dot(hessian.border[row], out)
+    for row in range(held):
+        reaction[row] = 0.0
+        for other in range(held):
+            reaction[row] += hessian.schur[row, other] * miss[other]
+    for row in range(held):
+        add_to(out, -reaction[row], hessian.answers[row])
+
+
+@kernel
+def dot(a, b):
+    """Return the sum of products of two arrays (m, 3)."""
+    total = 0.0
+    for e in range(a.shape[0]):
+        total += a[e, 0] * b[e, 0] + a[e, 1] * b[e, 1] + a[e, 2] * b[e, 2]
+    return total
+
+
+@kernel
+def add_to(a, factor, b):
+    """Add factor times b (m, 3) to a (m, 3)."""
+    for e in range(a.shape[0]):
+        for i in range(3):
+            a[e, i] += factor * b[e, i]
+
+
+@kernel
+def _solve_alone(system, hessian, right, out):
     if system.basis.shape[1] == 0:
         if hessian.turning.shape[1] == 3:
             _solve_sweep(hessian, right, out, 3)

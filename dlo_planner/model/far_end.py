@@ -9,8 +9,7 @@ from dlo_planner.model.checks import choice, instance, vector
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value
 
-GRIPS = ('clamped', 'pinned', 'sleeve')
-
+GRIPS = ('clamped', 'pinned', 'sleeve', 'aligned')
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FarEnd(Value):
@@ -20,7 +19,8 @@ class FarEnd(Value):
         pose: Pose where its frame has to be (x axis = tangent); where pinned only the position
             counts
         grip: 'clamped': position and orientation; 'pinned': position; 'sleeve': clamped, but free
-            to slide along the pose's x axis
+            to slide along the pose's x axis; 'aligned': position and tangent, free to turn about
+            its tangent
     """
 
     pose: Pose
@@ -41,6 +41,29 @@ class FarEnd(Value):
         return cls(Pose(vector('far_end', value, 3), (0.0, 0.0, 0.0, 1.0)), 'pinned')
 
     @property
-    def slide(self):
-        """(3,) unit vector of the free direction, or zero."""
-        return self.pose.direction if self.grip == 'sleeve' else np.zeros(3)
+    def held(self) -> np.ndarray:
+        """(K, 6) unit vectors of rotation, then of displacement, that the grip does not allow."""
+        return held_rows(self.grip, self.pose.rotation)
+
+    @property
+    def share(self) -> np.ndarray:
+        """(3,) how much each axis of the end tells of its rotation; 0 where it does not count."""
+        return np.array({'pinned': (0.0, 0.0, 0.0), 'aligned': (1.0, 0.0, 0.0)}.get(
+            self.grip, (0.5, 0.5, 0.5)))
+
+
+def held_rows(grip: str, rotation: np.ndarray) -> np.ndarray:
+    """Return (K, 6) unit vectors of rotation, then of displacement, that a grip does not allow.
+
+    Args:
+        grip: of GRIPS
+        rotation: (3, 3) of its pose
+
+    World axes; where one about or along the pose's x axis is allowed, its y and z axes remain.
+    """
+    across = rotation.T[1:]
+    turns = {'pinned': across[:0], 'aligned': across}.get(grip, np.eye(3))
+    moves = across if grip == 'sleeve' else np.eye(3)
+    rows = np.zeros((len(turns) + len(moves), 6))
+    rows[:len(turns), :3], rows[len(turns):, 3:] = turns, moves
+    return rows

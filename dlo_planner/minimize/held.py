@@ -1,0 +1,194 @@
+"""Newton's method for a DLO whose far end is held: shape and reaction at once.
+
+Each step solves the equilibrium and the linearised grip together (sequential quadratic
+programming, Nocedal and Wright, ch. 18), by the direct simulator's sweep with one right side more
+per held direction. The step is judged by the augmented Lagrangian with the new reaction, of which
+it is a descent direction where the Hessian is positive on what the grip leaves free; a shift makes
+it so elsewhere. Three more guards:
+* Far from its target the grip gives a little under the reaction (stabilised SQP, Wright 1998): so
+  a straight DLO, whose end cannot come nearer to first order, is pressed until it buckles.
+* No step leaves the grip by much.
+* A DLO that falls is brought back into its grip before it falls on. A fall follows the potential
+  of the held DLO, not a way through shapes that the grip forbids.
+"""
+
+import numpy as np
+
+from dlo_planner.energy.hold import fill_miss, moved_hold, violation
+from dlo_planner.energy.passage import passes_through
+from dlo_planner.energy.potential import bend_energy, evaluate, new_state, regripped_system
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.linear import (
+    assemble,
+    dot,
+    factorise,
+    largest_turn,
+    new_hessian,
+    solve_held,
+)
+from dlo_planner.minimize.newton import (
+    FALLING,
+    LARGEST_TURN,
+    gradient_noise,
+    kick,
+    lean,
+    residual_of,
+    safe_shift,
+    without_traces,
+)
+from dlo_planner.minimize.spectrum import lowest_mode
+
+HELD_NEUTRAL = 1e-3  # as NEUTRAL, with constraints: a mesh splits what is neutral by about as much
+_GIVE = 1e-2      # of the length: how far a grip gives under the DLO's own forces, at most
+_FAR = 0.1        # of the length: so far from its target it gives as much
+_LEFT = 0.05      # of the length: a step that misses the grip by more is too long
+_ASTRAY = 3e-3    # of the length: a DLO that falls is brought back from there
+_OFTEN = 3
+_MOST_KICKS = 10
+_ROUGH = 1e-3     # tolerance of the residual, and of the length, on the way to a target
+_PER_PART = 60    # Newton steps in a part of the way: more is no way
+
+
+def held_newton(system, q, tolerance, exact, max_iterations, check):
+    """Descend from q (m, 3) to a minimum in the grip.
+
+    Arguments and results as `newton.newton`; see `descend_held`.
+    """
+    kicks = iterations = 0
+    while True:
+        state, residual, stability, made, mode, missed = descend_held(
+            system, q, tolerance, exact, max_iterations - iterations, check)
+        iterations += made
+        steady = not check or stability > -HELD_NEUTRAL
+        if steady or iterations >= max_iterations or kicks >= _MOST_KICKS:
+            break
+        kicked = kick(system, state, mode)
+        if kicked is None:
+            break
+        kicks += 1
+        q = kicked
+    return state, residual, stability, iterations, kicks, missed
+
+
+@kernel
+def led(system, q, bases, targets, axes, rows):
+    """Return unknowns (m, 3) where both grips have gone a way of n parts, and the parts gone.
+
+    Args:
+        q: (m, 3) where the way begins; the System's multipliers are moved
+        bases: (n, 3, 3) rotation of the gripper at the end of each part
+        targets: (n, 3), axes: (n, 3, 3), rows: (n, K, 6) of the grip there, see `Hold`
+    """
+    length = np.sum(system.lengths)
+    for part in range(bases.shape[0]):
+        there = regripped_system(system, bases[part], moved_hold(
+            system.hold, targets[part], axes[part], rows[part]))
+        state, residual, _, _, _, missed = descend_held(there, q, _ROUGH, _ROUGH * length,
+                                                        _PER_PART, False)
+        if not missed <= _LEFT * length:
+            return q, part
+        q = state.q
+    return q, bases.shape[0]
+
+
+@kernel
+def descend_held(system, q, tolerance, exact, max_iterations, check):
+    """Descend from q (m, 3) to an equilibrium in the grip, be it a minimum or a saddle.
+
+    The System's multipliers, of the grip, are where the search begins, and are moved.
+
+    Args:
+        exact: m, how far the grip may be missed
+        q, tolerance, max_iterations, check: as `newton.descend`
+
+    Returns:
+        state, residual, stability, iterations, mode: as `newton.descend`; then the miss in m
+    """
+    hold, last, length = system.hold, system.lengths.size, np.sum(system.lengths)
+    state, trial, hessian = new_state(system), new_state(system), new_hessian(system)
+    step, mode = np.empty_like(state.q), np.zeros_like(state.q)
+    held = hold.multiplier.size
+    miss, reaction, before = np.empty(held), np.empty(held), np.empty(held)
+    without_traces(q, state.q)
+    energy, noise = evaluate(system, state)
+    most_give = _GIVE * length**2 / (np.sum(np.abs(system.pull)) * length + bend_energy(system))
+    shift, stability = 0.0, np.nan
+    iterations = obstructed = 0
+    stalled = leans = False
+    while True:
+        fill_miss(hold, state.rotations[last], state.positions[last], miss)
+        missed = np.sqrt(np.sum(miss * miss))
+        residual = residual_of(system, state)
+        arrived = (stalled or iterations >= max_iterations or missed < exact
+                   and residual < max(tolerance, gradient_noise(system, state)))
+        if arrived and not check:
+            break
+        assemble(system, state, hessian)
+        hessian.give[0] = 0.0 if arrived else most_give * min(1.0, missed / (_FAR * length))
+        if arrived or factorise(system, hessian, shift) > 0:
+            shift = safe_shift(system, hessian, 0.0 if arrived else shift)
+        if arrived:
+            stability, mode = lowest_mode(system, hessian, shift, 1e-4)
+            break
+        if shift > FALLING and not leans:
+            leans = True
+            if lean(system, hessian, state, trial):
+                state, trial = trial, state
+                energy, noise = evaluate(system, state)
+                continue
+        back = leans and missed > _ASTRAY * length
+        solve_held(system, hessian, (0.0 if back else -1.0) * state.gradient, miss, step, reaction)
+        turn = largest_turn(system, hessian, step)
+        if turn > LARGEST_TURN:
+            step *= LARGEST_TURN / turn
+            reaction *= LARGEST_TURN / turn
+        # the potential and its slope with the new reaction
+        before[:] = hold.multiplier
+        hold.multiplier[:] += reaction
+        slope = dot(state.gradient, step)
+        for row in range(held):
+            energy += reaction[row] * miss[row]
+            slope += reaction[row] * dot(hessian.border[row], step)
+        farthest = missed if back else max(2.0 * missed, _LEFT * length)
+        energy, noise, moved, blocked = _search(system, state, trial, step, energy, noise,
+                                                np.inf if back else slope, farthest)
+        iterations += 1
+        obstructed += blocked
+        if moved:
+            state, trial = trial, state
+            shift = 0.0 if shift < 1e-3 else 0.1 * shift
+            stalled = obstructed > _OFTEN  # a contact there has to be known before it goes on
+        else:
+            hold.multiplier[:] = before
+            energy, noise = evaluate(system, state)
+            stalled = shift > 1e6 or shift == 0.0 and missed < exact
+            shift = max(1e-2, 10.0 * shift)
+    return state, residual, stability, iterations, mode, missed
+
+
+@kernel
+def _search(system, state, trial, step, energy, noise, slope, farthest):
+    """Fill `trial` on the way along `step` where the potential has fallen enough.
+
+    Args:
+        slope: of the potential along the step, in J; infinite where only the miss counts
+        farthest: m, by how much the grip may be missed there
+
+    Returns its energy, noise, whether there is such a point, and whether an obstacle was met.
+    """
+    fraction, blocked, last = 1.0, False, system.lengths.size
+    for _ in range(20):
+        trial.q[:] = state.q + fraction * step
+        new, new_noise = evaluate(system, trial)
+        if system.scene.kind.size and passes_through(
+                system.scene, system.lengths, state.strains, state.rotations, state.positions,
+                trial.positions):
+            fraction *= 0.5
+            blocked = True
+            continue
+        near = violation(system.hold, trial.rotations[last], trial.positions[last]) <= farthest
+        enough = slope == np.inf or new <= energy + 1e-4 * fraction * slope
+        if near and (enough or abs(fraction * slope) < 100 * noise):
+            return new, new_noise, True, blocked
+        fraction *= 0.5
+    return energy, noise, False, blocked
