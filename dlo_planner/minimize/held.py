@@ -142,6 +142,8 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
         if turn > LARGEST_TURN:
             step *= LARGEST_TURN / turn
             reaction *= LARGEST_TURN / turn
+        if back:
+            reaction[:] = 0.0  # it only tells what brings the end back
         # the potential and its slope with the new reaction
         before[:] = hold.multiplier
         hold.multiplier[:] += reaction
