@@ -10,6 +10,7 @@ from dlo_planner.direct.leading import grip_at, grip_before, lead, parts_between
 from dlo_planner.direct.statics import solve
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import placed
+from dlo_planner.model.pose import Pose
 
 _RELAXING = 12       # Newton steps between two parts of a motion
 _ROUGHLY = 1e-5      # of the length: how well obstacles are kept clear of on the way
@@ -21,12 +22,12 @@ def approach(discretisation, previous, strains, gripper, far_end, history):
 
     Arguments as `brought`.
     """
-    strains, _, clear = brought(discretisation, previous, strains, gripper, far_end, history)
+    _, strains, _, clear = brought(discretisation, previous, strains, gripper, far_end, history)
     return strains, clear
 
 
 def brought(discretisation, previous, strains, gripper, far_end, history):
-    """Return strains (N, 3) at `gripper` that continue `previous`, the past, if the way is clear.
+    """Return where the search begins: gripper, strains (N, 3), the past, and if the way is clear.
 
     The gripper (and the far end's grip) goes straight from its pose in `previous`; the DLO gives
     way. Where an obstacle is between here and there, the motion is made in smaller parts. The past
@@ -39,13 +40,13 @@ def brought(discretisation, previous, strains, gripper, far_end, history):
     """
     obstacles = discretisation.surroundings.obstacles
     if previous is None and far_end is None or not obstacles and far_end is None:
-        return strains, history, True
+        return gripper, strains, history, True
     strains = np.array(strains)  # those of a Shape are read-only, another type for kernels
     begin = gripper if previous is None else previous.gripper
     held = grip_before(discretisation, previous, strains, begin, far_end)
     parts = parts_between(begin, gripper, held, far_end, discretisation.s[-1])
     if parts == 0:
-        return strains, history, True
+        return gripper, strains, history, True
     if not obstacles:
         return *lead(discretisation, strains, (begin, gripper), (held, far_end), history,
                      parts), True
@@ -63,7 +64,7 @@ def brought(discretisation, previous, strains, gripper, far_end, history):
                           old.positions - shift, new.positions):
             step *= 0.5
             if step < _SMALLEST:
-                return strains, past, False
+                return gripper, strains, past, False
             continue
         done, where = target, there
         step = min(2 * step, 1.0 / parts)
@@ -71,6 +72,10 @@ def brought(discretisation, previous, strains, gripper, far_end, history):
             break  # what is left is the step itself
         found = solve(discretisation, system, there, new.q, history, _RELAXING, False, _ROUGHLY)
         strains, system = found[0].strains, found[5]
+        if discretisation.surroundings.pinned:  # it has turned
+            there, begin, gripper = (Pose.from_rotation(pose.position, system.base)
+                                     for pose in (there, begin, gripper))
+            where = there
         history = replace(history, hold=system.hold.multiplier, node_force=system.contacts.node,
                           points=points_of(system, found[0], there))
-    return strains, replace(past, hold=history.hold), True
+    return gripper, strains, replace(past, hold=history.hold), True

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.continuation import between
+from dlo_planner.direct.hinge import hinge_unknowns, own_unknowns, turn_of, with_hinge
 from dlo_planner.energy.potential import placed
 from dlo_planner.minimize.held import led
 from dlo_planner.model.far_end import FarEnd, held_rows
@@ -17,7 +18,7 @@ _FINEST = 3  # times they are made smaller
 
 
 def lead(discretisation, strains, grippers, far_ends, history, parts):
-    """Return strains (N, 3) near the end of a straight way of both grips, and their History.
+    """Return gripper, strains (N, 3) and the past near the end of a straight way of both grips.
 
     What is left is the last part. Where the DLO does not follow, the way is left there.
 
@@ -40,14 +41,22 @@ def lead(discretisation, strains, grippers, far_ends, history, parts):
                                        FarEnd(Pose.from_rotation(held_at[0], axes[0]), held.grip))
         rows = np.array([held_rows(held.grip, one) for one in axes])
         rows[:, :, :3] *= discretisation.lever
-        q, gone = led(system, discretisation.unknowns(strains), bases, held_at - gripped, axes,
-                      rows)
+        q = discretisation.unknowns(strains)
+        if discretisation.surroundings.pinned:
+            bases[:] = system.base
+            q, gone = led(with_hinge(system), hinge_unknowns(system, q), bases, held_at - gripped,
+                          axes, rows)
+            begin, end = (Pose.from_rotation(pose.position, system.base @ turn_of(system, q))
+                          for pose in (begin, end))
+            q = own_unknowns(system, q)
+        else:
+            q, gone = led(system, q, bases, held_at - gripped, axes, rows)
         strains = discretisation.strains_of(q)
         history = replace(history, hold=system.hold.multiplier)
         if gone == len(shares):
             break
         done = shares[gone - 1] if gone else done
-    return strains, history
+    return end, strains, history
 
 
 def _way(one, other, shares):

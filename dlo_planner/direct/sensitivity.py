@@ -32,6 +32,8 @@ class Sensitivity:
     def __init__(self, shape):
         if shape._discretisation is None or shape._before is None:
             raise InvalidTask('shape: expected one that comes from a simulator')
+        if shape._discretisation.surroundings.pinned:
+            raise InvalidTask('shape: expected one whose gripper clamps it, not a pinned one')
         self.shape = shape
         here, gripper = shape._discretisation, shape.gripper
         # the past before the step: what yields in it, yields along with the gripper

@@ -7,7 +7,7 @@ from inspect import signature
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.accuracy import accurate_equilibrium, step
+from dlo_planner.direct.accuracy import accurate_equilibrium, held_by, step
 from dlo_planner.direct.continuation import fell, follow
 from dlo_planner.direct.described import STRAINS
 from dlo_planner.direct.discretisation import Discretisation
@@ -48,6 +48,10 @@ class DirectSimulator(Value):
         gravity: (3,) m/s^2, any direction, may be zero
         load: further force per length, N/m, world axes: (3,), or a callable of s (m)
         obstacles: Plane, Sphere, Capsule, Box, Sheet, in any number
+        grip: 'clamped' (default), or 'pinned': the gripper holds the position of the DLO's
+            beginning, which may turn like in a ball joint. A shape's gripper and first frame then
+            have the rotation of the equilibrium; of a given pose the rotation is only where the
+            search begins, without a shape before.
 
     Raises:
         InvalidTask: an argument makes no sense; the message names it
@@ -63,15 +67,18 @@ class DirectSimulator(Value):
     def __init__(self, rod: Rod, *, n_elements: int | None = None, n_terms: int | None = None,
                  basis: str | None = None, method: str = 'newton', strains: str = 'components',
                  accuracy: float | None = None, gravity: ArrayLike = STANDARD_GRAVITY,
-                 load: ArrayLike | Callable | None = None, obstacles: Iterable = ()):
+                 load: ArrayLike | Callable | None = None, obstacles: Iterable = (),
+                 grip: str = 'clamped'):
         if basis is None:
             basis = 'chebyshev' if accuracy is None else 'local'
-        put(self, surroundings=Surroundings(rod, gravity, load, obstacles), _history=None,
+        put(self, surroundings=Surroundings(rod, gravity, load, obstacles, grip), _history=None,
             method=choice('method', method, METHODS), strains=choice('strains', strains, STRAINS),
             accuracy=None, basis=choice('basis', basis, BASES), _discretisation=None)
         if strains == 'paper' and (method == 'newton' or self.basis == 'local'):
             raise InvalidTask(f'strains = {strains!r}: expected a series as basis and \'dfp\' or '
                               f'\'downhill_simplex\' as method, got {self.basis!r}, {method!r}')
+        if method != 'newton' and self.surroundings.pinned:
+            raise InvalidTask(f'method = {method!r}: expected \'newton\' with a pinned gripper')
         if method != 'newton' and self.obstacles:
             raise InvalidTask(f'method = {method!r}: expected \'newton\' with obstacles')
         if accuracy is not None:
@@ -198,7 +205,8 @@ class DirectSimulator(Value):
 
         Between poses the motion is taken as straight (position linear, rotation about one axis).
         Where the shape cannot follow continuously, it falls into the next minimum, and
-        `Shape.jumped` says so.
+        `Shape.jumped` says so. A shape that is not converged is followed by the continuation of
+        the one before it, or, if it is `nearly`, by its own; `Shape.status` tells which.
 
         Args:
             grippers: list of Pose
@@ -224,9 +232,10 @@ class DirectSimulator(Value):
             if before is None:
                 shape, _ = self._equilibrium(gripper, initial, end)
             else:
-                shape = follow(self._equilibrium, before, gripper, end)
+                shape = follow(self._equilibrium, before,
+                               held_by(self.surroundings, gripper, before), end)
             shapes.append(shape)
-            if shape.converged:  # a failure is reported, not carried on
+            if shape.converged or shape.nearly:  # a failure is reported, not carried on
                 initial = shape
             steps.done(len(shapes), len(grippers))
         return shapes
@@ -256,6 +265,9 @@ class DirectSimulator(Value):
         self._check(grippers[0], initial)
         dt = number('dt', dt, above=0)
         choice('integrator', integrator, INTEGRATORS)
+        if self.surroundings.pinned:
+            raise InvalidTask('grip = \'pinned\': expected a simulator whose gripper clamps the DLO '
+                              'where motions are simulated')
         if self.method != 'newton':
             raise InvalidTask(f'method = {self.method!r}: expected a simulator with \'newton\' '
                               'where motions are simulated')

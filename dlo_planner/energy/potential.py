@@ -18,6 +18,8 @@ from dlo_planner.ritz.kinematics import Attached, add_gradient, march, nothing_a
 from dlo_planner.ritz.record import Record, makes
 from dlo_planner.ritz.second_order import add_stiffness, second_order
 
+_HINGE = 1e-20  # of the stiffness of the DLO: that of a hinge is below
+
 
 class System(Record):
     """A discretised DLO in a gripper: plain arrays, as the kernels want them.
@@ -119,12 +121,18 @@ def unknown_count(system):
 
 
 @kernel
+def hinged(system):
+    """Return whether the first element is a hinge: so soft that its stiffness does not count."""
+    return system.stiffness[0, 1] < _HINGE * system.stiffness[-1, 1]
+
+
+@kernel
 def bend_energy(system):
     """Return twice the energy in J that bending the whole DLO evenly by 1 rad takes."""
     compliance = 0.0
     for e in range(system.lengths.size):
         softer = min(system.stiffness[e, 1], system.stiffness[e, 2])
-        if softer > 0.0:  # a hinge has none
+        if e > 0 or not hinged(system):
             compliance += system.lengths[e] / softer
     return 1.0 / compliance
 

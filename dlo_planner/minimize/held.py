@@ -43,6 +43,7 @@ _GIVE = 1e-2      # of the length: how far a grip gives under the DLO's own forc
 _FAR = 0.1        # of the length: so far from its target it gives as much
 _LEFT = 0.05      # of the length: a step that misses the grip by more is too long
 _ASTRAY = 3e-3    # of the length: a DLO that falls is brought back from there
+_PROXIMAL = 1e-9  # least shift: what is neutral, as a round DLO that may spin, stays where it is
 _OFTEN = 3
 _MOST_KICKS = 10
 _ROUGH = 1e-3     # tolerance of the residual, and of the length, on the way to a target
@@ -112,7 +113,7 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
     without_traces(q, state.q)
     energy, noise = evaluate(system, state)
     most_give = _GIVE * length**2 / (np.sum(np.abs(system.pull)) * length + bend_energy(system))
-    shift, stability = 0.0, np.nan
+    shift, stability = _PROXIMAL, np.nan
     iterations = obstructed = 0
     stalled = leans = False
     while True:
@@ -158,12 +159,12 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
         obstructed += blocked
         if moved:
             state, trial = trial, state
-            shift = 0.0 if shift < 1e-3 else 0.1 * shift
+            shift = _PROXIMAL if shift < 1e-3 else 0.1 * shift
             stalled = obstructed > _OFTEN  # a contact there has to be known before it goes on
         else:
             hold.multiplier[:] = before
             energy, noise = evaluate(system, state)
-            stalled = shift > 1e6 or shift == 0.0 and missed < exact
+            stalled = shift > 1e6 or shift == _PROXIMAL and missed < exact
             shift = max(1e-2, 10.0 * shift)
     return state, residual, stability, iterations, mode, missed
 

@@ -13,7 +13,7 @@ import numpy as np
 from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.hold import violation as hold_violation
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import evaluate, hinged, new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import HELD_NEUTRAL, descend_held, held_newton
@@ -42,12 +42,12 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
         what `newton` returns, then the System at the end (with its multipliers) and the largest
         violation in m
     """
-    held = system.hold.multiplier.size > 0
+    held = _is_held(system)
     if not held and system.scene.kind.size == 0:
         state, residual, stability, iterations, kicks = newton(system, q, tolerance,
                                                                max_iterations, check)
         return state, residual, stability, iterations, kicks, system, 0.0
-    if system.scene.kind.size == 0:
+    if not system.scene.kind.size:
         state, residual, stability, iterations, kicks, violation = held_newton(
             system, q, tolerance, exact, max_iterations, check)
         return state, residual, stability, iterations, kicks, system, violation
@@ -93,9 +93,14 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
     return final, residual, stability, iterations, kicks, system, violation
 
 
+def _is_held(system):
+    """Whether a far end's grip, or a hinge at the gripper, has a say."""
+    return system.hold.multiplier.size > 0 or hinged(system)
+
+
 def _descended(system, q, tolerance, exact, most):
     """Return State, residual and steps of a descent with the contacts' multipliers as they are."""
-    if system.hold.multiplier.size:
+    if _is_held(system):
         state, residual, _, made, _, _ = held_newton(system, q, tolerance, exact, most, False)
     else:
         state, residual, _, made, _ = newton(system, q, tolerance, most, False)
@@ -116,7 +121,7 @@ def _looking_again(system, state, previous, slipping):
 
 def _judged(system, state, tolerance, exact):
     """Return the smallest eigenvalue, on what a grip leaves free, and its mode."""
-    if system.hold.multiplier.size:
+    if _is_held(system):
         _, _, stability, _, mode, _ = descend_held(system, state.q, tolerance, exact, 0, True)
     else:
         _, _, stability, _, mode = descend(system, state.q, tolerance, 0, True)

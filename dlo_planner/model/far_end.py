@@ -10,6 +10,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value
 
 GRIPS = ('clamped', 'pinned', 'sleeve', 'aligned')
+_SLACK = 1e-9  # of the length
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FarEnd(Value):
@@ -39,6 +40,21 @@ class FarEnd(Value):
         if isinstance(value, Pose):
             return cls(value)
         return cls(Pose(vector('far_end', value, 3), (0.0, 0.0, 0.0, 1.0)), 'pinned')
+
+    def distance(self, gripper: Pose) -> float:
+        """Return the straight distance in m that the DLO has to span, at least, from `gripper`."""
+        away = self.pose.position - gripper.position
+        if self.grip == 'sleeve':  # it may slide to where this is shortest
+            away = away - (away @ self.pose.direction) * self.pose.direction
+        return float(np.linalg.norm(away))
+
+    def reached(self, gripper: Pose, length: float) -> bool:
+        """Whether a DLO of `length` (m) can span the distance, and not only with endless tension.
+
+        It hardly stretches: where less than 1e-9 of it is left to sag, its weight decides nothing
+        that could be computed.
+        """
+        return self.distance(gripper) < (1.0 - _SLACK) * length
 
     @property
     def held(self) -> np.ndarray:
