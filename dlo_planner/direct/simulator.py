@@ -266,8 +266,8 @@ class DirectSimulator(Value):
         dt = number('dt', dt, above=0)
         choice('integrator', integrator, INTEGRATORS)
         if self.surroundings.pinned:
-            raise InvalidTask('grip = \'pinned\': expected a simulator whose gripper clamps the DLO '
-                              'where motions are simulated')
+            raise InvalidTask('grip = \'pinned\': expected a simulator whose gripper clamps the '
+                              'DLO where motions are simulated')
         if self.method != 'newton':
             raise InvalidTask(f'method = {self.method!r}: expected a simulator with \'newton\' '
                               'where motions are simulated')

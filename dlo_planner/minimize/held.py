@@ -16,7 +16,15 @@ import numpy as np
 
 from dlo_planner.energy.hold import fill_miss, moved_hold, violation
 from dlo_planner.energy.passage import passes_through
-from dlo_planner.energy.potential import bend_energy, evaluate, new_state, regripped_system
+from dlo_planner.energy.potential import (
+    at_element,
+    bend_energy,
+    evaluate,
+    hinged,
+    new_state,
+    project,
+    regripped_system,
+)
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import (
     assemble,
@@ -44,6 +52,7 @@ _FAR = 0.1        # of the length: so far from its target it gives as much
 _LEFT = 0.05      # of the length: a step that misses the grip by more is too long
 _ASTRAY = 3e-3    # of the length: a DLO that falls is brought back from there
 _PROXIMAL = 1e-9  # least shift: what is neutral, as a round DLO that may spin, stays where it is
+_ALIKE = 1e-9     # stiffnesses that differ by less are the same
 _OFTEN = 3
 _MOST_KICKS = 10
 _ROUGH = 1e-3     # tolerance of the residual, and of the length, on the way to a target
@@ -181,7 +190,7 @@ def _search(system, state, trial, step, energy, noise, slope, farthest):
     """
     fraction, blocked, last = 1.0, False, system.lengths.size
     for _ in range(20):
-        trial.q[:] = state.q + fraction * step
+        advance(system, state.q, step, fraction, trial.q)
         new, new_noise = evaluate(system, trial)
         if system.scene.kind.size and passes_through(
                 system.scene, system.lengths, state.strains, state.rotations, state.positions,
@@ -195,3 +204,49 @@ def _search(system, state, trial, step, energy, noise, slope, farthest):
             return new, new_noise, True, blocked
         fraction *= 0.5
     return energy, noise, False, blocked
+
+
+@kernel
+def advance(system, q, step, fraction, out):
+    """Fill out (m, 3) with q (m, 3) moved by a fraction of `step` (m, 3), to first order.
+
+    Torsion turns all that lies beyond about the DLO's axis. A DLO whose torsion is soft turns so
+    by large angles while its axis hardly moves: its curvature stays in the world and turns in its
+    material frame. A straight line of the unknowns leaves that way with the square of the angle.
+    So the curvature of a DLO that bends alike in all directions is turned back by the angle.
+    """
+    out[:] = q + fraction * step
+    if not _spins_freely(system):
+        return
+    values = np.empty((system.lengths.size, 3))
+    angle = 0.0
+    for e in range(system.lengths.size):
+        h = system.lengths[e]
+        turn = h * system.scale[e, 0] * fraction * at_element(system.basis, step, e, 0)
+        if e == 0 and hinged(system):
+            turn = 0.0
+        middle = angle + 0.5 * turn
+        angle += turn
+        k1, k2 = at_element(system.basis, q, e, 1), at_element(system.basis, q, e, 2)
+        d1 = at_element(system.basis, out, e, 1) - middle * k2
+        d2 = at_element(system.basis, out, e, 2) + middle * k1
+        c, s = np.cos(middle), np.sin(middle)
+        values[e, 0] = at_element(system.basis, out, e, 0)
+        values[e, 1] = c * d1 + s * d2
+        values[e, 2] = c * d2 - s * d1
+        if system.basis.shape[1]:
+            values[e] *= h
+    project(system.basis, values, out)
+
+
+@kernel
+def _spins_freely(system):
+    """Return whether a DLO is round and naturally straight, so that turning it costs nothing."""
+    if system.layers.share.shape[0]:
+        return False
+    for e in range(system.lengths.size):
+        stiffness, natural = system.stiffness[e], system.natural[e]
+        if (abs(stiffness[1] - stiffness[2]) > _ALIKE * stiffness[1]
+                or abs(natural[1]) + abs(natural[2]) > 0.0):
+            return False
+    return True
