@@ -12,7 +12,7 @@ from dlo_planner.minimize.held import led
 from dlo_planner.model.far_end import FarEnd, held_rows
 from dlo_planner.model.pose import Pose, angle_between
 
-_TURN, _SHIFT = 0.2, 0.04  # rad, part of the length: how far a grip goes in one part
+_TURN, _SHIFT = 0.3, 0.08  # rad, part of the length: how far a grip goes in one part
 _FINER = 4   # times the parts of a way that is not found in larger ones
 _FINEST = 3  # times they are made smaller
 

@@ -162,19 +162,21 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
             energy += reaction[row] * miss[row]
             slope += reaction[row] * dot(hessian.border[row], step)
         farthest = missed if back else max(2.0 * missed, _LEFT * length)
-        energy, noise, moved, blocked = _search(system, state, trial, step, energy, noise,
-                                                np.inf if back else slope, farthest)
+        gone, energy, noise, blocked = _search(system, state, trial, step, energy, noise,
+                                               np.inf if back else slope, farthest)
         iterations += 1
         obstructed += blocked
-        if moved:
+        # where the DLO has gone a part of the step, so does the reaction: it would grow for ever
+        hold.multiplier[:] = before + gone * reaction
+        if gone > 0.0:
             state, trial = trial, state
             shift = _PROXIMAL if shift < 1e-3 else 0.1 * shift
             stalled = obstructed > _OFTEN  # a contact there has to be known before it goes on
         else:
-            hold.multiplier[:] = before
-            energy, noise = evaluate(system, state)
             stalled = shift > 1e6 or shift == _PROXIMAL and missed < exact
             shift = max(1e-2, 10.0 * shift)
+        if gone < 1.0:
+            energy, noise = evaluate(system, state)
     return state, residual, stability, iterations, mode, missed
 
 
@@ -186,7 +188,8 @@ def _search(system, state, trial, step, energy, noise, slope, farthest):
         slope: of the potential along the step, in J; infinite where only the miss counts
         farthest: m, by how much the grip may be missed there
 
-    Returns its energy, noise, whether there is such a point, and whether an obstacle was met.
+    Returns the part of the step gone (0 if there is no such point), its energy, noise, and if an
+    obstacle was met.
     """
     fraction, blocked, last = 1.0, False, system.lengths.size
     for _ in range(20):
@@ -201,9 +204,9 @@ def _search(system, state, trial, step, energy, noise, slope, farthest):
         near = violation(system.hold, trial.rotations[last], trial.positions[last]) <= farthest
         enough = slope == np.inf or new <= energy + 1e-4 * fraction * slope
         if near and (enough or abs(fraction * slope) < 100 * noise):
-            return new, new_noise, True, blocked
+            return fraction, new, new_noise, blocked
         fraction *= 0.5
-    return energy, noise, False, blocked
+    return 0.0, energy, noise, blocked
 
 
 @kernel
