@@ -23,7 +23,8 @@ def true_rod(rod, gripper, guess, gravity=(0.0, 0.0, -9.81), tol=1e-10):
         turn = Rotation.from_quat(quaternion.T)
         tangent = turn.apply([1.0, 0.0, 0.0]).T
         strain = turn.inv().apply(y[7:].T).T / stiffness[:, None] + rod.natural_strains(s).T
-        return np.vstack([tangent, _rate(quaternion, strain), -np.cross(tangent.T, weight_beyond(s).T).T])
+        moment = -np.cross(tangent.T, weight_beyond(s).T).T
+        return np.vstack([tangent, _rate(quaternion, strain), moment])
 
     def ends(start, end):
         return np.concatenate([start[:3] - gripper.position, start[3:7] - gripper.quaternion,

@@ -166,8 +166,9 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
                                                np.inf if back else slope, farthest)
         iterations += 1
         obstructed += blocked
-        # where the DLO has gone a part of the step, so does the reaction: it would grow for ever
-        hold.multiplier[:] = before + gone * reaction
+        # The reaction goes as far as the DLO. That to a shifted step is mostly to the shift.
+        told = gone / (1.0 + shift)
+        hold.multiplier[:] = before + told * reaction
         if gone > 0.0:
             state, trial = trial, state
             shift = _PROXIMAL if shift < 1e-3 else 0.1 * shift
@@ -175,7 +176,7 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
         else:
             stalled = shift > 1e6 or shift == _PROXIMAL and missed < exact
             shift = max(1e-2, 10.0 * shift)
-        if gone < 1.0:
+        if told < 1.0 - 1e-6:
             energy, noise = evaluate(system, state)
     return state, residual, stability, iterations, mode, missed
 
