@@ -342,6 +342,15 @@ class DirectSimulator(Value):
                               f'is {away:.3g} m off')
 
 
+def clamping(name: str, simulator: object) -> DirectSimulator:
+    """Return a DirectSimulator whose gripper clamps the DLO; raise InvalidTask naming `name`."""
+    instance(name, simulator, DirectSimulator)
+    if simulator.surroundings.pinned:
+        raise InvalidTask(f'{name}.grip = \'pinned\': expected \'clamped\', which plans are made '
+                          'for')
+    return simulator
+
+
 def poses(grippers, least=0):
     """Return a sequence of Poses as a tuple of `least` or more; raise InvalidTask."""
     grippers = items('grippers', grippers, object, least=least)
