@@ -25,7 +25,7 @@ from dlo_planner.model.checks import (
     shown,
     vector,
 )
-from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.far_end import FarEnd, distance, within_reach
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Constant, Value, brief, freeze, put
@@ -154,7 +154,7 @@ class Shape(Value):
     def status(self) -> str:
         """How the computation ended, in words: 'converged', 'nearly converged', or why not."""
         if not self._within_reach:
-            return (f'out of reach: the far end is held {self.far_end.distance(self.gripper):.9g} '
+            return (f'out of reach: the far end is held {distance(self.far_end, self.gripper):.9g} '
                     f'm from the gripper, the DLO is {self.s[-1]:.9g} m long')
         figures = (f'residual {self.residual:.2g}, stability {self.stability:.2g}, '
                    f'violation {self.violation:.2g} m')
@@ -166,7 +166,7 @@ class Shape(Value):
 
     @property
     def _within_reach(self):
-        return self.far_end is None or self.far_end.reached(self.gripper, float(self.s[-1]))
+        return within_reach(self.far_end, self.gripper, float(self.s[-1]))
 
     @property
     def tangents(self) -> np.ndarray:

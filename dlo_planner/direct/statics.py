@@ -18,6 +18,7 @@ from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.minimize.multipliers import constrained_newton
 from dlo_planner.minimize.newton import NEUTRAL, gradient_noise, newton
 from dlo_planner.minimize.protocol import Problem
+from dlo_planner.model.far_end import distance, within_reach
 from dlo_planner.model.pose import Pose
 
 TOLERANCE = 1e-10  # of the residual; the last step of a quadratic method overshoots it
@@ -50,7 +51,7 @@ def equilibrium(discretisation, gripper, strains, method='newton', history=None,
     system = discretisation.system(gripper.rotation, gripper.position, history, far_end)
     q = discretisation.unknowns(strains)
     most = MAX_ITERATIONS
-    if far_end is not None and not far_end.reached(gripper, discretisation.s[-1]):
+    if not within_reach(far_end, gripper, discretisation.s[-1]):
         most = _IN_VAIN
     learnt = None
     if method != 'newton':
@@ -59,7 +60,7 @@ def equilibrium(discretisation, gripper, strains, method='newton', history=None,
     exact = EXACT
     if far_end is not None:  # the less slack, the more its tension depends on where the end is
         length = discretisation.s[-1]
-        exact = min(exact, 1e-4 * max(1.0 - far_end.distance(gripper) / length, _LEAST))
+        exact = min(exact, 1e-4 * max(1.0 - distance(far_end, gripper) / length, _LEAST))
     found = solve(discretisation, system, gripper, q, history, most, exact=exact)
     shape = shape_of(discretisation, gripper, found, history, far_end)
     if learnt is not None:
@@ -161,9 +162,9 @@ def _kept(discretisation, gripper, system, state, violation, far_end):
     length = discretisation.s[-1]
     if far_end is not None:
         # the slack of a DLO that is nearly taut decides on its tension
-        slack = length - far_end.distance(gripper)
+        slack = length - distance(far_end, gripper)
         missed = hold_violation(system.hold, state.rotations[-1].copy(), state.positions[-1].copy())
-        if not far_end.reached(gripper, length) or missed > min(_HELD * length, _SLACK * slack):
+        if not within_reach(far_end, gripper, length) or missed > min(_HELD * length, _SLACK * slack):
             return False
     return violation <= KEPT * length
 

@@ -41,21 +41,6 @@ class FarEnd(Value):
             return cls(value)
         return cls(Pose(vector('far_end', value, 3), (0.0, 0.0, 0.0, 1.0)), 'pinned')
 
-    def distance(self, gripper: Pose) -> float:
-        """Return the straight distance in m that the DLO has to span, at least, from `gripper`."""
-        away = self.pose.position - gripper.position
-        if self.grip == 'sleeve':  # it may slide to where this is shortest
-            away = away - (away @ self.pose.direction) * self.pose.direction
-        return float(np.linalg.norm(away))
-
-    def reached(self, gripper: Pose, length: float) -> bool:
-        """Whether a DLO of `length` (m) can span the distance, and not only with endless tension.
-
-        It hardly stretches: where less than 1e-9 of it is left to sag, its weight decides nothing
-        that could be computed.
-        """
-        return self.distance(gripper) < (1.0 - _SLACK) * length
-
     @property
     def held(self) -> np.ndarray:
         """(K, 6) unit vectors of rotation, then of displacement, that the grip does not allow."""
@@ -83,3 +68,20 @@ def held_rows(grip: str, rotation: np.ndarray) -> np.ndarray:
     rows = np.zeros((len(turns) + len(moves), 6))
     rows[:len(turns), :3], rows[len(turns):, 3:] = turns, moves
     return rows
+
+
+def distance(far_end: FarEnd, gripper: Pose) -> float:
+    """Return the straight distance in m that a DLO has to span, at least, from a gripper."""
+    away = far_end.pose.position - gripper.position
+    if far_end.grip == 'sleeve':  # it may slide to where this is shortest
+        away = away - (away @ far_end.pose.direction) * far_end.pose.direction
+    return float(np.linalg.norm(away))
+
+
+def within_reach(far_end: FarEnd | None, gripper: Pose, length: float) -> bool:
+    """Return whether a DLO of `length` (m) spans the distance, and not only with endless tension.
+
+    It hardly stretches: where less than 1e-9 of it is left to sag, its weight decides nothing
+    that could be computed.
+    """
+    return far_end is None or distance(far_end, gripper) < (1.0 - _SLACK) * length
