@@ -164,7 +164,8 @@ def _kept(discretisation, gripper, system, state, violation, far_end):
         # the slack of a DLO that is nearly taut decides on its tension
         slack = length - distance(far_end, gripper)
         missed = hold_violation(system.hold, state.rotations[-1].copy(), state.positions[-1].copy())
-        if not within_reach(far_end, gripper, length) or missed > min(_HELD * length, _SLACK * slack):
+        most = min(_HELD * length, _SLACK * slack)
+        if not within_reach(far_end, gripper, length) or missed > most:
             return False
     return violation <= KEPT * length
 
