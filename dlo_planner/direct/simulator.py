@@ -359,7 +359,8 @@ def poses(grippers, least=0):
     return grippers
 
 
-_OPTIONS = tuple(name for name in signature(DirectSimulator).parameters if name != 'rod')
+_OPTIONS = tuple(name for name in signature(DirectSimulator).parameters
+                 if name not in ('rod', 'grip'))  # what holds the DLO is theirs to say
 
 
 def known_options(options):
