@@ -119,6 +119,7 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
     step, mode = np.empty_like(state.q), np.zeros_like(state.q)
     held = hold.multiplier.size
     miss, reaction, before = np.empty(held), np.empty(held), np.empty(held)
+    bringing = np.empty(held)
     without_traces(q, state.q)
     energy, noise = evaluate(system, state)
     most_give = _GIVE * length**2 / (np.sum(np.abs(system.pull)) * length + bend_energy(system))
@@ -148,12 +149,16 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
                 continue
         back = leans and missed > _ASTRAY * length
         solve_held(system, hessian, (0.0 if back else -1.0) * state.gradient, miss, step, reaction)
+        # the part of the reaction that brings the end back, which a shift makes as large as itself
+        for row in range(held):
+            bringing[row] = 0.0
+            for other in range(held):
+                bringing[row] += hessian.schur[row, other] * miss[other]
         turn = largest_turn(system, hessian, step)
         if turn > LARGEST_TURN:
             step *= LARGEST_TURN / turn
             reaction *= LARGEST_TURN / turn
-        if back:
-            reaction[:] = 0.0  # it only tells what brings the end back
+            bringing *= LARGEST_TURN / turn
         # the potential and its slope with the new reaction
         before[:] = hold.multiplier
         hold.multiplier[:] += reaction
@@ -166,9 +171,9 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
                                                np.inf if back else slope, farthest)
         iterations += 1
         obstructed += blocked
-        # The reaction goes as far as the DLO. That to a shifted step is mostly to the shift.
-        told = gone / (1.0 + shift)
-        hold.multiplier[:] = before + told * reaction
+        # The reaction goes as far as the DLO does, and without what it owes to a shift.
+        excess = shift / (1.0 + shift)
+        hold.multiplier[:] = before + gone * (reaction - excess * bringing)
         if gone > 0.0:
             state, trial = trial, state
             shift = _PROXIMAL if shift < 1e-3 else 0.1 * shift
@@ -176,7 +181,7 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
         else:
             stalled = shift > 1e6 or shift == _PROXIMAL and missed < exact
             shift = max(1e-2, 10.0 * shift)
-        if told < 1.0 - 1e-6:
+        if gone < 1.0 or shift > _PROXIMAL:
             energy, noise = evaluate(system, state)
     return state, residual, stability, iterations, mode, missed
 
