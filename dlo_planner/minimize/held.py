@@ -147,7 +147,8 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
                 state, trial = trial, state
                 energy, noise = evaluate(system, state)
                 continue
-        back = leans and missed > _ASTRAY * length
+        # (not into obstacles, whose springs only the potential knows)
+        back = leans and missed > _ASTRAY * length and system.scene.kind.size == 0
         solve_held(system, hessian, (0.0 if back else -1.0) * state.gradient, miss, step, reaction)
         # the part of the reaction that brings the end back, which a shift makes as large as itself
         for row in range(held):
