@@ -26,9 +26,9 @@ from dlo_planner.energy.potential import (
     regripped_system,
 )
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.border import dot
 from dlo_planner.minimize.linear import (
     assemble,
-    dot,
     factorise,
     largest_turn,
     new_hessian,

@@ -8,19 +8,17 @@ Both factorisations are congruences, so the signs of their pivots are the signs 
 
 import numpy as np
 
-from dlo_planner.energy.hold import held_twists
 from dlo_planner.energy.potential import (
     at_element,
     element_hessian,
-    project,
     twists_count,
     unknown_count,
 )
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.border import complement, fill_border, keep
 from dlo_planner.ritz.record import Record
 
 _TINY = 1e-300
-_NEVER = 1e-14  # of the largest: the eigenvalue of a direction in which nothing can move
 
 
 class Hessian(Record):
@@ -76,7 +74,7 @@ def assemble(system, state, hessian):
         else:
             _project(system.basis, hessian, 6)
     if hessian.border.shape[0]:
-        _fill_border(system, state, hessian)
+        fill_border(system, state, hessian)
     if system.near.shape[0]:
         if system.basis.shape[1] > 0:
             for i in range(hessian.dense.shape[0]):
@@ -121,21 +119,6 @@ def _project(basis, hessian, wide):
 
 
 @kernel
-def _fill_border(system, state, hessian):
-    """Fill the derivatives of what is held of the far end by the unknowns."""
-    n, held = system.lengths.size, hessian.border.shape[0]
-    twists, values = np.empty((held, 6)), np.zeros((n, 3))
-    held_twists(system.hold, state.rotations[n], state.positions[n], twists)
-    for row in range(held):
-        for e in range(n):
-            for i in range(3):
-                values[e, i] = 0.0
-                for k in range(6):
-                    values[e, i] += hessian.turning[e, k, i] * twists[row, k]
-        project(system.basis, values, hessian.border[row])
-
-
-@kernel
 def factorise(system, hessian, shift):
     """Factorise H + shift I; return how many of its eigenvalues are not positive.
 
@@ -147,24 +130,7 @@ def factorise(system, hessian, shift):
         return negative
     for row in range(held):
         _solve_alone(system, hessian, hessian.border[row], hessian.answers[row])
-    schur = hessian.schur
-    for row in range(held):
-        for other in range(row + 1):
-            schur[row, other] = dot(hessian.border[row], hessian.answers[other])
-            schur[other, row] = schur[row, other]
-        schur[row, row] += hessian.give[0]
-    values, vectors = np.linalg.eigh(schur)
-    largest = np.abs(values).max()
-    for row in range(held):
-        for other in range(held):
-            schur[row, other] = 0.0
-    for k in range(held):
-        negative -= values[k] < 0.0
-        if abs(values[k]) > _NEVER * largest:  # else no force there changes anything
-            for row in range(held):
-                for other in range(held):
-                    schur[row, other] += vectors[row, k] * vectors[other, k] / values[k]
-    return negative
+    return negative - complement(hessian)
 
 
 @kernel
@@ -185,7 +151,7 @@ def solve(system, hessian, right, out):
     _solve_alone(system, hessian, right, out)
     if hessian.border.shape[0]:
         reaction = np.zeros(hessian.border.shape[0])
-        _keep(hessian, out, reaction)
+        keep(hessian, out, reaction)
 
 
 @kernel
@@ -196,39 +162,7 @@ def solve_held(system, hessian, right, miss, out, reaction):
     """
     _solve_alone(system, hessian, right, out)
     reaction[:] = miss
-    _keep(hessian, out, reaction)
-
-
-@kernel
-def _keep(hessian, out, reaction):
-    """Correct the solution `out` (m, 3) without the grip; `reaction` (K,): in the miss."""
-    held = reaction.size
-    miss = np.empty(held)
-    for row in range(held):
-        miss[row] = reaction[row] + dot(hessian.border[row], out)
-    for row in range(held):
-        reaction[row] = 0.0
-        for other in range(held):
-            reaction[row] += hessian.schur[row, other] * miss[other]
-    for row in range(held):
-        add_to(out, -reaction[row], hessian.answers[row])
-
-
-@kernel
-def dot(a, b):
-    """Return the sum of products of two arrays (m, 3)."""
-    total = 0.0
-    for e in range(a.shape[0]):
-        total += a[e, 0] * b[e, 0] + a[e, 1] * b[e, 1] + a[e, 2] * b[e, 2]
-    return total
-
-
-@kernel
-def add_to(a, factor, b):
-    """Add factor times b (m, 3) to a (m, 3)."""
-    for e in range(a.shape[0]):
-        for i in range(3):
-            a[e, i] += factor * b[e, i]
+    keep(hessian, out, reaction)
 
 
 @kernel

@@ -10,7 +10,8 @@ import numpy as np
 
 from dlo_planner.energy.potential import project, unknown_count
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.linear import add_to, dot, solve
+from dlo_planner.minimize.border import add_to, dot
+from dlo_planner.minimize.linear import solve
 
 _STEPS = 40
 _MODE_BELOW = 1e-3  # nobody asks for the mode of a shape that is well stable
