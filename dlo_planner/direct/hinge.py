@@ -37,6 +37,8 @@ def with_hinge(system):
     """Return the System of a DLO with a hinge before its first element."""
     length, bend = system.lengths.sum(), bend_energy(system)
     h = _LENGTH * length
+    # a series' terms are orthonormal, the elements' lengths being their weights
+    term = 1.0 / np.sqrt(h) if system.basis.shape[1] else 1.0
 
     def before(first, others):
         return np.concatenate([np.full((1, *others.shape[1:]), first), others])
@@ -45,7 +47,8 @@ def with_hinge(system):
     return system._replace(
         lengths=before(h, system.lengths), natural=before(0.0, system.natural),
         stiffness=before(_STIFFNESS * bend * h, system.stiffness),
-        scale=before(1.0 / (np.sqrt(bend) * h), system.scale), basis=_basis(system.basis),
+        scale=before(1.0 / (np.sqrt(bend) * h * term), system.scale),
+        basis=_basis(system.basis, term),
         pull=before(0.0, system.pull),
         anchor=before(0.0, system.anchor) if len(system.anchor) else system.anchor,
         anchor_weight=(before(0.0, system.anchor_weight) if len(system.anchor_weight)
@@ -81,11 +84,11 @@ def turn_of(system, q):
     return Rotation.from_rotvec(turn / np.sqrt(bend_energy(system))).as_matrix()
 
 
-def _basis(basis):
-    """Return the basis (N + 1, N_c + 1) with a term of the hinge alone; (N + 1, 0) if local."""
+def _basis(basis, term):
+    """Return the basis (N + 1, N_c + 1) with a `term` of the hinge alone; (N + 1, 0) if local."""
     n, terms = basis.shape
     if not terms:
         return np.zeros((n + 1, 0))
     wider = np.zeros((n + 1, terms + 1))
-    wider[1:, :-1], wider[0, -1] = basis, 1.0
+    wider[1:, :-1], wider[0, -1] = basis, term
     return wider
