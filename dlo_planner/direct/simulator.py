@@ -7,7 +7,13 @@ from inspect import signature
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.accuracy import accurate_equilibrium, first_mesh, step, within
+from dlo_planner.direct.accuracy import (
+    accurate_equilibrium,
+    first_mesh,
+    held_by,
+    step,
+    within,
+)
 from dlo_planner.direct.beginning import first_shape, moving_mesh, nodes_velocity
 from dlo_planner.direct.continuation import follow, leapt
 from dlo_planner.direct.described import STRAINS
@@ -60,6 +66,10 @@ class DirectSimulator(Value):
         load: further force per length, N/m, world axes: (3,), or a callable of s (m)
         obstacles: Plane, Sphere, Capsule, Box, Sheet, in any number
         point_loads: PointLoads, dead forces and moments at points
+        grip: 'clamped' (default), or 'pinned': the gripper holds the position of the DLO's
+            beginning, which may turn like in a ball joint. A shape's gripper and first frame then
+            have the rotation of the equilibrium; of a given pose the rotation is only where the
+            search begins, without a shape before.
 
     Raises:
         InvalidTask: an argument makes no sense; the message names it
@@ -76,8 +86,8 @@ class DirectSimulator(Value):
                  basis: str | None = None, method: str = 'newton', strains: str = 'components',
                  accuracy: float | None = None, gravity: ArrayLike = STANDARD_GRAVITY,
                  load: ArrayLike | Callable | None = None, obstacles: Iterable = (),
-                 point_loads: Iterable = ()):
-        around = Surroundings(rod, gravity, load, obstacles, point_loads)
+                 point_loads: Iterable = (), grip: str = 'clamped'):
+        around = Surroundings(rod, gravity, load, obstacles, point_loads, grip)
         fixed = n_elements is not None or n_terms is not None
         put(self, surroundings=around, _history=None, method=choice('method', method, METHODS),
             strains=choice('strains', strains, STRAINS),
@@ -112,6 +122,9 @@ class DirectSimulator(Value):
             return
         if around.obstacles:
             raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with obstacles')
+        if around.pinned:
+            raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with a pinned '
+                              'gripper')
         if around.has_moments:
             raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with dead moments')
 
@@ -225,7 +238,8 @@ class DirectSimulator(Value):
 
         Between poses the motion is taken as straight (position linear, rotation about one axis).
         Where the shape cannot follow continuously, it falls into the next minimum, and
-        `Shape.jumped` says so.
+        `Shape.jumped` says so. A shape that is not converged is followed by the continuation of
+        the one before it, or, if it is `nearly`, by its own; `Shape.status` tells which.
 
         Args:
             grippers: list of Pose
@@ -251,9 +265,10 @@ class DirectSimulator(Value):
             if before is None:
                 shape, _ = self._equilibrium(gripper, initial, end)
             else:
-                shape = follow(self._equilibrium, before, gripper, end)
+                shape = follow(self._equilibrium, before,
+                               held_by(self.surroundings, gripper, before), end)
             shapes.append(shape)
-            if shape.converged:  # a failure is reported, not carried on
+            if shape.converged or shape.nearly:  # a failure is reported, not carried on
                 initial = shape
             steps.done(len(shapes), len(grippers))
         return shapes
@@ -296,6 +311,9 @@ class DirectSimulator(Value):
         dt = number('dt', dt, above=0)
         tolerance = _tolerance(tolerance, self.rod.length)
         choice('integrator', integrator, INTEGRATORS)
+        if self.surroundings.pinned:
+            raise InvalidTask('grip = \'pinned\': expected a simulator whose gripper clamps the '
+                              'DLO where motions are simulated')
         if self.method != 'newton':
             raise InvalidTask(f'method = {self.method!r}: expected a simulator with \'newton\' '
                               'where motions are simulated')
@@ -405,6 +423,15 @@ class DirectSimulator(Value):
                               f'is {away:.3g} m off')
 
 
+def clamping(name: str, simulator: object) -> DirectSimulator:
+    """Return a DirectSimulator whose gripper clamps the DLO; raise InvalidTask naming `name`."""
+    instance(name, simulator, DirectSimulator)
+    if simulator.surroundings.pinned:
+        raise InvalidTask(f'{name}.grip = \'pinned\': expected \'clamped\', which plans are made '
+                          'for')
+    return simulator
+
+
 def poses(grippers, least=0):
     """Return a sequence of Poses as a tuple of `least` or more; raise InvalidTask."""
     grippers = items('grippers', grippers, object, least=least)
@@ -428,7 +455,8 @@ def _last(motion, velocity):
     return motion.shapes[-1], motion.velocities[-1] if velocity is None else velocity
 
 
-_OPTIONS = tuple(name for name in signature(DirectSimulator).parameters if name != 'rod')
+_OPTIONS = tuple(name for name in signature(DirectSimulator).parameters
+                 if name not in ('rod', 'grip'))  # what holds the DLO is theirs to say
 
 
 def known_options(options):
