@@ -104,9 +104,9 @@ def arguments():
         # simulators
         'at': 0.4, 'gripper': LEVEL, 'grippers': [LEVEL, LEVEL], 'dt': 0.01, 'shape': shape,
         's': 0.5, 'Rod.masses_per_length.s': [0.1, 0.2], 'Rod.natural_strains.s': [0.1, 0.2],
-        'Rod.radii.s': [0.1, 0.2], 'Rod.stiffnesses.s': [0.1, 0.2], 'nodes': (0.5,),
+        'Rod.radii.s': [0.1, 0.2], 'Rod.stiffnesses.s': [0.1, 0.2], 'nodes': (),
         'Rod.mean_natural_strains.s': [0.0, 1.0], 'Rod.mean_stiffnesses.s': [0.0, 1.0],
-        'Rod.node_masses.s': [0.0, 1.0], 'mass': 0.1, 'inertia': 1e-5, 'with_plug.centre': 0.5,
+        'Rod.node_masses.s': [0.0, 1.0], 'mass': 0.1, 'inertia': None, 'with_plug.centre': None,
         'function': np.cos, 'breaks': (0.5,), 'PointLoad.force': (0.0, 0.0, 1.0),
         'moment': (0.0, 0.0, 1.0), 'point_loads': (),
         'Shape.s': shape.s, 'converged': True, 'n_elements': 8, 'n_terms': 4, 'path': 'saved',
@@ -121,7 +121,9 @@ def arguments():
         'Plane.friction': 0.0, 'Sphere.friction': 0.0, 'Capsule.friction': 0.0,
         'Box.friction': 0.0, 'Sheet.friction': 0.0, 'Sheet.around.friction': 0.0,
         'times': np.zeros(1), 'shapes': [shape], 'velocities': np.zeros((1, 9, 3)),
-        'kinetic_energy': np.zeros(1), 'potential_energy': np.zeros(1),
+        'kinetic_energy': np.zeros(1), 'potential_energy': np.zeros(1), 'work': np.zeros(1),
+        'losses': np.zeros((1, 3)), 'velocity': None, 'far_ends': None, 'tolerance': 1e-3,
+        'Motion.status': 'complete', 'integrator': 'paper',
         # tasks
         'bore': hole, 'first': hole, 'cutouts': [hole],
         'second': CutOut(Pose.looking_along((0.6, 0, 1), (1, 0, 0)), radius=0.2),

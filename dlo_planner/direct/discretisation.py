@@ -18,9 +18,10 @@ from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import Value, freeze, put, same
 from dlo_planner.ritz.series import orthonormal_basis
 
-# Springs of constraints yield by 1 / these of the length under the DLO's own forces. Soft ones at
-# a held end would let a twisted DLO buckle too early; stiff ones at contacts cost iterations.
-_STIFF_CONTACT, _STIFF_HOLD = 1e5, 1e7
+# Springs of constraints yield by 1 / these of the length under the DLO's own forces. Those of
+# contacts cost iterations the stiffer they are; those of a grip only help the search.
+_STIFF_CONTACT, _STIFF_HOLD = 1e5, 1e2
+_LEVER = 0.1  # of the length
 
 
 class Discretisation(Value):
@@ -52,7 +53,7 @@ class Discretisation(Value):
         bend = min(rod.stiffness[1:]) / rod.length**2
         scene = build_scene(surroundings.obstacles, Surface.of(rod), s)
         put(self, spring=_STIFF_CONTACT * (weight + bend) / rod.length,
-            _hold_spring=(_STIFF_CONTACT * weight + _STIFF_HOLD * bend) / rod.length,
+            _hold_spring=_STIFF_HOLD * (weight + bend) / rod.length,
             _start=History.none(s, layers.set.shape[1], scene.kind.size, surroundings))
         put(self, _system=System(
             lengths, rod.mean_natural_strains(s), stiffness, scale,
@@ -70,8 +71,13 @@ class Discretisation(Value):
 
     @property
     def _free(self):
-        none = np.zeros((0, 3))
-        return Hold(none, none, np.zeros(3), none, self._hold_spring)
+        return Hold(np.zeros(3), np.eye(3), np.zeros(3), np.zeros((0, 6)), np.zeros(0),
+                    self._hold_spring, self._hold_spring * self.lever**2)
+
+    @property
+    def lever(self):
+        """A grip that is turned by 1 rad is missed by so much, m."""
+        return _LEVER * self.s[-1]
 
     def _contacts(self, history, origin):
         points = {name: values.copy() for name, values in history.points.items()}
@@ -101,13 +107,15 @@ class Discretisation(Value):
             hold=self._free if far_end is None else self._hold(far_end, origin, history))
 
     def _hold(self, far_end, origin, history):
-        points = 1 if far_end.grip == 'pinned' else 3
-        offset = 0.1 * self.s[-1] * np.array([[0, 0, 0], [1, 0, 0], [0, 1.0, 0]])[:points]
-        target = far_end.pose.position - origin + offset @ far_end.pose.rotation.T
-        force = np.zeros((points, 3))
+        """Return the Hold of a FarEnd, with the forces of `history` if it held as many motions."""
+        rows = far_end.held
+        rows[:, :3] *= self.lever
+        force = np.zeros(len(rows))
         if history is not None and history.hold.shape == force.shape:
             force = history.hold.copy()
-        return Hold(offset, target, np.array(far_end.slide), force, self._hold_spring)
+        return self._free._replace(
+            target=far_end.pose.position - origin, axes=np.array(far_end.pose.rotation, order='C'),
+            share=np.array(far_end.share), rows=rows, multiplier=force)
 
     @cached_property
     def load(self):
@@ -137,6 +145,11 @@ class Discretisation(Value):
         if system.basis.shape[1]:
             values = system.basis.T @ (values * system.lengths[:, None])
         return values
+
+    def strains_of(self, q):
+        """Return (N, 3) the strains of unknowns q (m, 3)."""
+        system = self._system
+        return system.natural + system.scale * (system.basis @ q if system.basis.shape[1] else q)
 
     @property
     def start(self):

@@ -18,7 +18,7 @@ class History(Value):
         lost: energy lost to plastic deformation so far, J
         node_force: (M, N + 1) force of each obstacle on each node, N
         points: dict of arrays, contacts inside elements and points of friction, world frame
-        hold: (P, 3) forces of the far end's grip, N
+        hold: (K,) forces of the far end's grip, N, see `energy.hold`
         positions: (N + 1, 3) of the nodes, m, from which friction counts
         of: Surroundings in which it happened; None: not known, as of a shape from a file
     """
@@ -43,7 +43,7 @@ class History(Value):
         """Return the past of a DLO that has none."""
         n = s.size - 1
         return cls(s, np.zeros((n, springs)), 0.0, np.zeros((obstacles, n + 1)), NO_POINTS,
-                   np.zeros((0, 3)), np.zeros((0, 3)), of)
+                   np.zeros(0), np.zeros((0, 3)), of)
 
     def on(self, s):
         """Return the same past on another mesh `s` (n + 1,); forces of contact are forgotten."""
@@ -65,7 +65,7 @@ class History(Value):
 
     def set_alone(self, obstacles):
         """Return the permanent set without contacts, grips and the way so far."""
-        return replace(self.without_contacts(obstacles), hold=np.zeros((0, 3)),
+        return replace(self.without_contacts(obstacles), hold=np.zeros(0),
                        positions=np.zeros((0, 3)))
 
 

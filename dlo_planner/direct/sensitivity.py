@@ -9,11 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from dlo_planner.energy.hold import held_twists
 from dlo_planner.energy.potential import at_element, evaluate, new_state, project
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve
-from dlo_planner.minimize.multipliers import firm, rigid
+from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve, solve_held
+from dlo_planner.minimize.multipliers import firm
 from dlo_planner.model.pose import displaced
 from dlo_planner.ritz.kinematics import march, part_of_element
 
@@ -33,17 +34,19 @@ class Sensitivity:
             raise InvalidTask('shape: expected one that comes from a simulator')
         if shape._discretisation.surroundings.has_moments:
             raise InvalidTask('shape: expected one without dead moments, which have no potential')
+        if shape._discretisation.surroundings.pinned:
+            raise InvalidTask('shape: expected one whose gripper clamps it, not a pinned one')
         self.shape = shape
         here, gripper = shape._discretisation, shape.gripper
         # the past before the step: what yields in it, yields along with the gripper
         past = shape._before.holding(shape._history)
         system = here.system(gripper.rotation, gripper.position, past, shape.far_end)
         q = here.unknowns(shape.element_strains)
-        if shape.contacts or shape.far_end is not None:
+        if shape.contacts:
             state = new_state(system)
             state.q[:] = q
             evaluate(system, state)
-            system = rigid(firm(system, state), state)
+            system = firm(system, state)
         self._system = system
         self._state, self._answers, self._hessian = _answers(self._system, q)
 
@@ -123,9 +126,12 @@ def _answers(system, q):
     factorise(system, hessian, 0.0)
     answers = np.zeros((6, q.shape[0], 3))
     load = np.empty_like(q)
+    held, last = system.hold.multiplier.size, system.lengths.size
+    moved, reaction = np.empty((held, 6)), np.empty(held)  # the grip does not go with the gripper
+    held_twists(system.hold, state.rotations[last], state.positions[last], moved)
     for column in range(hessian.cross.shape[2]):
         project(system.basis, -hessian.cross[:, :, column], load)
-        solve(system, hessian, load, answers[column])
+        solve_held(system, hessian, load, moved[:, column].copy(), answers[column], reaction)
     return state, answers, hessian
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.contact import CONDITIONS, hold_contact, slide_contact
 from dlo_planner.inverse.draft import Brief, Draft, kept_between
@@ -57,7 +57,7 @@ class InverseSimulator(Value):
 
     def __init__(self, simulator: DirectSimulator, *, workspace: Workspace | None = None,
                  may_yield: bool = True):
-        instance('simulator', simulator, DirectSimulator)
+        clamping('simulator', simulator)
         instance('workspace', workspace, Workspace, optional=True)
         if simulator.method != 'newton':
             raise InvalidTask(f'simulator.method = {simulator.method!r}: expected \'newton\', '

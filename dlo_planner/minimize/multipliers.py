@@ -11,25 +11,21 @@ follow from the contact forces of the round before.
 import numpy as np
 
 from dlo_planner.energy.contact import nearest_inside
-from dlo_planner.energy.hold import miss
+from dlo_planner.energy.hold import violation as hold_violation
 from dlo_planner.energy.outline import is_face, node_gap, nodes_of
-from dlo_planner.energy.potential import bend_energy, evaluate, new_state
+from dlo_planner.energy.potential import evaluate, hinged, new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.friction import with_friction
-from dlo_planner.minimize.newton import descend, kick, newton
+from dlo_planner.minimize.held import HELD_NEUTRAL, descend_held, held_newton
+from dlo_planner.minimize.newton import descend, gradient_noise, kick, newton
 from dlo_planner.minimize.watching import watching
 
 _ROUNDS = 60
 _SLOW = 0.3         # a violation that falls less than this in a round needs a stiffer spring
 _STIFFER = 10.0
 _MOST_STIFFER = 1e2
-_BUCKLED = 0.05     # an eigenvalue below minus this is no effect of soft springs
 _FIRM = 1e2         # times the stiffness of contacts' springs, where they are to hardly give
-_RIGID = 3e2        # times the stiffness of the far end's springs, to judge stability
-HELD_NEUTRAL = 1e-3  # as NEUTRAL, with constraints: a mesh splits what is neutral by about as much
 _MOST_KICKS = 10
-_TIE = 1e-4         # of the elastic stiffness: keeps a neutral shape where it is (proximal method)
-_FEW, _MANY = 6, 100  # Newton steps with each soft spring, on a step's way and after a push
 _COARSER = 10.0     # times the tolerance: the springs' rounding errors leave no more of it
 _STALLED = 100.0    # the same, where Newton's method has found no better point
 
@@ -46,80 +42,69 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
         what `newton` returns, then the System at the end (with its multipliers) and the largest
         violation in m
     """
-    if system.hold.offset.shape[0] == 0 and system.scene.kind.size == 0:
+    held = _is_held(system)
+    if not held and system.scene.kind.size == 0:
         state, residual, stability, iterations, kicks = newton(system, q, tolerance,
                                                                max_iterations, check)
         return state, residual, stability, iterations, kicks, system, 0.0
+    if not system.scene.kind.size:
+        state, residual, stability, iterations, kicks, violation = held_newton(
+            system, q, tolerance, exact, max_iterations, check)
+        return state, residual, stability, iterations, kicks, system, violation
     tolerance *= _COARSER
-    held = system.hold.offset.shape[0] > 0
     slipping = bool(np.any(system.scene.friction > 0.0))
-    bend = bend_energy(system)
     iterations = kicks = 0
     before = violation = np.inf
     stiffer = 1.0
     stability, judged = np.nan, False
-    pushed = None
-    if held:
-        q, iterations = _led(system, q, tolerance, _FEW)
-    for round_ in range(_ROUNDS):
-        tied = system._replace(near=q, tie=_TIE) if held else system
-        state, residual, _, made, _ = newton(tied, q, tolerance, max_iterations - iterations, False)
+    for _ in range(_ROUNDS):
+        state, residual, made = _descended(system, q, tolerance, exact, max_iterations - iterations)
         iterations += made
-        if check and held and round_ == 0:
-            # Held straight, a DLO may need a push before its constraints can be met at all.
-            _, _, lowest, _, mode = descend(tied, state.q, tolerance, 0, True)
-            if lowest < -_BUCKLED:
-                pushed = kick(tied, state, mode)
-        if pushed is None:
-            if held:
-                residual = max(residual, _TIE * np.linalg.norm(state.q - q)
-                               / np.sqrt(np.sum(q**2) + bend))
-            q = state.q
-            system, settled = _looking_again(system, state, previous,
-                                             slipping and before < 1e3 * exact)
-            violation = _update(system, state)
-            enough = residual < (_COARSER if made else _STALLED) * tolerance
-            good = violation < exact and settled and enough
-            if iterations >= max_iterations or good and not check:
+        q = state.q
+        enough = residual < max(tolerance, gradient_noise(system, state)) * (
+            _COARSER if made else _STALLED)
+        system, settled = _looking_again(system, state, previous,
+                                         slipping and before < 1e3 * exact)
+        violation = _update(system, state)
+        good = violation < exact and settled and enough
+        if iterations >= max_iterations or good and not check:
+            break
+        if good:
+            stability, mode = _judged(system, state, tolerance, exact)
+            judged = True
+            pushed = None
+            if stability <= -HELD_NEUTRAL and kicks < _MOST_KICKS:
+                pushed = kick(system, state, mode)
+            if pushed is None:
                 break
-            if good:
-                stability, mode = _judged(system, state, tolerance)
-                judged = True
-                if stability <= -HELD_NEUTRAL and kicks < _MOST_KICKS:
-                    pushed = kick(system, state, mode)
-                if pushed is None:
-                    break
-            elif violation > max(exact, _SLOW * before) and stiffer < _MOST_STIFFER:
-                stiffer *= _STIFFER
-                system = _stiffened(system, _STIFFER)
-            before = violation
-        if pushed is not None:
             kicks += 1
             q, before, judged = pushed, np.inf, False
-            if held:
-                q, made = _led(system, q, tolerance, _MANY)
-                iterations += made
-            pushed = None
+            continue
+        if violation > max(exact, _SLOW * before) and stiffer < _MOST_STIFFER:
+            stiffer *= _STIFFER
+            system = system._replace(contacts=system.contacts._replace(
+                stiffness=_STIFFER * system.contacts.stiffness))
+        before = violation
     if check and not judged:
-        stability, _ = _judged(system, state, tolerance)
+        stability, _ = _judged(system, state, tolerance, exact)
     final = new_state(system)  # of the points that are watched at the end
     final.q[:] = state.q
     evaluate(system, final)
     return final, residual, stability, iterations, kicks, system, violation
 
 
-def _led(system, q, tolerance, steps):
-    """Return unknowns (m, 3) nearer to where a far end is held, and the Newton steps made.
+def _is_held(system):
+    """Whether a far end's grip, or a hinge at the gripper, has a say."""
+    return system.hold.multiplier.size > 0 or hinged(system)
 
-    Springs that are soft first let the DLO find its way, which stiff ones make narrow.
-    """
-    total = 0
-    for softer in (1e-3, 1e-2, 1e-1):
-        soft = _stiffened(system, softer)._replace(near=q, tie=_TIE)
-        state, _, _, made, _ = newton(soft, q, tolerance, steps, False)
-        q = state.q
-        total += made
-    return q, total
+
+def _descended(system, q, tolerance, exact, most):
+    """Return State, residual and steps of a descent with the contacts' multipliers as they are."""
+    if _is_held(system):
+        state, residual, _, made, _, _ = held_newton(system, q, tolerance, exact, most, False)
+    else:
+        state, residual, _, made, _ = newton(system, q, tolerance, most, False)
+    return state, residual, made
 
 
 def _looking_again(system, state, previous, slipping):
@@ -134,30 +119,13 @@ def _looking_again(system, state, previous, slipping):
     return system._replace(contacts=watching(following, state)), settled
 
 
-def _judged(system, state, tolerance):
-    """Return the smallest eigenvalue and its mode where the far end's grip is as good as rigid.
-
-    Springs of finite stiffness k let a shape that is neutral look unstable by O(1 / k).
-    """
-    _, _, stability, _, mode = descend(rigid(system, state), state.q, tolerance, 0, True)
+def _judged(system, state, tolerance, exact):
+    """Return the smallest eigenvalue, on what a grip leaves free, and its mode."""
+    if _is_held(system):
+        _, _, stability, _, mode, _ = descend_held(system, state.q, tolerance, exact, 0, True)
+    else:
+        _, _, stability, _, mode = descend(system, state.q, tolerance, 0, True)
     return stability, mode
-
-
-def rigid(system, state):
-    """Return the System with a far end's grip so stiff that it hardly gives, its forces the same.
-
-    The multipliers take over what the springs' misses of up to 1e-10 of the length would add.
-    """
-    hold = system.hold
-    if not hold.offset.shape[0]:
-        return system
-    stiffness = _RIGID * hold.stiffness
-    multiplier = hold.multiplier.copy()
-    away, arm = np.empty(3), np.empty(3)
-    for p in range(len(multiplier)):
-        miss(hold, p, state.rotations[-1], state.positions[-1], away, arm)
-        multiplier[p] -= stiffness * away
-    return system._replace(hold=hold._replace(stiffness=stiffness, multiplier=multiplier))
 
 
 def firm(system, state):
@@ -194,23 +162,13 @@ def _keep_forces(system, state, more):
             contacts.multiplier[c] += more * gap
 
 
-def _stiffened(system, factor):
-    hold, contacts = system.hold, system.contacts
-    return system._replace(
-        hold=hold._replace(stiffness=factor * hold.stiffness),
-        contacts=contacts._replace(stiffness=max(1.0, factor) * contacts.stiffness))
-
-
 @kernel
 def _update(system, state):
     """Move all multipliers; return the largest violation in m."""
     violation = 0.0
     last = system.lengths.size
-    away, arm = np.empty(3), np.empty(3)
-    for p in range(system.hold.offset.shape[0]):
-        miss(system.hold, p, state.rotations[last], state.positions[last], away, arm)
-        system.hold.multiplier[p] += system.hold.stiffness * away
-        violation = max(violation, np.sqrt(np.sum(away * away)))
+    if system.hold.multiplier.size:  # its reaction is found with the shape
+        violation = hold_violation(system.hold, state.rotations[last], state.positions[last])
     scene, contacts = system.scene, system.contacts
     k = contacts.stiffness
     x, normal, bend, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
