@@ -67,7 +67,7 @@ def approach(discretisation, previous, strains, gripper, far_end, history):
             found = solve(discretisation, system, there, new.q, history)
         strains, system = found[0].strains, found[5]
         history = replace(history, hold=system.hold.multiplier, node_force=system.contacts.node,
-                          points=points_of(system, found[0], there))
+                          points=points_of(system, found[0], there, False))
     return strains, True
 
 

@@ -60,9 +60,9 @@ def solve(discretisation, system, gripper, q, history, most=MAX_ITERATIONS, chec
     Args:
         exact: part of the length by which constraints may be violated
     """
-    before = np.zeros((0, 3))
+    before = np.zeros((0, 6))
     if history is not None and len(history.positions):
-        before = history.positions - gripper.position
+        before = np.hstack([history.positions - gripper.position, history.tangents])
     return constrained_newton(system, q, TOLERANCE, most, check, exact * discretisation.s[-1],
                               before)
 
@@ -107,7 +107,7 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None):
     touching = contacts_of(discretisation, system, state, gripper)
     past = History(discretisation.s, new_set, history.lost + lost, system.contacts.node,
                    points_of(system, state, gripper), system.hold.multiplier, positions,
-                   discretisation.surroundings)
+                   state.rotations[:, :, 0].copy(), discretisation.surroundings)
     kept = violation <= KEPT * discretisation.s[-1]
     promised, neutral = CONVERGED, NEUTRAL
     if system.scene.kind.size or far_end is not None:

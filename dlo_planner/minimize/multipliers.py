@@ -10,16 +10,18 @@ follow from the contact forces of the round before.
 
 import numpy as np
 
-from dlo_planner.energy.contact import nearest_inside
+from dlo_planner.energy.contact import nearest_inside, next_touching
 from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.hold import miss
 from dlo_planner.energy.potential import bend_energy, evaluate, new_state
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.contact_forces import move_multipliers
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.newton import descend, kick, newton
+from dlo_planner.minimize.touching import truth
 from dlo_planner.minimize.watching import watching
 
-_ROUNDS = 60
+_ROUNDS = 100
 _SLOW = 0.3         # a violation that falls less than this in a round needs a stiffer spring
 _STIFFER = 10.0
 _MOST_STIFFER = 1e2
@@ -32,6 +34,7 @@ _TIE = 1e-4         # of the elastic stiffness: keeps a neutral shape where it i
 _FEW, _MANY = 6, 100  # Newton steps with each soft spring, on a step's way and after a push
 _COARSER = 10.0     # times the tolerance: the springs' rounding errors leave no more of it
 _STALLED = 100.0    # the same, where Newton's method has found no better point
+_HELPS = 0.5        # a violation that falls less by the contacts' compliance is left to the springs
 
 
 def constrained_newton(system, q, tolerance, max_iterations, check, exact, previous):
@@ -39,8 +42,8 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
 
     Args:
         exact: m, how far a constraint may be violated at the end
-        previous: (N + 1, 3) node positions before the step, relative to the gripper of this one,
-            from which friction counts; (0, 3) if there is no step before
+        previous: (N + 1, 6) positions, relative to the gripper of this step, and tangents of the
+            nodes before it, from which friction counts; (0, 6) if there is no step before
 
     Returns:
         what `newton` returns, then the System at the end (with its multipliers) and the largest
@@ -52,7 +55,7 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
         return state, residual, stability, iterations, kicks, system, 0.0
     tolerance *= _COARSER
     held = system.hold.offset.shape[0] > 0
-    slipping = bool(np.any(system.scene.friction > 0.0))
+    touches, at_once = system.scene.kind.size > 0, True
     bend = bend_energy(system)
     iterations = kicks = 0
     before = violation = np.inf
@@ -71,15 +74,18 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
             if lowest < -_BUCKLED:
                 pushed = kick(tied, state, mode)
         if pushed is None:
-            if held:
-                residual = max(residual, _TIE * np.linalg.norm(state.q - q)
-                               / np.sqrt(np.sum(q**2) + bend))
+            tied_by = np.linalg.norm(state.q - q) / np.sqrt(np.sum(state.q**2) + bend)
             q = state.q
-            system, settled = _looking_again(system, state, previous,
-                                             slipping and before < 1e3 * exact)
-            violation = _update(system, state)
+            violation = 0.0
+            if touches:
+                contacts = with_friction(system, watching(system, state), state, previous)
+                system = system._replace(contacts=contacts)
+                state, residual, table, violation = truth(system, q)
+            if held:
+                residual = max(residual, _TIE * tied_by)
+                violation = max(violation, _update(system, state))
             enough = residual < (_COARSER if made else _STALLED) * tolerance
-            good = violation < exact and settled and enough
+            good = violation < exact and enough
             if iterations >= max_iterations or good and not check:
                 break
             if good:
@@ -89,7 +95,11 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
                     pushed = kick(system, state, mode)
                 if pushed is None:
                     break
-            elif violation > max(exact, _SLOW * before) and stiffer < _MOST_STIFFER:
+            elif touches:
+                at_once = move_multipliers(system, state, table,
+                                           not at_once or violation < _HELPS * before)
+            if (not good and not (touches and at_once) and violation > max(exact, _SLOW * before)
+                    and stiffer < _MOST_STIFFER):
                 stiffer *= _STIFFER
                 system = _stiffened(system, _STIFFER)
             before = violation
@@ -102,7 +112,10 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
             pushed = None
     if check and not judged:
         stability, _ = _judged(system, state, tolerance)
-    final = new_state(system)  # of the points that are watched at the end
+    if touches:
+        final, residual, _, inside = truth(system, state.q)
+        return final, residual, stability, iterations, kicks, system, max(violation, inside)
+    final = new_state(system)
     final.q[:] = state.q
     evaluate(system, final)
     return final, residual, stability, iterations, kicks, system, violation
@@ -120,18 +133,6 @@ def _led(system, q, tolerance, steps):
         q = state.q
         total += made
     return q, total
-
-
-def _looking_again(system, state, previous, slipping):
-    """Return the System with the points that may touch now, and if its friction has settled."""
-    if not system.scene.kind.size:
-        return system, True
-    settled = True
-    following = system
-    if slipping:
-        contacts, settled = with_friction(system, state, previous)
-        following = system._replace(contacts=contacts)
-    return system._replace(contacts=watching(following, state)), settled
 
 
 def _judged(system, state, tolerance):
@@ -177,12 +178,14 @@ def _keep_forces(system, state, more):
     k = contacts.stiffness
     x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
     for o in range(scene.kind.size):
-        for node in range(1, system.lengths.size + 1):
+        node = 1
+        while node <= system.lengths.size:
             for i in range(3):
                 x[i] = scene.origin[i] + state.positions[node, i]
             gap = signed_distance(scene, o, x, normal, bend) - scene.radius
             if contacts.node[o, node] > k * gap:
                 contacts.node[o, node] += more * gap
+            node = next_touching(system.lengths, contacts.node[o], node, gap)
     for c in range(contacts.element.size):
         if contacts.obstacle[c] < 0:
             continue
@@ -201,7 +204,7 @@ def _stiffened(system, factor):
 
 @kernel
 def _update(system, state):
-    """Move all multipliers; return the largest violation in m."""
+    """Move the multipliers of a far end's grip; return the largest violation in m."""
     violation = 0.0
     last = system.lengths.size
     away, arm = np.empty(3), np.empty(3)
@@ -209,21 +212,4 @@ def _update(system, state):
         miss(system.hold, p, state.rotations[last], state.positions[last], away, arm)
         system.hold.multiplier[p] += system.hold.stiffness * away
         violation = max(violation, np.sqrt(np.sum(away * away)))
-    scene, contacts = system.scene, system.contacts
-    k = contacts.stiffness
-    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
-    for o in range(scene.kind.size):
-        for node in range(1, last + 1):
-            for i in range(3):
-                x[i] = scene.origin[i] + state.positions[node, i]
-            gap = signed_distance(scene, o, x, normal, bend) - scene.radius
-            violation = max(violation, abs(min(gap, contacts.node[o, node] / k)))
-            contacts.node[o, node] = max(0.0, contacts.node[o, node] - k * gap)
-    for c in range(contacts.element.size):
-        if contacts.obstacle[c] < 0:
-            continue
-        gap, _ = nearest_inside(scene, contacts.obstacle[c], contacts.element[c], system.lengths,
-                                state.strains, state.rotations, state.positions, normal, bend)
-        violation = max(violation, abs(min(gap, contacts.multiplier[c] / k)))
-        contacts.multiplier[c] = max(0.0, contacts.multiplier[c] - k * gap)
     return violation
