@@ -33,13 +33,17 @@ from dlo_planner.inverse import between, workspace
 from dlo_planner.inverse.aligned import aligned_newton
 from dlo_planner.inverse.marching import march_from_end
 from dlo_planner.inverse.misfit import nearest
-from dlo_planner.minimize.multipliers import _update, _watching, _with_friction
+from dlo_planner.minimize.contact_forces import add_sliding, move_multipliers
+from dlo_planner.minimize.friction import with_friction
+from dlo_planner.minimize.multipliers import _update
 from dlo_planner.minimize.newton import descend
+from dlo_planner.minimize.touching import touching, truth
+from dlo_planner.minimize.watching import watching
 from dlo_planner.ritz.kinematics import point_inside
 
 KERNELS = [descend, unknowns_of, aligned_newton, march_from_end, point_inside, passes_through,
-           evaluate, nearest_inside, nearest, signed_distance, settled, _update, _watching,
-           _with_friction, between._element_rooms, between._distances, workspace._distances]
+           evaluate, nearest_inside, nearest, signed_distance, settled, _update, watching,
+           with_friction, touching, truth, move_multipliers, add_sliding, between._element_rooms, between._distances, workspace._distances]
 
 
 def use_everything():

@@ -81,8 +81,13 @@ class History(Value):
         return self.points | {'element': element, 'fraction': fraction}
 
     def holding(self, later):
-        """Return the same past with the forces of contacts and grips of a `later` one."""
-        return replace(self, node_force=later.node_force, points=later.points, hold=later.hold)
+        """Return the same past with the forces of contacts and grips after the step.
+
+        What slid in it slides: its anchors are those of before.
+        """
+        points = later.points
+        points = points | {'anchor': points['anchor'] - points['slid']}
+        return replace(self, node_force=later.node_force, points=points, hold=later.hold)
 
     def without_contacts(self, obstacles):
         """Return the same past without forces of contact, for a number of obstacles."""

@@ -12,28 +12,30 @@ from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.potential import project
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve
+from dlo_planner.minimize.touching import touching
 from dlo_planner.ritz.kinematics import part_of_element, point_inside
 
-_SOFT = 1e-4      # of a spring's compliance, added: contacts that depend on each other share
+_SOFT = 1e-3      # of a spring's compliance, added: contacts that depend on each other share
 _FARTHEST = 0.02  # of the length: a prediction that moves a contact farther is none
 
 
 @kernel
-def move_multipliers(system, state, table, at_once):
+def move_multipliers(system, state, table, share):
     """Move the multipliers of `system`, in place, to what the laws ask for.
 
     Args:
         state, table: State and Touching at the minimum for the present multipliers
-        at_once: whether to use the compliance of the DLO
+        share: of the way from the forces as they are to those of the linearised laws
 
     Returns:
-        whether it was used
+        whether these are known
     """
     normal, shear = table.force.copy(), np.zeros((table.gap.size, 3))
     for a in range(table.gap.size):
         if table.rubbing[a] >= 0:
             shear[a] = state.attached.force[table.rubbing[a]]
-    used = at_once and table.gap.size > 0 and _solved(system, state, table, normal, shear)
+    used = (share > 0.0 and table.gap.size > 0
+            and _solved(system, state, table, share, normal, shear))
     contacts, friction = system.contacts, system.scene.friction
     contacts.node[:] = 0.0
     for c in range(contacts.element.size):
@@ -56,8 +58,8 @@ def move_multipliers(system, state, table, at_once):
 
 
 @kernel
-def _solved(system, state, table, normal, shear):
-    """Fill normal (A,) and shear (A, 3) with the forces of the linearised laws; return if done."""
+def _solved(system, state, table, share, normal, shear):
+    """Move normal (A,) and shear (A, 3) towards the linearised laws' forces; return if done."""
     hessian = new_hessian(system)
     assemble(system, state, hessian)
     if factorise(system, hessian, 0.0) > 0:
@@ -71,30 +73,31 @@ def _solved(system, state, table, normal, shear):
     axes, laws = np.zeros((size, 3)), np.zeros((size, 3))
     _linearise(system, state, table, first, axes, laws)
     loads, answers = _answers(system, state, hessian, table, first, axes)
-    compliance = loads @ answers.T
+    compliance = _products(loads, answers)
     shift = np.zeros(size)  # of the limits, to those of the multipliers as they are
     for a in range(count):
         if table.rubbing[a] >= 0 and laws[first[a] + 1, 0] > 0.0:
             shift[first[a] + 1] = laws[first[a] + 1, 2] * system.contacts.stiffness * table.gap[a]
-    free = -answers @ state.gradient.copy().reshape(-1) - compliance @ shift
-    reaction = compliance @ _effect(table, first, laws)
-    matrix, right = _equations(system, table, first, laws, reaction, free)
-    sign, _ = np.linalg.slogdet(matrix)
-    if not sign > 0.0:  # what slides does so by itself: no multipliers hold it there
-        return False
-    change = np.linalg.solve(matrix, right)
-    moved = free - reaction @ change
+    gradient = state.gradient.copy().reshape(-1)
+    free = np.empty(size)
+    for i in range(size):
+        free[i] = -np.sum(answers[i] * gradient) - np.sum(compliance[i] * shift)
+    reaction = _reaction(compliance, table, first, laws)
+    matrix, change = _equations(system, table, first, laws, reaction, free)
+    if not eliminated(matrix, change):
+        return False  # what slides does so by itself: no multipliers hold it there
     farthest = _FARTHEST * np.sum(system.lengths)
     for i in range(size):
-        if not abs(moved[i]) < farthest:
+        if not abs(free[i] - np.sum(reaction[i] * change)) < farthest:
             return False
     k = system.contacts.stiffness
     for a in range(count):
         i = first[a]
-        normal[a] += k * table.gap[a] + change[i]
+        normal[a] += share * (k * table.gap[a] + change[i])
         if table.rubbing[a] >= 0:
-            shear[a] = (system.contacts.shear[table.rubbing[a]] + change[i + 1] * axes[i + 1]
-                        + change[i + 2] * axes[i + 2])
+            wanted = (system.contacts.shear[table.rubbing[a]] + change[i + 1] * axes[i + 1]
+                      + change[i + 2] * axes[i + 2])
+            shear[a] += share * (wanted - shear[a])
     return True
 
 
@@ -178,18 +181,65 @@ def unit_load(system, state, hessian, element, fraction, axis, load):
 
 
 @kernel
-def _effect(table, first, laws):
-    """Return (K, K): what the multipliers' changes add to the potential's slope at the contacts."""
-    effect = np.zeros((laws.shape[0], laws.shape[0]))
+def _products(loads, answers):
+    """Return (K, K), symmetric: the displacement of each contact by a unit force at each other."""
+    size = loads.shape[0]
+    products = np.empty((size, size))
+    for i in range(size):
+        for j in range(i + 1):
+            total = 0.0
+            for u in range(loads.shape[1]):
+                total += loads[j, u] * answers[i, u]
+            products[i, j] = products[j, i] = total
+    return products
+
+
+@kernel
+def _reaction(compliance, table, first, laws):
+    """Return (K, K): the displacements at the contacts against changes of the multipliers."""
+    reaction = np.empty_like(compliance)
     for a in range(table.gap.size):
         i = first[a]
-        effect[i, i] = -1.0
+        reaction[:, i] = -compliance[:, i]
         if table.rubbing[a] >= 0:
             slides = laws[i + 1, 0] > 0.0
-            effect[i + 1, i] = laws[i + 1, 2] if slides else 0.0
-            effect[i + 1, i + 1] = 0.0 if slides else 1.0
-            effect[i + 2, i + 2] = laws[i + 1, 1]
-    return effect
+            if slides:
+                reaction[:, i] += laws[i + 1, 2] * compliance[:, i + 1]
+            reaction[:, i + 1] = (0.0 if slides else 1.0) * compliance[:, i + 1]
+            reaction[:, i + 2] = laws[i + 1, 1] * compliance[:, i + 2]
+    return reaction
+
+
+@kernel
+def eliminated(matrix, right):
+    """Solve for right (K,), in place; return whether the determinant of matrix (K, K) is > 0."""
+    size = right.size
+    positive = True
+    for i in range(size):
+        pivot = i
+        for j in range(i + 1, size):
+            if abs(matrix[j, i]) > abs(matrix[pivot, i]):
+                pivot = j
+        if not abs(matrix[pivot, i]) > 0.0:
+            return False
+        if pivot != i:
+            positive = not positive
+            for k in range(i, size):
+                matrix[i, k], matrix[pivot, k] = matrix[pivot, k], matrix[i, k]
+            right[i], right[pivot] = right[pivot], right[i]
+        if matrix[i, i] < 0.0:
+            positive = not positive
+        for j in range(i + 1, size):
+            factor = matrix[j, i] / matrix[i, i]
+            if factor != 0.0:
+                for k in range(i + 1, size):
+                    matrix[j, k] -= factor * matrix[i, k]
+                right[j] -= factor * right[i]
+    for i in range(size - 1, -1, -1):
+        for k in range(i + 1, size):
+            right[i] -= matrix[i, k] * right[k]
+        right[i] /= matrix[i, i]
+    return positive
 
 
 @kernel
@@ -227,3 +277,46 @@ def _equations(system, table, first, laws, reaction, free):
                 matrix[i + j, i + j] += _SOFT
                 right[i + j] = slid + grip * free[i + j]
     return matrix, right
+
+
+@kernel
+def add_sliding(system, state, hessian, answers):
+    """Complete the `answers` (6, m, 3) to the gripper's twists by what slides: T follows mu N.
+
+    Args:
+        hessian: of `system` at `state`, factorised; with the springs of friction alone, which know
+            nothing of the forces that the limits depend on
+    """
+    contacts, k = system.contacts, system.contacts.stiffness
+    table = touching(system.scene, contacts, system.lengths, state)
+    first = np.arange(0, 3 * table.gap.size, 3)
+    axes, laws = np.zeros((first.size * 3, 3)), np.zeros((first.size * 3, 3))
+    _linearise(system, state, table, first, axes, laws)
+    slides = np.flatnonzero(laws[1::3, 0] > 0.0)
+    size = slides.size
+    across, response = np.empty((size, *state.q.shape)), np.empty((size, *state.q.shape))
+    matrix, change, load = np.eye(size), np.empty((6, size)), np.empty_like(state.q)
+    rotation, x = np.empty((3, 3)), np.empty(3)
+    for p in range(size):
+        a = slides[p]
+        e, fraction = table.element[a], table.fraction[a]
+        unit_load(system, state, hessian, e, fraction, axes[3 * a], across[p])
+        unit_load(system, state, hessian, e, fraction, axes[3 * a + 1], load)
+        solve(system, hessian, load, response[p])
+        response[p] *= laws[3 * a + 1, 2]
+        point_inside(system.lengths, state.strains, state.rotations, state.positions, e, fraction,
+                     rotation, x)
+        normal = axes[3 * a]
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            change[i, p] = x[j] * normal[m] - x[m] * normal[j]  # turned with the gripper
+            change[3 + i, p] = normal[i]
+        for i in range(6):
+            change[i, p] = -k * (change[i, p] + np.sum(across[p] * answers[i]))
+    for p in range(size):
+        for r in range(size):
+            matrix[p, r] -= k * np.sum(across[p] * response[r])
+    for i in range(6):
+        eliminated(matrix.copy(), change[i])
+        for p in range(size):
+            answers[i] -= change[i, p] * response[p]

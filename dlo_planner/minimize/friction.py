@@ -6,10 +6,14 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import touching, with_contacts_of
 from dlo_planner.ritz.kinematics import point_inside
 
+_GROWTH = 2.0  # of a force, beyond its multiplier, that is believed
+
 
 @kernel
 def with_friction(system, contacts, state, previous):
     """Return the Contacts with a point of friction for each contact that bears and rubs.
+
+    The force of a contact that is new may be anything: its multiplier bounds the limit.
 
     It sticks to where its point of the DLO was before the step; contacts that move along the DLO
     keep by how much they had been stretched then. Its limit is mu times the force at `state`.
@@ -21,6 +25,12 @@ def with_friction(system, contacts, state, previous):
     scene = system.scene
     table = touching(scene, contacts, system.lengths, state)
     rubs = scene.friction[table.obstacle] > 0.0
+    for a in range(rubs.size):
+        c = table.inside[a]
+        known = (contacts.multiplier[c] if c >= 0
+                 else contacts.node[table.obstacle[a], table.element[a] + 1])
+        table.force[a] = min(table.force[a], _GROWTH * known)
+        rubs[a] &= known > 0.0
     count = np.sum(rubs)
     anchors, shears = np.empty((count, 3)), np.zeros((count, 3))
     limits = scene.friction[table.obstacle[rubs]] * table.force[rubs]

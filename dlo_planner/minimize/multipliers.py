@@ -34,7 +34,11 @@ _TIE = 1e-4         # of the elastic stiffness: keeps a neutral shape where it i
 _FEW, _MANY = 6, 100  # Newton steps with each soft spring, on a step's way and after a push
 _COARSER = 10.0     # times the tolerance: the springs' rounding errors leave no more of it
 _STALLED = 100.0    # the same, where Newton's method has found no better point
-_HELPS = 0.5        # a violation that falls less by the contacts' compliance is left to the springs
+_HELPS = 0.5        # an error that falls less in a round asks for smaller steps of the multipliers
+_SHARES = (1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.125, 0.125, 0.0)  # after so many rounds in vain
+_SHORT = 1e3        # times the tolerance: a residual that Newton's method did not bring down
+_PATIENCE = 80      # Newton steps in a round, before it is looked at what touches
+_NEWS = 3           # rounds in a row that go without multipliers, because of what has just touched
 
 
 def constrained_newton(system, q, tolerance, max_iterations, check, exact, previous):
@@ -55,7 +59,9 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
         return state, residual, stability, iterations, kicks, system, 0.0
     tolerance *= _COARSER
     held = system.hold.offset.shape[0] > 0
-    touches, at_once = system.scene.kind.size > 0, True
+    touches = system.scene.kind.size > 0
+    vain = news = 0
+    best = np.inf
     bend = bend_energy(system)
     iterations = kicks = 0
     before = violation = np.inf
@@ -66,7 +72,9 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
         q, iterations = _led(system, q, tolerance, _FEW)
     for round_ in range(_ROUNDS):
         tied = system._replace(near=q, tie=_TIE) if held else system
-        state, residual, _, made, _ = newton(tied, q, tolerance, max_iterations - iterations, False)
+        state, residual, _, made, _ = newton(
+            tied, q, tolerance, min(_PATIENCE, max_iterations - iterations), False)
+        short = residual > _SHORT * tolerance
         iterations += made
         if check and held and round_ == 0:
             # Held straight, a DLO may need a push before its constraints can be met at all.
@@ -78,7 +86,10 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
             q = state.q
             violation = 0.0
             if touches:
-                contacts = with_friction(system, watching(system, state), state, previous)
+                contacts, new = watching(system, state)
+                news = news + 1 if new or short else 0
+                if len(previous):  # without a past it has slid to where it needs no friction
+                    contacts = with_friction(system, contacts, state, previous)
                 system = system._replace(contacts=contacts)
                 state, residual, table, violation = truth(system, q)
             if held:
@@ -95,10 +106,15 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
                     pushed = kick(system, state, mode)
                 if pushed is None:
                     break
-            elif touches:
-                at_once = move_multipliers(system, state, table,
-                                           not at_once or violation < _HELPS * before)
-            if (not good and not (touches and at_once) and violation > max(exact, _SLOW * before)
+            solved = False
+            if touches and not good:
+                wrong = max(violation / exact, residual / tolerance)
+                vain = 0 if wrong < _HELPS * best else vain + 1
+                best = min(wrong, best)
+                if news % (_NEWS + 1) == 0:  # what is new has to bear before its force counts
+                    share = _SHARES[min(vain, len(_SHARES) - 1)]
+                    solved = move_multipliers(system, state, table, share)
+            if (not good and not solved and news == 0 and violation > max(exact, _SLOW * before)
                     and stiffer < _MOST_STIFFER):
                 stiffer *= _STIFFER
                 system = _stiffened(system, _STIFFER)

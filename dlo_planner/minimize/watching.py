@@ -8,20 +8,23 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import with_contacts_of
 from dlo_planner.ritz.kinematics import point_inside
 
-_SAG = 2e-6    # of the length: an element that comes no nearer than its nodes by more is flat
+_SAG = 2e-6     # of the length: an element that comes no nearer than its nodes by more is flat
 _LEVEL = 1e-12  # the same, by rounding errors alone
+_NEARBY = 5     # elements: a DLO that bears within so many as well lies along the obstacle
 
 
 @kernel
 def watching(system, state):
     """Return the Contacts that watch the points inside elements which matter now.
 
-    Points of friction are kept; multipliers go to the nearest new point on the same obstacle.
+    Points of friction are kept; multipliers go to the nearest new point on the same obstacle. Also
+    returned is whether there is a point in an element that had none.
     """
     old = system.contacts
     inside = _points_inside(system, state)
     count = inside.shape[0]
     multiplier = np.zeros(count)
+    news = False
     taken = np.zeros(old.element.size, dtype=np.bool_)
     for c in range(count):
         best = -1
@@ -33,6 +36,7 @@ def watching(system, state):
         if best >= 0:
             taken[best] = True
             multiplier[c] = old.multiplier[best]
+        news = news or best < 0 or old.element[best] != inside[c, 0]
     rubs = old.obstacle < 0
     nothing = np.zeros((count, 3))
     return with_contacts_of(
@@ -41,7 +45,7 @@ def watching(system, state):
         np.concatenate((multiplier, old.multiplier[rubs])),
         np.concatenate((np.zeros(count), old.fraction[rubs])),
         np.concatenate((nothing, old.anchor[rubs])), np.concatenate((nothing, old.normal[rubs])),
-        np.concatenate((nothing, old.shear[rubs])))
+        np.concatenate((nothing, old.shear[rubs]))), news
 
 
 @kernel
@@ -54,7 +58,7 @@ def _points_inside(system, state):
     """
     scene = system.scene
     n = system.lengths.size
-    sag = _SAG * np.sum(system.lengths)
+    sag, level = _SAG * np.sum(system.lengths), _LEVEL * np.sum(system.lengths)
     longest = np.max(system.lengths)
     found = np.empty((n * scene.kind.size, 2), dtype=np.int64)
     count = 0
@@ -83,14 +87,20 @@ def _points_inside(system, state):
                          fraction, rotation, x)
             _, curve = along_the_dlo(normal, bend, rotation, state.strains[e])
             sharp = curve * system.lengths[e] ** 2 > 8 * sag or gap < near - sag
-            if sharp or gap < near - _LEVEL / _SAG * sag and not _lies(system, o, e):
+            if sharp or gap < near - level and not _lies(system.contacts.node[o], gaps, e):
                 found[count, 0], found[count, 1] = e, o
                 count += 1
     return found[:count]
 
 
 @kernel
-def _lies(system, o, e):
-    """Whether a node next to those of element e bears on the obstacle."""
-    node = system.contacts.node[o]
-    return e > 0 and node[e - 1] > 0.0 or e + 2 < node.size and node[e + 2] > 0.0
+def _lies(node, gaps, e):
+    """Whether the DLO bears on an obstacle nearby, but not at or next to element e.
+
+    Args:
+        node: (N + 1,) multipliers; gaps: (N + 1,) m
+    """
+    for k in range(max(1, e - _NEARBY), min(node.size, e + 2 + _NEARBY)):
+        if (node[k] > 0.0 or gaps[k] < 0.0) and not e - 1 <= k <= e + 2:
+            return True
+    return False
