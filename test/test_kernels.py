@@ -43,7 +43,8 @@ from dlo_planner.ritz.kinematics import point_inside
 
 KERNELS = [descend, unknowns_of, aligned_newton, march_from_end, point_inside, passes_through,
            evaluate, nearest_inside, nearest, signed_distance, settled, _update, watching,
-           with_friction, touching, truth, move_multipliers, add_sliding, between._element_rooms, between._distances, workspace._distances]
+           with_friction, touching, truth, move_multipliers, add_sliding, between._element_rooms,
+           between._distances, workspace._distances]
 
 
 def use_everything():
