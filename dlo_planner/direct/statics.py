@@ -21,6 +21,7 @@ CONVERGED = 1e-8   # what is promised
 _HELD = 1e-7       # the same with constraints, whose stiff springs multiply rounding errors
 EXACT = 1e-10      # of the length: violation of a constraint aimed at
 KEPT = 1e-6        # of the length: violation that still counts as converged
+_ELSEWHERE = 0.1   # of the length: a shape in contact that moves so far is another one
 MAX_ITERATIONS = 1000
 
 
@@ -149,7 +150,8 @@ def _estimate(discretisation, gripper, strains, positions, history, far_end):
 
     The elements are of second order, so halving them removes three quarters of their error.
     A few Newton steps from the given shape are enough: what they leave undone is far below
-    what they find.
+    what they find. In contact it may be that the finer DLO finds no equilibrium nearby, let go by
+    friction for instance: then nothing is known, and the estimate is infinite.
     """
     finer = discretisation.finer
     past = finer.past(history)
@@ -157,9 +159,14 @@ def _estimate(discretisation, gripper, strains, positions, history, far_end):
     q = np.empty((finer.n_unknowns, 3))
     unknowns_of(system, np.repeat(strains, 2, axis=0), q)
     if system.scene.kind.size or far_end is not None or system.layers.share.size:
-        state = solve(finer, system, gripper, q, past)[0]
+        state, residual, stability, *_, violation = solve(finer, system, gripper, q, past)
+        if not (residual < _HELD and stability > -HELD_NEUTRAL
+                and violation <= KEPT * discretisation.s[-1]):
+            return np.inf
     else:
         state = newton(system, q, 1e-9, 4, False)[0]
     moved = np.linalg.norm(state.positions[::2] - positions, axis=1).max()
+    if system.scene.kind.size and moved > _ELSEWHERE * discretisation.s[-1]:
+        return np.inf
     rounding = 1e-15 * discretisation.s.size * discretisation.s[-1]
     return float(4 / 3 * moved + rounding)
