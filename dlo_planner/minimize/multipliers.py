@@ -4,14 +4,15 @@ The augmented Lagrangian method (Nocedal and Wright, ch. 17.4): minimise, move e
 what its constraint is violated by, repeat until nothing is violated. A DLO held at both ends may
 be free to turn as a whole; there the multipliers alone would let it drift, so each round is tied
 weakly to where it begins (proximal method of multipliers, Rockafellar 1976). Between two
-minimisations the set of points that may touch is looked at anew. Friction comes last: its limits
-follow from the contact forces of the round before.
+minimisations the set of points that may touch is looked at anew, and the limits of friction follow
+from the forces found. What is judged is the residual with these limits: friction has no potential.
 """
 
 import numpy as np
 
 from dlo_planner.energy.contact import nearest_inside, next_touching
 from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.hold import miss
 from dlo_planner.energy.potential import bend_energy, evaluate, new_state
 from dlo_planner.kernels import kernel
@@ -20,6 +21,7 @@ from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.newton import descend, kick, newton
 from dlo_planner.minimize.touching import truth
 from dlo_planner.minimize.watching import watching
+from dlo_planner.ritz.kinematics import point_inside
 
 _ROUNDS = 100
 _SLOW = 0.3         # a violation that falls less than this in a round needs a stiffer spring
@@ -182,14 +184,19 @@ def firm(system, state):
     contacts = system.contacts
     if not system.scene.kind.size:
         return system
-    contacts = contacts._replace(node=contacts.node.copy(), multiplier=contacts.multiplier.copy())
+    contacts = contacts._replace(node=contacts.node.copy(), multiplier=contacts.multiplier.copy(),
+                                 shear=contacts.shear.copy())
     _keep_forces(system._replace(contacts=contacts), state, (_FIRM - 1) * contacts.stiffness)
-    return system._replace(contacts=contacts._replace(stiffness=_FIRM * contacts.stiffness))
+    return system._replace(contacts=contacts._replace(stiffness=_FIRM * contacts.stiffness,
+                                                      grip=_FIRM * contacts.grip))
 
 
 @kernel
 def _keep_forces(system, state, more):
-    """Move the multipliers of what touches by what springs stiffer by `more` (N/m) would add."""
+    """Move the multipliers of what touches by what springs stiffer by `more` (N/m) would add.
+
+    Those of friction get stiffer by the same part.
+    """
     scene, contacts = system.scene, system.contacts
     k = contacts.stiffness
     x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
@@ -203,12 +210,17 @@ def _keep_forces(system, state, more):
                 contacts.node[o, node] += more * gap
             node = next_touching(system.lengths, contacts.node[o], node, gap)
     for c in range(contacts.element.size):
-        if contacts.obstacle[c] < 0:
+        e = contacts.element[c]
+        if contacts.obstacle[c] >= 0:
+            gap, _ = nearest_inside(scene, contacts.obstacle[c], e, system.lengths, state.strains,
+                                    state.rotations, state.positions, normal, bend)
+            if contacts.multiplier[c] > k * gap:
+                contacts.multiplier[c] += more * gap
             continue
-        gap, _ = nearest_inside(scene, contacts.obstacle[c], contacts.element[c], system.lengths,
-                                state.strains, state.rotations, state.positions, normal, bend)
-        if contacts.multiplier[c] > k * gap:
-            contacts.multiplier[c] += more * gap
+        point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
+                     contacts.fraction[c], bend, x)
+        if trial_force(contacts, c, x, normal) <= contacts.multiplier[c]:  # it sticks
+            contacts.shear[c] -= more / k * (normal - contacts.shear[c])
 
 
 def _stiffened(system, factor):
