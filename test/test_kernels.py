@@ -33,16 +33,18 @@ from dlo_planner.inverse import between, workspace
 from dlo_planner.inverse.aligned import aligned_newton
 from dlo_planner.inverse.marching import march_from_end
 from dlo_planner.inverse.misfit import nearest
+from dlo_planner.minimize.contact_forces import add_sliding, move_multipliers
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import descend_held, led
-from dlo_planner.minimize.multipliers import _update
 from dlo_planner.minimize.newton import descend, gradient_noise
+from dlo_planner.minimize.touching import touching, truth
 from dlo_planner.minimize.watching import watching
 from dlo_planner.ritz.kinematics import point_inside
 
 KERNELS = [descend, unknowns_of, aligned_newton, march_from_end, point_inside, passes_through,
-           evaluate, nearest_inside, nearest, signed_distance, settled, _update, watching,
-           with_friction, descend_held, led, gradient_noise, between._element_rooms,
+           evaluate, nearest_inside, nearest, signed_distance, settled, watching,
+           with_friction, descend_held, led, gradient_noise, touching, truth, move_multipliers,
+           add_sliding, between._element_rooms,
            between._distances, workspace._distances]
 
 

@@ -85,5 +85,5 @@ def brought(discretisation, previous, strains, gripper, far_end, history):
                                      for pose in (there, begin, gripper))
             where = there
         history = replace(history, hold=system.hold.multiplier, node_force=system.contacts.node,
-                          points=points_of(system, found[0], there))
+                          points=points_of(system, found[0], there, False))
     return gripper, strains, replace(past, hold=history.hold), True

@@ -84,7 +84,7 @@ class Discretisation(Value):
         points['anchor'] -= origin
         return Contacts(self.spring, history.node_force.copy(), points['element'],
                         points['obstacle'], points['multiplier'], points['fraction'],
-                        points['anchor'], points['normal'], self.spring)
+                        points['anchor'], points['normal'], points['shear'], self.spring)
 
     def system(self, rotation, origin=None, history=None, far_end=None):
         """Return the kernel's System, its multipliers fresh copies.

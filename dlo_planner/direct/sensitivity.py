@@ -13,6 +13,7 @@ from dlo_planner.energy.hold import held_twists
 from dlo_planner.energy.potential import at_element, evaluate, new_state, project
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.contact_forces import add_sliding
 from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve, solve_held
 from dlo_planner.minimize.multipliers import firm
 from dlo_planner.model.pose import displaced
@@ -49,6 +50,8 @@ class Sensitivity:
             system = firm(system, state)
         self._system = system
         self._state, self._answers, self._hessian = _answers(self._system, q)
+        if any(np.any(contact.friction) for contact in shape.contacts):
+            add_sliding(self._system, self._state, self._hessian, self._answers)
 
     def at(self, s):
         """Return (6, 6): rotation and displacement of the frame at `s` (m) by those of the gripper.

@@ -27,6 +27,7 @@ EXACT = 1e-10      # of the length: violation of a constraint aimed at
 KEPT = 1e-6        # of the length: violation that still counts as converged
 _HELD = 1e-9       # of the length: the same of a held far end
 _SLACK = 1e-3      # of its slack: the same, as it pulls the tighter the less there is
+_ELSEWHERE = 0.1   # of the length: a shape in contact that moves so far is another one
 MAX_ITERATIONS = 1000
 _LEAST = 1e-10     # of the length: slack that is looked at
 _IN_VAIN = 30      # Newton steps towards what is out of reach
@@ -67,9 +68,9 @@ def solve(discretisation, system, gripper, q, history, most=MAX_ITERATIONS, chec
         exact: part of the length by which constraints may be violated
         rounding: of the residual, where it is more than usual
     """
-    before = np.zeros((0, 3))
+    before = np.zeros((0, 6))
     if history is not None and len(history.positions):
-        before = history.positions - gripper.position
+        before = np.hstack([history.positions - gripper.position, history.tangents])
     newtons = pinned_newton if discretisation.surroundings.pinned else constrained_newton
 
     def solved(system, q):
@@ -107,7 +108,7 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None, roundin
     touching = contacts_of(discretisation, system, state, gripper)
     past = History(discretisation.s, new_set, history.lost + lost, system.contacts.node,
                    points_of(system, state, gripper), system.hold.multiplier, positions,
-                   discretisation.surroundings)
+                   state.rotations[:, :, 0].copy(), discretisation.surroundings)
     converged = bool(_promised(system, state, residual, rounding)
                      and stability > -_neutral(discretisation, system)
                      and _kept(discretisation, gripper, system, state, violation, far_end))
@@ -185,7 +186,8 @@ def _estimate(discretisation, gripper, strains, positions, history, far_end):
 
     The elements are of second order, so halving them removes three quarters of their error.
     A few Newton steps from the given shape are enough: what they leave undone is far below
-    what they find.
+    what they find. In contact it may be that the finer DLO finds no equilibrium nearby, let go by
+    friction for instance: then nothing is known, and the estimate is infinite.
     """
     finer = discretisation.finer
     past = finer.past(history)
@@ -194,9 +196,15 @@ def _estimate(discretisation, gripper, strains, positions, history, far_end):
     unknowns_of(system, np.repeat(strains, 2, axis=0), q)
     if (system.scene.kind.size or far_end is not None or system.layers.share.size
             or discretisation.surroundings.has_moments or discretisation.surroundings.pinned):
-        state = solve(finer, system, gripper, q, past)[0]
+        state, residual, stability, *_, system, violation = solve(finer, system, gripper, q, past)
+        if not (_promised(system, state, residual, 0.0)
+                and stability > -_neutral(finer, system)
+                and _kept(finer, gripper, system, state, violation, far_end)):
+            return np.inf
     else:
         state = newton(system, q, 1e-9, 4, False)[0]
     moved = np.linalg.norm(state.positions[::2] - positions, axis=1).max()
+    if system.scene.kind.size and moved > _ELSEWHERE * discretisation.s[-1]:
+        return np.inf
     rounding = 1e-15 * discretisation.s.size * discretisation.s[-1]
     return float(4 / 3 * moved + rounding)

@@ -9,16 +9,17 @@ the minimiser's outer loop moves m until the gaps under force are zero.
 The nearest point slides along the DLO as the shape changes, which the second derivative accounts
 for: d2g - (d(dg/ds))^2 / g_ss. A point beside the axis exerts a moment as well.
 
-Friction (Coulomb) is a spring from where the point last stuck; it gives with the force
-mu m of the contact, taken from the outer iteration before.
+Friction is `energy.friction`'s; each point of contact that rubs has a point of friction of its own.
 """
 
 import numpy as np
 
 from dlo_planner.energy.distance import AXIS, NODE_FACE, signed_distance
+from dlo_planner.energy.friction import add_friction
 from dlo_planner.energy.outline import (
     gap_at,
     is_face,
+    longest_stretch,
     nodes_of,
     radius_at,
     radius_at_node,
@@ -40,12 +41,15 @@ class Contacts(Record):
         stiffness: k, N/m
         node: (M, N + 1) multipliers of nodes against obstacles, N
         element: (C,) ascending, of points inside elements; obstacle: (C,) the one they are nearest
-            to, or -1 for a point of friction
+            to, or -1 - o for a point of friction on obstacle o
         multiplier: (C,) m, or the limit of the friction force, N
-        fraction: (C,) of the element, for points of friction
-        anchor: (C, 3) where a point of friction sticks, m, relative to the gripper
+
+        of points of friction alone
+        fraction: (C,) of the element; 1 for a node, its end, less for what is inside
+        anchor: (C, 3) where it sticks, m, relative to the gripper; what is across `normal` counts
         normal: (C, 3) of the obstacle there
-        grip: stiffness of friction, N/m
+        shear: (C, 3) its multiplier, N, across the normal, against the friction on the DLO
+        grip: its stiffness, N/m
     """
 
     stiffness: float
@@ -56,13 +60,16 @@ class Contacts(Record):
     fraction: np.ndarray
     anchor: np.ndarray
     normal: np.ndarray
+    shear: np.ndarray
     grip: float
 
 
 @makes(Contacts)
 @kernel
-def _new_contacts(stiffness, node, element, obstacle, multiplier, fraction, anchor, normal, grip):
-    return Contacts(stiffness, node, element, obstacle, multiplier, fraction, anchor, normal, grip)
+def _new_contacts(stiffness, node, element, obstacle, multiplier, fraction, anchor, normal, shear,
+                  grip):
+    return Contacts(stiffness, node, element, obstacle, multiplier, fraction, anchor, normal, shear,
+                    grip)
 
 
 @kernel
@@ -80,7 +87,9 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
         varies = scene.radii.shape[0] > 0
         radius = radius_at_node(scene, o, 0)
         begin, end = nodes_of(scene, o, lengths.size)
-        for node in range(max(1, begin), end + 1):
+        longest = longest_stretch(scene, o, strains)
+        node = max(1, begin)
+        while node <= end:
             for i in range(3):
                 x[i] = (scene.origin[i] + positions[node, i] + rotations[node, i, 1] * offset[0]
                         + rotations[node, i, 2] * offset[1])
@@ -93,6 +102,7 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
                 _push_node(scene, o, node, force, k, rotations[node], offset, normal, bend, second,
                            pull, attached)
             energy -= 0.5 * contacts.node[o, node] ** 2 / k
+            node = next_touching(lengths, contacts.node[o], node, gap * longest)
     for c in range(contacts.element.size):
         e, o = contacts.element[c], contacts.obstacle[c]
         attached.force[c] = 0.0
@@ -102,7 +112,7 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
             attached.first[c] = 0.0
             attached.own[c] = 0.0
         if o < 0:
-            energy += _friction(contacts, c, lengths, strains, rotations, positions, attached)
+            energy += add_friction(contacts, c, lengths, strains, rotations, positions, attached)
             continue
         gap, fraction = nearest_inside(scene, o, e, lengths, strains, rotations, positions,
                                        normal, bend)
@@ -231,6 +241,27 @@ def _about_the_axis(arm, second):
 
 
 @kernel
+def next_touching(lengths, multiplier, node, gap):
+    """Return the next node after `node` that may touch an obstacle, N + 1 if none does.
+
+    No node is nearer to it by more than the DLO between them is long. Far obstacles cost nothing.
+
+    Args:
+        multiplier: (N + 1,) of the nodes; one that has some is never left out
+        gap: m, of `node`, per length of what may touch along the DLO (`outline.longest_stretch`)
+    """
+    last = lengths.size
+    way = 0.0
+    while node <= last:
+        if node < last:
+            way += lengths[node]
+        node += 1
+        if way >= gap or node <= last and multiplier[node] > 0.0:
+            break
+    return node
+
+
+@kernel
 def nearest_inside(scene, o, e, lengths, strains, rotations, positions, normal, bend):
     """Return gap and fraction of the point of element e that is nearest to obstacle o.
 
@@ -310,36 +341,3 @@ def _push(c, force, k, strain, rotation, normal, bend, attached):
     for i in range(6):
         for j in range(6):
             matrix[i, j] += force / curve * lever[i] * lever[j]
-
-
-@kernel
-def _friction(contacts, c, lengths, strains, rotations, positions, attached):
-    """Write the force and stiffness of a point of friction; return its potential in J."""
-    rotation, x = np.empty((3, 3)), np.empty(3)
-    e, limit, normal = contacts.element[c], contacts.multiplier[c], contacts.normal[c]
-    attached.fraction[c] = contacts.fraction[c]
-    point_inside(lengths, strains, rotations, positions, e, contacts.fraction[c], rotation, x)
-    away, out, square = np.empty(3), 0.0, 0.0
-    for i in range(3):
-        away[i] = x[i] - contacts.anchor[c, i]
-        out += away[i] * normal[i]
-    for i in range(3):
-        away[i] -= out * normal[i]
-        square += away[i] * away[i]
-    size = np.sqrt(square)
-    grip = contacts.grip
-    if size * grip <= limit:
-        for i in range(3):
-            attached.force[c, i] = grip * away[i]
-        for i in range(3):
-            for j in range(3):
-                attached.matrix[c, 3 + i, 3 + j] = grip * ((i == j) - normal[i] * normal[j])
-        return 0.5 * grip * size * size
-    for i in range(3):
-        away[i] /= size
-        attached.force[c, i] = limit * away[i]
-    for i in range(3):
-        for j in range(3):
-            attached.matrix[c, 3 + i, 3 + j] = limit / size * ((i == j) - normal[i] * normal[j]
-                                                                - away[i] * away[j])
-    return limit * (size - 0.5 * limit / grip)

@@ -162,6 +162,17 @@ def stretch(scene, o, strain):
 
 
 @kernel
+def longest_stretch(scene, o, strains):
+    """Return a length of the axis per length that no feature for body `o` exceeds; 0: not known."""
+    if scene.feature[o] == AXIS:
+        return 1.0 if scene.radii.shape[0] == 0 else 0.0
+    longest = 1.0
+    for e in range(strains.shape[0]):
+        longest = max(longest, stretch(scene, o, strains[e]))
+    return 1.0 / longest
+
+
+@kernel
 def sliding(scene, o, free_along, rotation, strain, offset, normal, bend, moves, curves):
     """Return how many coordinates of a touching point are free to slide: across first, then along.
 

@@ -27,13 +27,16 @@ def passes_through(scene, lengths, strains, rotations, old, turned, new):
         old, new: (N + 1, 3) node positions; relative to `scene.origin`
     """
     flush = _FLUSH * np.sum(lengths)
+    farthest = 0.0
+    for k in range(old.shape[0]):
+        farthest = max(farthest, np.sqrt(np.sum((new[k] - old[k]) ** 2)))
     for o in range(scene.kind.size):
         if scene.kind[o] == SHEET:
             if _through_sheet(scene, o, flush, _line(scene, o, rotations, old),
                               _line(scene, o, turned, new)):
                 return True
         elif scene.kind[o] != PLANE and scene.feature[o] != NODE_FACE and _through_solid(
-                scene, o, flush, lengths, strains, rotations, old, turned, new):
+                scene, o, flush, farthest, lengths, strains, rotations, old, turned, new):
             return True
     return False
 
@@ -89,19 +92,28 @@ def _move(scene, o, k, rotations, old, turned, new, before, after):
 
 
 @kernel
-def _through_solid(scene, o, flush, lengths, strains, rotations, old, turned, new):
+def _through_solid(scene, o, flush, farthest, lengths, strains, rotations, old, turned, new):
+    """Whether an element goes through a convex body; no node moves by more than `farthest`."""
     normal, bend, x = np.empty(3), np.empty((3, 3)), np.empty(3)
     rotation, offset, point = np.empty((3, 3)), np.zeros(2), np.empty(3)
     before, after = np.empty((4, 3)), np.empty((4, 3))
     inner = scene.size[o, 2]
     if scene.kind[o] == BOX:
         inner = np.min(scene.size[o])
-    last_gap = last_move = last_radius = 0.0
+    simple = scene.feature[o] == AXIS and scene.radii.shape[0] == 0
+    margin = farthest + 0.5 * np.max(lengths)
+    last_gap = last_move = last_radius = clear = 0.0
     begin, last = nodes_of(scene, o, lengths.size)
     for k in range(begin, last + 1):
+        if k > begin:
+            clear -= lengths[k - 1]
+        if simple and clear > 0.0:  # nothing gets so far
+            last_gap, last_move, last_radius = clear + margin, farthest, scene.radius
+            continue
         radius = radius_at_node(scene, o, k)
         move = _move(scene, o, k, rotations, old, turned, new, before, after)
         here = node_gap(scene, o, k, rotations, old, offset, point, normal, bend)
+        clear = here - margin
         near, moved, thick = min(here, last_gap), max(move, last_move), max(radius, last_radius)
         last_gap, last_move, last_radius = here, move, radius
         if k == begin:

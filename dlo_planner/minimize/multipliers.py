@@ -1,26 +1,29 @@
 """Constraints by multipliers: Newton's method inside, their update outside.
 
 The augmented Lagrangian method (Nocedal and Wright, ch. 17.4): minimise, move each multiplier by
-what its constraint is violated by, repeat until nothing is violated. A DLO held at both ends may
-be free to turn as a whole; there the multipliers alone would let it drift, so each round is tied
-weakly to where it begins (proximal method of multipliers, Rockafellar 1976). Between two
-minimisations the set of points that may touch is looked at anew. Friction comes last: its limits
-follow from the contact forces of the round before.
+what its constraint is violated by, repeat until nothing is violated. The reaction of a held far
+end is found with the shape (`minimize.held`). Between two minimisations the set of points that may
+touch is looked at anew, and the limits of friction follow from the forces found. What is judged is
+the residual with these limits: friction has no potential.
 """
 
 import numpy as np
 
-from dlo_planner.energy.contact import nearest_inside
+from dlo_planner.energy.contact import nearest_inside, next_touching
+from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.hold import violation as hold_violation
-from dlo_planner.energy.outline import is_face, node_gap, nodes_of
-from dlo_planner.energy.potential import evaluate, hinged, new_state
+from dlo_planner.energy.outline import is_face, longest_stretch, node_gap, nodes_of
+from dlo_planner.energy.potential import hinged
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.contact_forces import move_multipliers
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import HELD_NEUTRAL, descend_held, held_newton
 from dlo_planner.minimize.newton import descend, gradient_noise, kick, newton
+from dlo_planner.minimize.touching import truth
 from dlo_planner.minimize.watching import watching
+from dlo_planner.ritz.kinematics import point_inside
 
-_ROUNDS = 60
+_ROUNDS = 100
 _SLOW = 0.3         # a violation that falls less than this in a round needs a stiffer spring
 _STIFFER = 10.0
 _MOST_STIFFER = 1e2
@@ -28,6 +31,11 @@ _FIRM = 1e2         # times the stiffness of contacts' springs, where they are t
 _MOST_KICKS = 10
 _COARSER = 10.0     # times the tolerance: the springs' rounding errors leave no more of it
 _STALLED = 100.0    # the same, where Newton's method has found no better point
+_HELPS = 0.5        # an error that falls less in a round asks for smaller steps of the multipliers
+_SHARES = (1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.125, 0.125, 0.0)  # after so many rounds in vain
+_SHORT = 1e3        # times the tolerance: a residual that Newton's method did not bring down
+_PATIENCE = 80      # Newton steps in a round, before it is looked at what touches
+_NEWS = 3           # rounds in a row that go without multipliers, because of what has just touched
 
 
 def constrained_newton(system, q, tolerance, max_iterations, check, exact, previous):
@@ -35,38 +43,46 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
 
     Args:
         exact: m, how far a constraint may be violated at the end
-        previous: (N + 1, 3) node positions before the step, relative to the gripper of this one,
-            from which friction counts; (0, 3) if there is no step before
+        previous: (N + 1, 6) positions, relative to the gripper of this step, and tangents of the
+            nodes before it, from which friction counts; (0, 6) if there is no step before
 
     Returns:
         what `newton` returns, then the System at the end (with its multipliers) and the largest
         violation in m
     """
-    held = _is_held(system)
-    if not held and system.scene.kind.size == 0:
-        state, residual, stability, iterations, kicks = newton(system, q, tolerance,
-                                                               max_iterations, check)
-        return state, residual, stability, iterations, kicks, system, 0.0
-    if not system.scene.kind.size:
+    if system.scene.kind.size:
+        return _touching_newton(system, q, _COARSER * tolerance, max_iterations, check, exact,
+                                previous)
+    if _is_held(system):
         state, residual, stability, iterations, kicks, violation = held_newton(
             system, q, tolerance, exact, max_iterations, check)
         return state, residual, stability, iterations, kicks, system, violation
-    tolerance *= _COARSER
-    slipping = bool(np.any(system.scene.friction > 0.0))
-    iterations = kicks = 0
-    before = violation = np.inf
+    found = newton(system, q, tolerance, max_iterations, check)
+    return *found, system, 0.0
+
+
+def _touching_newton(system, q, tolerance, max_iterations, check, exact, previous):
+    """Do the same among obstacles."""
+    vain = news = iterations = kicks = 0
+    best = before = np.inf
     stiffer = 1.0
     stability, judged = np.nan, False
     for _ in range(_ROUNDS):
-        state, residual, made = _descended(system, q, tolerance, exact, max_iterations - iterations)
+        state, left, made = _descended(system, q, tolerance, exact,
+                                       min(_PATIENCE, max_iterations - iterations))
+        short = left > _SHORT * tolerance
         iterations += made
         q = state.q
+        contacts, new = watching(system, state)
+        news = news + 1 if new or short else 0
+        if len(previous):  # without a past it has slid to where it needs no friction
+            contacts = with_friction(system, contacts, state, previous)
+        system = system._replace(contacts=contacts)
+        state, residual, table, violation = truth(system, q)
+        violation = max(violation, _off_its_grip(system, state))
         enough = residual < max(tolerance, gradient_noise(system, state)) * (
             _COARSER if made else _STALLED)
-        system, settled = _looking_again(system, state, previous,
-                                         slipping and before < 1e3 * exact)
-        violation = _update(system, state)
-        good = violation < exact and settled and enough
+        good = violation < exact and enough
         if iterations >= max_iterations or good and not check:
             break
         if good:
@@ -80,17 +96,22 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
             kicks += 1
             q, before, judged = pushed, np.inf, False
             continue
-        if violation > max(exact, _SLOW * before) and stiffer < _MOST_STIFFER:
+        wrong = max(violation / exact, residual / tolerance)
+        vain = 0 if wrong < _HELPS * best else vain + 1
+        best = min(wrong, best)
+        solved = False
+        if news % (_NEWS + 1) == 0:  # what is new has to bear before its force counts
+            solved = move_multipliers(system, state, table, _SHARES[min(vain, len(_SHARES) - 1)])
+        if (not solved and news == 0 and violation > max(exact, _SLOW * before)
+                and stiffer < _MOST_STIFFER):
             stiffer *= _STIFFER
             system = system._replace(contacts=system.contacts._replace(
                 stiffness=_STIFFER * system.contacts.stiffness))
         before = violation
     if check and not judged:
         stability, _ = _judged(system, state, tolerance, exact)
-    final = new_state(system)  # of the points that are watched at the end
-    final.q[:] = state.q
-    evaluate(system, final)
-    return final, residual, stability, iterations, kicks, system, violation
+    final, residual, _, inside = truth(system, state.q)
+    return final, residual, stability, iterations, kicks, system, max(violation, inside)
 
 
 def _is_held(system):
@@ -107,16 +128,11 @@ def _descended(system, q, tolerance, exact, most):
     return state, residual, made
 
 
-def _looking_again(system, state, previous, slipping):
-    """Return the System with the points that may touch now, and if its friction has settled."""
-    if not system.scene.kind.size:
-        return system, True
-    settled = True
-    following = system
-    if slipping:
-        contacts, settled = with_friction(system, state, previous)
-        following = system._replace(contacts=contacts)
-    return system._replace(contacts=watching(following, state)), settled
+def _off_its_grip(system, state):
+    """Return how far, in m, the far end is from where it is held."""
+    if not system.hold.multiplier.size:
+        return 0.0
+    return hold_violation(system.hold, state.rotations[-1].copy(), state.positions[-1].copy())
 
 
 def _judged(system, state, tolerance, exact):
@@ -133,59 +149,43 @@ def firm(system, state):
     contacts = system.contacts
     if not system.scene.kind.size:
         return system
-    contacts = contacts._replace(node=contacts.node.copy(), multiplier=contacts.multiplier.copy())
+    contacts = contacts._replace(node=contacts.node.copy(), multiplier=contacts.multiplier.copy(),
+                                 shear=contacts.shear.copy())
     _keep_forces(system._replace(contacts=contacts), state, (_FIRM - 1) * contacts.stiffness)
-    return system._replace(contacts=contacts._replace(stiffness=_FIRM * contacts.stiffness))
+    return system._replace(contacts=contacts._replace(stiffness=_FIRM * contacts.stiffness,
+                                                      grip=_FIRM * contacts.grip))
 
 
 @kernel
 def _keep_forces(system, state, more):
-    """Move the multipliers of what touches by what springs stiffer by `more` (N/m) would add."""
+    """Move the multipliers of what touches by what springs stiffer by `more` (N/m) would add.
+
+    Those of friction get stiffer by the same part.
+    """
     scene, contacts = system.scene, system.contacts
     k = contacts.stiffness
     x, normal, bend, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
     for o in range(scene.kind.size):
         if is_face(scene, o):
             continue
+        longest = longest_stretch(scene, o, state.strains)
         begin, end = nodes_of(scene, o, system.lengths.size)
-        for node in range(max(1, begin), end + 1):
+        node = max(1, begin)
+        while node <= end:
             gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
                            bend)
             if contacts.node[o, node] > k * gap:
                 contacts.node[o, node] += more * gap
+            node = next_touching(system.lengths, contacts.node[o], node, gap * longest)
     for c in range(contacts.element.size):
-        if contacts.obstacle[c] < 0:
+        e = contacts.element[c]
+        if contacts.obstacle[c] >= 0:
+            gap, _ = nearest_inside(scene, contacts.obstacle[c], e, system.lengths, state.strains,
+                                    state.rotations, state.positions, normal, bend)
+            if contacts.multiplier[c] > k * gap:
+                contacts.multiplier[c] += more * gap
             continue
-        gap, _ = nearest_inside(scene, contacts.obstacle[c], contacts.element[c], system.lengths,
-                                state.strains, state.rotations, state.positions, normal, bend)
-        if contacts.multiplier[c] > k * gap:
-            contacts.multiplier[c] += more * gap
-
-
-@kernel
-def _update(system, state):
-    """Move all multipliers; return the largest violation in m."""
-    violation = 0.0
-    last = system.lengths.size
-    if system.hold.multiplier.size:  # its reaction is found with the shape
-        violation = hold_violation(system.hold, state.rotations[last], state.positions[last])
-    scene, contacts = system.scene, system.contacts
-    k = contacts.stiffness
-    x, normal, bend, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
-    for o in range(scene.kind.size):
-        if is_face(scene, o):
-            continue
-        begin, end = nodes_of(scene, o, last)
-        for node in range(max(1, begin), end + 1):
-            gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
-                           bend)
-            violation = max(violation, abs(min(gap, contacts.node[o, node] / k)))
-            contacts.node[o, node] = max(0.0, contacts.node[o, node] - k * gap)
-    for c in range(contacts.element.size):
-        if contacts.obstacle[c] < 0:
-            continue
-        gap, _ = nearest_inside(scene, contacts.obstacle[c], contacts.element[c], system.lengths,
-                                state.strains, state.rotations, state.positions, normal, bend)
-        violation = max(violation, abs(min(gap, contacts.multiplier[c] / k)))
-        contacts.multiplier[c] = max(0.0, contacts.multiplier[c] - k * gap)
-    return violation
+        point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
+                     contacts.fraction[c], bend, x)
+        if trial_force(contacts, c, x, normal) <= contacts.multiplier[c]:  # it sticks
+            contacts.shear[c] -= more / k * (normal - contacts.shear[c])

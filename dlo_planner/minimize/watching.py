@@ -2,81 +2,96 @@
 
 import numpy as np
 
-from dlo_planner.energy.contact import Contacts, nearest_inside
+from dlo_planner.energy.contact import nearest_inside, next_touching
 from dlo_planner.energy.distance import FACE, NODE_FACE
-from dlo_planner.energy.outline import gap_at, node_gap, nodes_of, sliding, slope_along, taper
+from dlo_planner.energy.outline import (
+    gap_at,
+    longest_stretch,
+    node_gap,
+    nodes_of,
+    sliding,
+    slope_along,
+    taper,
+)
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.touching import with_contacts_of
 from dlo_planner.ritz.kinematics import point_inside
 
-_SAG = 2e-6  # of the length: an element that comes no nearer than its nodes by more is flat
+_SAG = 2e-6     # of the length: an element that comes no nearer than its nodes by more is flat
+_LEVEL = 1e-12  # the same, by rounding errors alone
+_NEARBY = 5     # elements: a DLO that bears within so many as well lies along the obstacle
 
 
 @kernel
 def watching(system, state):
     """Return the Contacts that watch the points inside elements which matter now.
 
-    Points of friction are kept; multipliers go to the nearest new point on the same obstacle.
+    Points of friction are kept; multipliers go to the nearest new point on the same obstacle. Also
+    returned is whether there is a point in an element that had none.
     """
     old = system.contacts
-    n = system.lengths.size
     inside = _points_inside(system, state)
-    kept = np.sum(old.obstacle < 0)
-    total = inside.shape[0] + kept
-    element = np.empty(total, dtype=np.int64)
-    obstacle = np.empty(total, dtype=np.int64)
-    multiplier, fraction = np.zeros(total), np.zeros(total)
-    anchor, normal = np.zeros((total, 3)), np.zeros((total, 3))
+    count = inside.shape[0]
+    multiplier = np.zeros(count)
+    news = False
     taken = np.zeros(old.element.size, dtype=np.bool_)
-    c = 0
-    for e in range(n):
-        for k in range(inside.shape[0]):
-            if inside[k, 0] != e:
-                continue
-            element[c], obstacle[c] = e, inside[k, 1]
-            best = -1
-            for b in range(old.element.size):
-                if (old.obstacle[b] == obstacle[c] and not taken[b]
-                        and abs(old.element[b] - e) <= 1
-                        and (best < 0 or old.element[b] == e)):
-                    best = b
-            if best >= 0:
-                taken[best] = True
-                multiplier[c] = old.multiplier[best]
-            c += 1
+    for c in range(count):
+        best = -1
         for b in range(old.element.size):
-            if old.obstacle[b] < 0 and old.element[b] == e:
-                element[c], obstacle[c] = e, -1
-                multiplier[c], fraction[c] = old.multiplier[b], old.fraction[b]
-                anchor[c], normal[c] = old.anchor[b], old.normal[b]
-                c += 1
-    return Contacts(old.stiffness, old.node, element, obstacle, multiplier, fraction, anchor,
-                    normal, old.grip)
+            if (old.obstacle[b] == inside[c, 1] and not taken[b]
+                    and abs(old.element[b] - inside[c, 0]) <= 1
+                    and (best < 0 or old.element[b] == inside[c, 0])):
+                best = b
+        if best >= 0:
+            taken[best] = True
+            multiplier[c] = old.multiplier[best]
+        news = news or best < 0 or old.element[best] != inside[c, 0]
+    rubs = old.obstacle < 0
+    nothing = np.zeros((count, 3))
+    return with_contacts_of(
+        old, np.concatenate((inside[:, 0], old.element[rubs])),
+        np.concatenate((inside[:, 1], old.obstacle[rubs])),
+        np.concatenate((multiplier, old.multiplier[rubs])),
+        np.concatenate((np.zeros(count), old.fraction[rubs])),
+        np.concatenate((nothing, old.anchor[rubs])), np.concatenate((nothing, old.normal[rubs])),
+        np.concatenate((nothing, old.shear[rubs]))), news
 
 
 @kernel
 def _points_inside(system, state):
-    """Return (C, 2) element and obstacle where the DLO is nearest inside an element, sharply."""
+    """Return (C, 2) element and obstacle where the DLO is nearest inside an element.
+
+    Where a DLO lies along an obstacle, with a row of nodes that bear, its nearly flat elements
+    bear at their nodes. A contact by itself is a point that rolls along the DLO, flat or not:
+    two nodes in its place would lock the direction of the DLO there.
+    """
     scene = system.scene
     n = system.lengths.size
-    total = np.sum(system.lengths)
+    sag, level = _SAG * np.sum(system.lengths), _LEVEL * np.sum(system.lengths)
+    longest = np.max(system.lengths)
     found = np.empty((n * scene.kind.size, 2), dtype=np.int64)
     count = 0
     x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
     rotation, offset, point = np.empty((3, 3)), np.zeros(2), np.empty(3)
+    nobody = np.zeros(n + 1)
     gaps, normals, offsets = np.empty(n + 1), np.empty((n + 1, 3)), np.empty((n + 1, 2))
     for o in range(scene.kind.size):
+        gaps[:] = np.inf
+        stretched = longest_stretch(scene, o, state.strains)
         begin, end = nodes_of(scene, o, n)
-        for k in range(begin, end + 1):
+        k = begin
+        while k <= end:
             gaps[k] = node_gap(scene, o, k, state.rotations, state.positions, offset, point,
                                normals[k], bend)
             offsets[k] = offset
+            k = next_touching(system.lengths, nobody, k, stretched * (gaps[k] - 2 * longest))
         for e in range(begin, end):
             near = min(gaps[e], gaps[e + 1])
             if near > system.lengths[e]:
                 continue
             if scene.feature[o] == NODE_FACE:
                 if gaps[e + 1] < 0.5 * system.lengths[e] and _rounds(
-                        scene, o, total, state.rotations[e + 1], state.positions[e + 1]):
+                        scene, o, sag, state.rotations[e + 1], state.positions[e + 1]):
                     found[count, 0], found[count, 1] = e, o
                     count += 1
                 continue
@@ -87,17 +102,32 @@ def _points_inside(system, state):
                 continue
             gap, fraction = nearest_inside(scene, o, e, system.lengths, state.strains,
                                            state.rotations, state.positions, normal, bend)
+            if gap >= 0.5 * system.lengths[e]:
+                continue
             point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
                          fraction, rotation, x)
             gap_at(scene, o, rotation, x, 0.0, offset, point, normal, bend)
-            if scene.feature[o] == FACE and not _rounds(scene, o, total, rotation, x):
+            if scene.feature[o] == FACE and not _rounds(scene, o, sag, rotation, x):
                 continue
             _, curve = slope_along(scene, o, rotation, state.strains[e], offset, normal, bend)
-            sharp = curve * system.lengths[e] ** 2 > 8 * _SAG * total
-            if (sharp or gap < near - _SAG * total) and gap < 0.5 * system.lengths[e]:
+            sharp = curve * system.lengths[e] ** 2 > 8 * sag or gap < near - sag
+            if sharp or gap < near - level and not _lies(system.contacts.node[o], gaps, e):
                 found[count, 0], found[count, 1] = e, o
                 count += 1
     return found[:count]
+
+
+@kernel
+def _lies(node, gaps, e):
+    """Whether the DLO bears on an obstacle nearby, but not at or next to element e.
+
+    Args:
+        node: (N + 1,) multipliers; gaps: (N + 1,) m
+    """
+    for k in range(max(1, e - _NEARBY), min(node.size, e + 2 + _NEARBY)):
+        if (node[k] > 0.0 or gaps[k] < 0.0) and not e - 1 <= k <= e + 2:
+            return True
+    return False
 
 
 @kernel
@@ -112,7 +142,7 @@ def _slope(rotation, strain, offset, normal):
 
 
 @kernel
-def _rounds(scene, o, total, rotation, position):
+def _rounds(scene, o, sag, rotation, position):
     """Whether an obstacle is nearest between the edges of a section, and sharply so."""
     offset, point, normal, bend = np.zeros(2), np.empty(3), np.empty(3), np.empty((3, 3))
     moves, curves = np.empty((3, 3)), np.empty((3, 3))
@@ -120,4 +150,4 @@ def _rounds(scene, o, total, rotation, position):
     if sliding(scene, o, False, rotation, normal, offset, normal, bend, moves, curves) == 0:
         return False
     half = abs(scene.offset[o, 0 if abs(offset[0]) < scene.offset[o, 0] else 1])
-    return curves[0, 0] * half**2 > 8 * _SAG * total
+    return curves[0, 0] * half**2 > 8 * sag

@@ -64,10 +64,12 @@ def touching(curly, basis, rng):
     rod = Rod(1.3, 0.2, (0.3, 0.8), 0.4, natural_curvature=(1.0, -0.5), radius=0.02)
     system = discretised(rod, basis, obstacles=obstacles).system(BASE, (0.1, 0, 0.2))
     elements = np.array([1, 2, 4, 4, 6, 7, 8])
+    normals = np.tile([0, 0.6, 0.8], (7, 1))
+    shears = np.cross(normals, 0.1 * rng.normal(size=(7, 3)))
     contacts = Contacts(2.0, rng.uniform(0, 1.5, size=(5, 10)), elements,
                         np.array([0, 1, -1, 2, 3, 4, 1]), rng.uniform(1, 2, 7),
                         rng.uniform(0.2, 0.8, 7), rng.normal(size=(7, 3)),
-                        np.tile([0, 0.6, 0.8], (7, 1)), 0.5)
+                        normals, shears, 0.5)
     return system._replace(contacts=contacts)
 
 
