@@ -29,9 +29,11 @@ from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tolerance import Spread, Tolerance, tolerance
 from dlo_planner.inverse.trajectory import Limits, Trajectory
 from dlo_planner.inverse.workspace import Workspace
+from dlo_planner.model.along import Piecewise
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.obstacles import Box, Capsule, Plane, Sheet, Sphere
+from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.section import Section
@@ -40,6 +42,6 @@ __all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'Contact', 'CutOut', 'Dea
            'DirectSimulator', 'DirectionAt', 'DloPlannerError', 'FarEnd', 'Fit', 'Found',
            'GraspedInside', 'GripperNear', 'Infeasible', 'InvalidRod', 'InvalidTask',
            'InverseSimulator', 'Limits', 'Motion', 'NotConverged', 'Observation', 'Plan',
-           'PlanStatus', 'Plane', 'Pose', 'PositionAt', 'Report', 'Rod', 'Section', 'Shape',
-           'Sheet', 'Sphere', 'Spread', 'Through', 'Tolerance', 'Trajectory', 'Workspace',
-           'fit_rod', 'minimise_penalty', 'replay', 'tolerance']
+           'Piecewise', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'Report', 'Rod',
+           'Section', 'Shape', 'Sheet', 'Sphere', 'Spread', 'Through', 'Tolerance', 'Trajectory',
+           'Workspace', 'fit_rod', 'minimise_penalty', 'replay', 'tolerance']

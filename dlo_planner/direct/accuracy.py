@@ -7,12 +7,14 @@ import numpy as np
 from dlo_planner.direct.approach import approach
 from dlo_planner.direct.described import described_equilibrium
 from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.indicator import surely_within
+from dlo_planner.direct.mesh import even_mesh, graded_mesh, with_breaks
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.model.value import same
 
 _FIRST_ELEMENTS, _MOST_ELEMENTS = 48, 8192
 _FIRST_TERMS, _MOST_TERMS = 12, 48
-_MARGIN = 0.5  # the estimate has to stay below this part of the accuracy
+_ENOUGH, _MARGIN = 0.75, 0.5  # parts of the accuracy: what is good, and what is aimed at
 
 
 def step(discretisation, gripper, initial, history, far_end, method='newton',
@@ -49,78 +51,85 @@ def past_of(discretisation, initial, history):
     return discretisation.past(known, history)
 
 
-def accurate_equilibrium(surroundings, basis, accuracy, gripper, initial, history, far_end):
+def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_end):
     """Return the Shape whose error estimate is within `accuracy` (m), and the number of kicks.
 
     Starts on the mesh of `initial` (a Shape or None), so that a motion pays for grading once.
     A shape that misses the accuracy on the largest mesh says so: `converged` is False.
+
+    Args:
+        first: Discretisation to begin with where there is no better one
+        fine: basis of better ones
     """
-    discretisation = _first_mesh(surroundings, basis, initial)
-    kicks = 0
+    discretisation = _to_begin_with(first, fine, accuracy, initial, history)
+    around, kicks = first.surroundings, 0
     while True:
         shape, kicked = step(discretisation, gripper, initial, history, far_end)
         kicks += kicked
-        if not shape.converged or shape.error_estimate <= _MARGIN * accuracy:
+        if not shape.converged or within(shape, accuracy):
             return shape, kicks
-        better = _refined(discretisation, shape, accuracy)
+        better = _refined(discretisation, fine, shape, accuracy)
         if better is None:
             return replace(shape, converged=shape.error_estimate <= accuracy), kicks
         discretisation = better
-        if not surroundings.rod.yields and not surroundings.obstacles and far_end is None:
+        if not around.rod.yields and not around.obstacles and far_end is None:
             initial = shape  # a better start; where the way counts, the step is made again
 
 
-def _first_mesh(surroundings, basis, initial):
-    """Return the Discretisation to begin with: in these surroundings, on the mesh of `initial`."""
-    known = None if initial is None else initial._discretisation
-    if known is None or known.basis != basis:
-        s = np.linspace(0, surroundings.rod.length, _FIRST_ELEMENTS + 1)
-        return Discretisation(surroundings, s, basis, _FIRST_TERMS)
-    if same(known.surroundings, surroundings):
+def within(shape, accuracy):
+    """Whether a Shape's error is below `accuracy` (m): at a glance, or by its estimate."""
+    return (surely_within(shape, accuracy)
+            or shape.error_estimate <= _ENOUGH * accuracy)
+
+
+def first_mesh(surroundings, basis):
+    """Return the Discretisation with which the search for an accuracy begins."""
+    s = even_mesh(surroundings.rod.length, _FIRST_ELEMENTS, surroundings.breaks)
+    return Discretisation(surroundings, s, basis, _FIRST_TERMS)
+
+
+def _to_begin_with(first, fine, accuracy, initial, history):
+    """Return the Discretisation to begin with: in these surroundings, on the mesh of `initial`.
+
+    A permanent set stays on its mesh: on another one it would be averaged.
+    """
+    around, known = first.surroundings, None
+    if initial is not None:
+        known = initial._discretisation
+        if surely_within(initial, accuracy, first):
+            return first
+    s = initial.s if initial is not None else None if history is None else history.s
+    if s is None or known is not None and known.basis not in (first.basis, fine):
+        return first
+    if known is None:  # of a shape from a file, or a set
+        if fine != 'local' or np.array_equal(s, first.s):
+            return first
+        return Discretisation(around, with_breaks(s, around.breaks), fine, 0)
+    if same(known.surroundings, around):
         return known
-    s = np.append(known.s[:-1], surroundings.rod.length)
-    return Discretisation(surroundings, s, basis, known.n_terms)
+    s = with_breaks(np.append(s[:-1], around.rod.length), around.breaks)
+    return Discretisation(around, s, known.basis, known.n_terms)
 
 
-def _refined(discretisation, shape, accuracy):
+def _refined(discretisation, fine, shape, accuracy):
     """Return a finer Discretisation, or None at the limits."""
+    around, s = discretisation.surroundings, discretisation.s
     elements, terms = len(shape.element_strains), discretisation.n_terms
+    bent = shape.element_strains - discretisation.natural
+    if discretisation.basis != fine:
+        s = graded_mesh(s, bent, elements, around.breaks)
+        return Discretisation(around, s, fine, _FIRST_TERMS)
     from_mesh = shape.error_estimate
-    if discretisation.basis != 'local':
-        free = Discretisation(discretisation.surroundings, discretisation.s, 'local', 0)
+    if fine != 'local':
+        free = Discretisation(around, s, 'local', 0)
         from_mesh = equilibrium(free, shape.gripper, shape.element_strains, 'newton',
                                 shape._history, shape.far_end)[0].error_estimate
         if shape.error_estimate > 1.5 * from_mesh or from_mesh < 0.3 * _MARGIN * accuracy:
             terms = min(terms + max(2, terms // 4), _MOST_TERMS)
-    s = discretisation.s
     if from_mesh > 0.8 * _MARGIN * accuracy:
         growth = np.clip(np.sqrt(from_mesh / (0.5 * _MARGIN * accuracy)), 1.2, 2.5)
         wanted = min(int(np.ceil(growth * elements)), _MOST_ELEMENTS)
-        s = graded_mesh(shape.s, shape.element_strains, wanted)
+        s = graded_mesh(s, bent, wanted, around.breaks)
     if terms == discretisation.n_terms and s.size == discretisation.s.size:
         return None
-    return Discretisation(discretisation.surroundings, s, discretisation.basis, terms)
-
-
-def graded_mesh(s, strains, elements):
-    """Return nodes (elements + 1,) that share out evenly the error of arcs of constant strain.
-
-    An arc whose strain should change at the rate u' misplaces its far end by about h^3 |u'|, so
-    the best density of elements goes with the cube root of |u'|; a floor keeps a third of the
-    elements for where nothing seems to happen.
-
-    Args:
-        s: (N + 1,) nodes of a known shape
-        strains: (N, 3) its strains
-        elements: how many are wanted
-    """
-    middle = 0.5 * (s[1:] + s[:-1])
-    rate = np.linalg.norm(np.diff(strains, axis=0), axis=1) / np.diff(middle)
-    density = np.cbrt(np.interp(middle, s[1:-1], rate))
-    h = np.diff(s)
-    mean = np.sum(density * h) / s[-1]
-    share = np.cumsum((density / mean if mean > 0 else 0.0) * h + 0.5 * h)
-    share = np.concatenate([[0.0], share]) / share[-1]
-    nodes = np.interp(np.linspace(0, 1, elements + 1), share, s)
-    nodes[0], nodes[-1] = 0.0, s[-1]
-    return nodes
+    return Discretisation(around, s, fine, terms)

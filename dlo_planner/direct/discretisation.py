@@ -6,10 +6,11 @@ from functools import cached_property
 import numpy as np
 
 from dlo_planner.direct.history import History, mapped
+from dlo_planner.direct.mesh import with_breaks
 from dlo_planner.energy.contact import Contacts
 from dlo_planner.energy.distance import build_scene
 from dlo_planner.energy.hold import Hold
-from dlo_planner.energy.loads import distributed, node_masses
+from dlo_planner.energy.loads import node_forces, node_masses, node_moments
 from dlo_planner.energy.plastic import Layers
 from dlo_planner.energy.potential import System
 from dlo_planner.model.section import yielding_layers
@@ -38,21 +39,22 @@ class Discretisation(Value):
         freeze(s)
         rod = surroundings.rod
         lengths = np.diff(s)
-        scale = np.tile(1 / np.sqrt(rod.stiffness), (lengths.size, 1))
+        stiffness = rod.mean_stiffnesses(s)
         if basis == 'local':
-            scale /= np.sqrt(lengths)[:, None]
+            scale = 1 / np.sqrt(stiffness * lengths[:, None])
+        else:  # series describe moments, which do not jump where the stiffness does
+            scale = np.sqrt(rod.stiffness) / stiffness
         pull = (-node_masses(rod, s)[:, None] * surroundings.gravity
-                - distributed(surroundings.load, s))
+                - node_forces(surroundings, s))
         share, limit = _layers(rod)
         weight = np.linalg.norm(pull, axis=1).sum()
-        bend = min(rod.bending_stiffness) / rod.length**2
+        bend = min(rod.stiffness[1:]) / rod.length**2
         scene = build_scene(surroundings.obstacles, rod.radius or 0.0)
         put(self, spring=_STIFF_CONTACT * (weight + bend) / rod.length,
             _hold_spring=(_STIFF_CONTACT * weight + _STIFF_HOLD * bend) / rod.length,
             _start=History.none(s, len(share), scene.kind.size, surroundings))
         put(self, _system=System(
-            lengths, rod.natural_strains(0.5 * (s[1:] + s[:-1])),
-            np.tile(rod.stiffness, (lengths.size, 1)), scale,
+            lengths, rod.mean_natural_strains(s), stiffness, scale,
             orthonormal_basis(basis, n_terms, s), pull, np.eye(3), np.zeros((0, 3)), np.zeros(0),
             Layers(share, limit, self._start.set.copy()), self._free, scene,
             self._contacts(self._start, np.zeros(3)), np.zeros((0, 3)), 0.0))
@@ -110,6 +112,17 @@ class Discretisation(Value):
     def load(self):
         """(3,) sum of the dead loads' `pull`, N."""
         return self._system.pull.sum(axis=0)
+
+    @cached_property
+    def moments(self):
+        """(N + 1, 3) dead moments on the nodes, N m."""
+        return node_moments(self.surroundings, self.s)
+
+    @cached_property
+    def isometric(self):
+        """Whether half the square of the unknowns is the elastic energy."""
+        system = self._system
+        return not system.basis.shape[1] or bool((system.stiffness == system.stiffness[0]).all())
 
     @property
     def static(self):
@@ -174,6 +187,7 @@ class Discretisation(Value):
     def of(self, rod):
         """Return the Discretisation of another Rod (as long or not) with the same elements."""
         s = np.append(self.s[:-1] * (rod.length / self.s[-1]), rod.length)
+        s = with_breaks(s, rod.breaks)
         return Discretisation(replace(self.surroundings, rod=rod), s, self.basis, self.n_terms)
 
     def strains_from(self, s, strains):

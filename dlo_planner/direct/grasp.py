@@ -15,8 +15,9 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, known_options, poses
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.along import SeenFrom
-from dlo_planner.model.checks import instance, number, shown
-from dlo_planner.model.part import BACK, part_of_rod
+from dlo_planner.model.checks import instance, items, number, shown
+from dlo_planner.model.part import BACK, part_of_loads, part_of_rod
+from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, brief, figures, put
@@ -44,9 +45,11 @@ class GraspedInside(Value):
         instance('rod', rod, Rod)
         at = number('at', at, above=0, below=rod.length)
         load = options.pop('load', None)
+        loads = items('point_loads', options.pop('point_loads', ()), PointLoad)
         put(self, rod=rod, at=at, _parts=tuple(
             DirectSimulator(part_of_rod(rod, at, way), **known_options(options),
-                            load=SeenFrom(load, at, way) if callable(load) else load)
+                            load=SeenFrom(load, at, way) if callable(load) else load,
+                            point_loads=part_of_loads(loads, rod, at, way))
             for way in (-1, 1)))
 
     def __repr__(self):

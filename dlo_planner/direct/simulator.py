@@ -7,12 +7,13 @@ from inspect import signature
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.accuracy import accurate_equilibrium, step
+from dlo_planner.direct.accuracy import accurate_equilibrium, first_mesh, step, within
 from dlo_planner.direct.continuation import follow, leapt
 from dlo_planner.direct.described import STRAINS
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.dynamics import simulate
 from dlo_planner.direct.integrator import INTEGRATORS
+from dlo_planner.direct.mesh import even_mesh, with_breaks
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.surroundings import STANDARD_GRAVITY, Surroundings
@@ -27,6 +28,7 @@ from dlo_planner.model.value import Value, brief, figures, put, same
 from dlo_planner.progress import OnProgress, Progress
 from dlo_planner.ritz.series import BASES, converging
 
+DEFAULT_ACCURACY = 1e-3  # of the length
 _FARTHEST = 10  # of the length: from where a held far end may be brought
 
 
@@ -35,9 +37,10 @@ class DirectSimulator(Value):
 
     Args:
         rod: what is held
-        n_elements: N_L, elements of equal length (default 64)
-        n_terms: N_c, terms of the Ritz series per strain component (default 10); N_L of them span
-            all that the elements can do, more are the same as N_L
+        n_elements: N_L, elements (64 where only n_terms is given), of equal length between the
+            places where something jumps
+        n_terms: N_c, terms of the Ritz series per strain component (10 where only n_elements is
+            given); N_L of them span all that the elements can do, more are the same as N_L
         basis: 'chebyshev' (default), 'fourier', 'fourier_polynomial' (with polynomials to degree 4
             beside it; it replaces 'fourier' where an accuracy is asked for, which the plain series
             hardly ever reaches), or 'local' (one unknown strain per element)
@@ -46,10 +49,12 @@ class DirectSimulator(Value):
         strains: what the series describe: 'components' (torsion, curvature about n, about b) or
             'paper' (q_d, q_kappa, q_tau), for study, with 'dfp' or 'downhill_simplex' only
         accuracy: in m; picks mesh and terms instead of n_elements and n_terms. The basis is then
-            'local' unless one is named.
+            'local' unless one is named. Without any of the three it is 1e-3 of the length, and 64
+            elements with 10 terms are kept wherever they do. The paper's methods keep them anyway.
         gravity: (3,) m/s^2, any direction, may be zero
         load: further force per length, N/m, world axes: (3,), or a callable of s (m)
         obstacles: Plane, Sphere, Capsule, Box, Sheet, in any number
+        point_loads: PointLoads, dead forces and moments at points
 
     Raises:
         InvalidTask: an argument makes no sense; the message names it
@@ -59,45 +64,58 @@ class DirectSimulator(Value):
     A simulator does not change; two of the same rod, surroundings and options are equal.
     """
 
-    PARTS = ('surroundings', 'method', 'strains', 'accuracy', 'basis', '_history',
+    PARTS = ('surroundings', 'method', 'strains', 'accuracy', 'basis', '_fine', '_history',
              '_discretisation')
 
     def __init__(self, rod: Rod, *, n_elements: int | None = None, n_terms: int | None = None,
                  basis: str | None = None, method: str = 'newton', strains: str = 'components',
                  accuracy: float | None = None, gravity: ArrayLike = STANDARD_GRAVITY,
-                 load: ArrayLike | Callable | None = None, obstacles: Iterable = ()):
-        if basis is None:
-            basis = 'chebyshev' if accuracy is None else 'local'
-        put(self, surroundings=Surroundings(rod, gravity, load, obstacles), _history=None,
-            method=choice('method', method, METHODS), strains=choice('strains', strains, STRAINS),
-            accuracy=None, basis=choice('basis', basis, BASES), _discretisation=None)
-        if strains == 'paper' and (method == 'newton' or self.basis == 'local'):
-            raise InvalidTask(f'strains = {strains!r}: expected a series as basis and \'dfp\' or '
-                              f'\'downhill_simplex\' as method, got {self.basis!r}, {method!r}')
-        if method != 'newton' and self.obstacles:
-            raise InvalidTask(f'method = {method!r}: expected \'newton\' with obstacles')
+                 load: ArrayLike | Callable | None = None, obstacles: Iterable = (),
+                 point_loads: Iterable = ()):
+        around = Surroundings(rod, gravity, load, obstacles, point_loads)
+        fixed = n_elements is not None or n_terms is not None
+        put(self, surroundings=around, _history=None, method=choice('method', method, METHODS),
+            strains=choice('strains', strains, STRAINS),
+            basis='chebyshev' if basis is None else choice('basis', basis, BASES))
+        put(self, _fine='local' if basis is None else converging(self.basis))
+        self._judge_method(around)
         if accuracy is not None:
-            if n_elements is not None or n_terms is not None:
+            if fixed:
                 raise InvalidTask(
                     f'accuracy = {shown(accuracy)} picks n_elements and n_terms: expected it or '
                     'them, not both')
             if method != 'newton':
                 raise InvalidTask(f'method = {method!r}: expected \'newton\' with an accuracy')
             put(self, accuracy=number('accuracy', accuracy, minimum=1e-9 * rod.length),
-                basis=converging(self.basis))
+                basis=self._fine, _discretisation=first_mesh(around, self._fine))
             return
         n_elements = integer('n_elements', 64 if n_elements is None else n_elements,
                              minimum=2, maximum=100_000)
         n_terms = integer('n_terms', min(10, n_elements) if n_terms is None else n_terms,
                           minimum=1, maximum=200)
-        s = np.arange(n_elements + 1) * (rod.length / n_elements)
-        s[-1] = rod.length
-        put(self, _discretisation=Discretisation(self.surroundings, s, self.basis, n_terms))
+        put(self, accuracy=None if fixed or method != 'newton' else DEFAULT_ACCURACY * rod.length,
+            _discretisation=Discretisation(
+                around, even_mesh(rod.length, n_elements, around.breaks), self.basis, n_terms))
+
+    def _judge_method(self, around):
+        """Raise InvalidTask where the paper's methods and strains are asked for too much."""
+        if self.strains == 'paper' and (self.method == 'newton' or self.basis == 'local'):
+            raise InvalidTask(f'strains = {self.strains!r}: expected a series as basis and '
+                              '\'dfp\' or \'downhill_simplex\' as method, got '
+                              f'{self.basis!r}, {self.method!r}')
+        if self.method == 'newton':
+            return
+        if around.obstacles:
+            raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with obstacles')
+        if around.has_moments:
+            raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with dead moments')
 
     def __repr__(self):
         mesh = self._discretisation
-        how = f'accuracy {self.accuracy:.2g} m' if mesh is None else f'{mesh.s.size - 1} elements'
-        terms = '' if mesh is None or self.basis == 'local' else f'{mesh.n_terms} terms'
+        how = (f'{mesh.s.size - 1} elements' if self.accuracy is None
+               else f'accuracy {self.accuracy:.2g} m')
+        terms = ('' if self.accuracy is not None or self.basis == 'local'
+                 else f'{mesh.n_terms} terms')
         return brief(self, how, terms, self.basis, '' if self.method == 'newton' else self.method,
                      f'{len(self.obstacles)} obstacles' if self.obstacles else '',
                      'set' if self._history is not None else '', figures(self.rod))
@@ -148,8 +166,9 @@ class DirectSimulator(Value):
             return self
         free = {'yield_curvature': None, 'yield_torsion': None}
         if self._history is not None:
-            mesh = self._discretisation or Discretisation(self.surroundings, self._history.s,
-                                                          'local', 0)
+            mesh = self._discretisation
+            if self.accuracy is not None:
+                mesh = Discretisation(self.surroundings, self._history.s, 'local', 0)
             strains = mesh.stress_free(self._history)
             free |= {'natural_curvature': Stepwise(mesh.s, strains[:, 1:]),
                      'natural_twist': Stepwise(mesh.s, strains[:, 0])}
@@ -164,12 +183,13 @@ class DirectSimulator(Value):
         return self._with(replace(self.surroundings, rod=rod), None)
 
     def _with(self, surroundings, history):
-        mesh = self._discretisation
-        if mesh is not None:
-            s = mesh.s * (surroundings.rod.length / mesh.s[-1])
-            s[-1] = surroundings.rod.length
-            mesh = Discretisation(surroundings, s, mesh.basis, mesh.n_terms)
-        return self._changed(surroundings=surroundings, _history=history, _discretisation=mesh)
+        mesh, share = self._discretisation, surroundings.rod.length / self.rod.length
+        s = with_breaks(np.append(mesh.s[:-1] * share, surroundings.rod.length),
+                        surroundings.breaks)
+        accuracy = None if self.accuracy is None else self.accuracy * share
+        return self._changed(
+            surroundings=surroundings, _history=history, accuracy=accuracy,
+            _discretisation=Discretisation(surroundings, s, mesh.basis, mesh.n_terms))
 
     def solve(self, gripper: Pose, initial: Shape | None = None, *,
               far_end: FarEnd | Pose | ArrayLike | None = None) -> Shape:
@@ -280,18 +300,18 @@ class DirectSimulator(Value):
                 returned if it is good enough, and else the one that is
         """
         self._check(gripper, shape)
-        if self._discretisation is not None:
+        if self.accuracy is None:
             return self._discretisation
-        known = None if shape is None else shape._discretisation
-        if (shape is not None and self._made(shape) and known.basis == self.basis
-                and shape.error_estimate <= self.accuracy):
-            return known
+        if (shape is not None and self._made(shape)
+                and shape._discretisation.basis in (self.basis, self._fine)
+                and within(shape, self.accuracy)):
+            return shape._discretisation
         return self._equilibrium(gripper, shape, None)[0]._discretisation
 
     def _equilibrium(self, gripper, initial, far_end):
         """Return (Shape, kicks)."""
         if self.accuracy is not None:
-            return accurate_equilibrium(self.surroundings, self.basis, self.accuracy, gripper,
+            return accurate_equilibrium(self._discretisation, self._fine, self.accuracy, gripper,
                                         initial, self._history, far_end)
         if far_end is not None and self.method != 'newton':
             raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with a far end')

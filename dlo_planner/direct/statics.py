@@ -7,6 +7,7 @@ import numpy as np
 
 from dlo_planner.direct.contacts import contacts_of, points_of
 from dlo_planner.direct.history import History
+from dlo_planner.direct.moments import balanced
 from dlo_planner.direct.shape import Shape
 from dlo_planner.energy.plastic import settled
 from dlo_planner.energy.potential import unknowns_of
@@ -53,8 +54,13 @@ def solve(discretisation, system, gripper, q, history, most=MAX_ITERATIONS, chec
     before = np.zeros((0, 3))
     if history is not None and len(history.positions):
         before = history.positions - gripper.position
-    return constrained_newton(system, q, TOLERANCE, most, check, exact * discretisation.s[-1],
-                              before)
+    def solved(system, q):
+        return constrained_newton(system, q, TOLERANCE, most, check,
+                                  exact * discretisation.s[-1], before)
+
+    if discretisation.surroundings.has_moments:
+        return balanced(solved, system, q, discretisation.moments)
+    return solved(system, q)
 
 
 def shape_of(discretisation, gripper, found, history=None, far_end=None):
@@ -72,7 +78,8 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None):
                                 system.layers)
         # a damper among the layers has no set
         new_set = new_set[:, :history.set.shape[1]].copy()
-    if system.natural is discretisation.natural and not system.layers.share.size:
+    if (system.natural is discretisation.natural and discretisation.isometric
+            and not system.layers.share.size):
         stored = 0.5 * float(np.vdot(state.q, state.q))  # what the unknowns are scaled for
     else:
         stored = elastic_energy(discretisation, state.strains, new_set)
@@ -89,7 +96,7 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None):
         promised, neutral = _HELD, HELD_NEUTRAL
     converged = bool(residual < promised and stability > -neutral and kept)
     return Shape(gripper, discretisation.s, positions, state.rotations, state.strains, energy,
-                 stored, np.concatenate([state.base_force, state.base_moment]), float(residual),
+                 stored, _wrench(discretisation, state), float(residual),
                  float(stability), int(iterations), converged, contacts=touching,
                  violation=float(violation), far_end=far_end,
                  far_wrench=_NOTHING if far_end is None else _far_wrench(state),
@@ -114,6 +121,14 @@ def elastic_energy(discretisation, strains, plastic_set):
 _NOTHING = np.zeros(6)
 
 
+def _wrench(discretisation, state):
+    """Return force and moment (6,) on the DLO at its gripper."""
+    moment = state.base_moment
+    if discretisation.surroundings.has_moments:
+        moment = moment - discretisation.moments.sum(axis=0)
+    return np.concatenate([state.base_force, moment])
+
+
 def _far_wrench(state):
     """Return force and moment (6,) on the DLO at its far end, about that end."""
     return -np.concatenate([state.attached.tip_force, state.attached.tip_moment])
@@ -131,7 +146,8 @@ def _estimate(discretisation, gripper, strains, positions, history, far_end):
     system = finer.system(gripper.rotation, gripper.position, past, far_end)
     q = np.empty((finer.n_unknowns, 3))
     unknowns_of(system, np.repeat(strains, 2, axis=0), q)
-    if system.scene.kind.size or far_end is not None or system.layers.share.size:
+    if (system.scene.kind.size or far_end is not None or system.layers.share.size
+            or discretisation.surroundings.has_moments):
         state = solve(finer, system, gripper, q, past)[0]
     else:
         state = newton(system, q, 1e-9, 4, False)[0]

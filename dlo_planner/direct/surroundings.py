@@ -2,12 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import instance, items, vector
+from dlo_planner.model.along import breaks_of
+from dlo_planner.model.checks import instance, items, returned, vector
 from dlo_planner.model.obstacles import OBSTACLES, Sheet
+from dlo_planner.model.point_load import PointLoad
+from dlo_planner.model.profile import resolved
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
 
@@ -23,6 +27,7 @@ class Surroundings(Value):
         gravity: (3,) m/s^2
         load: force per length besides the weight, N/m, world axes: (3,), a callable of s, or None
         obstacles: tuple of Plane, Sphere, Capsule, Box, Sheet
+        point_loads: tuple of PointLoad
 
     Raises:
         InvalidTask: naming the argument
@@ -32,14 +37,40 @@ class Surroundings(Value):
     gravity: np.ndarray
     load: np.ndarray | Callable | None = None
     obstacles: tuple = ()
+    point_loads: tuple = ()
 
     def __post_init__(self):
         instance('rod', self.rod, Rod)
         put(self, gravity=vector('gravity', self.gravity, 3),
-            obstacles=items('obstacles', self.obstacles, OBSTACLES))
+            obstacles=items('obstacles', self.obstacles, OBSTACLES),
+            point_loads=items('point_loads', self.point_loads, PointLoad))
+        for one in self.point_loads:
+            if one.s is not None and one.s > self.rod.length:
+                raise InvalidTask(f'PointLoad.s = {one.s:g}: expected a place on the DLO, at most '
+                                  f'{self.rod.length:g} m')
         if self.load is not None and not callable(self.load):
             put(self, load=vector('load', self.load, 3))
         if self.rod.radius is None and any(isinstance(one, Sheet) for one in self.obstacles):
             raise InvalidTask('Rod.radius = None: expected the DLO\'s radius where a Sheet is an '
                               'obstacle')
         super().__post_init__()
+
+    @cached_property
+    def load_profile(self):
+        """Profile of a load that varies along the DLO."""
+        return resolved('load', lambda s: vector(f'load({s:g})', returned('load', self.load, s), 3),
+                        self.rod.length, breaks_of(self.load), InvalidTask)
+
+    @cached_property
+    def breaks(self):
+        """(n,) arc lengths inside the DLO at which what acts on it, or it itself, jumps, m."""
+        places = [one.s for one in self.point_loads
+                  if one.s is not None and 0 < one.s < self.rod.length]
+        if callable(self.load):
+            places.extend(self.load_profile.breaks)
+        return np.union1d(self.rod.breaks, places)
+
+    @cached_property
+    def has_moments(self):
+        """Whether a dead moment acts somewhere."""
+        return any(one.moment.any() for one in self.point_loads)

@@ -1,49 +1,52 @@
-"""Dead loads: gravity on the DLO's own mass and on the masses it carries, Eq. 2a."""
+"""Dead loads: gravity on the DLO's own mass and on the masses it carries, Eq. 2a, and others."""
 
 import numpy as np
 
 from dlo_planner.kernels import kernel
-from dlo_planner.model.checks import returned, vector
 
 
 def node_masses(rod, s):
     """Return the masses (n,) in kg that stand for the rod on nodes at arc lengths `s` (n,).
 
-    Each element's own mass goes half and half to its two nodes; a point mass goes to the two
-    nodes around it in inverse proportion to its distances.
+    Each element's own mass goes to its two nodes, as does a point mass to the two around it: the
+    total and the centre are right.
     """
-    half = 0.5 * rod.masses_per_length(0.5 * (s[1:] + s[:-1])) * np.diff(s)
-    masses = np.zeros(s.size)
-    masses[:-1] += half
-    masses[1:] += half
+    masses = rod.node_masses(s)
     masses[-1] += rod.tip_mass
     for where, mass in rod.point_masses:
-        e = min(max(np.searchsorted(s, where, side='right') - 1, 0), s.size - 2)
-        share = (where - s[e]) / (s[e + 1] - s[e])
-        masses[e] += (1 - share) * mass
-        masses[e + 1] += share * mass
+        _share(masses, s, where, mass)
     return masses
 
 
-def distributed(load, s):
-    """Return the forces (n, 3) in N on nodes at `s` (n,) of a force per length.
-
-    Args:
-        load: (3,) N/m, world axes, a callable of s (m) returning that, or None
-
-    Raises:
-        InvalidTask: the callable returns something else
-    """
+def node_forces(surroundings, s):
+    """Return the forces (n, 3) in N on nodes at `s` (n,) of all loads but the weight."""
     forces = np.zeros((s.size, 3))
-    if load is None:
-        return forces
-    middle = 0.5 * (s[1:] + s[:-1])
-    density = np.array([vector(f'load({v:g})', returned('load', load, v), 3)
-                        if callable(load) else load for v in middle])
-    half = 0.5 * np.diff(s)[:, None] * density
-    forces[:-1] += half
-    forces[1:] += half
+    load = surroundings.load
+    if callable(load):
+        forces += surroundings.load_profile.on_nodes(s)
+    elif load is not None:
+        half = 0.5 * np.diff(s)[:, None] * load
+        forces[:-1] += half
+        forces[1:] += half
+    for one in surroundings.point_loads:
+        _share(forces, s, s[-1] if one.s is None else one.s, one.force)
     return forces
+
+
+def node_moments(surroundings, s):
+    """Return the dead moments (n, 3) in N m on nodes at `s` (n,), which hold all their points."""
+    moments = np.zeros((s.size, 3))
+    for one in surroundings.point_loads:
+        _share(moments, s, s[-1] if one.s is None else one.s, one.moment)
+    return moments
+
+
+def _share(nodes, s, where, amount):
+    """Add an amount at arc length `where` to the two nodes around it, so that its place is kept."""
+    e = min(max(np.searchsorted(s, where, side='right') - 1, 0), s.size - 2)
+    share = (where - s[e]) / (s[e + 1] - s[e])
+    nodes[e] += (1 - share) * amount
+    nodes[e + 1] += share * amount
 
 
 @kernel

@@ -21,7 +21,7 @@ from dlo_planner.inverse.clearance import nearest
 from dlo_planner.inverse.marching import hanging
 from dlo_planner.minimize.newton import descend, residual_of
 from dlo_planner.model.along import SeenFrom
-from dlo_planner.model.part import part_of_rod
+from dlo_planner.model.part import part_of_loads, part_of_rod
 from dlo_planner.model.pose import Pose
 from dlo_planner.ritz.kinematics import point_inside
 
@@ -67,7 +67,7 @@ class ContactFamily:
         self._end, strain = _cantilever(self._alone, self._node, self.frame)
         self._inside = self._sag(strain)
         weight = float(np.linalg.norm(self._mesh.static.pull, axis=1).sum())
-        stiffness = np.array(rod.bending_stiffness)
+        stiffness = rod.stiffness[1:]
         bent = float(np.abs(self._mesh.natural).max())
         self.scale = (weight + stiffness.min() / rod.length**2,
                       weight + stiffness.max() * (1 / s + bent) / s)
@@ -200,7 +200,8 @@ def _cantilever(mesh, node, frame):
     around = mesh.surroundings
     s, load = mesh.s[node], around.load
     part = replace(around, rod=part_of_rod(mesh.rod, s, 1),
-                   load=SeenFrom(load, s, 1) if callable(load) else load)
+                   load=SeenFrom(load, s, 1) if callable(load) else load,
+                   point_loads=part_of_loads(around.point_loads, around.rod, s, 1))
     tail = Discretisation(part, mesh.s[node:] - s, 'local', 0)
     shape, _ = equilibrium(tail, Pose.from_rotation(np.zeros(3), frame), tail.natural)
     return np.array(shape.frames[-1], order='C'), shape.strains[0]

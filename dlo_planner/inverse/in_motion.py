@@ -135,7 +135,7 @@ def slowest_period(rod):
     s = np.linspace(0, rod.length, 33)
     mass = rod.length * rod.masses_per_length(s).mean() / 4 + rod.tip_mass
     # a tip mass on a cantilever; its own mass counts for about a quarter
-    return 2 * np.pi * np.sqrt(max(mass, 1e-12) * rod.length**3 / (3 * min(rod.bending_stiffness)))
+    return 2 * np.pi * np.sqrt(max(mass, 1e-12) * rod.length**3 / (3 * min(rod.stiffness[1:])))
 
 
 def fastest_scale(good, at_once):

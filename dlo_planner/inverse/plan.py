@@ -180,7 +180,8 @@ def _straightening(shape):
     """Return the moment (3,) in N m that makes a DLO go on straight beyond its held far end."""
     if shape.far_end is None or shape.rod is None:
         return np.full(3, np.nan)
-    moment = shape.rod.stiffness * shape.rod.natural_strains(shape.s[-1:])[0]
+    s = shape.s[-1:]
+    moment = (shape.rod.stiffnesses(s) * shape.rod.natural_strains(s))[0]
     moment[0] = 0.0  # its twist is free
     return shape.frames[-1] @ moment
 

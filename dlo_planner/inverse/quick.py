@@ -19,11 +19,13 @@ _ANY = Pose.looking_along((0, 0, 0), (1, 0, 0))
 
 def quick_simulator(simulator):
     """Return a DirectSimulator of the same DLO that is quick, for searches; itself if it is."""
-    if simulator.accuracy is None and len(simulator.discretisation(_ANY, None).s) <= _CHEAP:
-        return simulator
     around = simulator.surroundings
+    quick = simulator._discretisation.s.size <= _CHEAP if simulator.accuracy is None else (
+        simulator.accuracy >= 0.5 * _ROUGH * around.rod.length)
+    if quick:
+        return simulator
     return DirectSimulator(around.rod, accuracy=_ROUGH * around.rod.length, gravity=around.gravity,
-                           load=around.load)
+                           load=around.load, point_loads=around.point_loads)
 
 
 def grid_nodes(simulator):

@@ -15,7 +15,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.penalties import Through
 from dlo_planner.inverse.plan import Plan
-from dlo_planner.model.along import Scaled, Shifted
+from dlo_planner.model.along import Shifted, scaled
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
 from dlo_planner.model.pose import displaced
 from dlo_planner.model.value import Value, brief, put, same
@@ -248,12 +248,12 @@ def _varied(rod, spread, draw):
     bend, twist, mass = (float(np.exp(by[name][0])) for name in (
         'bending_stiffness', 'torsional_stiffness', 'mass'))
     length = rod.length + by['length'][0]
-    known, per_length = rod.natural_curvature, rod.mass_per_length
+    known = rod.natural_curvature
     curve = np.array(by['natural_curvature'])
     return replace(
-        rod, length=length, bending_stiffness=tuple(bend * k for k in rod.bending_stiffness),
-        torsional_stiffness=twist * rod.torsional_stiffness,
-        mass_per_length=Scaled(per_length, mass) if callable(per_length) else mass * per_length,
+        rod, length=length, bending_stiffness=scaled(rod.bending_stiffness, bend),
+        torsional_stiffness=scaled(rod.torsional_stiffness, twist),
+        mass_per_length=scaled(rod.mass_per_length, mass),
         tip_mass=mass * rod.tip_mass,
         point_masses=tuple((min(s, length), mass * m) for s, m in rod.point_masses),
         natural_curvature=Shifted(known, curve) if callable(known) else tuple(curve + known))

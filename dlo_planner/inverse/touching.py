@@ -43,7 +43,7 @@ class Contacting:
     def at(cls, simulator, contact, s, brief):
         """Return the task of keeping `contact` at `s`."""
         own = simulator._discretisation
-        elements = _ELEMENTS if own is None else min(max(own.s.size - 1, 8), 2 * _ELEMENTS)
+        elements = min(max(own.s.size - 1, 8), 2 * _ELEMENTS)
         return cls(simulator, ContactFamily(simulator, contact, s, brief.progress.check, elements),
                    contact, brief)
 
@@ -101,7 +101,7 @@ class Contacting:
         own, accuracy = self.simulator._discretisation, self.simulator.accuracy
         shape = self.family.shape(force)
         elements = shape.s.size - 1
-        wanted = elements if own is None else own.s.size - 1
+        wanted = own.s.size - 1
         samples = np.linspace(0, shape.s[-1], 9)
         while True:
             if accuracy is not None:

@@ -1,11 +1,85 @@
-"""Functions of arc length that are values: they can be compared and sent to other processes."""
+"""Quantities that vary along a DLO: numbers, tables and functions of arc length s, as values."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from dlo_planner.model.value import Value
+from dlo_planner.errors import InvalidRod
+from dlo_planner.model.checks import array, number, row, shown
+from dlo_planner.model.value import Value, put
+
+ONE = 'one'  # how a value is written that is a single number
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Piecewise(Value):
+    """A function of arc length whose jumps are stated, however close together they are.
+
+    Attributes:
+        function: callable of s (m)
+        breaks: (n,) arc lengths in m at which it jumps
+
+    Raises:
+        InvalidRod: the function cannot be called, or the breaks are no numbers
+    """
+
+    function: Callable
+    breaks: np.ndarray
+
+    def __post_init__(self):
+        if not callable(self.function):
+            raise InvalidRod(f'Piecewise.function = {shown(self.function)}: expected a function '
+                             'of s')
+        put(self, breaks=row('Piecewise.breaks', self.breaks, InvalidRod, least=0))
+        super().__post_init__()
+
+    def __call__(self, s):
+        """Return the function's value at `s` (m)."""
+        return self.function(s)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Table(Value):
+    """Straight between the rows of a table; two rows at the same s are a jump.
+
+    Attributes:
+        s: (n,) m, ascending
+        values: (n,) or (n, k); before the first row and after the last one they stay
+    """
+
+    s: np.ndarray
+    values: np.ndarray
+
+    @property
+    def breaks(self):
+        """(m,) arc lengths where it jumps or bends, m."""
+        return np.unique(self.s)
+
+    def __call__(self, s):
+        """Return the value at `s` (m); at a jump, the one after it."""
+        after = int(np.searchsorted(self.s, s, side='right'))
+        if after in (0, self.s.size):
+            return self.values[min(after, self.s.size - 1)]
+        first = self.s[after - 1]
+        share = (s - first) / (self.s[after] - first)
+        return (1 - share) * self.values[after - 1] + share * self.values[after]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Components(Value):
+    """Numbers, tables and functions side by side, one per component."""
+
+    parts: tuple
+
+    @property
+    def breaks(self):
+        """(m,) arc lengths where one of them is known to jump, m."""
+        return np.concatenate([breaks_of(part) for part in self.parts])
+
+    def __call__(self, s):
+        """Return the values (k,) at `s` (m)."""
+        return np.array([part(s) if callable(part) else part for part in self.parts])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -21,6 +95,11 @@ class SeenFrom(Value):
     at: float
     way: int
     signs: tuple = ()
+
+    @property
+    def breaks(self):
+        """(m,) distances where it is known to jump, m."""
+        return self.way * (breaks_of(self.known) - self.at)
 
     def __call__(self, s):
         """Return the function's value at the distance `s` (m)."""
@@ -40,6 +119,11 @@ class Stepwise(Value):
     s: np.ndarray
     values: np.ndarray
 
+    @property
+    def breaks(self):
+        """(N - 1,) the inner nodes, m."""
+        return self.s[1:-1]
+
     def __call__(self, s):
         """Return the value of the element that holds `s` (m)."""
         element = np.searchsorted(self.s, s, side='right') - 1
@@ -53,9 +137,14 @@ class Scaled(Value):
     known: Callable
     factor: float
 
+    @property
+    def breaks(self):
+        """(n,) arc lengths where it is known to jump, m."""
+        return breaks_of(self.known)
+
     def __call__(self, s):
         """Return the product at `s` (m)."""
-        return self.factor * self.known(s)
+        return self.factor * np.asarray(self.known(s))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -65,6 +154,99 @@ class Shifted(Value):
     known: Callable
     shift: np.ndarray
 
+    @property
+    def breaks(self):
+        """(n,) arc lengths where it is known to jump, m."""
+        return breaks_of(self.known)
+
     def __call__(self, s):
         """Return the sum at `s` (m)."""
         return np.asarray(self.known(s)) + self.shift
+
+
+def breaks_of(content):
+    """Return (n,) the arc lengths at which a number or a function says that it jumps, m."""
+    return np.asarray(getattr(content, 'breaks', ()), dtype=float).ravel()
+
+
+def scaled(content, factor):
+    """Return a number, a tuple of numbers or a function of s, times `factor`."""
+    if callable(content):
+        return Scaled(content, factor)
+    return tuple(factor * part for part in content) if isinstance(content, tuple) else (
+        factor * content)
+
+
+def varying(name, content, written=ONE, **limits):
+    """Return what a user states of a quantity: a float, a tuple of floats, or a function of s.
+
+    Args:
+        name: how the user knows it
+        content: a number, ((s, value), ...) or a callable of s; a pair also by its components
+        written: how a value is: ONE number, or a pair
+        limits: of each number, as for `checks.number`
+
+    Raises:
+        InvalidRod: anything else
+    """
+    if callable(content):
+        return content
+    if _is_table(content):
+        return _table(name, content, written, limits)
+    if written == ONE:
+        return number(name, content, InvalidRod, **limits)
+    parts = pair(name, content, written, varying, **limits)
+    return Components(parts) if any(map(callable, parts)) else parts
+
+
+def pair(name, value, written, judged=None, **limits):
+    """Return a pair of numbers; of one number both, if a value may be written so.
+
+    Args:
+        written: 'a or (b, c)' where one number does, '(b, c)' where it does not
+        judged: function that judges a component; None: it is a number
+
+    Raises:
+        InvalidRod: something else
+    """
+    sizes = (1, 2) if ' or ' in written else (2,)
+    parts = value if is_row(value) else [value]
+    if len(parts) not in sizes:
+        raise InvalidRod(f'{name} = {shown(value)}: expected {written}')
+    ends = parts[0], parts[-1]
+    if judged is None:
+        return tuple(number(name, part, InvalidRod, **limits) for part in ends)
+    return tuple(judged(name, part, **limits) for part in ends)
+
+
+def is_row(value):
+    """Whether it has places by index: a tuple, list, (n,) array, or an array of ROS parameters."""
+    return (hasattr(value, '__getitem__') and hasattr(value, '__len__')
+            and not isinstance(value, str | bytes | dict) and getattr(value, 'ndim', 1) == 1)
+
+
+def _is_table(content):
+    """Whether it looks like rows (s, value): pairs that begin with a number."""
+    if isinstance(content, np.ndarray) and content.ndim == 2:
+        return True
+    if not is_row(content) or isinstance(content, np.ndarray) or not len(content):
+        return False
+    return all(is_row(part) and len(part) == 2 and np.ndim(part[0]) == 0 for part in content)
+
+
+def _table(name, content, written, limits):
+    expected = (f'{name} = {shown(content)}: expected rows (s, value) with s ascending, at most '
+                'two at the same s')
+    try:
+        s = [part[0] for part in content]
+        values = [part[1] if len(part) == 2 else part[1:] for part in content]
+    except Exception:  # whatever its iteration raises
+        raise InvalidRod(expected) from None
+    s = array(f'{name} s', s, (None,), InvalidRod)
+    if (np.diff(s) < 0).any() or (s[2:] == s[:-2]).any():
+        raise InvalidRod(expected)
+    if written != ONE:
+        values = np.array([pair(name, value, written, **limits) for value in values])
+    else:
+        values = np.array([number(name, value, InvalidRod, **limits) for value in values])
+    return Table(s, values)

@@ -15,6 +15,13 @@ def before(rod, end):
                    point_masses=tuple((s, mass) for s, mass in rod.point_masses if s <= end))
 
 
+def part_of_loads(loads, rod, at, way):
+    """Return the PointLoads of `part_of_rod`, as that part knows them."""
+    places = [(rod.length if one.s is None else one.s, one) for one in loads]
+    return tuple(replace(one, s=abs(s - at)) for s, one in places
+                 if (s - at) * way > 0 or s == at and way > 0)
+
+
 def part_of_rod(rod, at, way):
     """Return the Rod from `at` to one end: way = 1 on to L, -1 back to 0."""
     length = at if way < 0 else rod.length - at
@@ -25,7 +32,8 @@ def part_of_rod(rod, at, way):
     signs = tuple(BACK[1:]) if way < 0 else (1.0, 1.0)
     curvature = rod.natural_curvature
     changed = {name: SeenFrom(getattr(rod, name), at, way)
-               for name in ('mass_per_length', 'natural_twist') if callable(getattr(rod, name))}
+               for name in ('mass_per_length', 'natural_twist', 'bending_stiffness',
+                            'torsional_stiffness', 'radius') if callable(getattr(rod, name))}
     return replace(rod, length=length, point_masses=tuple(masses),
                    tip_mass=rod.tip_mass if way > 0 else 0.0,
                    natural_curvature=SeenFrom(curvature, at, way, signs) if callable(curvature)

@@ -2,14 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidRod
+from dlo_planner.model.along import ONE, breaks_of, is_row, pair, varying
 from dlo_planner.model.checks import array, choice, instance, number, returned, shown
+from dlo_planner.model.profile import resolved
 from dlo_planner.model.section import MODELS, MODULI, SIZES, Section
-from dlo_planner.model.value import Value, brief, put
+from dlo_planner.model.value import FrozenDict, Value, brief, put
+
+Along = float | tuple | Callable  # a number, rows (s, value), or a function of s
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -18,19 +23,24 @@ class Rod(Value):
 
     Material frame (t, n, b); strains are (torsion, curvature about n, curvature about b), 1/m.
 
+    What may vary along the DLO marked (*) is a number, a table of rows (s, value) that is straight
+    between them (two rows at the same s are a jump), or a callable of s in m; of a pair, each
+    component may be one of these too. A callable's jumps are found by bisection; what is narrower
+    than 1/2000 of the length has to be stated: `Piecewise(function, breaks)`.
+
     Attributes:
         length: metres
-        mass_per_length: kg/m, or a callable of s (m) returning it
+        mass_per_length: kg/m (*)
         bending_stiffness: EI in N m^2; one number, or (EI_n, EI_b), where EI_n resists curvature
-            about n; always stored as the pair
-        torsional_stiffness: GJ in N m^2
-        natural_curvature: stress-free (k_n, k_b) in 1/m, or a callable of s (m) returning them
-        natural_twist: stress-free torsion in 1/m, or a callable of s
+            about n (*); numbers are always stored as the pair
+        torsional_stiffness: GJ in N m^2 (*)
+        natural_curvature: stress-free (k_n, k_b) in 1/m (*)
+        natural_twist: stress-free torsion in 1/m (*)
         point_masses: ((s in m, mass in kg), ...)
         tip_mass: kg at s = length
         damping: (a, b) of Rayleigh: a in 1/s times mass, b in s times stiffness; one number is b;
             it acts on motions and leaves statics alone
-        radius: of the outside, metres, where contact and pictures need it; None = thin line
+        radius: of the outside, metres (*), where contact and pictures need it; None = thin line
         yield_curvature: curvature since the stress-free shape beyond which bending is plastic,
             1/m; one number, or (about n, about b); None: never
         yield_torsion: the same for torsion, 1/m
@@ -45,15 +55,15 @@ class Rod(Value):
     """
 
     length: float
-    mass_per_length: float | Callable
-    bending_stiffness: float | tuple[float, float]
-    torsional_stiffness: float
-    natural_curvature: tuple[float, float] | Callable = (0.0, 0.0)
-    natural_twist: float | Callable = 0.0
+    mass_per_length: Along
+    bending_stiffness: Along
+    torsional_stiffness: Along
+    natural_curvature: Along = (0.0, 0.0)
+    natural_twist: Along = 0.0
     point_masses: tuple[tuple[float, float], ...] = ()
     tip_mass: float = 0.0
     damping: float | tuple[float, float] = 0.0
-    radius: float | None = None
+    radius: Along | None = None
     yield_curvature: float | tuple[float, float] | None = None
     yield_torsion: float | None = None
     section_model: str = 'ideal'
@@ -64,39 +74,38 @@ class Rod(Value):
     def __post_init__(self):
         put(self, **{name: number(f'Rod.{name}', getattr(self, name), InvalidRod, **limits)
                      for name, limits in _NUMBERS.items()
-                     if not (getattr(self, name) is None and name in _OPTIONAL
-                             or callable(getattr(self, name)) and name in _FUNCTIONS)})
+                     if not (getattr(self, name) is None and name in _OPTIONAL)})
+        put(self, **{name: varying(f'Rod.{name}', getattr(self, name), parts, **limits)
+                     for name, (parts, limits) in _VARYING.items()
+                     if not (getattr(self, name) is None and name == 'radius')})
         damping = self.damping
-        if not _is_row(damping):
+        if not is_row(damping):
             damping = (0.0, damping)
         elif len(damping) == 1:
             damping = (0.0, damping[0])
-        put(self, damping=_pair('Rod.damping', damping, 'b or (a, b)', minimum=0),
-            bending_stiffness=_pair('Rod.bending_stiffness', self.bending_stiffness,
-                                    'EI or (EI_n, EI_b)', above=0),
+        put(self, damping=pair('Rod.damping', damping, 'b or (a, b)', minimum=0),
             point_masses=self._checked_point_masses())
         if self.yield_curvature is not None:
-            put(self, yield_curvature=_pair('Rod.yield_curvature', self.yield_curvature,
+            put(self, yield_curvature=pair('Rod.yield_curvature', self.yield_curvature,
                                             'a threshold or (about n, about b)', above=0))
         choice('Rod.section_model', self.section_model, MODELS, InvalidRod)
         instance('Rod.section', self.section, Section, InvalidRod, optional=True)
-        if not callable(self.natural_curvature):
-            put(self, natural_curvature=_curvature('Rod.natural_curvature',
-                                                   self.natural_curvature))
         probes = np.linspace(0, self.length, 9)
-        self.natural_strains(probes)  # callables are judged now, not later
-        self.masses_per_length(probes)
+        for name in _VARYING:  # callables are judged now, not later
+            self._values(name, probes)
         super().__post_init__()
 
     def __repr__(self):
-        per_length, (first, second) = self.mass_per_length, self.bending_stiffness
+        per_length, (twist, first, second) = self.mass_per_length, self.stiffness
         bent = callable(self.natural_curvature) or any(self.natural_curvature)
+        varies = callable(self.bending_stiffness) or callable(self.torsional_stiffness)
         return brief(self, f'{self.length:.4g} m',
                      'varying mass' if callable(per_length) else f'{per_length:.3g} kg/m',
+                     'varying stiffness, mean' if varies else '',
                      f'EI {first:.3g} N m^2' if first == second
-                     else f'EI {first:.3g}, {second:.3g} N m^2',
-                     f'GJ {self.torsional_stiffness:.3g} N m^2',
-                     '' if self.radius is None else f'radius {self.radius:.3g} m',
+                     else f'EI {first:.3g}, {second:.3g} N m^2', f'GJ {twist:.3g} N m^2',
+                     '' if self.radius is None else 'varying radius' if callable(self.radius)
+                     else f'radius {self.radius:.3g} m',
                      'naturally bent' if bent else '',
                      'yields' if self.yields else '')
 
@@ -109,10 +118,20 @@ class Rod(Value):
         return tuple((number('Rod.point_masses s', s, InvalidRod, minimum=0, maximum=self.length),
                       number('Rod.point_masses kg', m, InvalidRod, minimum=0)) for s, m in masses)
 
-    @property
+    @cached_property
     def stiffness(self) -> np.ndarray:
-        """(3,) GJ, EI_n, EI_b in N m^2, in the order of the strains."""
-        return np.array([self.torsional_stiffness, *self.bending_stiffness])
+        """(3,) GJ, EI_n, EI_b in N m^2, in the order of the strains.
+
+        Where they vary, those of an even DLO that gives way as much on the whole.
+        """
+        stiffness = self.mean_stiffnesses(np.array([0.0, self.length]))[0]
+        stiffness.flags.writeable = False
+        return stiffness
+
+    @property
+    def varies(self) -> bool:
+        """Whether anything of it varies along it."""
+        return any(callable(getattr(self, name)) for name in _VARYING)
 
     @property
     def yields(self) -> bool:
@@ -121,25 +140,89 @@ class Rod(Value):
 
     def masses_per_length(self, s: ArrayLike) -> np.ndarray:
         """Return the mass per length at arc lengths `s` (n,) as (n,), kg/m."""
-        s = array('s', s, (None,), InvalidRod)
-        known, name = self.mass_per_length, 'Rod.mass_per_length'
-        if not callable(known):
-            return np.full(s.size, known)
-        return np.array([number(f'{name}({v:g})', returned(name, known, v, InvalidRod), InvalidRod,
-                                minimum=0) for v in s])
+        return self._values('mass_per_length', s)[:, 0]
 
     def natural_strains(self, s: ArrayLike) -> np.ndarray:
         """Return the stress-free strains at arc lengths `s` (n,) as (n, 3), 1/m."""
+        return np.hstack([self._values(name, s) for name in _NATURAL])
+
+    def stiffnesses(self, s: ArrayLike) -> np.ndarray:
+        """Return GJ, EI_n and EI_b at arc lengths `s` (n,) as (n, 3), N m^2."""
+        return np.hstack([self._values(name, s) for name in _STIFF])
+
+    def radii(self, s: ArrayLike) -> np.ndarray:
+        """Return the radius at arc lengths `s` (n,) as (n,), m; 0 of a thin line."""
+        return self._values('radius', s)[:, 0]
+
+    def mean_natural_strains(self, s: ArrayLike) -> np.ndarray:
+        """Return the means (N, 3) of the stress-free strains between nodes `s` (N + 1,), 1/m."""
+        return np.hstack([self._means(name, s) for name in _NATURAL])
+
+    def mean_stiffnesses(self, s: ArrayLike) -> np.ndarray:
+        """Return GJ, EI_n and EI_b (N, 3) that give way as the parts between nodes `s` do, N m^2.
+
+        Their inverses are the means of the inverses: under an even moment that is exact.
+        """
+        return np.hstack([1 / self._means(name, s) if callable(getattr(self, name))
+                          else self._means(name, s) for name in _STIFF])
+
+    def node_masses(self, s: ArrayLike) -> np.ndarray:
+        """Return the masses (N + 1,) in kg that stand on nodes `s` for the rod's own mass.
+
+        Each element's mass goes to its two nodes so that its total and its centre are right.
+        """
+        if callable(self.mass_per_length):
+            return self._profiles['mass_per_length'].on_nodes(s)[:, 0]
+        half = 0.5 * self.mass_per_length * np.diff(s)
+        masses = np.zeros(len(s))
+        masses[:-1] += half
+        masses[1:] += half
+        return masses
+
+    @cached_property
+    def breaks(self) -> np.ndarray:
+        """(n,) arc lengths inside the DLO at which anything of it jumps, m, ascending."""
+        found = np.unique(np.concatenate([np.zeros(0)] + [
+            profile.breaks for profile in self._profiles.values()]))
+        found.flags.writeable = False
+        return found
+
+    @cached_property
+    def _profiles(self):
+        """Dict of Profiles of what varies; that of a stiffness is one of its inverse."""
+        known = {}
+        for name in _VARYING:
+            content = getattr(self, name)
+            if callable(content):
+                known[name] = resolved(f'Rod.{name}', self._one(name), self.length,
+                                       breaks_of(content), InvalidRod)
+        return FrozenDict(known)
+
+    def _means(self, name, s):
+        if name in self._profiles:
+            return self._profiles[name].means(np.asarray(s))
+        return np.tile(getattr(self, name), (len(s) - 1, 1))
+
+    def _one(self, name):
+        """Return the function of s for which the Profile of a quantity stands."""
+        inverse = name in _STIFF
+        return lambda s: 1 / self._at(name, s) if inverse else self._at(name, s)
+
+    def _values(self, name, s):
         s = array('s', s, (None,), InvalidRod)
-        strains = np.empty((s.size, 3))
-        twist, curvature = self.natural_twist, self.natural_curvature
-        strains[:, 0] = twist if not callable(twist) else [
-            number(f'Rod.natural_twist({v:g})', returned('Rod.natural_twist', twist, v, InvalidRod),
-                   InvalidRod) for v in s]
-        strains[:, 1:] = curvature if not callable(curvature) else [
-            _curvature(f'Rod.natural_curvature({v:g})',
-                       returned('Rod.natural_curvature', curvature, v, InvalidRod)) for v in s]
-        return strains
+        content = getattr(self, name)
+        if not callable(content):
+            return np.tile(np.array(content or 0.0 if name == 'radius' else content, dtype=float),
+                           (s.size, 1))
+        return np.array([self._at(name, v) for v in s])
+
+    def _at(self, name, s):
+        """Return what a function states at `s`, (k,), judged."""
+        parts, limits = _VARYING[name]
+        value = returned(f'Rod.{name}', getattr(self, name), s, InvalidRod)
+        if parts == ONE:
+            return np.array([number(f'Rod.{name}({s:g})', value, InvalidRod, **limits)])
+        return np.array(pair(f'Rod.{name}({s:g})', value, parts, **limits))
 
     @classmethod
     def circular(cls, length: float, diameter: float, density: float, youngs_modulus: float,
@@ -208,37 +291,18 @@ class Rod(Value):
 
 
 _NUMBERS = {
-    'length': {'above': 0}, 'mass_per_length': {'minimum': 0}, 'torsional_stiffness': {'above': 0},
-    'natural_twist': {}, 'tip_mass': {'minimum': 0}, 'radius': {'above': 0},
+    'length': {'above': 0}, 'tip_mass': {'minimum': 0},
     'yield_torsion': {'above': 0}, 'hardening': {'minimum': 0, 'below': 1},
     'max_bend_curvature': {'above': 0}}
-_OPTIONAL = ('radius', 'yield_torsion', 'max_bend_curvature')
-_FUNCTIONS = ('mass_per_length', 'natural_twist')
-
-
-def _is_row(value):
-    """Whether it has places by index: a tuple, list, (n,) array, or an array of ROS parameters."""
-    return (hasattr(value, '__getitem__') and hasattr(value, '__len__')
-            and not isinstance(value, str | bytes | dict) and getattr(value, 'ndim', 1) == 1)
-
-
-def _pair(name, value, expected, **limits):
-    if _is_row(value):
-        if len(value) not in (1, 2):
-            raise InvalidRod(f'{name} = {shown(value)}: expected {expected}')
-        first, last = value[0], value[-1]
-    else:
-        first = last = value
-    return number(name, first, InvalidRod, **limits), number(name, last, InvalidRod, **limits)
+_OPTIONAL = ('yield_torsion', 'max_bend_curvature')
+_VARYING = {  # how a value is written, and limits
+    'mass_per_length': (ONE, {'minimum': 0}), 'bending_stiffness': ('EI or (EI_n, EI_b)',
+                                                                    {'above': 0}),
+    'torsional_stiffness': (ONE, {'above': 0}), 'natural_curvature': ('(k_n, k_b)', {}),
+    'natural_twist': (ONE, {}), 'radius': (ONE, {'above': 0})}
+_NATURAL = ('natural_twist', 'natural_curvature')
+_STIFF = ('torsional_stiffness', 'bending_stiffness')
 
 
 def _size(name, value):
     return number(name, value, InvalidRod, minimum=SIZES[0], maximum=SIZES[1])
-
-
-def _curvature(name, value):
-    try:
-        first, second = value
-    except Exception:  # whatever its iteration raises
-        raise InvalidRod(f'{name} = {shown(value)}: expected (k_n, k_b)') from None
-    return number(name, first, InvalidRod), number(name, second, InvalidRod)

@@ -142,7 +142,7 @@ def thread_wire(client, folder, diameter):
         misses.append(np.linalg.norm(pierced.position - GOAL.position))
         angles.append(np.linalg.norm(np.cross(pierced.direction, GOAL.direction)))
         progress(f'd = {1e3 * diameter:.2f} mm replayed', number + 1, len(grippers))
-    stiffness = rod.bending_stiffness[0]
+    stiffness = rod.stiffness[1]
     save_threading(folder / f'threading_EI_{1e3 * stiffness:.0f}_mNm2.png', stiffness, GOAL,
                    grippers, shapes,
                    InverseSimulator(simulator).insert(CutOut(GOAL), depths=depths).grippers)

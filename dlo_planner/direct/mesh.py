@@ -1,0 +1,66 @@
+"""Where the nodes of a DLO are: at equal distances, or graded to the bend; always at its jumps."""
+
+import numpy as np
+
+_NEAR = 0.3  # of an element: a node nearer to a jump moves there
+
+
+def even_mesh(length, elements, breaks=()):
+    """Return nodes (elements + 1,): between jumps equal elements, about as long everywhere.
+
+    Args:
+        length: m
+        elements: how many; if there are more jumps than that, these are not minded
+        breaks: (n,) arc lengths of jumps, ascending, inside the DLO, m
+    """
+    if not len(breaks) or len(breaks) + 1 > elements:
+        s = np.arange(elements + 1) * (length / elements)
+        s[-1] = length
+        return s
+    ends = np.concatenate([[0.0], breaks, [length]])
+    parts = np.diff(ends)
+    shares = np.ones(parts.size, dtype=int)
+    for _ in range(elements - parts.size):
+        shares[np.argmax(parts / shares)] += 1
+    pieces = [np.linspace(a, b, n, endpoint=False)
+              for a, b, n in zip(ends[:-1], ends[1:], shares, strict=True)]
+    return np.append(np.concatenate(pieces), length)
+
+
+def graded_mesh(s, strains, elements, breaks=()):
+    """Return nodes that share out evenly the error of arcs of constant strain.
+
+    An arc whose strain should change at the rate u' misplaces its far end by about h^3 |u'|, so
+    the best density of elements goes with the cube root of |u'|; a floor keeps a third of the
+    elements for where nothing seems to happen.
+
+    Args:
+        s: (N + 1,) nodes of a known shape
+        strains: (N, 3) its strains, less what jumps in the natural ones
+        elements: how many are wanted; jumps may add some
+        breaks: (n,) arc lengths of jumps, m
+    """
+    middle = 0.5 * (s[1:] + s[:-1])
+    rate = np.linalg.norm(np.diff(strains, axis=0), axis=1) / np.diff(middle)
+    density = np.cbrt(np.interp(middle, s[1:-1], rate))
+    h = np.diff(s)
+    mean = np.sum(density * h) / s[-1]
+    share = np.cumsum((density / mean if mean > 0 else 0.0) * h + 0.5 * h)
+    share = np.concatenate([[0.0], share]) / share[-1]
+    nodes = np.interp(np.linspace(0, 1, elements + 1), share, s)
+    nodes[0], nodes[-1] = 0.0, s[-1]
+    return with_breaks(nodes, breaks)
+
+
+def with_breaks(s, breaks):
+    """Return nodes with one at each jump: a near one moves there, else one is added."""
+    if not len(breaks):
+        return s
+    if np.isin(breaks, s).all():
+        return s
+    inner = s[1:-1]
+    after = np.clip(np.searchsorted(breaks, inner), 0, len(breaks) - 1)
+    before = np.maximum(after - 1, 0)
+    away = np.minimum(np.abs(breaks[after] - inner), np.abs(breaks[before] - inner))
+    kept = inner[away > _NEAR * np.minimum(np.diff(s)[1:], np.diff(s)[:-1])]
+    return np.concatenate([[0.0], np.union1d(kept, breaks), [s[-1]]])

@@ -1,0 +1,78 @@
+"""Dead moments: they turn no way with the DLO, and so have no potential.
+
+Their work in a small change of the strains is a linear function of it, with factors that depend on
+the frames. With the frames held fixed that is the work of a natural strain: the equilibrium is
+sought so, again and again, until the frames are those of the shape that is found (about one axis at
+once). What stability says is that against disturbances which the moments follow.
+"""
+
+import numpy as np
+
+from dlo_planner.energy.potential import evaluate, new_state, placed
+from dlo_planner.kernels import kernel
+from dlo_planner.ritz.arc import jacobians
+
+_ROUNDS = 60
+_REMEMBERED = 8   # rounds that tell the next one where to go
+_SETTLED = 1e-10  # part of the moments by which they may still turn
+
+
+def balanced(solved, system, q, moments):
+    """Return what `solved` returns in equilibrium with dead moments, its residual theirs too.
+
+    The fixed point of frames -> shape -> frames is sought by Anderson's acceleration.
+
+    Args:
+        solved: function (system, q) -> state, residual, stability, iterations, kicks, System, ...
+        system: System without the moments; q: (m, 3) unknowns to begin with
+        moments: (N + 1, 3) N m on the nodes, world axes
+    """
+    natural, unit = system.natural, np.abs(moments).sum()
+    state = new_state(system)
+    state.q[:] = q
+    evaluate(system, state)
+    known = _couples(system.lengths, state.strains, state.rotations, moments) / unit
+    strains, iterations = state.strains, 0
+    tried, missed = [], []
+    for _ in range(_ROUNDS):
+        loaded = system._replace(natural=natural + unit * known / system.stiffness)
+        found = solved(loaded, placed(loaded, strains).q)
+        state, system = found[0], found[5]
+        iterations += found[3]
+        strains = state.strains
+        miss = _couples(system.lengths, strains, state.rotations, moments) / unit - known
+        off = np.abs(miss).max()
+        if off <= _SETTLED:
+            break
+        tried, missed = [*tried, known][-_REMEMBERED:], [*missed, miss][-_REMEMBERED:]
+        known = _next(tried, missed)
+    return (state, max(found[1], off), found[2], iterations, *found[4:])
+
+
+def _next(tried, missed):
+    """Return where the misses (n, 3) would vanish, by least squares over what was tried."""
+    best = tried[-1] + missed[-1]
+    if len(tried) == 1:
+        return best
+    of_misses = np.column_stack([(one - missed[-1]).ravel() for one in missed[:-1]])
+    share, *_ = np.linalg.lstsq(of_misses, -missed[-1].ravel(), rcond=1e-10)
+    for part, one, miss in zip(share, tried[:-1], missed[:-1], strict=True):
+        best = best + part * (one + miss - tried[-1] - missed[-1])
+    return best
+
+
+@kernel
+def _couples(lengths, strains, rotations, moments):
+    """Return (N, 3): the work of all moments beyond, per length and strain of each element, N m."""
+    out = np.empty(strains.shape)
+    turning, shifting = np.empty((3, 3)), np.empty((3, 3))
+    beyond, own, phi = np.zeros(3), np.empty(3), np.empty(3)
+    for e in range(lengths.size - 1, -1, -1):
+        beyond += moments[e + 1]
+        phi[:] = lengths[e] * strains[e]
+        jacobians(phi, lengths[e], turning, shifting)
+        for j in range(3):
+            own[j] = np.sum(rotations[e, :, j] * beyond)
+        for j in range(3):
+            out[e, j] = np.sum(turning[:, j] * own)
+    return out

@@ -1,0 +1,33 @@
+"""A dead load at one point of a DLO."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlo_planner.model.checks import number, vector
+from dlo_planner.model.value import Value, put
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PointLoad(Value):
+    """A force and a moment that keep size and direction however the DLO moves.
+
+    Attributes:
+        force: (3,) N, world axes
+        moment: (3,) N m, world axes
+        s: arc length of the point, m; None: the tip
+
+    Raises:
+        InvalidTask: naming the argument
+    """
+
+    force: np.ndarray = (0.0, 0.0, 0.0)
+    moment: np.ndarray = (0.0, 0.0, 0.0)
+    s: float | None = None
+
+    def __post_init__(self):
+        put(self, force=vector('PointLoad.force', self.force, 3),
+            moment=vector('PointLoad.moment', self.moment, 3))
+        if self.s is not None:
+            put(self, s=number('PointLoad.s', self.s, minimum=0))
+        super().__post_init__()
