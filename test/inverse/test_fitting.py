@@ -15,7 +15,8 @@ from dlo_planner import (
     Spread,
     fit_rod,
 )
-from dlo_planner.inverse.misfit import Observed
+from dlo_planner.inverse.observed import Observed
+from dlo_planner.inverse.unknowns import Unknowns
 from dlo_planner.progress import Progress
 
 TRUE = Rod(1.0, 0.07, (0.02, 0.03), 0.015, natural_curvature=(0.3, -0.2))
@@ -60,7 +61,8 @@ def test_slopes_against_differences(known, rng):
     names = ('bending_stiffness', 'torsional_stiffness', 'natural_curvature')
     points = list(observed(rng, 3e-3, known))
     assert known or any(nearest_ends(guess, points))
-    here = Observed(guess, points, names, np.diag([0.01] * 3 + [0.002] * 3), {}, Progress())
+    here = Observed(Unknowns(guess, names), points, (), np.diag([0.01] * 3 + [0.002] * 3), {},
+                    Progress())
     x = 0.3 * rng.normal(size=here.size)
     at = here.at(x)
     slope = 2 * np.einsum('mi,mik->k', at.away, at.slopes)
@@ -72,15 +74,16 @@ def test_slopes_against_differences(known, rng):
 def nearest_ends(rod, points):
     """Yield whether points of each observation are nearest to an end of the DLO."""
     for one in points:
-        counts = Observed(rod, [one], (), np.zeros((0, 6)), {}, Progress()).at(np.zeros(0)).counts
+        counts = Observed(Unknowns(rod, ('natural_twist',)), [one], (), np.zeros((0, 6)), {},
+                          Progress()).at(np.zeros(1)).counts
         yield counts[:, 0].any() and not counts[:, 0].all()
 
 
 def test_a_nearest_point_tells_two_numbers_and_three_beyond_the_end():
     pose, rod = POSES[0], Rod(1.0, 0.0, 0.02, 0.015)
     points = [[0.5, 0.01, 1.0], [0.95, 0.0, 1.02], [1.03, 0.02, 0.99], [-0.01, 0.005, 1.0]]
-    at = Observed(rod, [Observation(pose, points)], (), np.zeros((0, 6)), {}, Progress()).at(
-        np.zeros(0))
+    at = Observed(Unknowns(rod, ('natural_twist',)), [Observation(pose, points)], (),
+                  np.zeros((0, 6)), {}, Progress()).at(np.zeros(1))
     assert at.counts.sum(axis=1).tolist() == [2, 2, 3, 3]
     np.testing.assert_allclose(np.linalg.norm(at.away, axis=1),
                                [0.01, 0.02, np.sqrt(14e-4), np.sqrt(1.25e-4)], atol=1e-12)
