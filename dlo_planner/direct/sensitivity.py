@@ -91,6 +91,10 @@ class Sensitivity:
         shape, gripper = self.shape, self.shape.gripper
         system = other.system(gripper.rotation, gripper.position,
                               shape._before.holding(shape._history), shape.far_end)
+        known = self._system
+        # constraints with the springs that the known Hessian has, which answers to them
+        system = system._replace(contacts=known.contacts, hold=system.hold._replace(
+            stiffness=known.hold.stiffness, multiplier=known.hold.multiplier))
         strains, rotations, positions = _one_step(system, self._system, self._state, self._hessian)
         return replace(shape, s=other.s, element_strains=strains, frames=rotations,
                        positions=positions + gripper.position)
