@@ -9,7 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from dlo_planner.energy.potential import at_element, evaluate, new_state, project
+from dlo_planner.energy.potential import (
+    at_element,
+    evaluate,
+    new_state,
+    project,
+    unknowns_of,
+)
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve
@@ -92,9 +98,10 @@ class Sensitivity:
         system = other.system(gripper.rotation, gripper.position,
                               shape._before.holding(shape._history), shape.far_end)
         known = self._system
-        # constraints with the springs that the known Hessian has, which answers to them
-        system = system._replace(contacts=known.contacts, hold=system.hold._replace(
-            stiffness=known.hold.stiffness, multiplier=known.hold.multiplier))
+        # in the unknowns, and with the springs of constraints, of which the known Hessian is
+        hold = system.hold._replace(stiffness=known.hold.stiffness,
+                                    multiplier=known.hold.multiplier)
+        system = system._replace(scale=known.scale, contacts=known.contacts, hold=hold)
         strains, rotations, positions = _one_step(system, self._system, self._state, self._hessian)
         return replace(shape, s=other.s, element_strains=strains, frames=rotations,
                        positions=positions + gripper.position)
@@ -102,9 +109,12 @@ class Sensitivity:
 
 @kernel
 def _one_step(system, known, at, hessian):
-    """Return strains, frames and positions of `system` after a step from another one's state."""
+    """Return strains, frames and positions of `system` after a step from another one's state.
+
+    It begins with the strains of that state, where its ends are: what holds them is stiff.
+    """
     state = new_state(system)
-    state.q[:] = at.q
+    unknowns_of(system, at.strains, state.q)
     evaluate(system, state)
     step = np.empty_like(at.q)
     # the known gradient is zero but for rounding, which differences would blow up

@@ -172,14 +172,15 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
 def _found(observed, errors, steps, begin):
     """Return SciPy's result and the Statistics; from `begin` (n,), or None: several starts."""
     unknowns = observed.unknowns
-    stiff = np.append(unknowns.stiff, np.zeros(observed.size - unknowns.size))
+    poses = np.zeros(observed.size - unknowns.size)
+    stiff, first = np.append(unknowns.stiff, poses), np.append(unknowns.begin, poses)
     if begin is not None:
         return errors.settled(errors.minimum(begin))
-    if not observed.at(0 * stiff).any:
+    if not observed.at(first).any:
         raise NotConverged('rod: no equilibrium was found for any observation with the first guess')
     searches, starts = [], _STARTS if stiff.any() else _STARTS[:1]
     for shift in starts:
-        searches.append(errors.minimum(shift * stiff))
+        searches.append(errors.minimum(first + shift * stiff))
         steps.done(len(searches), len(starts) + 1)
     found, statistics = errors.settled(min(searches, key=lambda search: search.cost))
     steps.done(len(starts) + 1, len(starts) + 1)
@@ -227,15 +228,10 @@ def _judge_prior(prior, unknowns):
 def _fit(observed, statistics, found):
     """Return the Fit of SciPy's result."""
     unknowns, x = observed.unknowns, found.x[:observed.n_parameters]
-    slopes = unknowns.slopes(x)
-    deviations = {name: unknowns.shaped(name, [abs(slope) * statistics.deviations[column]
-                                               for column, slope in numbers])
-                  for name, numbers in slopes.items()}
-    columns, signs = zip(*((column, np.sign(slope)) for numbers in slopes.values()
-                           for column, slope in numbers), strict=True)
-    correlations = statistics.correlations[np.ix_(columns, columns)] * np.outer(signs, signs)
+    correlations = statistics.correlations[np.ix_(unknowns.columns, unknowns.columns)]
     here = observed.at(found.x)
     misfit = float(np.sqrt(np.mean(np.sum(here.away**2, axis=1))))
-    return Fit(unknowns.of(x), unknowns.values(x), deviations, misfit,
+    return Fit(unknowns.of(x), unknowns.values(x),
+               unknowns.deviations(x, statistics.deviations[:unknowns.size]), misfit,
                bool(found.success and here.converged), statistics.noise,
                observed.grippers(found.x), correlations)

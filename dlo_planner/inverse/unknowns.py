@@ -16,6 +16,7 @@ _BENT = 0.1    # rad along the length: how far a natural strain is moved as one 
 _DAMPED = 0.1  # twice the damping ratio that is one unit of damping
 _SLOWEST = 3.516  # w L^2 sqrt(m / EI) of a cantilever
 _FARTHEST = 60.0  # of all unknowns
+_OFF = 0.5  # a bound: without damping a motion may go anywhere
 
 _SCALES = {  # attribute of the Rod, and which of its components a logarithm scales
     'bending_stiffness': ('bending_stiffness', (1.0, 1.0)),
@@ -40,7 +41,8 @@ class Unknowns:
 
     Attributes:
         size: n; lower, upper: (n,) bounds of x
-        stiff: (n,) 1 for stiffness, 0 else; at_rest: (n,) whether shapes at rest depend on it
+        begin: (n,) where to begin: 0, but off the bounds; stiff: (n,) 1 for stiffness, 0 else
+        at_rest: (n,) whether shapes at rest depend on it
 
     Raises:
         InvalidTask: naming the argument
@@ -65,6 +67,7 @@ class Unknowns:
             damped = self._slices['damping']
             self.lower[damped] = -np.array(rod.damping) / self._damping_units()
             self.upper[damped] = np.inf
+        self.begin = np.where(self.lower > -_OFF, self.lower + _OFF, 0.0)
 
     def _judge(self):
         names, rod = self.names, self.rod
@@ -151,19 +154,32 @@ class Unknowns:
                 tuple(numbers[k:k + 2]) for k in range(0, len(numbers), 2))
         return numbers[0] if len(numbers) == 1 else tuple(numbers)
 
-    def slopes(self, x):
-        """Return dict of (column of x, d value / d x), one per number of each value at x."""
+    def deviations(self, x, spread):
+        """Return dict of standard deviations of the values at x, those of x being `spread` (n,).
+
+        What is known by its logarithm is log-normal: known badly, its deviation is larger yet.
+        """
         rod, out = self.of(x), {}
         for name, where in self._slices.items():
-            columns = np.arange(self.size)[where]
             if name in _SCALES:
-                numbers = _numbers(rod, name)
-                out[name] = [(columns[0], number) for number in numbers]
+                with np.errstate(over='ignore'):
+                    wide = np.exp(0.5 * spread[where] ** 2) * np.sqrt(np.expm1(spread[where] ** 2))
+                numbers = _numbers(rod, name) * wide
+            elif name == 'damping':
+                numbers = self._damping_units() * spread[where]
             else:
-                units = (self._damping_units() if name == 'damping'
-                         else np.full(columns.size, _BENT / rod.length))
-                out[name] = list(zip(columns, units, strict=True))
+                numbers = _BENT / rod.length * spread[where]
+            out[name] = self.shaped(name, numbers)
         return out
+
+    @property
+    def columns(self):
+        """(numbers of all values,) the unknown that tells each; a pair with a ratio has one."""
+        each = []
+        for name, where in self._slices.items():
+            each += [where.start] * 2 if name == 'bending_stiffness' else range(where.start,
+                                                                                where.stop)
+        return np.array(each)
 
     def prior(self, spread):
         """Return (n,): 1 / standard deviation of each unknown in a Spread, 0 for none."""

@@ -113,7 +113,8 @@ def test_a_prior_alone_is_the_answer_where_nothing_is_seen():
     rod = Rod(1.0, 0.07, 0.02, 0.015)
     fit = fit_rod(rod, seen, noise=1e-3, prior=Spread(bending_stiffness=0.1))
     assert fit.values['bending_stiffness'][0] == pytest.approx(0.02, rel=1e-6)
-    assert fit.deviations['bending_stiffness'][0] == pytest.approx(0.002, rel=1e-3)
+    log_normal = np.sqrt(np.exp(0.01) * np.expm1(0.01))
+    assert fit.deviations['bending_stiffness'][0] == pytest.approx(0.02 * log_normal, rel=1e-3)
     unknown = fit_rod(rod, seen, noise=1e-3)
     assert unknown.deviations['bending_stiffness'] == (np.inf, np.inf)
 
@@ -142,7 +143,12 @@ def test_progress_and_deadline(rng):
     ({'prior': Spread(mass=0.1)}, r'prior.mass'), ({'prior': 3}, 'prior'), ({'noise': 0}, 'noise'),
     ({'loss': 'l2'}, 'loss'), ({'loss_scale': -1}, 'loss_scale'),
     ({'gripper_rotation': -1}, 'gripper_rotation'), ({'parameters': ()}, 'parameters'),
-    ({'parameters': ('bending_stiffness',) * 2}, 'parameters'), ({'progress': 3}, 'progress')])
+    ({'parameters': ('bending_stiffness',) * 2}, 'parameters'), ({'progress': 3}, 'progress'),
+    ({'parameters': ('bending_stiffness', 'bending_stiffness_n')}, 'components'),
+    ({'parameters': ('damping',)}, 'motions'), ({'parameters': ('tip_mass',)}, 'tip_mass'),
+    ({'knots': (0.0, 1.0)}, 'knots'), ({'motions': (3,)}, 'motions'),
+    ({'parameters': ('natural_twist',), 'knots': (0.5, 0.2)}, 'knots'),
+    ({'parameters': ('natural_twist',), 'knots': (0.0, 1.2)}, 'knots')])
 def test_what_is_not_taken_into_account_is_refused(more, named):
     with pytest.raises(InvalidTask, match=named):
         fit_rod(TRUE, [Observation(POSES[0], [[0.1, 0, 1]], [0.1])], **more)
