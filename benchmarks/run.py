@@ -86,9 +86,9 @@ def rows():
     moving = DirectSimulator(wire())
     yield ('chebyshev: dynamic step, gripper turning, of 50',
            median_time(lambda: moving.simulate([gripper(k) for k in range(51)], 0.02), 5) / 50, '')
-    yielding = DirectSimulator(wire(yield_stress=60e6, section_model='round', hardening=0.01))
+    yielding = DirectSimulator(wire(yield_stress=60e6, hardening=0.01))
     known = yielding.solve(gripper(10))
-    yield ('chebyshev: plastic step after 10 deg, 25 layers',
+    yield ('chebyshev: plastic step after 10 deg, fibers',
            median_time(lambda: yielding.solve(gripper(20), known), 100), '')
     goal = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)))
     stiffer = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)

@@ -34,6 +34,7 @@ from dlo_planner.model.along import Piecewise
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.obstacles import Box, Capsule, Plane, Sheet, Sphere
+from dlo_planner.model.plug import with_plug
 from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
@@ -46,4 +47,5 @@ __all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'Contact', 'CutOut', 'Dea
            'ObservedMotion', 'Plan',
            'Piecewise', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'Report', 'Rod',
            'Section', 'Shape', 'Sheet', 'Sphere', 'Spread', 'Through', 'Tolerance', 'Trajectory',
-           'Workspace', 'fit_rod', 'minimise_penalty', 'replay', 'tolerance']
+           'Workspace', 'fit_rod', 'minimise_penalty', 'replay', 'tolerance',
+           'with_plug']

@@ -37,7 +37,7 @@ def main():
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else 'demo_output')
     folder.mkdir(parents=True, exist_ok=True)
     figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5), layout='constrained')
-    soft = {'yield_stress': 50e6, 'section_model': 'round', 'hardening': 0.01}
+    soft = {'yield_stress': 50e6, 'hardening': 0.01}
     wire = Rod.circular(0.5, 1e-3, 8960, 110e9, 0.34, **soft)
     elastic = DirectSimulator(Rod.circular(0.5, 1e-3, 8960, 110e9, 0.34))
     simulator = DirectSimulator(wire)

@@ -23,11 +23,8 @@ def true_rod(rod, gripper, guess, gravity=(0.0, 0.0, -9.81), tol=1e-10):
         turn = Rotation.from_quat(quaternion.T)
         tangent = turn.apply([1.0, 0.0, 0.0]).T
         strain = turn.inv().apply(y[7:].T).T / stiffness[:, None] + rod.natural_strains(s).T
-        x, y_, z, w = quaternion
-        a, b, c = strain
-        rate = 0.5 * np.array([w * a + y_ * c - z * b, w * b + z * a - x * c,
-                               w * c + x * b - y_ * a, -x * a - y_ * b - z * c])
-        return np.vstack([tangent, rate, -np.cross(tangent.T, weight_beyond(s).T).T])
+        moment = -np.cross(tangent.T, weight_beyond(s).T).T
+        return np.vstack([tangent, _rate(quaternion, strain), moment])
 
     def ends(start, end):
         return np.concatenate([start[:3] - gripper.position, start[3:7] - gripper.quaternion,
@@ -43,3 +40,52 @@ def true_rod(rod, gripper, guess, gravity=(0.0, 0.0, -9.81), tol=1e-10):
     found = solve_bvp(slope, ends, guess.s, first, tol=tol, max_nodes=200_000)
     assert found.success, found.message
     return found.sol(guess.s)[:3].T
+
+
+def true_held_rod(rod, shape, gravity=(0.0, 0.0, -9.81), tol=1e-8, pinned=False):
+    """Return positions at shape.s of the rod whose far end is held where that of `shape` is.
+
+    Both ends clamped, or both pinned. The force at the gripper is an unknown parameter; `shape`
+    only tells which branch is meant.
+    """
+    gravity, stiffness = np.array(gravity), rod.stiffness
+
+    def slope(s, y, force):
+        turn = Rotation.from_quat((y[3:7] / np.linalg.norm(y[3:7], axis=0)).T)
+        tangent = turn.apply([1.0, 0.0, 0.0]).T
+        strain = turn.inv().apply(y[7:].T).T / stiffness[:, None] + rod.natural_strains(s).T
+        inner = -force[:, None] - gravity[:, None] * rod.mass_per_length * s  # beyond s on before
+        return np.vstack([tangent, _rate(y[3:7], strain), -np.cross(tangent.T, inner.T).T])
+
+    def ends(start, end, force):
+        turned = (Rotation.from_quat(quaternions[-1]).inv()
+                  * Rotation.from_quat(end[3:7] / np.linalg.norm(end[3:7]))).as_rotvec()
+        first = start[7:] if pinned else start[4:7] - first_quaternion[1:]
+        unit = [start[3:7] @ start[3:7] - 1.0]
+        return np.concatenate([start[:3] - shape.positions[0], unit, first,
+                               end[:3] - shape.positions[-1], end[7:] if pinned else turned])
+
+    quaternions = _one_sheet(Rotation.from_matrix(shape.frames).as_quat())
+    first_quaternion = quaternions[0]
+    moments = np.einsum('kij,kj->ki', shape.frames,
+                        (shape.strains - rod.natural_strains(shape.s)) * stiffness)
+    first = np.vstack([shape.positions.T, quaternions.T, moments.T])
+    found = solve_bvp(slope, ends, shape.s, first, p=shape.gripper_wrench[:3], tol=tol,
+                      max_nodes=100_000)
+    assert found.success, found.message
+    return found.sol(shape.s)[:3].T
+
+
+def _rate(quaternion, strain):
+    """Return dq/ds (4, n) of quaternions (4, n), xyzw, that turn with `strain` (3, n)."""
+    x, y, z, w = quaternion
+    a, b, c = strain
+    return 0.5 * np.array([w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a,
+                           -x * a - y * b - z * c])
+
+
+def _one_sheet(quaternions):
+    """Return quaternions (n, 4) whose signs make them continuous."""
+    for k in range(1, len(quaternions)):
+        quaternions[k] *= np.sign(quaternions[k] @ quaternions[k - 1])
+    return quaternions

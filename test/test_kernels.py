@@ -33,13 +33,19 @@ from dlo_planner.inverse import between, workspace
 from dlo_planner.inverse.aligned import aligned_newton
 from dlo_planner.inverse.marching import march_from_end
 from dlo_planner.inverse.misfit import nearest
-from dlo_planner.minimize.multipliers import _update, _watching, _with_friction
-from dlo_planner.minimize.newton import descend
+from dlo_planner.minimize.contact_forces import add_sliding, move_multipliers
+from dlo_planner.minimize.friction import with_friction
+from dlo_planner.minimize.held import descend_held, led
+from dlo_planner.minimize.newton import descend, gradient_noise
+from dlo_planner.minimize.touching import touching, truth
+from dlo_planner.minimize.watching import watching
 from dlo_planner.ritz.kinematics import point_inside
 
 KERNELS = [descend, unknowns_of, aligned_newton, march_from_end, point_inside, passes_through,
-           evaluate, nearest_inside, nearest, signed_distance, settled, _update, _watching,
-           _with_friction, between._element_rooms, between._distances, workspace._distances]
+           evaluate, nearest_inside, nearest, signed_distance, settled, watching,
+           with_friction, descend_held, led, gradient_noise, touching, truth, move_multipliers,
+           add_sliding, between._element_rooms,
+           between._distances, workspace._distances]
 
 
 def use_everything():
@@ -70,7 +76,11 @@ def use_everything():
                                                   Sheet.around(hole)])
     shapes = direct.track([Pose.identity(), Pose((0, 0, -0.05), (0, 0, 0, 1))])
     direct.simulate([Pose.identity()] * 2, 0.01, shapes[0])
-    direct.solve(Pose.identity(), far_end=Pose((0.8, 0, 0), (0, 0, 0, 1)))
+    for simulator in (direct, DirectSimulator(rod, grip='pinned'), DirectSimulator(rod)):
+        for end in ((0.8, 0, 0), Pose((0.8, 0, 0), (0, 0, 0, 1))):
+            held = simulator.solve(Pose.identity(), far_end=end)
+            assert simulator.solve(Pose.identity(), held, far_end=end).error_estimate > 0
+    Sensitivity(held)
     cell = Workspace(keep_out=[Plane((0, 0, -9), (0, 0, 1))])
     for gripper in (start, Pose.from_matrix(start.matrix)):
         cell.least_room(gripper)

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from dlo_planner.direct.approach import approach
+from dlo_planner.direct.approach import brought
 from dlo_planner.direct.described import described_equilibrium
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.indicator import surely_within
 from dlo_planner.direct.mesh import even_mesh, graded_mesh, with_breaks
 from dlo_planner.direct.statics import equilibrium
+from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import same
 
 _FIRST_ELEMENTS, _MOST_ELEMENTS = 48, 8192
@@ -33,9 +34,21 @@ def step(discretisation, gripper, initial, history, far_end, method='newton',
         strains = discretisation.strains_from(initial.s, initial.element_strains)
     if unknowns == 'paper':
         return described_equilibrium(discretisation, gripper, strains, method, past)
-    strains, clear = approach(discretisation, initial, strains, gripper, far_end, past)
+    gripper = held_by(discretisation.surroundings, gripper, initial)
+    gripper, strains, past, clear = brought(discretisation, initial, strains, gripper, far_end,
+                                            past)
     shape, kicks = equilibrium(discretisation, gripper, strains, method, past, far_end)
     return (shape if clear else replace(shape, converged=False, jumped=True)), kicks
+
+
+def held_by(surroundings, gripper, initial):
+    """Return the Pose in which the gripper holds the DLO of `initial` (a Shape or None).
+
+    A pinned DLO does not turn with its gripper.
+    """
+    if initial is None or not surroundings.pinned:
+        return gripper
+    return Pose.from_rotation(gripper.position, initial.gripper.rotation)
 
 
 def past_of(discretisation, initial, history):

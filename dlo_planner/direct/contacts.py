@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.direct.history import NO_POINTS
-from dlo_planner.energy.contact import nearest_inside
-from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.friction import trial_force
+from dlo_planner.minimize.touching import touching
 from dlo_planner.model.checks import figure, integer, results
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.ritz.kinematics import point_inside
@@ -57,64 +57,46 @@ def contacts_of(discretisation, system, state, gripper):
     scene, contacts = system.scene, system.contacts
     if not scene.kind.size:
         return ()
-    normal, bend = np.empty(3), np.empty((3, 3))
-    rubbing = {}
-    for c in np.flatnonzero(contacts.obstacle < 0):
-        where = contacts.element[c] + contacts.fraction[c]
-        rubbing[where] = rubbing.get(where, 0) - state.attached.force[c]
-    found = []
-
-    def add(o, where, force, gap, x):
-        friction = np.zeros(3)
-        if rubbing and scene.friction[o]:
-            near = min(rubbing, key=lambda other: abs(other - where))
-            if abs(near - where) < 1e-3:
-                friction = np.array(rubbing.pop(near))
-        e = min(int(where), system.lengths.size - 1)
-        s = discretisation.s[e] + (where - e) * system.lengths[e]
-        found.append(Contact(int(scene.source[o]), float(s), x, normal.copy(), float(force),
-                             friction, float(max(0.0, -gap))))
-
-    for o, node in zip(*np.nonzero(contacts.node > 0), strict=True):
-        x = gripper.position + state.positions[node]
-        gap = signed_distance(scene, o, x, normal, bend) - scene.radius
-        force = contacts.node[o, node] - contacts.stiffness * gap
-        if force > 0:
-            add(o, float(node), force, gap, x)
+    table = touching(scene, contacts, system.lengths, state)
     rotation, x = np.empty((3, 3)), np.empty(3)
-    for c in np.flatnonzero(contacts.obstacle >= 0):
-        o, e = contacts.obstacle[c], contacts.element[c]
-        gap, fraction = nearest_inside(scene, o, e, system.lengths, state.strains,
-                                       state.rotations, state.positions, normal, bend)
-        force = float(np.linalg.norm(state.attached.force[c]))
-        if force > 0:
-            point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
-                         fraction, rotation, x)
-            add(o, e + fraction, force, gap, gripper.position + x)
+    found = []
+    for a in range(table.gap.size):
+        o, e, c = table.obstacle[a], table.element[a], table.rubbing[a]
+        point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
+                     table.fraction[a], rotation, x)
+        s = discretisation.s[e] + table.fraction[a] * system.lengths[e]
+        found.append(Contact(
+            int(scene.source[o]), float(s), gripper.position + x, table.normal[a].copy(),
+            float(table.force[a]), np.zeros(3) if c < 0 else -state.attached.force[c],
+            float(max(0.0, -table.gap[a]))))
     return tuple(sorted(found, key=lambda contact: contact.s))
 
 
-def points_of(system, state, gripper):
+def points_of(system, state, gripper, ended=True):
     """Return `History.points` of a kernel's result.
 
-    The anchors of points that slid follow them, up to what friction can hold.
+    What slid sticks from now on to where it has come to; `slid` tells by how much (C, 3), m.
+
+    Args:
+        ended: whether the step is; on its way friction still counts from where it began
     """
     contacts = system.contacts
     if not contacts.element.size:
         return NO_POINTS
     points = {'element': contacts.element, 'obstacle': contacts.obstacle,
               'multiplier': contacts.multiplier, 'fraction': contacts.fraction,
-              'anchor': contacts.anchor + gripper.position, 'normal': contacts.normal}
-    rotation, x = np.empty((3, 3)), np.empty(3)
+              'anchor': contacts.anchor + gripper.position, 'normal': contacts.normal,
+              'shear': contacts.shear.copy(), 'slid': np.zeros_like(contacts.anchor)}
+    rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
     for c in np.flatnonzero(contacts.obstacle < 0):
+        points['shear'][c] = state.attached.force[c]
         point_inside(system.lengths, state.strains, state.rotations, state.positions,
                      contacts.element[c], contacts.fraction[c], rotation, x)
-        stretch = x + gripper.position - points['anchor'][c]
-        stretch -= (stretch @ contacts.normal[c]) * contacts.normal[c]
-        size = np.linalg.norm(stretch)
-        longest = contacts.multiplier[c] / contacts.grip
-        if size > longest:
-            points['anchor'][c] += (1 - longest / size) * stretch
-        points['anchor'][c] += ((x + gripper.position - points['anchor'][c])
-                                @ contacts.normal[c]) * contacts.normal[c]
+        sticks = trial_force(contacts, c, x, trial) <= contacts.multiplier[c]
+        away = x - contacts.anchor[c]
+        if sticks:
+            away = (away @ contacts.normal[c]) * contacts.normal[c]
+        if ended:
+            points['anchor'][c] += away
+            points['slid'][c] = away
     return points

@@ -72,7 +72,7 @@ def fell(previous, shape):
     It changed more than the gripper's turn (and, in contact, its shift) can cause, or, with its
     far end held, lost energy that no work accounts for.
     """
-    if shape.far_end is not None:
+    if shape.far_end is not None or shape.pinned:
         return _lost(previous, shape)
     turn = angle_between(previous.gripper.rotation, shape.gripper.rotation)
     return shape_change(previous, shape) > _allowed(previous, shape, turn)

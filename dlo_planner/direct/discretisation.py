@@ -11,15 +11,16 @@ from dlo_planner.energy.contact import Contacts
 from dlo_planner.energy.distance import build_scene
 from dlo_planner.energy.hold import Hold
 from dlo_planner.energy.loads import node_forces, node_masses, node_moments
-from dlo_planner.energy.plastic import Layers
+from dlo_planner.energy.plastic import set_strains
 from dlo_planner.energy.potential import System
-from dlo_planner.model.section import yielding_layers
+from dlo_planner.energy.yielding import yielding_layers
 from dlo_planner.model.value import Value, freeze, put, same
 from dlo_planner.ritz.series import orthonormal_basis
 
-# Springs of constraints yield by 1 / these of the length under the DLO's own forces. Soft ones at
-# a held end would let a twisted DLO buckle too early; stiff ones at contacts cost iterations.
-_STIFF_CONTACT, _STIFF_HOLD = 1e5, 1e7
+# Springs of constraints yield by 1 / these of the length under the DLO's own forces. Those of
+# contacts cost iterations the stiffer they are; those of a grip only help the search.
+_STIFF_CONTACT, _STIFF_HOLD = 1e5, 1e2
+_LEVER = 0.1  # of the length
 
 
 class Discretisation(Value):
@@ -46,17 +47,17 @@ class Discretisation(Value):
             scale = np.sqrt(rod.stiffness) / stiffness
         pull = (-node_masses(rod, s)[:, None] * surroundings.gravity
                 - node_forces(surroundings, s))
-        share, limit = _layers(rod)
+        layers = yielding_layers(rod, stiffness)
         weight = np.linalg.norm(pull, axis=1).sum()
         bend = min(rod.stiffness[1:]) / rod.length**2
         scene = build_scene(surroundings.obstacles, rod.radius or 0.0)
         put(self, spring=_STIFF_CONTACT * (weight + bend) / rod.length,
-            _hold_spring=(_STIFF_CONTACT * weight + _STIFF_HOLD * bend) / rod.length,
-            _start=History.none(s, len(share), scene.kind.size, surroundings))
+            _hold_spring=_STIFF_HOLD * (weight + bend) / rod.length,
+            _start=History.none(s, layers.set.shape[1], scene.kind.size, surroundings))
         put(self, _system=System(
             lengths, rod.mean_natural_strains(s), stiffness, scale,
             orthonormal_basis(basis, n_terms, s), pull, np.eye(3), np.zeros((0, 3)), np.zeros(0),
-            Layers(share, limit, self._start.set.copy()), self._free, scene,
+            layers, self._free, scene,
             self._contacts(self._start, np.zeros(3)), np.zeros((0, 3)), 0.0))
 
     def __reduce__(self):
@@ -69,15 +70,20 @@ class Discretisation(Value):
 
     @property
     def _free(self):
-        none = np.zeros((0, 3))
-        return Hold(none, none, np.zeros(3), none, self._hold_spring)
+        return Hold(np.zeros(3), np.eye(3), np.zeros(3), np.zeros((0, 6)), np.zeros(0),
+                    self._hold_spring, self._hold_spring * self.lever**2)
+
+    @property
+    def lever(self):
+        """A grip that is turned by 1 rad is missed by so much, m."""
+        return _LEVER * self.s[-1]
 
     def _contacts(self, history, origin):
         points = {name: values.copy() for name, values in history.points.items()}
         points['anchor'] -= origin
         return Contacts(self.spring, history.node_force.copy(), points['element'],
                         points['obstacle'], points['multiplier'], points['fraction'],
-                        points['anchor'], points['normal'], self.spring)
+                        points['anchor'], points['normal'], points['shear'], self.spring)
 
     def system(self, rotation, origin=None, history=None, far_end=None):
         """Return the kernel's System, its multipliers fresh copies.
@@ -100,13 +106,15 @@ class Discretisation(Value):
             hold=self._free if far_end is None else self._hold(far_end, origin, history))
 
     def _hold(self, far_end, origin, history):
-        points = 1 if far_end.grip == 'pinned' else 3
-        offset = 0.1 * self.s[-1] * np.array([[0, 0, 0], [1, 0, 0], [0, 1.0, 0]])[:points]
-        target = far_end.pose.position - origin + offset @ far_end.pose.rotation.T
-        force = np.zeros((points, 3))
+        """Return the Hold of a FarEnd, with the forces of `history` if it held as many motions."""
+        rows = far_end.held
+        rows[:, :3] *= self.lever
+        force = np.zeros(len(rows))
         if history is not None and history.hold.shape == force.shape:
             force = history.hold.copy()
-        return Hold(offset, target, np.array(far_end.slide), force, self._hold_spring)
+        return self._free._replace(
+            target=far_end.pose.position - origin, axes=np.array(far_end.pose.rotation, order='C'),
+            share=np.array(far_end.share), rows=rows, multiplier=force)
 
     @cached_property
     def load(self):
@@ -136,6 +144,11 @@ class Discretisation(Value):
         if system.basis.shape[1]:
             values = system.basis.T @ (values * system.lengths[:, None])
         return values
+
+    def strains_of(self, q):
+        """Return (N, 3) the strains of unknowns q (m, 3)."""
+        system = self._system
+        return system.natural + system.scale * (system.basis @ q if system.basis.shape[1] else q)
 
     @property
     def start(self):
@@ -198,17 +211,6 @@ class Discretisation(Value):
 
     def stress_free(self, history):
         """Return (N, 3) the strains at which no moment acts, 1/m: natural ones plus the set."""
-        layers = self._system.layers
-        share = layers.share[:, [0, 1, 1]]
-        return self.natural + np.einsum('ejk,jk->ek', self.past(history).set, share)
-
-
-def _layers(rod):
-    """Return share (J, 2) and limit (J, 3) of a rod; J = 0 if it does not yield."""
-    if not rod.yields:
-        return np.zeros((0, 2)), np.zeros((0, 3))
-    share, multiples = yielding_layers(rod.section_model, rod.hardening)
-    bending = rod.yield_curvature or (np.inf, np.inf)
-    torsion = rod.yield_torsion or np.inf
-    return share, np.column_stack([multiples[:, 0] * torsion, multiples[:, 1] * bending[0],
-                                   multiples[:, 1] * bending[1]])
+        system = self._system
+        layers = system.layers._replace(set=self.past(history).set.copy())
+        return self.natural + set_strains(system.stiffness, layers)

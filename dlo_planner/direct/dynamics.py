@@ -1,157 +1,205 @@
-"""Motion of the DLO under a moving gripper: statics with inertia added, Eq. 12, 13 of the paper.
+"""Motion of the DLO under moving grips, in steps as long as their error and the energy allow."""
 
-Nodes carry the mass, the strains are the unknowns: the same minimisation as in statics, with one
-term more. Damping is Rayleigh's: in proportion to mass (drag of a calm surrounding) and to
-stiffness (Kelvin and Voigt); neither changes a shape at rest.
-"""
-
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from dlo_planner.direct.accuracy import past_of
-from dlo_planner.direct.approach import approach
-from dlo_planner.direct.continuation import between
-from dlo_planner.direct.integrator import Course, Scheme
+from dlo_planner.direct.beginning import check_velocity
+from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.motion import Motion
-from dlo_planner.direct.statics import elastic_energy, shape_of, solve
-from dlo_planner.energy.loads import node_masses
-from dlo_planner.energy.plastic import Layers
-from dlo_planner.energy.potential import unknowns_of
-from dlo_planner.errors import InvalidTask
-from dlo_planner.minimize.newton import newton
-from dlo_planner.model.pose import angle_between
+from dlo_planner.direct.statics import MAX_ITERATIONS, equilibrium
+from dlo_planner.direct.stepping import Stepper
 
-_SAME_POSE = 1e-6      # of the length, and rad: poses nearer to each other are the same
-_DEEP = 1e-3           # of the length: a DLO so far inside an obstacle is no state of a motion
-_FIRST_INSTANT = 0.01  # of a step: how long the DLO is watched to find its first acceleration
+_HALVINGS = 12       # of an interval between two instants, at most
+_PATIENCE = 60       # Newton steps after which it is better to halve the step
+_NOISE = 1e-5        # of weight times length and of a bend by 1 rad: the same, at rest
+_PART = 1 / 600      # of the tolerance: what one step may add to the error
+_WELL_WITHIN = 0.6   # of that: a step of twice the length, with 8 times the error, may be tried
+_CALM = 16           # steps that all were well within, before it is
+_OF_CONTACT = 3      # halvings for its error of a step since the DLO touched an obstacle
+_GAIN = 1e-3         # of the energy that has moved: what a motion may gain by rounding and errors
 
 
-def simulate(discretisation, grippers, dt, initial, history, integrator, progress):
-    """Return the Motion that begins at rest with `initial`; see `DirectSimulator.simulate`.
+@dataclass(frozen=True)
+class Recipe:
+    """What a motion was computed with, so that it can be repeated.
+
+    Attributes:
+        instants: how many
+        integrator: of INTEGRATORS
+        tolerance: m; infinite: only what cannot be solved or gains energy is halved
+        steps: numbers of halvings of the steps made, in their order
+    """
+
+    instants: int
+    integrator: str
+    tolerance: float
+    steps: tuple = ()
+
+
+def simulate(stepper, start, velocity, instants, integrator, tolerance, progress, at_rest):
+    """Return the Motion that begins with the Shape `start`; see `DirectSimulator.simulate`.
 
     Args:
-        history: History that the DLO has if `initial` is none of its own
-
-    Raises:
-        InvalidTask: `initial` is held elsewhere than the motion begins, or lies in an obstacle
+        stepper: Stepper
+        velocity: (N + 1, 3) of the nodes, or None: at rest
+        progress: Progress
+        at_rest: whether `start` is an equilibrium to be found anew on another mesh
     """
-    scheme = Scheme.named(integrator, dt)
-    masses = node_masses(discretisation.rod, discretisation.s)
-    history = past_of(discretisation, initial, history)
-    first = _at_first(discretisation, grippers[0], initial, history)
-    nodes, bends = _let_go(discretisation, grippers, masses, np.array(first.element_strains),
-                           history, dt)
-    shapes = [replace(first, _estimate=_unknown)]
-    velocities = [nodes.velocity]
-    energies = [_energies(discretisation, shapes[0], history, masses, nodes.velocity)]
-    for gripper in grippers[1:]:
-        shape = _step(discretisation, gripper, shapes[-1], history, masses, nodes, bends, scheme)
-        history = shape._history
-        nodes = scheme.after(nodes, shape.positions)
-        bends = scheme.after(bends, shape.element_strains)
-        shapes.append(shape)
-        velocities.append(nodes.velocity)
-        energies.append(_energies(discretisation, shape, history, masses, nodes.velocity))
-        if progress is not None:
-            progress(len(shapes), len(grippers))
-        if not shape.converged:
-            break  # what would follow from a wrong shape is worth nothing
-    kinetic, potential = np.array(energies).T
-    return Motion(dt * np.arange(len(shapes)), shapes, np.array(velocities), kinetic, potential)
+    first = stepper.begin(start, velocity)
+    if velocity is not None:
+        check_velocity(stepper.masses, velocity, first.nodes.velocity)
+    if not start.converged:
+        return _motion(stepper, [first], tolerance, 0.0, 'unsolved',
+                       'the shape at time 0 was not found', None)
+    plan = Recipe(instants, integrator, tolerance)
+    reached, steps, local, status, why = _run(stepper, first, plan, progress)
+    estimate = partial(_error, stepper, start, velocity, replace(plan, steps=tuple(steps)),
+                       at_rest, [instant.place for instant in reached],
+                       [instant.shape.positions for instant in reached])
+    return _motion(stepper, reached, tolerance, local, status, why, estimate)
 
 
-def _at_first(discretisation, gripper, initial, history):
-    """Return the Shape at time 0: that of `initial`, on this mesh and in these surroundings."""
-    length = discretisation.s[-1]
-    shift = np.linalg.norm(initial.gripper.position - gripper.position)
-    turn = angle_between(initial.gripper.rotation, gripper.rotation)
-    if shift > _SAME_POSE * length or turn > _SAME_POSE:
-        raise InvalidTask('initial: expected a Shape whose gripper is at grippers[0], where the '
-                          f'motion begins; it is {shift:.3g} m away and {turn:.3g} rad turned')
-    if initial._discretisation is discretisation:
-        first = initial
-    else:
-        system = discretisation.system(gripper.rotation, gripper.position, history)
-        q = discretisation.unknowns(discretisation.strains_from(initial.s, initial.element_strains))
-        found = solve(discretisation, system, gripper, q, history, 0, False)
-        # nothing was solved yet that could have failed
-        first = replace(shape_of(discretisation, gripper, found, history), converged=True)
-    if first.converged and first.violation > _DEEP * length:
-        raise InvalidTask(f'initial: expected a Shape outside of all obstacles, it is '
-                          f'{first.violation:.3g} m inside one')
-    return first
+def _run(stepper, first, plan, progress):
+    """Return the Instants at 0, 1, 2 ..., the halvings of all steps, the sum of their local errors.
 
-
-def _step(discretisation, gripper, before, history, masses, nodes, bends, scheme):
-    """Return the Shape at the end of a step of `scheme` in which the gripper comes to `gripper`."""
-    system = _moving(discretisation, gripper, history, masses, nodes, bends, scheme)
-    guess, clear = bends.position + scheme.dt * bends.velocity, True
-    if discretisation.surroundings.obstacles:
-        # where obstacles are, the search begins where the DLO is known to be outside of them
-        guess, clear = approach(discretisation, before, bends.position, gripper, None, history)
-    q = np.empty((discretisation.n_unknowns, 3))
-    unknowns_of(system, guess, q)
-    shape = shape_of(discretisation, gripper,
-                     solve(discretisation, system, gripper, q, history), history)
-    return replace(shape, _estimate=_unknown, converged=shape.converged and clear)
-
-
-def _moving(discretisation, gripper, history, masses, nodes, bends, scheme):
-    """Return the System of a step: the static one, with inertia and damping."""
-    drag, viscosity = discretisation.rod.damping
-    where, velocity = scheme.anchor(nodes)
-    strength = scheme.stiffness + drag * scheme.drag
-    anchor = where - drag * velocity / strength - gripper.position
-    system = discretisation.system(gripper.rotation, gripper.position, history)
-    system = system._replace(anchor=anchor, anchor_weight=masses * strength)
-    if viscosity == 0.0:
-        return system
-    # K b u' with u' = rate + drag (u - bent): a spring of its own, drawn to where u' = 0
-    bent, rate = scheme.anchor(bends)
-    firm = viscosity * scheme.drag
-    calm = bent - rate / scheme.drag
-    layers = system.layers
-    if not layers.share.size:  # two springs make one
-        natural = (system.natural + firm * calm) / (1 + firm)
-        return system._replace(natural=natural, stiffness=system.stiffness * (1 + firm))
-    own = (calm - system.natural)[:, None, :]
-    return system._replace(layers=Layers(
-        np.vstack([layers.share, [[firm, firm]]]),
-        np.vstack([layers.limit, np.full((1, 3), np.inf)]),
-        np.concatenate([layers.set, own], axis=1)))
-
-
-def _let_go(discretisation, grippers, masses, strains, history, dt):
-    """Return the Courses of nodes and strains of a DLO at rest that is free to move from now on.
-
-    Its acceleration is what a very short first step, of constant acceleration, finds; the gripper
-    too starts from rest and makes its first step with a constant acceleration.
+    The last results are status and message of `Motion`. With `plan.steps` these are made, each in
+    two halves, and nothing is judged.
     """
-    gripper = grippers[0]
-    brief = Scheme.named('paper', _FIRST_INSTANT * dt)
-    system = discretisation.system(gripper.rotation)
-    q = np.empty((discretisation.n_unknowns, 3))
-    unknowns_of(system, strains, q)
-    here = newton(system, q, np.inf, 0, False)[0]
-    positions = here.positions + gripper.position
-    nodes = Course.at_rest(positions, np.zeros_like(positions))
-    bends = Course.at_rest(here.strains, np.zeros_like(here.strains))
-    pulled = between(gripper, grippers[min(1, len(grippers) - 1)], _FIRST_INSTANT**2)
-    system = _moving(discretisation, pulled, history, masses, nodes, bends, brief)
-    unknowns_of(system, here.strains, q)
-    found = solve(discretisation, system, pulled, q, history)[0]
-    return (Course.at_rest(positions, brief.after(nodes, found.positions + pulled.position)
-                           .acceleration),
-            Course.at_rest(here.strains, brief.after(bends, found.strains).acceleration))
+    whole = 1 << _HALVINGS
+    now, past = first, _before(first.nodes, stepper.dt)
+    reached, steps, local, level, calm = [first], [], 0.0, 0, 0
+    books = _Books(first, stepper.discretisation)
+    while len(reached) < plan.instants:
+        begin, at = len(reached) - 1, 0
+        while at < whole:
+            size = whole >> level
+            place = begin + (at + size) / whole
+            last_try = level == _HALVINGS or plan.integrator == 'paper'
+            after = _step(stepper, now, steps, level, place, plan.integrator,
+                          MAX_ITERATIONS if last_try else _PATIENCE)
+            progress.check()
+            tail = [*past, (place * stepper.dt, after.nodes.position)]
+            error = _scheme(stepper, plan.integrator, level).error(*zip(*tail, strict=True))
+            if not last_try and not (after.shape.converged and books.hold(after)
+                                     and (error <= _PART * plan.tolerance
+                                          or after.touched and level >= _OF_CONTACT)):
+                level, calm = level + 1, 0
+                continue
+            if not (after.shape.converged
+                    and (books.hold(after) or plan.integrator == 'paper')):
+                status = 'energy' if after.shape.converged else 'unsolved'
+                after = replace(after, shape=replace(after.shape, converged=False))
+                return ([*reached, after], steps, local, status,
+                        _reason(status, stepper, now, place))
+            books.enter(after)
+            local += error
+            steps.append(level)
+            now, past = after, tail[1:]
+            at += size
+            calm = calm + 1 if 8 * error < _WELL_WITHIN * _PART * plan.tolerance else 0
+            if level and at % (2 * size) == 0 and calm >= _CALM:
+                level, calm = level - 1, 0
+        reached.append(now)
+        progress.done(len(reached), plan.instants)
+    return reached, steps, local, 'complete', ''
 
 
-def _energies(discretisation, shape, history, masses, velocity):
-    elastic = elastic_energy(discretisation, shape.element_strains, history.set)
-    weight = discretisation.system(np.eye(3)).pull
-    return (0.5 * float(masses @ np.sum(velocity**2, axis=1)),
-            elastic + float(np.sum(weight * shape.positions)))
+def _step(stepper, now, steps, level, place, integrator, patience):
+    if steps and steps[-1] != level and not now.touched:
+        now = stepper.renewed(now)
+    return stepper.step(now, place, _scheme(stepper, integrator, level), patience)
 
 
-def _unknown():
-    return np.inf
+def _scheme(stepper, integrator, level):
+    return Scheme.named(integrator, stepper.dt / (1 << level))
+
+
+def _before(nodes, dt):
+    """Return three times with node positions, the last one now, as if it had moved on evenly."""
+    return [(-k * dt, nodes.position - k * dt * nodes.velocity
+             + 0.5 * (k * dt) ** 2 * nodes.acceleration) for k in (2, 1, 0)]
+
+
+class _Books:
+    """Says whether a motion gains energy: of that which has moved so far, at most a small part."""
+
+    def __init__(self, first, mesh):
+        self._noise = _NOISE * (np.abs(mesh.load).sum() * mesh.rod.length
+                                + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
+        self._least = first.balance
+        self._low = self._high = first.potential
+        self._most = first.kinetic
+
+    def enter(self, instant):
+        """Take an Instant as one of the motion."""
+        self._least = min(self._least, instant.balance)
+        self._low = min(self._low, instant.potential)
+        self._high = max(self._high, instant.potential)
+        self._most = max(self._most, instant.kinetic)
+
+    def hold(self, instant):
+        """Whether an Instant has no more energy than there can be."""
+        moved = (max(self._most, instant.kinetic) + max(self._high, instant.potential)
+                 - min(self._low, instant.potential))
+        return instant.balance - self._least <= _GAIN * moved + self._noise
+
+
+def _reason(status, stepper, now, place):
+    times = f'from {now.place * stepper.dt:.6g} s to {place * stepper.dt:.6g} s'
+    if status == 'energy':
+        return f'a step {times} gains energy, however short it is'
+    shape = now.shape
+    return (f'the step {times} could not be solved, however short it is; before it the sharpest '
+            f'bend was {np.abs(shape.element_strains).max():.3g} 1/m, '
+            f'{len(shape.contacts)} contacts')
+
+
+def _motion(stepper, reached, tolerance, local, status, message, estimate):
+    places = np.array([instant.place for instant in reached])
+    if status == 'complete' and local > tolerance:
+        message = (f'the local errors of its steps add up to {local:.3g} m, more than the '
+                   f'tolerance of {tolerance:.3g} m: see error_estimate')
+    given = {} if estimate is None else {'_estimate': estimate}
+    return Motion(
+        stepper.dt * places, [instant.shape for instant in reached],
+        np.array([instant.nodes.velocity for instant in reached]),
+        *(np.array([getattr(instant, name) for instant in reached])
+          for name in ('kinetic', 'potential', 'work', 'losses')),
+        tolerance, status, message, **given)
+
+
+def _error(stepper, start, velocity, plan, at_rest, places, positions):
+    """Return (n,) how far, in m, nodes are from the true ones at most until each instant.
+
+    The same motion with every element and every step halved; what that changes is three quarters
+    of a second-order error, half of a first-order one.
+    """
+    coarse = stepper.discretisation
+    mesh = coarse.finer
+    finer = Stepper(mesh, stepper.grips, stepper.dt)
+    history = mesh.past(start._history)
+    strains = np.repeat(start.element_strains, 2, axis=0)
+    shape, _ = equilibrium(mesh, start.gripper, strains, 'newton', history, start.far_end)
+    if not at_rest or not shape.converged:
+        shape = replace(shape, element_strains=strains, _history=history)
+    if velocity is not None:
+        velocity = np.column_stack([np.interp(mesh.s, coarse.s, one) for one in velocity.T])
+    found = np.full(len(places), np.inf)
+    now = finer.begin(shape, velocity)
+    found[0] = np.linalg.norm(now.nodes.position[::2] - positions[0], axis=1).max()
+    whole, at, k, before = 1 << _HALVINGS, 0, 1, []
+    for level in plan.steps:
+        for _ in range(2):
+            at += whole >> (level + 1)
+            now = _step(finer, now, before, level + 1, at / whole, plan.integrator, MAX_ITERATIONS)
+            before = [level + 1]
+            if not now.shape.converged:
+                return found
+        if at == k * whole:
+            found[k] = np.linalg.norm(now.nodes.position[::2] - positions[k], axis=1).max()
+            k += 1
+    rounding = 1e-15 * coarse.s.size * coarse.s[-1]
+    second = plan.integrator != 'paper' and not coarse.surroundings.obstacles
+    return (4 / 3 if second else 2.0) * np.maximum.accumulate(found) + rounding

@@ -3,9 +3,12 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.model.value import Value, freeze
+
+_SAME = 1e-12  # of the length: nodes of two meshes that are one
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -14,12 +17,12 @@ class History(Value):
 
     Attributes:
         s: (N + 1,) the mesh it is given on, m
-        set: (N, J, 3) plastic strain of each layer, 1/m; (N, 0, 3) for an elastic DLO
+        set: (N, J) plastic strain of each spring, 1/m, see `energy.plastic`; (N, 0) if elastic
         lost: energy lost to plastic deformation so far, J
         node_force: (M, N + 1) force of each obstacle on each node, N
         points: dict of arrays, contacts inside elements and points of friction, world frame
-        hold: (P, 3) forces of the far end's grip, N
-        positions: (N + 1, 3) of the nodes, m, from which friction counts
+        hold: (K,) forces of the far end's grip, N, see `energy.hold`
+        positions, tangents: (N + 1, 3) of the nodes, m, from which friction counts
         of: Surroundings in which it happened; None: not known, as of a shape from a file
     """
 
@@ -30,36 +33,60 @@ class History(Value):
     points: dict
     hold: np.ndarray
     positions: np.ndarray
+    tangents: np.ndarray
     of: Surroundings | None = field(default=None, compare=False)
 
     def __post_init__(self):
-        for array in (self.s, self.set, self.node_force, self.hold, self.positions):
+        for array in (self.s, self.set, self.node_force, self.hold, self.positions,
+                      self.tangents):
             array.flags.writeable = False
         if self.points is not NO_POINTS:
             freeze(self.points)
 
     @classmethod
-    def none(cls, s, layers, obstacles, of=None):
+    def none(cls, s, springs, obstacles, of=None):
         """Return the past of a DLO that has none."""
         n = s.size - 1
-        return cls(s, np.zeros((n, layers, 3)), 0.0, np.zeros((obstacles, n + 1)), NO_POINTS,
-                   np.zeros((0, 3)), np.zeros((0, 3)), of)
+        return cls(s, np.zeros((n, springs)), 0.0, np.zeros((obstacles, n + 1)), NO_POINTS,
+                   np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), of)
 
     def on(self, s):
-        """Return the same past on another mesh `s` (n + 1,); forces of contact are forgotten."""
+        """Return the same past on another mesh `s` (n + 1,).
+
+        Forces of contact stay where a node stays, and inside elements.
+        """
         if s is self.s or np.array_equal(s, self.s):
             return self
-        n, layers = s.size - 1, self.set.shape[1]
-        moved = mapped(self.s, self.set.reshape(len(self.set), -1), s).reshape(n, layers, 3)
-        positions = self.positions
+        moved = mapped(self.s, self.set, s)
+        positions, tangents = self.positions, self.tangents
         if len(positions):
-            positions = np.column_stack([np.interp(s, self.s, column) for column in positions.T])
-        return replace(self, s=s, set=moved, positions=positions).without_contacts(
-            self.node_force.shape[0])
+            curve = CubicHermiteSpline(self.s, positions, tangents)
+            positions, tangents = curve(s), curve(s, 1)
+        same = np.abs(self.s[:, None] - s) < _SAME * s[-1]
+        return replace(self, s=s, set=moved, positions=positions, tangents=tangents,
+                       node_force=self.node_force @ same, points=self._points_on(s))
+
+    def _points_on(self, s):
+        if self.points is NO_POINTS:
+            return NO_POINTS
+        element, fraction = self.points['element'], self.points['fraction']
+        inside = self.points['obstacle'] >= 0  # anywhere in the element: its middle
+        fraction = np.where(inside, 0.5, fraction)
+        at = self.s[element] + fraction * np.diff(self.s)[element]
+        tiny = _SAME * s[-1]
+        element = np.clip(np.searchsorted(s, at - tiny) - 1, 0, s.size - 2)
+        fraction = (at - s[element]) / np.diff(s)[element]
+        fraction = np.where(np.abs(at - s[element + 1]) < tiny, 1.0, np.clip(fraction, 0.0, 1.0))
+        return self.points | {'element': element, 'fraction': fraction}
 
     def holding(self, later):
-        """Return the same past with the forces of contacts and grips of a `later` one."""
-        return replace(self, node_force=later.node_force, points=later.points, hold=later.hold)
+        """Return the same past with the forces of contacts and grips after the step.
+
+        What slid in it slides: its anchors are those of before.
+        """
+        points = later.points
+        points = points | {'anchor': points['anchor'] - points['slid']}
+        return replace(self, node_force=later.node_force, points=points, hold=later.hold)
 
     def without_contacts(self, obstacles):
         """Return the same past without forces of contact, for a number of obstacles."""
@@ -67,13 +94,14 @@ class History(Value):
 
     def set_alone(self, obstacles):
         """Return the permanent set without contacts, grips and the way so far."""
-        return replace(self.without_contacts(obstacles), hold=np.zeros((0, 3)),
-                       positions=np.zeros((0, 3)))
+        none = np.zeros((0, 3))
+        return replace(self.without_contacts(obstacles), hold=np.zeros(0), positions=none,
+                       tangents=none)
 
 
 NO_POINTS = {'element': np.zeros(0, dtype=np.int64), 'obstacle': np.zeros(0, dtype=np.int64),
              'multiplier': np.zeros(0), 'fraction': np.zeros(0), 'anchor': np.zeros((0, 3)),
-             'normal': np.zeros((0, 3))}
+             'normal': np.zeros((0, 3)), 'shear': np.zeros((0, 3)), 'slid': np.zeros((0, 3))}
 freeze(NO_POINTS)
 
 

@@ -6,7 +6,7 @@ there, y'' = stiffness (y - anchor), so a step is a minimisation (Eq. 9 to 11 of
 that acceleration is in balance with the forces at the same instant.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,14 +31,21 @@ class Scheme:
         fastest vibrations (1: all of them), and slow ones are hardly damped. 'paper' is Eq. 8 to
         10: constant acceleration over a step, taken at its end; as a Newmark method beta = 1/2,
         gamma = 1, of first order, and it damps: a vibration of angular frequency w loses the part
-        w dt / 4 of its amplitude per radian.
+        w dt / 4 of its amplitude per radian. 'euler' (for a `uniform` course) is the implicit one.
         """
+        if name == 'euler':
+            return cls(0.0, 0.0, 1.0, 1.0, dt)
         if name == 'paper':
             return cls(0.0, 0.0, 0.5, 1.0, dt)
         alpha_m = (2 * high_frequency - 1) / (high_frequency + 1)
         alpha_f = high_frequency / (high_frequency + 1)
         return cls(alpha_m, alpha_f, 0.25 * (1 - alpha_m + alpha_f) ** 2,
                    0.5 - alpha_m + alpha_f, dt)
+
+    @property
+    def first_order(self):
+        """Whether it is of first order only."""
+        return self.gamma == 1.0
 
     @property
     def stiffness(self):
@@ -67,9 +74,33 @@ class Scheme:
         return Course(position, velocity + self.drag * away, acceleration,
                       self._mean_acceleration(before, acceleration))
 
+    def error(self, times, positions):
+        """Return the local error (m) of a step, to leading order: the largest of a node.
+
+        What the scheme's position differs by from Taylor's series of the true one:
+        (1/6 - beta - (alpha_f - alpha_m) / 2) dt^3 x'''. Accelerations are no measure of it: they
+        are those that keep the DLO's length, and tell of changes of the step as well.
+
+        Args:
+            times: 4 of them, s, the last one at the end of the step
+            positions: 4 arrays (N + 1, 3) at these times, m
+        """
+        third = _divided(times, positions)
+        part = 6 * abs(1 / 6 - self.beta - 0.5 * (self.alpha_f - self.alpha_m)) * self.dt**3
+        return part * float(np.sqrt(np.max(np.sum(third**2, axis=1))))
+
     def _mean_acceleration(self, before, acceleration):
         return ((1 - self.alpha_f) * acceleration + self.alpha_f * before.acceleration
                 - self.alpha_m * before.mean) / (1 - self.alpha_m)
+
+
+def _divided(times, values):
+    """Return the divided difference (an array) of all `values` (arrays) at `times`."""
+    values = list(values)
+    for order in range(1, len(times)):
+        values = [(later - earlier) / (times[k + order] - times[k])
+                  for k, (earlier, later) in enumerate(zip(values, values[1:], strict=False))]
+    return values[0]
 
 
 @dataclass(frozen=True)
@@ -87,6 +118,11 @@ class Course:
     mean: np.ndarray
 
     @classmethod
-    def at_rest(cls, position, acceleration):
-        """Return the course of something that is let go."""
-        return cls(position, np.zeros_like(position), acceleration, acceleration)
+    def begun(cls, position, velocity, acceleration):
+        """Return the course of something that begins to move freely."""
+        return cls(position, velocity, acceleration, acceleration)
+
+    def uniform(self):
+        """Return the same course as if nothing accelerated it."""
+        none = np.zeros_like(self.position)
+        return replace(self, acceleration=none, mean=none)

@@ -27,7 +27,7 @@ def balanced(solved, system, q, moments):
         system: System without the moments; q: (m, 3) unknowns to begin with
         moments: (N + 1, 3) N m on the nodes, world axes
     """
-    natural, unit = system.natural, np.abs(moments).sum()
+    free, unit = system, np.abs(moments).sum()
     state = new_state(system)
     state.q[:] = q
     evaluate(system, state)
@@ -35,7 +35,7 @@ def balanced(solved, system, q, moments):
     strains, iterations = state.strains, 0
     tried, missed = [], []
     for _ in range(_ROUNDS):
-        loaded = system._replace(natural=natural + unit * known / system.stiffness)
+        loaded = _pulled(system, free, unit * known)
         found = solved(loaded, placed(loaded, strains).q)
         state, system = found[0], found[5]
         iterations += found[3]
@@ -47,6 +47,16 @@ def balanced(solved, system, q, moments):
         tried, missed = [*tried, known][-_REMEMBERED:], [*missed, miss][-_REMEMBERED:]
         known = _next(tried, missed)
     return (state, max(found[1], off), found[2], iterations, *found[4:])
+
+
+def _pulled(system, free, couples):
+    """Return a System like `system`, but that couples (N, 3) in N m pull at the strains of `free`.
+
+    What cannot yield is as though its natural strains were others.
+    """
+    if free.layers.share.size:
+        return system._replace(layers=free.layers._replace(couple=free.layers.couple + couples))
+    return system._replace(natural=free.natural + couples / free.stiffness)
 
 
 def _next(tried, missed):

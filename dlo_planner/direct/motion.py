@@ -1,16 +1,21 @@
 """The answer of a dynamic simulation."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
 from os import PathLike
 
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.storage import load, pack, save, unpack
-from dlo_planner.model.checks import items, results
-from dlo_planner.model.value import Value, brief, put
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import choice, figure, items, results, shown
+from dlo_planner.model.value import Constant, Value, brief, freeze, put
 
-_ARRAYS = ('times', 'velocities', 'kinetic_energy', 'potential_energy')
+STATUSES = ('complete', 'unsolved', 'energy')
+_ARRAYS = ('times', 'velocities', 'kinetic_energy', 'potential_energy', 'work', 'losses')
+_FIGURES = ('tolerance', 'status', 'message')
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -18,11 +23,17 @@ class Motion(Value):
     """A DLO in motion at n instants.
 
     Attributes:
-        times: (n,) s
+        times: (n,) s; of a motion that ended early, the last one is where it could not go on
         shapes: n Shape; residual and stability are those of the step's minimisation,
             gripper_wrench includes inertia and damping, error_estimate is infinite (not known)
         velocities: (n, N_L + 1, 3) of the nodes, m/s, world axes
         kinetic_energy, potential_energy: (n,) J; gravity's zero at the world's origin
+        work: (n,) J, what the gripper and a held far end have done on the DLO since time 0
+        losses: (n, 3) J, taken since time 0 by damping, by plastic deformation, and by friction
+        tolerance: m, that was asked for
+        status: 'complete'; 'unsolved': a step could not be solved; 'energy': a step gained energy,
+            however short it was made
+        message: what there is to say about that, with the time; else ''
     """
 
     times: np.ndarray
@@ -30,23 +41,51 @@ class Motion(Value):
     velocities: np.ndarray
     kinetic_energy: np.ndarray
     potential_energy: np.ndarray
+    work: np.ndarray | None = None
+    losses: np.ndarray | None = None
+    tolerance: float = np.inf
+    status: str = 'complete'
+    message: str = ''
+    _estimate: Callable | None = field(default=None, compare=False)
+
+    REMEMBERED = ('error_estimate',)
 
     def __post_init__(self):
         shapes = items('Motion.shapes', self.shapes, Shape)
+        n = len(shapes)
+        work = np.zeros(n) if self.work is None else self.work
+        losses = np.zeros((n, 3)) if self.losses is None else self.losses
         put(self, shapes=shapes, velocities=results('Motion.velocities', self.velocities,
-                                                    (len(shapes), None, 3)),
-            **{name: results(f'Motion.{name}', getattr(self, name), (len(shapes),))
+                                                    (n, None, 3)),
+            losses=results('Motion.losses', losses, (n, 3)),
+            work=results('Motion.work', work, (n,)),
+            tolerance=figure('Motion.tolerance', self.tolerance),
+            status=choice('Motion.status', self.status, STATUSES),
+            **{name: results(f'Motion.{name}', getattr(self, name), (n,))
                for name in ('times', 'kinetic_energy', 'potential_energy')})
+        if not isinstance(self.message, str):
+            raise InvalidTask(f'Motion.message = {shown(self.message)}: expected a string')
+        if self._estimate is None:
+            put(self, _estimate=Constant(np.full(n, np.nan)))
+        if isinstance(self._estimate, Constant):
+            freeze(self._estimate.content)
+        if not callable(self._estimate):
+            raise InvalidTask(f'Motion._estimate = {shown(self._estimate)}: expected a function')
         super().__post_init__()
 
     def __repr__(self):
         return brief(self, f'{len(self)} instants',
                      f'{self.times[-1]:.4g} s' if len(self) else '',
-                     'converged' if self.converged else 'not converged')
+                     'converged' if self.converged else 'not converged',
+                     '' if self.status == 'complete' else self.status)
 
     def save(self, path: str | PathLike) -> None:
-        """Write the motion as npz: everything but the rod and its surroundings."""
-        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        """Write the motion as npz: everything but the rod and its surroundings.
+
+        The error estimate is written if it was read before; else it will be nan, not known.
+        """
+        arrays = {name: getattr(self, name) for name in (*_ARRAYS, *_FIGURES)}
+        arrays['error_estimate'] = self.__dict__.get('error_estimate', np.full(len(self), np.nan))
         for k, shape in enumerate(self.shapes):
             arrays |= pack(shape, f'{k}/')
         save(path, arrays)
@@ -68,7 +107,9 @@ class Motion(Value):
             own = {key[len(mark):]: value for key, value in arrays.items()
                    if key.startswith(mark)}
             shapes.append(unpack(Shape, own))
-        return cls(shapes=shapes, **{name: arrays[name] for name in _ARRAYS})
+        return cls(shapes=shapes, **{name: arrays[name] for name in _ARRAYS},
+                   **{name: arrays[name].item() for name in _FIGURES},
+                   _estimate=Constant(arrays['error_estimate']))
 
     def __len__(self):
         return len(self.shapes)
@@ -79,6 +120,38 @@ class Motion(Value):
         return self.kinetic_energy + self.potential_energy
 
     @property
+    def dissipated(self) -> np.ndarray:
+        """(n,) J, taken since time 0 by damping, plastic deformation and friction."""
+        return self.losses.sum(axis=1)
+
+    @property
+    def numerical_loss(self) -> np.ndarray:
+        """(n,) J, taken since time 0 by the integrator, and by impacts on obstacles.
+
+        energy + dissipated + numerical_loss = energy at time 0 + work.
+        """
+        if not len(self):
+            return np.zeros(0)
+        return self.energy[0] + self.work - self.energy - self.dissipated
+
+    @cached_property
+    def error_estimate(self) -> np.ndarray:
+        """(n,) largest distance of a node from the true rod's until each instant, m.
+
+        From a second run with every element and every step halved, made when this is first read:
+        it costs three to four times as much as the motion. Infinite where that run could not
+        follow; nan for a motion that does not know (from a file, saved before it was read).
+        """
+        found = self._estimate()
+        freeze(found)
+        return found
+
+    @property
+    def within_tolerance(self) -> bool:
+        """Whether the error estimate is; as expensive as that when first read."""
+        return bool(self.converged and np.all(self.error_estimate <= self.tolerance))
+
+    @property
     def converged(self) -> bool:
-        """Whether every step was solved."""
-        return all(shape.converged for shape in self.shapes)
+        """Whether every step was solved, without a gain of energy."""
+        return self.status == 'complete' and all(shape.converged for shape in self.shapes)

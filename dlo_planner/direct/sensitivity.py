@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from dlo_planner.energy.hold import fill_miss, held_twists
 from dlo_planner.energy.potential import (
     at_element,
     evaluate,
@@ -18,8 +19,9 @@ from dlo_planner.energy.potential import (
 )
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve
-from dlo_planner.minimize.multipliers import firm, rigid
+from dlo_planner.minimize.contact_forces import add_sliding
+from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve_held
+from dlo_planner.minimize.multipliers import firm
 from dlo_planner.model.pose import displaced
 from dlo_planner.ritz.kinematics import march, part_of_element
 
@@ -37,19 +39,25 @@ class Sensitivity:
     def __init__(self, shape):
         if shape._discretisation is None or shape._before is None:
             raise InvalidTask('shape: expected one that comes from a simulator')
+        if shape._discretisation.surroundings.has_moments:
+            raise InvalidTask('shape: expected one without dead moments, which have no potential')
+        if shape._discretisation.surroundings.pinned:
+            raise InvalidTask('shape: expected one whose gripper clamps it, not a pinned one')
         self.shape = shape
         here, gripper = shape._discretisation, shape.gripper
         # the past before the step: what yields in it, yields along with the gripper
         past = shape._before.holding(shape._history)
         system = here.system(gripper.rotation, gripper.position, past, shape.far_end)
         q = here.unknowns(shape.element_strains)
-        if shape.contacts or shape.far_end is not None:
+        if shape.contacts:
             state = new_state(system)
             state.q[:] = q
             evaluate(system, state)
-            system = rigid(firm(system, state), state)
+            system = firm(system, state)
         self._system = system
         self._state, self._answers, self._hessian = _answers(self._system, q)
+        if any(np.any(contact.friction) for contact in shape.contacts):
+            add_sliding(self._system, self._state, self._hessian, self._answers)
 
     def at(self, s):
         """Return (6, 6): rotation and displacement of the frame at `s` (m) by those of the gripper.
@@ -99,9 +107,7 @@ class Sensitivity:
                               shape._before.holding(shape._history), shape.far_end)
         known = self._system
         # in the unknowns, and with the springs of constraints, of which the known Hessian is
-        hold = system.hold._replace(stiffness=known.hold.stiffness,
-                                    multiplier=known.hold.multiplier)
-        system = system._replace(scale=known.scale, contacts=known.contacts, hold=hold)
+        system = system._replace(scale=known.scale, contacts=known.contacts, hold=known.hold)
         strains, rotations, positions = _one_step(system, self._system, self._state, self._hessian)
         return replace(shape, s=other.s, element_strains=strains, frames=rotations,
                        positions=positions + gripper.position)
@@ -116,9 +122,11 @@ def _one_step(system, known, at, hessian):
     state = new_state(system)
     unknowns_of(system, at.strains, state.q)
     evaluate(system, state)
-    step = np.empty_like(at.q)
+    step, last = np.empty_like(at.q), system.lengths.size
+    miss = np.empty(system.hold.multiplier.size)
+    fill_miss(system.hold, state.rotations[last], state.positions[last], miss)
     # the known gradient is zero but for rounding, which differences would blow up
-    solve(known, hessian, at.gradient - state.gradient, step)
+    solve_held(known, hessian, at.gradient - state.gradient, miss, step, np.empty_like(miss))
     state.q[:] += step
     evaluate(system, state)
     return state.strains, state.rotations, state.positions
@@ -135,9 +143,12 @@ def _answers(system, q):
     factorise(system, hessian, 0.0)
     answers = np.zeros((6, q.shape[0], 3))
     load = np.empty_like(q)
+    held, last = system.hold.multiplier.size, system.lengths.size
+    moved, reaction = np.empty((held, 6)), np.empty(held)  # the grip does not go with the gripper
+    held_twists(system.hold, state.rotations[last], state.positions[last], moved)
     for column in range(hessian.cross.shape[2]):
         project(system.basis, -hessian.cross[:, :, column], load)
-        solve(system, hessian, load, answers[column])
+        solve_held(system, hessian, load, moved[:, column].copy(), answers[column], reaction)
     return state, answers, hessian
 
 

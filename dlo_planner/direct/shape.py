@@ -25,13 +25,14 @@ from dlo_planner.model.checks import (
     shown,
     vector,
 )
-from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.far_end import FarEnd, distance, within_reach
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Constant, Value, brief, freeze, put
 from dlo_planner.ritz.kinematics import point_inside
 
 _ROUNDING = 1e-9  # of the length
+_NEARLY, _STABLE, _KEPT = 1e-4, 1e-3, 1e-6  # what a shape is not to exceed to go on from it
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,8 +56,9 @@ class Shape(Value):
         stability: smallest eigenvalue of the Hessian relative to the elastic one; > 0 a minimum,
             0 neutral (the shape is one of many), < 0 not stable
         iterations: Newton steps; evaluations: of the potential, where the method counts them
-        converged: the residual is below 1e-8, the shape is stable or neutral, no constraint is
-            violated by more than 1e-6 of the length, and a requested accuracy was reached
+        converged: the residual is below 1e-8 (where constrained, or what rounding errors leave of
+            it), the shape is stable or neutral, no contact is violated by more than 1e-6 of the
+            length and no grip by more than 1e-9, and a requested accuracy was reached
         jumped: the shape is not the continuation of the one it was started from, or the one of
             several into which that one parts
         contacts: tuple of Contact, by s
@@ -140,6 +142,34 @@ class Shape(Value):
                      f'{len(self.contacts)} contacts' if self.contacts else '')
 
     @property
+    def nearly(self) -> bool:
+        """Whether it is not `converged`, but good enough to go on from (`DirectSimulator.track`).
+
+        It is stable, keeps all constraints, and its residual is below 1e-4.
+        """
+        return bool(not self.converged and not self.jumped and self.residual < _NEARLY
+                    and self.stability > -_STABLE and self.violation <= _KEPT * self.s[-1]
+                    and self._within_reach)
+
+    @property
+    def status(self) -> str:
+        """How the computation ended, in words: 'converged', 'nearly converged', or why not."""
+        if not self._within_reach:
+            return (f'out of reach: the far end is held {distance(self.far_end, self.gripper):.9g} '
+                    f'm from the gripper, the DLO is {self.s[-1]:.9g} m long')
+        figures = (f'residual {self.residual:.2g}, stability {self.stability:.2g}, '
+                   f'violation {self.violation:.2g} m')
+        if self.converged:
+            return 'converged, jumped' if self.jumped else 'converged'
+        if self.nearly:
+            return f'nearly converged: {figures}'
+        return f'not converged{", jumped" if self.jumped else ""}: {figures}'
+
+    @property
+    def _within_reach(self):
+        return within_reach(self.far_end, self.gripper, float(self.s[-1]))
+
+    @property
     def tangents(self) -> np.ndarray:
         """(N_L + 1, 3) unit tangents at the nodes."""
         return self.frames[:, :, 0]
@@ -214,6 +244,11 @@ class Shape(Value):
     def rod(self) -> Rod | None:
         """The Rod; None for a shape from a file."""
         return None if self._discretisation is None else self._discretisation.rod
+
+    @property
+    def pinned(self) -> bool:
+        """Whether its beginning is pinned by the gripper, not clamped (a simulator's `grip`)."""
+        return self._discretisation is not None and self._discretisation.surroundings.pinned
 
     @property
     def bend_radius(self) -> np.ndarray:

@@ -7,15 +7,24 @@ from inspect import signature
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.accuracy import accurate_equilibrium, first_mesh, step, within
+from dlo_planner.direct.accuracy import (
+    accurate_equilibrium,
+    first_mesh,
+    held_by,
+    step,
+    within,
+)
+from dlo_planner.direct.beginning import first_shape, moving_mesh, nodes_velocity
 from dlo_planner.direct.continuation import follow, leapt
 from dlo_planner.direct.described import STRAINS
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.dynamics import simulate
+from dlo_planner.direct.guide import Grips, Guide
 from dlo_planner.direct.integrator import INTEGRATORS
 from dlo_planner.direct.mesh import even_mesh, with_breaks
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.stepping import Stepper
 from dlo_planner.direct.surroundings import STANDARD_GRAVITY, Surroundings
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.methods import METHODS
@@ -29,6 +38,8 @@ from dlo_planner.progress import OnProgress, Progress
 from dlo_planner.ritz.series import BASES, converging
 
 DEFAULT_ACCURACY = 1e-3  # of the length
+_TOLERANCE = 1e-3  # of the length, of a motion
+_ENOUGH = 64    # nodes of a mesh that a motion is begun with as it is
 _FARTHEST = 10  # of the length: from where a held far end may be brought
 
 
@@ -55,6 +66,10 @@ class DirectSimulator(Value):
         load: further force per length, N/m, world axes: (3,), or a callable of s (m)
         obstacles: Plane, Sphere, Capsule, Box, Sheet, in any number
         point_loads: PointLoads, dead forces and moments at points
+        grip: 'clamped' (default), or 'pinned': the gripper holds the position of the DLO's
+            beginning, which may turn like in a ball joint. A shape's gripper and first frame then
+            have the rotation of the equilibrium; of a given pose the rotation is only where the
+            search begins, without a shape before.
 
     Raises:
         InvalidTask: an argument makes no sense; the message names it
@@ -71,8 +86,8 @@ class DirectSimulator(Value):
                  basis: str | None = None, method: str = 'newton', strains: str = 'components',
                  accuracy: float | None = None, gravity: ArrayLike = STANDARD_GRAVITY,
                  load: ArrayLike | Callable | None = None, obstacles: Iterable = (),
-                 point_loads: Iterable = ()):
-        around = Surroundings(rod, gravity, load, obstacles, point_loads)
+                 point_loads: Iterable = (), grip: str = 'clamped'):
+        around = Surroundings(rod, gravity, load, obstacles, point_loads, grip)
         fixed = n_elements is not None or n_terms is not None
         put(self, surroundings=around, _history=None, method=choice('method', method, METHODS),
             strains=choice('strains', strains, STRAINS),
@@ -107,6 +122,9 @@ class DirectSimulator(Value):
             return
         if around.obstacles:
             raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with obstacles')
+        if around.pinned:
+            raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with a pinned '
+                              'gripper')
         if around.has_moments:
             raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with dead moments')
 
@@ -220,7 +238,8 @@ class DirectSimulator(Value):
 
         Between poses the motion is taken as straight (position linear, rotation about one axis).
         Where the shape cannot follow continuously, it falls into the next minimum, and
-        `Shape.jumped` says so.
+        `Shape.jumped` says so. A shape that is not converged is followed by the continuation of
+        the one before it, or, if it is `nearly`, by its own; `Shape.status` tells which.
 
         Args:
             grippers: list of Pose
@@ -246,50 +265,102 @@ class DirectSimulator(Value):
             if before is None:
                 shape, _ = self._equilibrium(gripper, initial, end)
             else:
-                shape = follow(self._equilibrium, before, gripper, end)
+                shape = follow(self._equilibrium, before,
+                               held_by(self.surroundings, gripper, before), end)
             shapes.append(shape)
-            if shape.converged:  # a failure is reported, not carried on
+            if shape.converged or shape.nearly:  # a failure is reported, not carried on
                 initial = shape
             steps.done(len(shapes), len(grippers))
         return shapes
 
-    def simulate(self, grippers: Iterable[Pose], dt: float, initial: Shape | None = None, *,
+    def simulate(self, grippers: Iterable[Pose], dt: float,
+                 initial: Shape | Motion | None = None, *, far_ends: Iterable | None = None,
+                 velocity: ArrayLike | Callable | None = None, tolerance: float | None = None,
                  integrator: str = 'generalized_alpha', progress: OnProgress = None,
                  deadline: float | None = None) -> Motion:
-        """Return the Motion of the DLO under a moving gripper, with inertia and damping.
+        """Return the Motion of the DLO under moving grips, with inertia and damping.
+
+        Between the instants the grips move along cubic splines with continuous accelerations
+        (`direct.guide.Guide`), from rest at time 0 unless the DLO moves there. Steps are halved
+        where their local error, a gain of energy or Newton's method asks for it.
 
         Args:
             grippers: n Pose at the times 0, dt, 2 dt, ...: a prescribed motion
-            dt: step, s
-            initial: Shape at time 0, at rest, in equilibrium or not, held at the first pose by its
-                gripper alone; None: the static shape
+            dt: between two instants that are wanted, s; no step is longer
+            initial: Shape at time 0, in equilibrium or not, held by its grips where they are then;
+                a Motion, whose last shape and velocities are continued; None: the static shape
+            far_ends: one per gripper pose, as in `solve`, all of the same grip; None: it is free
+            velocity: at time 0, m/s, world axes: (N + 1, 3) of the nodes of `initial`, or a
+                callable of s (m) that returns (3,); the nearest velocities that grips and length
+                allow are taken. None: at rest, or that of a Motion.
+            tolerance: m; a step may add 1/600 of it to the error; infinite: none is halved for its
+                error; None: 1e-3 of the length. `Motion.error_estimate` tells the error.
             integrator: 'generalized_alpha' (second order) or 'paper' (Eq. 8 to 10: first order,
-                damps), see `direct.integrator`
-            progress: called as progress(done, total) after each step
+                damps, in fixed steps of dt), see `direct.integrator`
+            progress: called as progress(done, total) after each instant
             deadline: s of computing after which DeadlineExceeded is raised; None: no limit
 
         Raises:
             InvalidTask: an argument makes no sense; the message names it
 
-        A step that cannot be solved ends the motion: `Motion.converged` is False then.
+        Where the motion cannot go on it ends: `Motion.converged` is False then, and `status` and
+        `message` say why, and when.
         """
         grippers = poses(grippers, 1)
         steps = Progress(progress, deadline)
-        self._check(grippers[0], initial)
         dt = number('dt', dt, above=0)
+        tolerance = _tolerance(tolerance, self.rod.length)
         choice('integrator', integrator, INTEGRATORS)
+        if self.surroundings.pinned:
+            raise InvalidTask('grip = \'pinned\': expected a simulator whose gripper clamps the '
+                              'DLO where motions are simulated')
         if self.method != 'newton':
             raise InvalidTask(f'method = {self.method!r}: expected a simulator with \'newton\' '
                               'where motions are simulated')
-        if initial is not None and initial.far_end is not None:
+        if self.surroundings.has_moments:
+            raise InvalidTask('point_loads: expected forces alone in a motion, dead moments have '
+                              'no potential')
+        if isinstance(initial, Motion):
+            initial, velocity = _last(initial, velocity)
+        self._check(grippers[0], initial)
+        ends = self._grips(grippers, far_ends)
+        if initial is not None and initial.far_end is not None and ends[0] is None:
             raise InvalidTask('initial is held at its far end: expected a Shape whose far end is '
-                              'free, as it is in the motion')
-        if initial is None:
-            initial, _ = self._equilibrium(grippers[0], None, None)
-            if not initial.converged:  # what would follow from a wrong shape is worth nothing
-                grippers = grippers[:1]
-        return simulate(self.discretisation(grippers[0], initial), grippers, dt, initial,
-                        self._history, integrator, steps.done)
+                              'free, as it is in the motion, or far_ends')
+        start, mesh = self._beginning(grippers[0], ends[0], initial)
+        grips = Grips(Guide(grippers, dt, velocity is None))
+        if ends[0] is not None:
+            grips = Grips(grips.gripper, Guide([end.pose for end in ends], dt, velocity is None),
+                          ends[0].grip)
+        return simulate(Stepper(mesh, grips, dt), start, nodes_velocity(velocity, initial, start),
+                        len(grippers), integrator, tolerance, steps, initial is None)
+
+    def _beginning(self, gripper, far_end, initial):
+        """Return the Shape at time 0 of a motion and the Discretisation for the rest of it."""
+        mesh = self._discretisation
+        known = initial
+        if self.accuracy is not None:
+            known, _ = self._equilibrium(gripper, initial, far_end)
+            if known._discretisation is not mesh or mesh.s.size <= _ENOUGH:
+                mesh = moving_mesh(known._discretisation)
+        if initial is not None:
+            return first_shape(mesh, gripper, far_end, initial, self._history), mesh
+        return step(mesh, gripper, known, self._history, far_end)[0], mesh
+
+    def _grips(self, grippers, far_ends):
+        """Return a FarEnd, or None, for each gripper pose of a motion."""
+        if far_ends is None:
+            return [None] * len(grippers)
+        ends = [FarEnd.of(end) for end in items('far_ends', far_ends, object)]
+        if len(ends) != len(grippers):
+            raise InvalidTask(f'far_ends has {len(ends)} entries: expected one per gripper pose, '
+                              f'{len(grippers)}')
+        if len({None if end is None else end.grip for end in ends}) > 1:
+            raise InvalidTask('far_ends: expected the same grip from the beginning to the end of a '
+                              'motion')
+        for gripper, end in zip(grippers, ends, strict=True):
+            self._check(gripper, None, end)
+        return ends
 
     def discretisation(self, gripper: Pose, shape: Shape | None) -> Discretisation:
         """Return the Discretisation that this simulator uses at a gripper's pose.
@@ -352,6 +423,15 @@ class DirectSimulator(Value):
                               f'is {away:.3g} m off')
 
 
+def clamping(name: str, simulator: object) -> DirectSimulator:
+    """Return a DirectSimulator whose gripper clamps the DLO; raise InvalidTask naming `name`."""
+    instance(name, simulator, DirectSimulator)
+    if simulator.surroundings.pinned:
+        raise InvalidTask(f'{name}.grip = \'pinned\': expected \'clamped\', which plans are made '
+                          'for')
+    return simulator
+
+
 def poses(grippers, least=0):
     """Return a sequence of Poses as a tuple of `least` or more; raise InvalidTask."""
     grippers = items('grippers', grippers, object, least=least)
@@ -360,7 +440,23 @@ def poses(grippers, least=0):
     return grippers
 
 
-_OPTIONS = tuple(name for name in signature(DirectSimulator).parameters if name != 'rod')
+def _tolerance(tolerance, length):
+    """Return the tolerance of a motion in m; infinity is one."""
+    if tolerance is None:
+        return _TOLERANCE * length
+    endless = isinstance(tolerance, float) and tolerance == np.inf
+    return tolerance if endless else number('tolerance', tolerance, minimum=1e-9 * length)
+
+
+def _last(motion, velocity):
+    """Return the last Shape of a Motion and the velocities there, unless others are given."""
+    if not len(motion):
+        raise InvalidTask('initial: expected a Motion with instants, it has none')
+    return motion.shapes[-1], motion.velocities[-1] if velocity is None else velocity
+
+
+_OPTIONS = tuple(name for name in signature(DirectSimulator).parameters
+                 if name not in ('rod', 'grip'))  # what holds the DLO is theirs to say
 
 
 def known_options(options):

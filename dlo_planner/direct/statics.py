@@ -6,21 +6,31 @@ from functools import partial
 import numpy as np
 
 from dlo_planner.direct.contacts import contacts_of, points_of
+from dlo_planner.direct.hinge import pinned_newton
 from dlo_planner.direct.history import History
 from dlo_planner.direct.moments import balanced
 from dlo_planner.direct.shape import Shape
-from dlo_planner.energy.plastic import settled
+from dlo_planner.energy.hold import violation as hold_violation
+from dlo_planner.energy.plastic import add_plastic, settled
 from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.minimize.methods import search
-from dlo_planner.minimize.multipliers import HELD_NEUTRAL, constrained_newton
-from dlo_planner.minimize.newton import NEUTRAL, newton
+from dlo_planner.minimize.multipliers import constrained_newton
+from dlo_planner.minimize.newton import NEUTRAL, gradient_noise, newton
+from dlo_planner.model.far_end import distance, within_reach
+from dlo_planner.model.pose import Pose
 
 TOLERANCE = 1e-10  # of the residual; the last step of a quadratic method overshoots it
 CONVERGED = 1e-8   # what is promised
-_HELD = 1e-7       # the same with constraints, whose stiff springs multiply rounding errors
+_BLURRED = 1e-5    # a residual that rounding may make larger than this tells nothing
 EXACT = 1e-10      # of the length: violation of a constraint aimed at
 KEPT = 1e-6        # of the length: violation that still counts as converged
+_HELD = 1e-9       # of the length: the same of a held far end
+_SLACK = 1e-3      # of its slack: the same, as it pulls the tighter the less there is
+_ELSEWHERE = 0.1   # of the length: a shape in contact that moves so far is another one
 MAX_ITERATIONS = 1000
+_LEAST = 1e-10     # of the length: slack that is looked at
+_IN_VAIN = 30      # Newton steps towards what is out of reach
 
 
 def equilibrium(discretisation, gripper, strains, method='newton', history=None, far_end=None):
@@ -36,48 +46,57 @@ def equilibrium(discretisation, gripper, strains, method='newton', history=None,
     """
     system = discretisation.system(gripper.rotation, gripper.position, history, far_end)
     q = discretisation.unknowns(strains)
-    if method == 'newton':
-        found = solve(discretisation, system, gripper, q, history)
-        return shape_of(discretisation, gripper, found, history, far_end), found[4]
-    *found, evaluations = search(system, q, method, TOLERANCE)
-    shape = shape_of(discretisation, gripper, (*found, system, 0.0), history)
-    return replace(shape, evaluations=evaluations), found[4]
+    if method != 'newton':
+        *found, evaluations = search(system, q, method, TOLERANCE)
+        shape = shape_of(discretisation, gripper, (*found, system, 0.0), history)
+        return replace(shape, evaluations=evaluations), found[4]
+    most, exact = MAX_ITERATIONS, EXACT
+    if not within_reach(far_end, gripper, discretisation.s[-1]):
+        most = _IN_VAIN
+    if far_end is not None:  # the less slack, the more its tension depends on where the end is
+        length = discretisation.s[-1]
+        exact = min(exact, 1e-4 * max(1.0 - distance(far_end, gripper) / length, _LEAST))
+    found = solve(discretisation, system, gripper, q, history, most, exact=exact)
+    return shape_of(discretisation, gripper, found, history, far_end), found[4]
 
 
 def solve(discretisation, system, gripper, q, history, most=MAX_ITERATIONS, check=True,
-          exact=EXACT):
+          exact=EXACT, rounding=0.0):
     """Return what `constrained_newton` returns for q (m, 3) and the past `history` or None.
 
     Args:
         exact: part of the length by which constraints may be violated
+        rounding: of the residual, where it is more than usual
     """
-    before = np.zeros((0, 3))
+    before = np.zeros((0, 6))
     if history is not None and len(history.positions):
-        before = history.positions - gripper.position
+        before = np.hstack([history.positions - gripper.position, history.tangents])
+    newtons = pinned_newton if discretisation.surroundings.pinned else constrained_newton
+
     def solved(system, q):
-        return constrained_newton(system, q, TOLERANCE, most, check,
-                                  exact * discretisation.s[-1], before)
+        return newtons(system, q, TOLERANCE + rounding, most, check,
+                       exact * discretisation.s[-1], before)
 
     if discretisation.surroundings.has_moments:
         return balanced(solved, system, q, discretisation.moments)
     return solved(system, q)
 
 
-def shape_of(discretisation, gripper, found, history=None, far_end=None):
+def shape_of(discretisation, gripper, found, history=None, far_end=None, rounding=0.0):
     """Return the Shape of a kernel's result.
 
     Args:
         found: state, residual, stability, iterations, kicks, system, violation
+        rounding: of the residual, where it is more than usual
     """
     state, residual, stability, iterations, _, system, violation = found
+    if discretisation.surroundings.pinned:
+        gripper = Pose.from_rotation(gripper.position, system.base)
     history = history or discretisation.start
     load = discretisation.load
     new_set, lost = history.set, 0.0
     if system.layers.share.size:
-        new_set, lost = settled(system.lengths, state.strains, system.natural, system.stiffness,
-                                system.layers)
-        # a damper among the layers has no set
-        new_set = new_set[:, :history.set.shape[1]].copy()
+        new_set, lost = settled(system.lengths, state.strains, system.natural, system.layers)
     if (system.natural is discretisation.natural and discretisation.isometric
             and not system.layers.share.size):
         stored = 0.5 * float(np.vdot(state.q, state.q))  # what the unknowns are scaled for
@@ -89,12 +108,10 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None):
     touching = contacts_of(discretisation, system, state, gripper)
     past = History(discretisation.s, new_set, history.lost + lost, system.contacts.node,
                    points_of(system, state, gripper), system.hold.multiplier, positions,
-                   discretisation.surroundings)
-    kept = violation <= KEPT * discretisation.s[-1]
-    promised, neutral = CONVERGED, NEUTRAL
-    if system.scene.kind.size or far_end is not None:
-        promised, neutral = _HELD, HELD_NEUTRAL
-    converged = bool(residual < promised and stability > -neutral and kept)
+                   state.rotations[:, :, 0].copy(), discretisation.surroundings)
+    converged = bool(_promised(system, state, residual, rounding)
+                     and stability > -_neutral(discretisation, system)
+                     and _kept(discretisation, gripper, system, state, violation, far_end))
     return Shape(gripper, discretisation.s, positions, state.rotations, state.strains, energy,
                  stored, _wrench(discretisation, state), float(residual),
                  float(stability), int(iterations), converged, contacts=touching,
@@ -106,16 +123,46 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None):
                  _discretisation=discretisation, _history=past, _before=history)
 
 
+def _neutral(discretisation, system):
+    """Return below what eigenvalue, negated, a shape is not stable any more."""
+    constrained = (system.scene.kind.size or system.hold.multiplier.size
+                   or discretisation.surroundings.pinned)
+    return HELD_NEUTRAL if constrained else NEUTRAL
+
+
+def _promised(system, state, residual, rounding):
+    """Whether the residual is below what is promised, or where constrained, what rounding leaves.
+
+    Forces that rounding errors hide, of a DLO that is nearly taut, are no answer.
+    """
+    if not system.scene.kind.size and not system.hold.multiplier.size:
+        return residual < CONVERGED + 100 * rounding
+    noise = gradient_noise(system, state)
+    return residual < max(CONVERGED, noise) + 100 * rounding and noise < _BLURRED
+
+
+def _kept(discretisation, gripper, system, state, violation, far_end):
+    """Whether no constraint is violated by more than counts."""
+    length = discretisation.s[-1]
+    if far_end is not None:
+        # the slack of a DLO that is nearly taut decides on its tension
+        slack = length - distance(far_end, gripper)
+        missed = hold_violation(system.hold, state.rotations[-1].copy(), state.positions[-1].copy())
+        most = min(_HELD * length, _SLACK * slack)
+        if not within_reach(far_end, gripper, length) or missed > most:
+            return False
+    return violation <= KEPT * length
+
+
 def elastic_energy(discretisation, strains, plastic_set):
-    """Return the stored energy in J of element strains (N, 3) with a set (N, J, 3)."""
+    """Return the stored energy in J of element strains (N, 3) with a set (N, J)."""
     system = discretisation.static
-    lengths = system.lengths[:, None]
-    bent = strains - system.natural
     if not system.layers.share.size:
-        return 0.5 * float(np.sum(lengths * system.stiffness * bent**2))
-    share = system.layers.share[:, [0, 1, 1]]
-    away = bent[:, None, :] - plastic_set
-    return 0.5 * float(np.sum(lengths[:, :, None] * system.stiffness[:, None] * share * away**2))
+        bent = strains - system.natural
+        return 0.5 * float(np.sum(system.lengths[:, None] * system.stiffness * bent**2))
+    layers = system.layers._replace(set=plastic_set.copy())
+    return add_plastic(system.lengths, strains.copy(), system.natural, system.stiffness, layers,
+                       np.zeros_like(strains))
 
 
 _NOTHING = np.zeros(6)
@@ -139,7 +186,8 @@ def _estimate(discretisation, gripper, strains, positions, history, far_end):
 
     The elements are of second order, so halving them removes three quarters of their error.
     A few Newton steps from the given shape are enough: what they leave undone is far below
-    what they find.
+    what they find. In contact it may be that the finer DLO finds no equilibrium nearby, let go by
+    friction for instance: then nothing is known, and the estimate is infinite.
     """
     finer = discretisation.finer
     past = finer.past(history)
@@ -147,10 +195,16 @@ def _estimate(discretisation, gripper, strains, positions, history, far_end):
     q = np.empty((finer.n_unknowns, 3))
     unknowns_of(system, np.repeat(strains, 2, axis=0), q)
     if (system.scene.kind.size or far_end is not None or system.layers.share.size
-            or discretisation.surroundings.has_moments):
-        state = solve(finer, system, gripper, q, past)[0]
+            or discretisation.surroundings.has_moments or discretisation.surroundings.pinned):
+        state, residual, stability, *_, system, violation = solve(finer, system, gripper, q, past)
+        if not (_promised(system, state, residual, 0.0)
+                and stability > -_neutral(finer, system)
+                and _kept(finer, gripper, system, state, violation, far_end)):
+            return np.inf
     else:
         state = newton(system, q, 1e-9, 4, False)[0]
     moved = np.linalg.norm(state.positions[::2] - positions, axis=1).max()
+    if system.scene.kind.size and moved > _ELSEWHERE * discretisation.s[-1]:
+        return np.inf
     rounding = 1e-15 * discretisation.s.size * discretisation.s[-1]
     return float(4 / 3 * moved + rounding)

@@ -58,8 +58,13 @@ def unpack(shape_class, stored, prefix=''):
     if prefix + 'past_set' in stored:
         mark = prefix + 'past_point_'
         points = {key[len(mark):]: stored[key] for key in stored if key.startswith(mark)}
-        history = History(get('past_s'), get('past_set'), float(get('past_lost')),
-                          get('past_node_force'), points, get('past_hold'), get('past_positions'))
+        past_set = get('past_set').reshape(len(get('past_set')), -1)  # older files: layers apart
+        past = get('past_positions')
+        for name in ('shear', 'slid'):  # not in files of 1.0
+            points.setdefault(name, np.zeros_like(points['anchor']))
+        tangents = stored.get(prefix + 'past_tangents', get('frames')[:len(past), :, 0])
+        history = History(get('past_s'), past_set, float(get('past_lost')),
+                          get('past_node_force'), points, get('past_hold'), past, tangents)
     estimate = float(get('error_estimate'))
     values = {name: get(name) for name in _ARRAYS}
     values |= {name: get(name).item() for name in _NUMBERS}

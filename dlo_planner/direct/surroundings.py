@@ -8,7 +8,7 @@ import numpy as np
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.along import breaks_of
-from dlo_planner.model.checks import instance, items, returned, vector
+from dlo_planner.model.checks import choice, instance, items, returned, vector
 from dlo_planner.model.obstacles import OBSTACLES, Sheet
 from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.profile import resolved
@@ -16,6 +16,7 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+GRIPPERS = ('clamped', 'pinned')
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,6 +29,7 @@ class Surroundings(Value):
         load: force per length besides the weight, N/m, world axes: (3,), a callable of s, or None
         obstacles: tuple of Plane, Sphere, Capsule, Box, Sheet
         point_loads: tuple of PointLoad
+        grip: of GRIPPERS, how the gripper holds the DLO's beginning
 
     Raises:
         InvalidTask: naming the argument
@@ -38,9 +40,11 @@ class Surroundings(Value):
     load: np.ndarray | Callable | None = None
     obstacles: tuple = ()
     point_loads: tuple = ()
+    grip: str = 'clamped'
 
     def __post_init__(self):
         instance('rod', self.rod, Rod)
+        choice('grip', self.grip, GRIPPERS)
         put(self, gravity=vector('gravity', self.gravity, 3),
             obstacles=items('obstacles', self.obstacles, OBSTACLES),
             point_loads=items('point_loads', self.point_loads, PointLoad))
@@ -48,6 +52,8 @@ class Surroundings(Value):
             if one.s is not None and one.s > self.rod.length:
                 raise InvalidTask(f'PointLoad.s = {one.s:g}: expected a place on the DLO, at most '
                                   f'{self.rod.length:g} m')
+        if self.pinned and any(one.moment.any() for one in self.point_loads):
+            raise InvalidTask('grip = \'pinned\': expected \'clamped\' where dead moments act')
         if self.load is not None and not callable(self.load):
             put(self, load=vector('load', self.load, 3))
         if self.rod.radius is None and any(isinstance(one, Sheet) for one in self.obstacles):
@@ -74,3 +80,8 @@ class Surroundings(Value):
     def has_moments(self):
         """Whether a dead moment acts somewhere."""
         return any(one.moment.any() for one in self.point_loads)
+
+    @property
+    def pinned(self):
+        """Whether the DLO's beginning may turn in the gripper."""
+        return self.grip == 'pinned'

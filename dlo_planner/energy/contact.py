@@ -8,13 +8,13 @@ the minimiser's outer loop moves m until the gaps under force are zero.
 The nearest point slides along the DLO as the shape changes, which the second derivative accounts
 for: d2g - (d(dg/ds))^2 / g_ss.
 
-Friction (Coulomb) is a spring from where the point last stuck; it gives with the force
-mu m of the contact, taken from the outer iteration before.
+Friction is `energy.friction`'s; each point of contact that rubs has a point of friction of its own.
 """
 
 import numpy as np
 
 from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.friction import add_friction
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import point_inside
 from dlo_planner.ritz.record import Record, makes
@@ -29,12 +29,15 @@ class Contacts(Record):
         stiffness: k, N/m
         node: (M, N + 1) multipliers of nodes against obstacles, N
         element: (C,) ascending, of points inside elements; obstacle: (C,) the one they are nearest
-            to, or -1 for a point of friction
+            to, or -1 - o for a point of friction on obstacle o
         multiplier: (C,) m, or the limit of the friction force, N
-        fraction: (C,) of the element, for points of friction
-        anchor: (C, 3) where a point of friction sticks, m, relative to the gripper
+
+        of points of friction alone
+        fraction: (C,) of the element; 1 for a node, its end, less for what is inside
+        anchor: (C, 3) where it sticks, m, relative to the gripper; what is across `normal` counts
         normal: (C, 3) of the obstacle there
-        grip: stiffness of friction, N/m
+        shear: (C, 3) its multiplier, N, across the normal, against the friction on the DLO
+        grip: its stiffness, N/m
     """
 
     stiffness: float
@@ -45,13 +48,16 @@ class Contacts(Record):
     fraction: np.ndarray
     anchor: np.ndarray
     normal: np.ndarray
+    shear: np.ndarray
     grip: float
 
 
 @makes(Contacts)
 @kernel
-def _new_contacts(stiffness, node, element, obstacle, multiplier, fraction, anchor, normal, grip):
-    return Contacts(stiffness, node, element, obstacle, multiplier, fraction, anchor, normal, grip)
+def _new_contacts(stiffness, node, element, obstacle, multiplier, fraction, anchor, normal, shear,
+                  grip):
+    return Contacts(stiffness, node, element, obstacle, multiplier, fraction, anchor, normal, shear,
+                    grip)
 
 
 @kernel
@@ -63,7 +69,8 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
     frame = np.empty((3, 3))
     attached.sprung[:] = False
     for o in range(scene.kind.size):
-        for node in range(1, positions.shape[0]):
+        node = 1
+        while node < positions.shape[0]:
             for i in range(3):
                 x[i] = scene.origin[i] + positions[node, i]
             gap = signed_distance(scene, o, x, normal, bend) - scene.radius
@@ -79,12 +86,13 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
                         attached.spring[node, i, j] += (k * normal[i] * normal[j]
                                                         - force * bend[i, j])
             energy -= 0.5 * contacts.node[o, node] ** 2 / k
+            node = next_touching(lengths, contacts.node[o], node, gap)
     for c in range(contacts.element.size):
         e, o = contacts.element[c], contacts.obstacle[c]
         attached.force[c] = 0.0
         attached.matrix[c] = 0.0
         if o < 0:
-            energy += _friction(contacts, c, lengths, strains, rotations, positions, attached)
+            energy += add_friction(contacts, c, lengths, strains, rotations, positions, attached)
             continue
         gap, fraction = nearest_inside(scene, o, e, lengths, strains, rotations, positions,
                                        normal, bend)
@@ -96,6 +104,27 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
             _push(c, force, k, strains[e], frame, normal, bend, attached)
         energy -= 0.5 * contacts.multiplier[c] ** 2 / k
     return energy
+
+
+@kernel
+def next_touching(lengths, multiplier, node, gap):
+    """Return the next node after `node` that may touch an obstacle, N + 1 if none does.
+
+    No node is nearer to it by more than the DLO between them is long. Far obstacles cost nothing.
+
+    Args:
+        multiplier: (N + 1,) of the nodes; one that has some is never left out
+        gap: m, of `node`
+    """
+    last = lengths.size
+    way = 0.0
+    while node <= last:
+        if node < last:
+            way += lengths[node]
+        node += 1
+        if way >= gap or node <= last and multiplier[node] > 0.0:
+            break
+    return node
 
 
 @kernel
@@ -168,36 +197,3 @@ def _push(c, force, k, strain, rotation, normal, bend, attached):
     for i in range(6):
         for j in range(6):
             matrix[i, j] += force / curve * lever[i] * lever[j]
-
-
-@kernel
-def _friction(contacts, c, lengths, strains, rotations, positions, attached):
-    """Write the force and stiffness of a point of friction; return its potential in J."""
-    rotation, x = np.empty((3, 3)), np.empty(3)
-    e, limit, normal = contacts.element[c], contacts.multiplier[c], contacts.normal[c]
-    attached.fraction[c] = contacts.fraction[c]
-    point_inside(lengths, strains, rotations, positions, e, contacts.fraction[c], rotation, x)
-    away, out, square = np.empty(3), 0.0, 0.0
-    for i in range(3):
-        away[i] = x[i] - contacts.anchor[c, i]
-        out += away[i] * normal[i]
-    for i in range(3):
-        away[i] -= out * normal[i]
-        square += away[i] * away[i]
-    size = np.sqrt(square)
-    grip = contacts.grip
-    if size * grip <= limit:
-        for i in range(3):
-            attached.force[c, i] = grip * away[i]
-        for i in range(3):
-            for j in range(3):
-                attached.matrix[c, 3 + i, 3 + j] = grip * ((i == j) - normal[i] * normal[j])
-        return 0.5 * grip * size * size
-    for i in range(3):
-        away[i] /= size
-        attached.force[c, i] = limit * away[i]
-    for i in range(3):
-        for j in range(3):
-            attached.matrix[c, 3 + i, 3 + j] = limit / size * ((i == j) - normal[i] * normal[j]
-                                                                - away[i] * away[j])
-    return limit * (size - 0.5 * limit / grip)

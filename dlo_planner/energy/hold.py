@@ -1,9 +1,11 @@
-"""A second grip at the free end: some points fixed to it are held where they should be.
+"""A second grip at the free end: which motions of that end are held, and with which forces.
 
-Three points (the end itself, one farther along t and one out along n) hold its pose, the first
-alone its position. Each is a spring with a multiplier (augmented Lagrangian, Nocedal and Wright,
-ch. 17.3): the minimiser's outer loop adjusts the multipliers until the points are exact, and then
-they are the reaction.
+K rows of a twist (rotation, displacement) of the free end are held: c(shape) = 0 (K,), in m. Their
+multipliers are the reaction, which the minimiser finds with the shape (`minimize.held`). The end's
+axes d_i are compared with their targets t_i by rho = sum of a_i t_i x d_i, which is linear in d_i:
+so a moment acts as dead forces on the tips of the axes, and its second derivatives are those of
+dead loads. Springs stand beside the multipliers. They vanish, with their gradient, where c = 0, so
+they change no equilibrium; they make the Hessian positive along what is held.
 """
 
 import numpy as np
@@ -13,40 +15,82 @@ from dlo_planner.ritz.record import Record, makes
 
 
 class Hold(Record):
-    """P points of the far end and their targets; none if the end is free.
+    """What is held of the far end; K = 0 if it is free.
 
     Attributes:
-        offset: (P, 3) m, in the frame of the far end
-        target: (P, 3) m, world axes, relative to the gripper
-        free: (3,) unit vector along which the points may slide; zero if they may not
-        multiplier: (P, 3) N
-        stiffness: N/m
+        target: (3,) where the end is held, m, world axes, relative to the gripper
+        axes: (3, 3) its frame there, columns t, n, b
+        share: (3,) a_i, how much each axis counts
+        rows: (K, 6) held directions of the twist: lever (m) times a unit vector of rotation, or
+            a unit vector of displacement
+        multiplier: (K,) derivative of the potential by c, N
+        stiffness: N/m, of displacement; turn_stiffness: N m, of rotation
     """
 
-    offset: np.ndarray
     target: np.ndarray
-    free: np.ndarray
+    axes: np.ndarray
+    share: np.ndarray
+    rows: np.ndarray
     multiplier: np.ndarray
     stiffness: float
+    turn_stiffness: float
 
 
 @makes(Hold)
 @kernel
-def _new_hold(offset, target, free, multiplier, stiffness):
-    return Hold(offset, target, free, multiplier, stiffness)
+def _new_hold(target, axes, share, rows, multiplier, stiffness, turn_stiffness):
+    return Hold(target, axes, share, rows, multiplier, stiffness, turn_stiffness)
 
 
 @kernel
-def miss(hold, p, rotation, position, away, arm):
-    """Fill how far, away (3,), point p is from its target, and its arm (3,) from the far end."""
-    slide = 0.0
+def moved_hold(hold, target, axes, rows):
+    """Return the same grip with another target (3,), axes (3, 3) and rows (K, 6)."""
+    return Hold(target, axes, hold.share, rows, hold.multiplier, hold.stiffness,
+                hold.turn_stiffness)
+
+
+@kernel
+def fill_miss(hold, rotation, position, miss):
+    """Fill miss (K,) with c in m, of a free end with rotation (3, 3) at position (3,)."""
+    turned = np.zeros(3)
     for i in range(3):
-        arm[i] = (rotation[i, 0] * hold.offset[p, 0] + rotation[i, 1] * hold.offset[p, 1]
-                  + rotation[i, 2] * hold.offset[p, 2])
-        away[i] = position[i] + arm[i] - hold.target[p, i]
-        slide += away[i] * hold.free[i]
-    for i in range(3):
-        away[i] -= slide * hold.free[i]
+        j, k = (i + 1) % 3, (i + 2) % 3
+        for axis in range(3):
+            turned[i] += hold.share[axis] * (hold.axes[j, axis] * rotation[k, axis]
+                                             - hold.axes[k, axis] * rotation[j, axis])
+    for row in range(miss.size):
+        miss[row] = 0.0
+        for i in range(3):
+            miss[row] += (hold.rows[row, i] * turned[i]
+                          + hold.rows[row, 3 + i] * (position[i] - hold.target[i]))
+
+
+@kernel
+def violation(hold, rotation, position):
+    """Return by how much the grip is missed, m: the size of c (K,)."""
+    miss = np.empty(hold.multiplier.size)
+    fill_miss(hold, rotation, position, miss)
+    return np.sqrt(np.sum(miss * miss))
+
+
+@kernel
+def held_twists(hold, rotation, position, out):
+    """Fill out (K, 6): change of c per twist (rotation, displacement) at the gripper's origin."""
+    for row in range(out.shape[0]):
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            # x rotates with the twist: (rotation x position) . row
+            total = position[j] * hold.rows[row, 3 + k] - position[k] * hold.rows[row, 3 + j]
+            for axis in range(3):
+                along = across = 0.0
+                for m in range(3):
+                    along += hold.axes[m, axis] * rotation[m, axis]
+                    across += rotation[m, axis] * hold.rows[row, m]
+                # t x (theta x d) = theta (t . d) - d (t . theta)
+                total += hold.share[axis] * (along * hold.rows[row, i]
+                                             - across * hold.axes[i, axis])
+            out[row, i] = total
+            out[row, 3 + i] = hold.rows[row, 3 + i]
 
 
 @kernel
@@ -56,40 +100,40 @@ def add_hold(hold, rotation, position, attached):
     Args:
         rotation: (3, 3), position: (3,) of the free end
     """
-    energy = 0.0
-    away, arm, pull = np.empty(3), np.empty(3), np.empty(3)
-    moves, part = np.empty((3, 6)), np.empty((3, 6))
     attached.tip_force[:] = 0.0
     attached.tip_moment[:] = 0.0
     attached.tip_first[:] = 0.0
     attached.tip_matrix[:] = 0.0
-    for p in range(hold.offset.shape[0]):
-        miss(hold, p, rotation, position, away, arm)
+    moment, couple = np.zeros(3), np.empty(3)
+    energy = 0.0
+    for row in range(hold.multiplier.size):
+        away = 0.0
         for i in range(3):
-            # a multiplier has no part along the free direction: `away` has none
-            pull[i] = hold.stiffness * away[i] + hold.multiplier[p, i]
-            energy += away[i] * (hold.multiplier[p, i] + 0.5 * hold.stiffness * away[i])
+            away += hold.rows[row, 3 + i] * (position[i] - hold.target[i])
+            moment[i] += hold.multiplier[row] * hold.rows[row, i]
+        energy += away * (hold.multiplier[row] + 0.5 * hold.stiffness * away)
+        force = hold.multiplier[row] + hold.stiffness * away
         for i in range(3):
-            attached.tip_force[i] += pull[i]
+            attached.tip_force[i] += force * hold.rows[row, 3 + i]
+            for j in range(3):
+                attached.tip_matrix[3 + i, 3 + j] += (hold.stiffness * hold.rows[row, 3 + i]
+                                                      * hold.rows[row, 3 + j])
+    for axis in range(3):
+        if hold.share[axis] == 0.0:
+            continue
+        along = 0.0
+        for i in range(3):
             j, k = (i + 1) % 3, (i + 2) % 3
-            attached.tip_moment[i] += arm[j] * pull[k] - arm[k] * pull[j]
-            for j in range(3):
-                attached.tip_first[i, j] += pull[i] * arm[j]
-        # the point moves by (rotation, displacement) of the end; held: but for the free direction
+            t, d = hold.axes[i, axis], rotation[i, axis]
+            couple[i] = hold.share[axis] * (
+                moment[j] * hold.axes[k, axis] - moment[k] * hold.axes[j, axis]
+                - hold.turn_stiffness * t)
+            energy += d * couple[i]
+            along += t * t
+        energy += hold.share[axis] * hold.turn_stiffness * along
         for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            attached.tip_moment[i] += rotation[j, axis] * couple[k] - rotation[k, axis] * couple[j]
             for j in range(3):
-                moves[i, j] = 0.0
-                moves[i, 3 + j] = 1.0 if i == j else 0.0
-        moves[0, 1], moves[0, 2] = arm[2], -arm[1]
-        moves[1, 0], moves[1, 2] = -arm[2], arm[0]
-        moves[2, 0], moves[2, 1] = arm[1], -arm[0]
-        for j in range(6):
-            slide = (hold.free[0] * moves[0, j] + hold.free[1] * moves[1, j]
-                     + hold.free[2] * moves[2, j])
-            for i in range(3):
-                part[i, j] = hold.stiffness * (moves[i, j] - slide * hold.free[i])
-        for i in range(6):
-            for j in range(6):
-                attached.tip_matrix[i, j] += (moves[0, i] * part[0, j] + moves[1, i] * part[1, j]
-                                              + moves[2, i] * part[2, j])
+                attached.tip_first[i, j] += couple[i] * rotation[j, axis]
     return energy

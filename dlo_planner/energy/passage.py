@@ -25,32 +25,43 @@ def passes_through(scene, lengths, strains, rotations, old, new):
         old, new: (N + 1, 3) node positions; relative to `scene.origin`
     """
     flush = _FLUSH * np.sum(lengths)
+    farthest = 0.0
+    for k in range(old.shape[0]):
+        farthest = max(farthest, np.sqrt(np.sum((new[k] - old[k]) ** 2)))
     for o in range(scene.kind.size):
         if scene.kind[o] == SHEET:
             if _through_sheet(scene, o, flush, old, new):
                 return True
-        elif scene.kind[o] != PLANE and _through_solid(scene, o, flush, lengths, strains,
-                                                       rotations, old, new):
+        elif scene.kind[o] != PLANE and _through_solid(scene, o, flush, farthest, lengths,
+                                                       strains, rotations, old, new):
             return True
     return False
 
 
 @kernel
-def _through_solid(scene, o, flush, lengths, strains, rotations, old, new):
+def _through_solid(scene, o, flush, farthest, lengths, strains, rotations, old, new):
+    """Whether an element goes through a convex body; no node moves by more than `farthest`."""
     normal, bend = np.empty(3), np.empty((3, 3))
     rotation, x = np.empty((3, 3)), np.empty(3)
     inner = scene.size[o, 2]
     if scene.kind[o] == BOX:
         inner = np.min(scene.size[o])
     depth = 0.5 * (inner + scene.radius)  # this far in a point still knows its way out
-    last_gap = last_move = 0.0
+    margin = farthest + 0.5 * np.max(lengths) - depth
+    last_gap = last_move = clear = 0.0
     for k in range(lengths.size + 1):
+        if k:
+            clear -= lengths[k - 1]
+        if clear > 0.0:  # nothing gets so far
+            last_gap, last_move = clear + margin, farthest
+            continue
         change = 0.0
         for i in range(3):
             change += (new[k, i] - old[k, i]) ** 2
             x[i] = scene.origin[i] + old[k, i]
         move = np.sqrt(change)
         here = signed_distance(scene, o, x, normal, bend) - scene.radius
+        clear = here - margin
         near, moved = min(here, last_gap), max(move, last_move)
         last_gap, last_move = here, move
         if k == 0:

@@ -1,10 +1,11 @@
-"""Plastic bending and torsion, sections 3.2.1, 3.2.2: layers that yield, side by side.
+"""Plastic bending and torsion, sections 3.2.1, 3.2.2: springs that yield, side by side.
 
-A section is a bundle of J layers that share its stiffness; each is elastic and ideally plastic
-with its own threshold (Besseling 1958, Iwan 1967). One layer is the paper's model, W = integral of
-the stress-strain diagram; layers of rising thresholds are an elastic core with a plastic rim; a
-layer that never yields is hardening. Curvature is a vector: it yields when it leaves the ellipse of
-the thresholds, and flows so that the energy used up is least. Torsion yields by itself.
+A section is a bundle of springs that share its stiffness: fibres, which bending stretches in
+proportion to their heights over the neutral axis, and layers, which torsion shears. Each is elastic
+and ideally plastic with its own threshold (Besseling 1958, Iwan 1967). The paper's model is one
+spring for torsion and, for curvature as a vector, an ellipse of thresholds that all of the section
+leaves at once; it flows so that the energy used up is least. Besides, a part that never yields:
+hardening.
 
 With the strains of this step u and the set of the steps before p (Eq. of 3.2.2, D_new = u - p),
 W(u) is the energy stored plus the energy newly lost: its minimum is the step's solution, and its
@@ -16,25 +17,42 @@ import numpy as np
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.record import Record, makes
 
+SHARED = 3  # kind of springs that both curvatures strain; 0, 1, 2: one of the strains does
+
 
 class Layers(Record):
-    """How a section yields; J layers, none for an elastic DLO.
+    """How a section yields; J springs, none for an elastic DLO.
 
     Attributes:
-        share: (J, 2) of the torsional and of the bending stiffness; sums 1 without viscosity
-        limit: (J, 3) torsion and curvatures about n and b at which the layer yields, 1/m
-        set: (N, J, 3) plastic strain of each layer in each element, 1/m
+        direction: (J, 3) unit vector, strain of the spring by torsion and curvatures; a spring is
+            strained by torsion or by curvatures
+        limit: (J,) strain at which it yields, 1/m
+        share: (J,) of the stiffness of its kind
+        kind: (J,) 0 torsion, 1 curvature about n, 2 about b, SHARED both
+        strength: (N, 4) stiffness of each kind, N m^2
+        firm: (3,) part of the stiffness that never yields
+        couple: (N, 3) moments that pull at the strains, whatever yields, N m
+        ellipse: (2,) curvatures about n and b at which what is not firm yields, if no spring bears
+            bending, 1/m; else (0,)
+        set: (N, J) plastic strain of each spring in each element, 1/m; with an ellipse (N, J + 2),
+            the plastic curvature last
     """
 
-    share: np.ndarray
+    direction: np.ndarray
     limit: np.ndarray
+    share: np.ndarray
+    kind: np.ndarray
+    strength: np.ndarray
+    firm: np.ndarray
+    couple: np.ndarray
+    ellipse: np.ndarray
     set: np.ndarray
 
 
 @makes(Layers)
 @kernel
-def _new_layers(share, limit, set):
-    return Layers(share, limit, set)
+def _new_layers(direction, limit, share, kind, strength, firm, couple, ellipse, set):
+    return Layers(direction, limit, share, kind, strength, firm, couple, ellipse, set)
 
 
 @kernel
@@ -68,20 +86,13 @@ def yielded(d1, d2, k1, k2, l1, l2):
 
 
 @kernel
-def _layer(e, j, strains, natural, stiffness, share, limits, known):
-    """Return layer j's stiffness, its strain since its set and what of that is elastic (3 each).
-
-    The last result is the multiplier of `yielded`.
-    """
-    limit = limits[j]
-    k0 = stiffness[e, 0] * share[j, 0]
-    k1 = stiffness[e, 1] * share[j, 1]
-    k2 = stiffness[e, 2] * share[j, 1]
-    d0 = strains[e, 0] - natural[e, 0] - known[e, j, 0]
-    d1 = strains[e, 1] - natural[e, 1] - known[e, j, 1]
-    d2 = strains[e, 2] - natural[e, 2] - known[e, j, 2]
-    e1, e2, g = yielded(d1, d2, k1, k2, limit[1], limit[2])
-    return (k0, k1, k2), (d0, d1, d2), (min(max(d0, -limit[0]), limit[0]), e1, e2), g
+def _within(strain, limit):
+    """Return what of a spring's strain stays elastic."""
+    if strain > limit:
+        return limit
+    if strain < -limit:
+        return -limit
+    return strain
 
 
 @kernel
@@ -91,58 +102,142 @@ def add_plastic(lengths, strains, natural, stiffness, layers, gradient):
     Args: as `energy.elastic.add_elastic`, and `layers`, a Layers.
     """
     energy = 0.0
-    share, limits, known = layers.share, layers.limit, layers.set
+    direction, limit, share, kind = layers.direction, layers.limit, layers.share, layers.kind
+    strength, known = layers.strength, layers.set
     for e in range(lengths.size):
         h = lengths[e]
-        for j in range(share.shape[0]):
-            (k0, k1, k2), (d0, d1, d2), (e0, e1, e2), _ = _layer(e, j, strains, natural, stiffness,
-                                                                 share, limits, known)
-            gradient[e, 0] += h * k0 * e0
+        d0 = strains[e, 0] - natural[e, 0]
+        d1 = strains[e, 1] - natural[e, 1]
+        d2 = strains[e, 2] - natural[e, 2]
+        m0 = m1 = m2 = density = 0.0
+        for j in range(limit.size):
+            a0, a1, a2 = direction[j]
+            away = a0 * d0 + a1 * d1 + a2 * d2 - known[e, j]
+            elastic = _within(away, limit[j])
+            moment = strength[e, kind[j]] * share[j] * elastic
+            m0 += moment * a0
+            m1 += moment * a1
+            m2 += moment * a2
+            density += moment * (away - 0.5 * elastic)
+        gradient[e, 0] += h * m0
+        gradient[e, 1] += h * m1
+        gradient[e, 2] += h * m2
+        energy += h * density
+        energy += _add_firm(e, h, strains, natural, stiffness, layers, gradient)
+        if layers.ellipse.size > 0:
+            k1, k2, x1, x2, e1, e2, _ = _in_ellipse(e, d1, d2, layers)
             gradient[e, 1] += h * k1 * e1
             gradient[e, 2] += h * k2 * e2
-            energy += h * (k0 * e0 * (d0 - 0.5 * e0) + k1 * e1 * (d1 - 0.5 * e1)
-                           + k2 * e2 * (d2 - 0.5 * e2))
+            energy += h * (k1 * e1 * (x1 - 0.5 * e1) + k2 * e2 * (x2 - 0.5 * e2))
     return energy
+
+
+@kernel
+def _add_firm(e, h, strains, natural, stiffness, layers, gradient):
+    """Add the moment of what never yields in element e, and return its energy."""
+    energy = 0.0
+    for i in range(3):
+        away = strains[e, i] - natural[e, i]
+        moment = layers.firm[i] * stiffness[e, i] * away
+        couple = layers.couple[e, i]
+        gradient[e, i] += h * (moment - couple)
+        energy += h * away * (0.5 * moment - couple)
+    return energy
+
+
+@kernel
+def _in_ellipse(e, d1, d2, layers):
+    """Return stiffness, curvature since the set, what of it is elastic (2 each), `yielded`'s g."""
+    k1, k2 = layers.strength[e, 1], layers.strength[e, 2]
+    first = layers.limit.size
+    x1, x2 = d1 - layers.set[e, first], d2 - layers.set[e, first + 1]
+    e1, e2, g = yielded(x1, x2, k1, k2, layers.ellipse[0], layers.ellipse[1])
+    return k1, k2, x1, x2, e1, e2, g
 
 
 @kernel
 def add_plastic_stiffness(lengths, strains, natural, stiffness, layers, scale, diagonal):
     """Add d2W by the scaled strains to diagonal (N, 3, 3), scale: (N, 3)."""
-    share, limits, known = layers.share, layers.limit, layers.set
+    direction, limit, share, kind = layers.direction, layers.limit, layers.share, layers.kind
+    strength, known, firm = layers.strength, layers.set, layers.firm
     for e in range(lengths.size):
-        h = lengths[e]
-        s0, s1, s2 = scale[e]
-        for j in range(share.shape[0]):
-            limit = limits[j]
-            (k0, k1, k2), (d0, _, _), (_, e1, e2), g = _layer(e, j, strains, natural, stiffness,
-                                                              share, limits, known)
-            if abs(d0) <= limit[0]:
-                diagonal[e, 0, 0] += h * k0 * s0 * s0
-            c1 = c2 = 1.0
-            v1 = v2 = 0.0
-            if g > 0.0:
-                q1, q2 = 1.0 / (limit[1] * limit[1]), 1.0 / (limit[2] * limit[2])
-                c1, c2 = 1.0 / (1.0 + g * q1 / k1), 1.0 / (1.0 + g * q2 / k2)
-                size = np.sqrt(e1 * e1 * c1 * q1 * q1 / k1 + e2 * e2 * c2 * q2 * q2 / k2)
-                v1, v2 = e1 * c1 * q1 / size, e2 * c2 * q2 / size
-            diagonal[e, 1, 1] += h * s1 * s1 * (k1 * c1 - v1 * v1)
-            diagonal[e, 2, 2] += h * s2 * s2 * (k2 * c2 - v2 * v2)
-            diagonal[e, 1, 2] -= h * s1 * s2 * v1 * v2
-            diagonal[e, 2, 1] -= h * s1 * s2 * v1 * v2
+        d0 = strains[e, 0] - natural[e, 0]
+        d1 = strains[e, 1] - natural[e, 1]
+        d2 = strains[e, 2] - natural[e, 2]
+        k00, k11 = firm[0] * stiffness[e, 0], firm[1] * stiffness[e, 1]
+        k22, k12 = firm[2] * stiffness[e, 2], 0.0
+        for j in range(limit.size):
+            a0, a1, a2 = direction[j]
+            if abs(a0 * d0 + a1 * d1 + a2 * d2 - known[e, j]) <= limit[j]:
+                k = strength[e, kind[j]] * share[j]
+                k00 += k * a0 * a0
+                k11 += k * a1 * a1
+                k22 += k * a2 * a2
+                k12 += k * a1 * a2
+        if layers.ellipse.size > 0:
+            b11, b22, b12 = _ellipse_stiffness(e, d1, d2, layers)
+            k11, k22, k12 = k11 + b11, k22 + b22, k12 + b12
+        h, s0, s1, s2 = lengths[e], scale[e, 0], scale[e, 1], scale[e, 2]
+        diagonal[e, 0, 0] += h * s0 * s0 * k00
+        diagonal[e, 1, 1] += h * s1 * s1 * k11
+        diagonal[e, 2, 2] += h * s2 * s2 * k22
+        diagonal[e, 1, 2] += h * s1 * s2 * k12
+        diagonal[e, 2, 1] += h * s1 * s2 * k12
 
 
 @kernel
-def settled(lengths, strains, natural, stiffness, layers):
-    """Return the set (N, J, 3) after the step to `strains`, and the energy lost in it, J."""
-    share, limits, known = layers.share, layers.limit, layers.set
+def _ellipse_stiffness(e, d1, d2, layers):
+    """Return the derivatives (nn, bb, nb) of the moments by the curvatures."""
+    k1, k2, _, _, e1, e2, g = _in_ellipse(e, d1, d2, layers)
+    if g == 0.0:
+        return k1, k2, 0.0
+    q1, q2 = 1.0 / layers.ellipse[0] ** 2, 1.0 / layers.ellipse[1] ** 2
+    c1, c2 = 1.0 / (1.0 + g * q1 / k1), 1.0 / (1.0 + g * q2 / k2)
+    size = np.sqrt(e1 * e1 * c1 * q1 * q1 / k1 + e2 * e2 * c2 * q2 * q2 / k2)
+    v1, v2 = e1 * c1 * q1 / size, e2 * c2 * q2 / size
+    return k1 * c1 - v1 * v1, k2 * c2 - v2 * v2, -v1 * v2
+
+
+@kernel
+def settled(lengths, strains, natural, layers):
+    """Return the set after the step to `strains`, as `layers.set`, and the energy lost in it, J."""
+    direction, limit, share, kind = layers.direction, layers.limit, layers.share, layers.kind
+    strength, known = layers.strength, layers.set
     new = known.copy()
     lost = 0.0
     for e in range(lengths.size):
-        for j in range(share.shape[0]):
-            (k0, k1, k2), (d0, d1, d2), (e0, e1, e2), _ = _layer(e, j, strains, natural, stiffness,
-                                                                 share, limits, known)
-            new[e, j, 0] += d0 - e0
-            new[e, j, 1] += d1 - e1
-            new[e, j, 2] += d2 - e2
-            lost += lengths[e] * (k0 * e0 * (d0 - e0) + k1 * e1 * (d1 - e1) + k2 * e2 * (d2 - e2))
+        d0 = strains[e, 0] - natural[e, 0]
+        d1 = strains[e, 1] - natural[e, 1]
+        d2 = strains[e, 2] - natural[e, 2]
+        for j in range(limit.size):
+            a0, a1, a2 = direction[j]
+            away = a0 * d0 + a1 * d1 + a2 * d2 - known[e, j]
+            elastic = _within(away, limit[j])
+            new[e, j] += away - elastic
+            lost += lengths[e] * strength[e, kind[j]] * share[j] * elastic * (away - elastic)
+        if layers.ellipse.size > 0:
+            k1, k2, x1, x2, e1, e2, _ = _in_ellipse(e, d1, d2, layers)
+            new[e, limit.size] += x1 - e1
+            new[e, limit.size + 1] += x2 - e2
+            lost += lengths[e] * (k1 * e1 * (x1 - e1) + k2 * e2 * (x2 - e2))
     return new, lost
+
+
+@kernel
+def set_strains(stiffness, layers):
+    """Return (N, 3) the strains since the natural ones at which no moment acts, 1/m.
+
+    Args:
+        stiffness: (N, 3); layers: a Layers, in which nothing yields on the way there
+    """
+    out = np.zeros(stiffness.shape)
+    springs = layers.limit.size
+    for e in range(stiffness.shape[0]):
+        for j in range(springs):
+            k = layers.strength[e, layers.kind[j]] * layers.share[j] * layers.set[e, j]
+            for i in range(3):
+                out[e, i] += k * layers.direction[j, i] / stiffness[e, i]
+        for i in range(layers.ellipse.size):
+            out[e, 1 + i] += (layers.strength[e, 1 + i] / stiffness[e, 1 + i]
+                              * layers.set[e, springs + i])
+    return out

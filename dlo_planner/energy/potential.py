@@ -18,6 +18,8 @@ from dlo_planner.ritz.kinematics import Attached, add_gradient, march, nothing_a
 from dlo_planner.ritz.record import Record, makes
 from dlo_planner.ritz.second_order import add_stiffness, second_order
 
+_HINGE = 1e-20  # of the stiffness of the DLO: that of a hinge is below
+
 
 class System(Record):
     """A discretised DLO in a gripper: plain arrays, as the kernels want them.
@@ -97,9 +99,17 @@ def turned_system(system, base):
 
 
 @kernel
+def regripped_system(system, base, hold):
+    """Return the same system in a gripper with rotation `base` (3, 3), its far end in `hold`."""
+    return System(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
+                  system.pull, base, system.anchor, system.anchor_weight, system.layers,
+                  hold, system.scene, system.contacts, system.near, system.tie)
+
+
+@kernel
 def twists_count(system):
     """Return whether displacements of what lies beyond an element matter, not only rotations."""
-    return (system.anchor_weight.size + system.hold.offset.size + system.scene.kind.size) > 0
+    return (system.anchor_weight.size + system.hold.multiplier.size + system.scene.kind.size) > 0
 
 
 @kernel
@@ -111,11 +121,19 @@ def unknown_count(system):
 
 
 @kernel
+def hinged(system):
+    """Return whether the first element is a hinge: so soft that its stiffness does not count."""
+    return system.stiffness[0, 1] < _HINGE * system.stiffness[-1, 1]
+
+
+@kernel
 def bend_energy(system):
     """Return twice the energy in J that bending the whole DLO evenly by 1 rad takes."""
     compliance = 0.0
     for e in range(system.lengths.size):
-        compliance += system.lengths[e] / min(system.stiffness[e, 1], system.stiffness[e, 2])
+        softer = min(system.stiffness[e, 1], system.stiffness[e, 2])
+        if e > 0 or not hinged(system):
+            compliance += system.lengths[e] / softer
     return 1.0 / compliance
 
 
@@ -178,7 +196,7 @@ def evaluate(system, state):
     state.pull[:] = system.pull
     load, size = dead_load(system.pull, state.positions)
     other = add_anchor(system.anchor, system.anchor_weight, state.positions, state.pull)
-    if system.hold.offset.shape[0]:
+    if system.hold.multiplier.size:
         other += add_hold(system.hold, state.rotations[n], state.positions[n], state.attached)
     if system.scene.kind.size:
         other += add_contacts(system.scene, system.contacts, system.lengths, state.strains,

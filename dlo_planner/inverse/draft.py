@@ -86,14 +86,16 @@ class Brief:
 def utilisation(shape, yielding):
     """Return the largest strain since the stress-free shape as a part of what yields.
 
-    Curvature counts as in `energy.plastic`, by the ellipse of its two thresholds; torsion by
-    itself.
+    Curvature counts by the ellipse of its two thresholds, that of a rectangle by what its corners
+    are strained; torsion by itself.
 
     Args:
         yielding: (3,) thresholds of torsion and of both curvatures, 1/m
     """
     part = np.abs(shape.bent) / yielding
-    return float(max(part[:, 0].max(), np.hypot(part[:, 1], part[:, 2]).max()))
+    cornered = shape.rod.section_outline[0] == 'rectangular'
+    bend = part[:, 1] + part[:, 2] if cornered else np.hypot(part[:, 1], part[:, 2])
+    return float(max(part[:, 0].max(), bend.max()))
 
 
 class Draft:

@@ -124,7 +124,7 @@ class Observed:
         def positions_at(x):
             direct, errors = self._simulator(x), self.errors(index, x)
             motion = direct.simulate([errors.applied(pose) for pose in one.grippers], one.dt,
-                                     one.initial)
+                                     one.initial, tolerance=np.inf)
             self._progress.check()
             solved = motion.converged and len(motion) == len(one.grippers)
             return (seen_in(motion, one.times, one.s) if solved else None), motion.shapes[-1]

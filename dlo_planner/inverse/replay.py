@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.continuity import apart
 from dlo_planner.inverse.in_motion import InMotion, TooLong, fastest_scale, least_clearance
@@ -107,7 +107,7 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
             limits, or a motion of more than 20000 steps; the message names it
         DeadlineExceeded: as asked for
     """
-    instance('simulator', simulator, DirectSimulator)
+    clamping('simulator', simulator)
     if not len(instance('plan', plan, Plan)):
         raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
     obstacles = items('obstacles', obstacles, OBSTACLES)

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares, minimize
 
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.inverse.penalties import DirectionAt, PositionAt, Through
 from dlo_planner.model.checks import figure, flag, instance, integer, number, shown
@@ -90,7 +90,7 @@ def minimise_penalty(simulator: DirectSimulator, penalties: object, start: Pose,
         NotConverged: there is no equilibrium at the start
         DeadlineExceeded: the deadline is over
     """
-    instance('simulator', simulator, DirectSimulator)
+    clamping('simulator', simulator)
     instance('start', start, Pose)
     most = integer('max_iterations', max_iterations, minimum=1, maximum=1_000_000)
     if simulator.strains != 'components':

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.contact import CONDITIONS, hold_contact, slide_contact
 from dlo_planner.inverse.draft import Brief, Draft, kept_between
@@ -56,11 +56,14 @@ class InverseSimulator(Value):
 
     def __init__(self, simulator: DirectSimulator, *, workspace: Workspace | None = None,
                  may_yield: bool = True):
-        instance('simulator', simulator, DirectSimulator)
+        clamping('simulator', simulator)
         instance('workspace', workspace, Workspace, optional=True)
         if simulator.method != 'newton':
             raise InvalidTask(f'simulator.method = {simulator.method!r}: expected \'newton\', '
                               'which plans are made with')
+        if simulator.surroundings.has_moments:
+            raise InvalidTask('simulator.point_loads: expected forces alone where plans are made, '
+                              'dead moments have no potential')
         put(self, _given=simulator)
         yielding = None
         if not flag('may_yield', may_yield) and simulator.rod.yields:
@@ -155,6 +158,9 @@ class InverseSimulator(Value):
         if depths[-1] > _INSERTED * self.simulator.rod.length:
             raise InvalidTask(f'depths[{len(depths) - 1}] = {depths[-1]:g}: expected at most '
                               f'{_INSERTED:g} of the length')
+        if self.simulator.surroundings.point_loads:
+            raise InvalidTask('simulator.point_loads: expected none where a DLO is inserted, parts '
+                              'of it are in the bore')
         return insert(self._alone, bore, depths, start,
                       self._brief(linear_speed, angular_speed, progress, deadline))
 

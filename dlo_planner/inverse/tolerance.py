@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.penalties import Through
 from dlo_planner.inverse.plan import Plan
@@ -134,7 +134,7 @@ def tolerance(simulator: DirectSimulator, plan: Plan, spread: Spread, *, samples
         InvalidTask: an argument makes no sense; the message names it
         DeadlineExceeded: the deadline is over; samples that an executor has begun go on
     """
-    instance('simulator', simulator, DirectSimulator)
+    clamping('simulator', simulator)
     if not len(instance('plan', plan, Plan)):
         raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
     if any(shape.s[-1] != simulator.rod.length for shape in plan.shapes):

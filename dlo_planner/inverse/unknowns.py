@@ -107,7 +107,18 @@ class Unknowns:
             else:
                 damping = np.array(self.rod.damping) + self._damping_units() * x[where]
                 found[name] = tuple(np.maximum(damping, 0.0))
-        return replace(self.rod, section=None, **found)
+        return replace(self.rod, section=self._section(x), **found)
+
+    def _section(self, x):
+        """Return the Section whose material gives the stiffness at x; None without one."""
+        section, moduli = self.rod.section, {}
+        if section is None or {'bending_stiffness_n', 'bending_stiffness_b'} & {*self.names}:
+            return None
+        for name, modulus in (('bending_stiffness', 'youngs_modulus'),
+                              ('torsional_stiffness', 'shear_modulus')):
+            if name in self.names:
+                moduli[modulus] = getattr(section, modulus) * np.exp(x[self._slices[name]][0])
+        return replace(section, **moduli)
 
     def _natural(self, name, x):
         """Return what the Rod is given of a natural strain: numbers, or a Table."""

@@ -1,82 +1,98 @@
-"""Where a DLO rubs: the points of friction and the limits of their forces."""
+"""Where a DLO rubs: the points of friction, what they stick to, and the limits of their forces."""
 
 import numpy as np
 
-from dlo_planner.energy.contact import Contacts, nearest_inside
-from dlo_planner.energy.distance import signed_distance
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.touching import touching, with_contacts_of
 from dlo_planner.ritz.kinematics import point_inside
 
-_SETTLED = 1e-6  # part of a limit by which it may still change
+_GROWTH = 2.0  # of a force, beyond its multiplier, that is believed
 
 
 @kernel
-def with_friction(system, state, previous):
-    """Return the Contacts with the points of friction of now, and if these have settled.
+def with_friction(system, contacts, state, previous):
+    """Return the Contacts with a point of friction for each contact that bears and rubs.
 
-    A point sticks to where it was before the step, less what its spring was stretched by then.
+    The force of a contact that is new may be anything: its multiplier bounds the limit.
+
+    It sticks to where its point of the DLO was before the step; contacts that move along the DLO
+    keep by how much they had been stretched then. Its limit is mu times the force at `state`.
+
+    Args:
+        contacts: Contacts in place of the system's
+        previous: (N + 1, 6) positions and tangents of the nodes before the step, or (0, 6)
     """
     scene = system.scene
-    n = system.lengths.size
-    old = system.contacts
-    most = (n + 1) * scene.kind.size + old.element.size
-    where = np.empty((most, 2))  # element, fraction
-    limits, anchors, normals = np.empty(most), np.empty((most, 3)), np.empty((most, 3))
-    count = 0
-    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
-    rotation = np.empty((3, 3))
-    settled = True
-    for o in range(scene.kind.size):
-        if scene.friction[o] == 0.0:
-            continue
-        for k in range(1, n + 1):
-            if old.node[o, k] > 0.0:
-                where[count, 0], where[count, 1] = k - 1, 1.0
-                limits[count] = scene.friction[o] * old.node[o, k]
-                x[:] = scene.origin + state.positions[k]
-                signed_distance(scene, o, x, normals[count], bend)
-                count += 1
-        for c in range(old.element.size):
-            if old.obstacle[c] == o and old.multiplier[c] > 0.0:
-                e = old.element[c]
-                _, fraction = nearest_inside(scene, o, e, system.lengths, state.strains,
-                                             state.rotations, state.positions, normal, bend)
-                where[count, 0], where[count, 1] = e, fraction
-                limits[count] = scene.friction[o] * old.multiplier[c]
-                normals[count] = normal
-                count += 1
-    for k in range(count):
-        e, fraction = int(where[k, 0]), where[k, 1]
-        best, nearest = -1, 1.0
-        for b in range(old.element.size):
-            away = abs(old.element[b] + old.fraction[b] - e - fraction)
-            if old.obstacle[b] < 0 and away < nearest:
-                best, nearest = b, away
-        if best < 0:
-            settled = False
-            if previous.shape[0]:
-                anchors[k] = (1 - fraction) * previous[e] + fraction * previous[e + 1]
-            else:
-                point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
-                             fraction, rotation, x)
-                anchors[k] = x
-        else:
-            anchors[k] = old.anchor[best]
-            if previous.shape[0]:  # another point of the DLO: its own way, the same stretch
-                was = old.element[best]
-                anchors[k] += ((1 - fraction) * previous[e] + fraction * previous[e + 1]
-                               - (1 - old.fraction[best]) * previous[was]
-                               - old.fraction[best] * previous[was + 1])
-            change = abs(old.multiplier[best] - limits[k])
-            settled = settled and change <= _SETTLED * (limits[k] + old.multiplier[best])
-    stripped = old.obstacle >= 0
-    element = np.concatenate((old.element[stripped], where[:count, 0].astype(np.int64)))
-    order = np.argsort(element, kind='mergesort')
-    obstacle = np.concatenate((old.obstacle[stripped], np.full(count, -1)))
-    multiplier = np.concatenate((old.multiplier[stripped], limits[:count]))
-    fraction = np.concatenate((old.fraction[stripped], where[:count, 1]))
-    anchor = np.concatenate((old.anchor[stripped], anchors[:count]))
-    normal_of = np.concatenate((old.normal[stripped], normals[:count]))
-    return Contacts(old.stiffness, old.node, element[order], obstacle[order],
-                    multiplier[order], fraction[order], anchor[order], normal_of[order],
-                    old.grip), settled
+    table = touching(scene, contacts, system.lengths, state)
+    rubs = scene.friction[table.obstacle] > 0.0
+    for a in range(rubs.size):
+        c = table.inside[a]
+        known = (contacts.multiplier[c] if c >= 0
+                 else contacts.node[table.obstacle[a], table.element[a] + 1])
+        table.force[a] = min(table.force[a], _GROWTH * known)
+        rubs[a] &= known > 0.0
+    count = np.sum(rubs)
+    anchors, shears = np.empty((count, 3)), np.zeros((count, 3))
+    limits = scene.friction[table.obstacle[rubs]] * table.force[rubs]
+    elements, fractions = table.element[rubs], table.fraction[rubs]
+    obstacles, normals = -1 - table.obstacle[rubs], table.normal[rubs]
+    here, there = np.empty(3), np.empty(3)
+    for p in range(count):
+        _before(system, state, previous, elements[p], fractions[p], here)
+        anchors[p] = here
+        c = _known(contacts, obstacles[p], elements[p], fractions[p])
+        if c >= 0:
+            _before(system, state, previous, contacts.element[c], contacts.fraction[c], there)
+            anchors[p] += contacts.anchor[c] - there
+            _cut(contacts.shear[c], normals[p], limits[p], shears[p])
+    kept = contacts.obstacle >= 0
+    return with_contacts_of(
+        contacts, np.concatenate((contacts.element[kept], elements)),
+        np.concatenate((contacts.obstacle[kept], obstacles)),
+        np.concatenate((contacts.multiplier[kept], limits)),
+        np.concatenate((contacts.fraction[kept], fractions)),
+        np.concatenate((contacts.anchor[kept], anchors)),
+        np.concatenate((contacts.normal[kept], normals)),
+        np.concatenate((contacts.shear[kept], shears)))
+
+
+@kernel
+def _known(contacts, obstacle, element, fraction):
+    """Return the nearest point of friction there was on an obstacle, within an element, or -1."""
+    best, nearest = -1, 1.0
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] == obstacle:
+            away = abs(contacts.element[c] + contacts.fraction[c] - element - fraction)
+            if (contacts.fraction[c] == 1.0) != (fraction == 1.0):
+                away += 1e-9  # a node goes on with the same node
+            if away < nearest:
+                best, nearest = c, away
+    return best
+
+
+@kernel
+def _cut(shear, normal, limit, out):
+    """Fill out (3,) with what is across the normal of shear (3,), and no more than the limit."""
+    along, square = np.sum(shear * normal), 0.0
+    for i in range(3):
+        out[i] = shear[i] - along * normal[i]
+        square += out[i] * out[i]
+    if square > limit * limit:
+        out *= limit / np.sqrt(square)
+
+
+@kernel
+def _before(system, state, previous, e, fraction, x):
+    """Fill x (3,): where a point of the DLO was before the step, where it is if there was none.
+
+    Between the nodes a cubic (Hermite).
+    """
+    if not previous.shape[0]:
+        point_inside(system.lengths, state.strains, state.rotations, state.positions, e, fraction,
+                     np.empty((3, 3)), x)
+        return
+    f, h = fraction, system.lengths[e]
+    for i in range(3):
+        x[i] = ((1 + 2 * f) * (1 - f) ** 2 * previous[e, i]
+                + f * f * (3 - 2 * f) * previous[e + 1, i]
+                + h * f * (1 - f) * ((1 - f) * previous[e, 3 + i] - f * previous[e + 1, 3 + i]))

@@ -15,6 +15,7 @@ from dlo_planner.energy.potential import (
     unknown_count,
 )
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.border import complement, fill_border, keep
 from dlo_planner.ritz.record import Record
 
 _TINY = 1e-300
@@ -29,6 +30,9 @@ class Hessian(Record):
         base: (3, 3) change of the moment on the gripper per rotation of it
         gain: (N, 3, w), inverse: (N, 3, 3) of the Riccati sweep; empty for Ritz
         dense, factor: (3 m, 3 m) for Ritz; (0, 0) for local
+        border: (K, m, 3) derivatives of what is held of the far end; answers: (K, m, 3) H^-1 of
+            them; schur: (K, K) inverse of border answers + give
+        give: (1,) m/N, by which each row of what is held gives way
     """
 
     turning: np.ndarray
@@ -39,6 +43,10 @@ class Hessian(Record):
     inverse: np.ndarray
     dense: np.ndarray
     factor: np.ndarray
+    border: np.ndarray
+    answers: np.ndarray
+    schur: np.ndarray
+    give: np.ndarray
 
 
 @kernel
@@ -46,11 +54,13 @@ def new_hessian(system):
     """Return an empty Hessian of the right sizes."""
     n = system.lengths.size
     local = n if system.basis.shape[1] == 0 else 0
-    size = 0 if local else 3 * unknown_count(system)
+    m, held = unknown_count(system), system.hold.multiplier.size
+    size = 0 if local else 3 * m
     wide = 6 if twists_count(system) else 3
     return Hessian(np.empty((n, wide, 3)), np.empty((n, 3, wide)), np.empty((n, 3, 3)),
                    np.empty((3, 3)), np.empty((local, 3, wide)), np.empty((local, 3, 3)),
-                   np.empty((size, size)), np.empty((size, size)))
+                   np.empty((size, size)), np.empty((size, size)), np.empty((held, m, 3)),
+                   np.empty((held, m, 3)), np.empty((held, held)), np.zeros(1))
 
 
 @kernel
@@ -63,6 +73,8 @@ def assemble(system, state, hessian):
             _project(system.basis, hessian, 3)
         else:
             _project(system.basis, hessian, 6)
+    if hessian.border.shape[0]:
+        fill_border(system, state, hessian)
     if system.near.shape[0]:
         if system.basis.shape[1] > 0:
             for i in range(hessian.dense.shape[0]):
@@ -108,7 +120,21 @@ def _project(basis, hessian, wide):
 
 @kernel
 def factorise(system, hessian, shift):
-    """Factorise H + shift I; return the number of pivots that are not positive."""
+    """Factorise H + shift I; return how many of its eigenvalues are not positive.
+
+    With a held far end these are the eigenvalues on what the grip leaves free (Haynsworth).
+    """
+    negative = _factorise_alone(system, hessian, shift)
+    held = hessian.border.shape[0]
+    if held == 0:
+        return negative
+    for row in range(held):
+        _solve_alone(system, hessian, hessian.border[row], hessian.answers[row])
+    return negative - complement(hessian)
+
+
+@kernel
+def _factorise_alone(system, hessian, shift):
     if system.basis.shape[1] == 0:
         if hessian.turning.shape[1] == 3:
             return _factorise_sweep(hessian, shift, 3)
@@ -118,7 +144,29 @@ def factorise(system, hessian, shift):
 
 @kernel
 def solve(system, hessian, right, out):
-    """Fill out (m, 3) with the solution of (H + shift I) out = right (m, 3)."""
+    """Fill out (m, 3) with the solution of (H + shift I) out = right (m, 3).
+
+    With a held far end `out` keeps to what the grip leaves free, and the equation holds there.
+    """
+    _solve_alone(system, hessian, right, out)
+    if hessian.border.shape[0]:
+        reaction = np.zeros(hessian.border.shape[0])
+        keep(hessian, out, reaction)
+
+
+@kernel
+def solve_held(system, hessian, right, miss, out, reaction):
+    """Fill out (m, 3) and reaction (K,), which bring a grip that is missed by `miss` (K,) to zero.
+
+    To first order, and but for what the grip gives under the reaction.
+    """
+    _solve_alone(system, hessian, right, out)
+    reaction[:] = miss
+    keep(hessian, out, reaction)
+
+
+@kernel
+def _solve_alone(system, hessian, right, out):
     if system.basis.shape[1] == 0:
         if hessian.turning.shape[1] == 3:
             _solve_sweep(hessian, right, out, 3)

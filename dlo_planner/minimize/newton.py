@@ -28,13 +28,14 @@ from dlo_planner.minimize.spectrum import lowest_mode, preferred
 LARGEST_TURN = 0.8  # rad per step, of any node
 KICK_TURN = 0.3     # rad, of a saddle along its lowest mode
 _LEAN = 1e-5        # rad, of a DLO that is about to fall
-_FALLING = 2e-3     # a shift that is needed beyond this tells that it is, not that it is neutral
+FALLING = 2e-3     # a shift that is needed beyond this tells that it is, not that it is neutral
 _ALIKE = 0.5        # of the lower side's fall: a side that falls by more is as good
 NEUTRAL = 1e-7      # eigenvalues nearer to zero than this count as zero
 _NEARLY = 10 * NEUTRAL  # the same where the gradient has not vanished yet
 MOST_KICKS = 10
 _OFTEN = 3
 _UNTOLD = 100.0      # rounding errors of the energy: a gain below these is not told by it
+_EPS = 2.2e-16
 _HARDLY = 1e-4       # rad: a step that changes the Hessian by about as little
 _TRACE = 1e-100      # an unknown as small has no effect at any scale
 _WELL_STABLE = 0.01  # an eigenvalue that such a step cannot make doubtful
@@ -44,6 +45,45 @@ _WELL_STABLE = 0.01  # an eigenvalue that such a step cannot make doubtful
 def residual_of(system, state):
     """Return the gradient's size, relative to the elastic energy and that of a 1 rad bend."""
     return np.sqrt(np.sum(state.gradient**2) / (np.sum(state.q**2) + bend_energy(system)))
+
+
+@kernel
+def gradient_noise(system, state):
+    """Return how large rounding errors may make the residual: a bound, relative as that is.
+
+    A moment is a sum of forces times arms, and the force of a spring has the error of its ends'
+    places: each at most eps times what is summed, once per node in the worst case and by its root
+    where errors are as often up as down (Higham, Accuracy and Stability, ch. 2.8 and 3).
+    """
+    n, length = system.lengths.size, np.sum(system.lengths)
+    forces, touching = 0.0, 0.0
+    for k in range(n + 1):
+        for i in range(3):
+            forces += abs(state.pull[k, i])
+    for i in range(3):
+        forces += abs(state.attached.tip_force[i])
+        forces += abs(state.attached.tip_moment[i]) / length
+    for c in range(state.attached.element.size):
+        for i in range(3):
+            forces += abs(state.attached.force[c, i])
+            touching = max(touching, abs(state.attached.force[c, i]))
+    for k in range(state.attached.sprung.size):
+        touching = max(touching, 1.0 if state.attached.sprung[k] else 0.0)
+    if touching > 0.0:
+        far = np.sqrt(np.sum(system.scene.origin**2))
+        forces += (system.contacts.stiffness + system.contacts.grip) * (length + far)
+    if system.hold.multiplier.size:
+        forces += system.hold.stiffness * length + system.hold.turn_stiffness / length
+    for k in range(system.anchor_weight.size):
+        forces += system.anchor_weight[k] * length
+    lever = 0.0
+    for e in range(n):
+        for i in range(3):
+            lever += (system.lengths[e] * system.scale[e, i]) ** 2
+    if system.basis.shape[1]:
+        lever *= n / length
+    return (_EPS * np.sqrt(n) * forces * length
+            * np.sqrt(lever / (np.sum(state.q**2) + bend_energy(system))))
 
 
 def newton(system, q, tolerance, max_iterations, check, neutral=NEUTRAL):
@@ -97,7 +137,7 @@ def _descend(system, q, tolerance, max_iterations, check):
     trial = new_state(system)
     hessian = new_hessian(system)
     step = np.empty_like(state.q)
-    _without_traces(q, state.q)
+    without_traces(q, state.q)
     energy, noise = evaluate(system, state)
     mode = np.zeros_like(state.q)
     shift = 0.0
@@ -120,13 +160,13 @@ def _descend(system, q, tolerance, max_iterations, check):
                 break
         assemble(system, state, hessian)
         if arrived or factorise(system, hessian, shift) > 0:
-            shift = _safe_shift(system, hessian, 0.0 if arrived else shift)
+            shift = safe_shift(system, hessian, 0.0 if arrived else shift)
         if arrived:
             stability, mode = lowest_mode(system, hessian, shift, 1e-4)
             break
-        if shift > _FALLING and not leans:
+        if shift > FALLING and not leans:
             leans = True
-            if _leant(system, hessian, state, trial):
+            if lean(system, hessian, state, trial):
                 state, trial = trial, state
                 energy, noise = evaluate(system, state)
                 continue
@@ -153,7 +193,7 @@ def _descend(system, q, tolerance, max_iterations, check):
 
 
 @kernel
-def _without_traces(q, out):
+def without_traces(q, out):
     """Copy q (m, 3) to `out` with zeros for what is far too small to mean anything.
 
     Where a motion stays in a plane, each shape leaves out of it the square of what the one before
@@ -165,7 +205,7 @@ def _without_traces(q, out):
 
 
 @kernel
-def _safe_shift(system, hessian, shift):
+def safe_shift(system, hessian, shift):
     """Factorise with the first shift in a growing row that leaves no negative pivot."""
     while factorise(system, hessian, shift) > 0:
         shift = max(1e-3, 4.0 * shift)
@@ -175,7 +215,7 @@ def _safe_shift(system, hessian, shift):
 
 
 @kernel
-def _leant(system, hessian, state, trial):
+def lean(system, hessian, state, trial):
     """Fill `trial` with the shape of `state` leant to the preferred side; return if it can be."""
     preferred(system, trial.gradient)
     amount = _LEAN / largest_turn(system, hessian, trial.gradient)

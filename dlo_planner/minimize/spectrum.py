@@ -10,6 +10,7 @@ import numpy as np
 
 from dlo_planner.energy.potential import project, unknown_count
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.border import add_to, dot
 from dlo_planner.minimize.linear import solve
 
 _STEPS = 40
@@ -38,11 +39,11 @@ def lowest_mode(system, hessian, shift, tolerance):
     for k in range(steps):
         image = vectors[k + 1]
         solve(system, hessian, vectors[k], image)
-        diagonal[k] = _dot(image, vectors[k])
-        _subtract(image, diagonal[k], vectors[k])
+        diagonal[k] = dot(image, vectors[k])
+        add_to(image, -diagonal[k], vectors[k])
         if k:
-            _subtract(image, side[k - 1], vectors[k - 1])
-        side[k] = np.sqrt(_dot(image, image))
+            add_to(image, -side[k - 1], vectors[k - 1])
+        side[k] = np.sqrt(dot(image, image))
         if side[k] < 1e-13 * abs(diagonal[k]):
             used = k + 1
             break
@@ -61,9 +62,9 @@ def lowest_mode(system, hessian, shift, tolerance):
     if value < _MODE_BELOW:
         _, modes = np.linalg.eigh(_tridiagonal(diagonal, side, used))
         for k in range(used):
-            _subtract(mode, -modes[k, used - 1], vectors[k])
-        size = np.sqrt(_dot(mode, mode))
-        mode /= size if _dot(mode, vectors[0]) >= 0.0 else -size
+            add_to(mode, modes[k, used - 1], vectors[k])
+        size = np.sqrt(dot(mode, mode))
+        mode /= size if dot(mode, vectors[0]) >= 0.0 else -size
     return value, mode
 
 
@@ -89,22 +90,7 @@ def preferred(system, vector):
             seed = (1103515245 * seed + 12345) % 2147483648
             values[e, i] = smooth * (0.9 + 0.2 * seed / 2147483648.0)
     project(system.basis, values, vector)
-    vector /= np.sqrt(_dot(vector, vector))
-
-
-@kernel
-def _dot(a, b):
-    total = 0.0
-    for e in range(a.shape[0]):
-        total += a[e, 0] * b[e, 0] + a[e, 1] * b[e, 1] + a[e, 2] * b[e, 2]
-    return total
-
-
-@kernel
-def _subtract(a, factor, b):
-    for e in range(a.shape[0]):
-        for i in range(3):
-            a[e, i] -= factor * b[e, i]
+    vector /= np.sqrt(dot(vector, vector))
 
 
 @kernel

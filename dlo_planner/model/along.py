@@ -131,6 +131,26 @@ class Stepwise(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Extended(Value):
+    """A number, pair or function up to `end` (m), and another constant from there on."""
+
+    known: float | tuple | Callable
+    end: float
+    beyond: float | tuple
+
+    @property
+    def breaks(self):
+        """(n,) arc lengths where it is known to jump, m."""
+        return np.append(breaks_of(self.known), self.end)
+
+    def __call__(self, s):
+        """Return the value at `s` (m)."""
+        if s >= self.end:
+            return self.beyond
+        return self.known(s) if callable(self.known) else self.known
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Scaled(Value):
     """A function times a number."""
 

@@ -9,8 +9,8 @@ from dlo_planner.model.checks import choice, instance, vector
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value
 
-GRIPS = ('clamped', 'pinned', 'sleeve')
-
+GRIPS = ('clamped', 'pinned', 'sleeve', 'aligned')
+_SLACK = 1e-9  # of the length
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FarEnd(Value):
@@ -20,7 +20,8 @@ class FarEnd(Value):
         pose: Pose where its frame has to be (x axis = tangent); where pinned only the position
             counts
         grip: 'clamped': position and orientation; 'pinned': position; 'sleeve': clamped, but free
-            to slide along the pose's x axis
+            to slide along the pose's x axis; 'aligned': position and tangent, free to turn about
+            its tangent
     """
 
     pose: Pose
@@ -41,6 +42,46 @@ class FarEnd(Value):
         return cls(Pose(vector('far_end', value, 3), (0.0, 0.0, 0.0, 1.0)), 'pinned')
 
     @property
-    def slide(self):
-        """(3,) unit vector of the free direction, or zero."""
-        return self.pose.direction if self.grip == 'sleeve' else np.zeros(3)
+    def held(self) -> np.ndarray:
+        """(K, 6) unit vectors of rotation, then of displacement, that the grip does not allow."""
+        return held_rows(self.grip, self.pose.rotation)
+
+    @property
+    def share(self) -> np.ndarray:
+        """(3,) how much each axis of the end tells of its rotation; 0 where it does not count."""
+        return np.array({'pinned': (0.0, 0.0, 0.0), 'aligned': (1.0, 0.0, 0.0)}.get(
+            self.grip, (0.5, 0.5, 0.5)))
+
+
+def held_rows(grip: str, rotation: np.ndarray) -> np.ndarray:
+    """Return (K, 6) unit vectors of rotation, then of displacement, that a grip does not allow.
+
+    Args:
+        grip: of GRIPS
+        rotation: (3, 3) of its pose
+
+    World axes; where one about or along the pose's x axis is allowed, its y and z axes remain.
+    """
+    across = rotation.T[1:]
+    turns = {'pinned': across[:0], 'aligned': across}.get(grip, np.eye(3))
+    moves = across if grip == 'sleeve' else np.eye(3)
+    rows = np.zeros((len(turns) + len(moves), 6))
+    rows[:len(turns), :3], rows[len(turns):, 3:] = turns, moves
+    return rows
+
+
+def distance(far_end: FarEnd, gripper: Pose) -> float:
+    """Return the straight distance in m that a DLO has to span, at least, from a gripper."""
+    away = far_end.pose.position - gripper.position
+    if far_end.grip == 'sleeve':  # it may slide to where this is shortest
+        away = away - (away @ far_end.pose.direction) * far_end.pose.direction
+    return float(np.linalg.norm(away))
+
+
+def within_reach(far_end: FarEnd | None, gripper: Pose, length: float) -> bool:
+    """Return whether a DLO of `length` (m) spans the distance, and not only with endless tension.
+
+    It hardly stretches: where less than 1e-9 of it is left to sag, its weight decides nothing
+    that could be computed.
+    """
+    return far_end is None or distance(far_end, gripper) < (1.0 - _SLACK) * length

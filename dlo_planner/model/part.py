@@ -12,6 +12,7 @@ BACK = np.array([1.0, -1.0, 1.0])  # strains, seen along the DLO in the other di
 def before(rod, end):
     """Return the Rod from 0 to `end` (m), without what is fixed to it beyond."""
     return replace(rod, length=end, tip_mass=rod.tip_mass if end == rod.length else 0.0,
+                   nodes=tuple(s for s in rod.nodes if s <= end),
                    point_masses=tuple((s, mass) for s, mass in rod.point_masses if s <= end))
 
 
@@ -34,7 +35,8 @@ def part_of_rod(rod, at, way):
     changed = {name: SeenFrom(getattr(rod, name), at, way)
                for name in ('mass_per_length', 'natural_twist', 'bending_stiffness',
                             'torsional_stiffness', 'radius') if callable(getattr(rod, name))}
-    return replace(rod, length=length, point_masses=tuple(masses),
+    nodes = tuple(abs(s - at) for s in rod.nodes if (s - at) * way > 0)
+    return replace(rod, length=length, point_masses=tuple(masses), nodes=nodes,
                    tip_mass=rod.tip_mass if way > 0 else 0.0,
                    natural_curvature=SeenFrom(curvature, at, way, signs) if callable(curvature)
                    else tuple(np.array(signs) * curvature), **changed)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidRod
 from dlo_planner.model.along import ONE, Table, breaks_of, is_row, pair, varying
-from dlo_planner.model.checks import array, choice, instance, number, returned, shown
+from dlo_planner.model.checks import array, choice, instance, number, returned, row, shown
 from dlo_planner.model.profile import resolved, straight
 from dlo_planner.model.section import MODELS, MODULI, SIZES, Section
 from dlo_planner.model.value import FrozenDict, Value, brief, put
@@ -44,11 +44,14 @@ class Rod(Value):
         yield_curvature: curvature since the stress-free shape beyond which bending is plastic,
             1/m; one number, or (about n, about b); None: never
         yield_torsion: the same for torsion, 1/m
-        section_model: how it goes on yielding: 'ideal' (the moment stays), or with an elastic
-            core, 'round' or 'rectangular'; see `model.section`
+        section_model: how it goes on yielding: 'fibres' of its section, 'round' or 'rectangular':
+            fibres of such a section with this stiffness and these thresholds; 'ideal' (the paper's:
+            all at once, the moment stays); None: 'fibres' with a section, else 'ideal'
         hardening: part of the stiffness that never yields, 0 <= hardening < 1
         max_bend_curvature: curvature not to be exceeded, 1/m; None: any
+        section: Section, where its fibres, or strain and stress at the surface, are asked for
         section: Section, where strain and stress at the surface are asked for
+        nodes: further arc lengths in m at which every mesh has a node, as where something jumps
 
     Raises:
         InvalidRod: naming the argument, its value and what would be right
@@ -66,10 +69,11 @@ class Rod(Value):
     radius: Along | None = None
     yield_curvature: float | tuple[float, float] | None = None
     yield_torsion: float | None = None
-    section_model: str = 'ideal'
+    section_model: str | None = None
     hardening: float = 0.0
     max_bend_curvature: float | None = None
     section: Section | None = None
+    nodes: tuple[float, ...] = ()
 
     def __post_init__(self):
         put(self, **{name: number(f'Rod.{name}', getattr(self, name), InvalidRod, **limits)
@@ -88,8 +92,10 @@ class Rod(Value):
         if self.yield_curvature is not None:
             put(self, yield_curvature=pair('Rod.yield_curvature', self.yield_curvature,
                                             'a threshold or (about n, about b)', above=0))
-        choice('Rod.section_model', self.section_model, MODELS, InvalidRod)
         instance('Rod.section', self.section, Section, InvalidRod, optional=True)
+        put(self, section_model=self._checked_model())
+        put(self, nodes=tuple(row('Rod.nodes', self.nodes, InvalidRod, least=0, minimum=0,
+                                  maximum=self.length).tolist()))
         probes = np.linspace(0, self.length, 9)
         for name in _VARYING:  # callables are judged now, not later
             self._values(name, probes)
@@ -117,6 +123,23 @@ class Rod(Value):
             raise InvalidRod(expected) from None
         return tuple((number('Rod.point_masses s', s, InvalidRod, minimum=0, maximum=self.length),
                       number('Rod.point_masses kg', m, InvalidRod, minimum=0)) for s, m in masses)
+
+    def _checked_model(self):
+        model = self.section_model
+        if model is None:
+            return 'ideal' if self.section is None else 'fibres'
+        choice('Rod.section_model', model, MODELS, InvalidRod)
+        if model == 'fibres' and self.section is None:
+            raise InvalidRod("Rod.section_model = 'fibres': expected 'round', 'rectangular' or "
+                             "'ideal' where Rod.section is None")
+        return model
+
+    @property
+    def section_outline(self) -> tuple[str, float]:
+        """What yields: 'round', 'tube', 'rectangular', 'ideal'; its bore as part of the radius."""
+        if self.section_model != 'fibres':
+            return self.section_model, 0.0
+        return self.section.kind, self.section.inner / self.section.half_n
 
     @cached_property
     def stiffness(self) -> np.ndarray:
@@ -156,6 +179,7 @@ class Rod(Value):
 
     def mean_natural_strains(self, s: ArrayLike) -> np.ndarray:
         """Return the means (N, 3) of the stress-free strains between nodes `s` (N + 1,), 1/m."""
+        s = _mesh(s)
         return np.hstack([self._means(name, s) for name in _NATURAL])
 
     def mean_stiffnesses(self, s: ArrayLike) -> np.ndarray:
@@ -163,6 +187,7 @@ class Rod(Value):
 
         Their inverses are the means of the inverses: under an even moment that is exact.
         """
+        s = _mesh(s)
         return np.hstack([1 / self._means(name, s) if callable(getattr(self, name))
                           else self._means(name, s) for name in _STIFF])
 
@@ -171,6 +196,7 @@ class Rod(Value):
 
         Each element's mass goes to its two nodes so that its total and its centre are right.
         """
+        s = _mesh(s)
         if callable(self.mass_per_length):
             return self._profiles['mass_per_length'].on_nodes(s)[:, 0]
         half = 0.5 * self.mass_per_length * np.diff(s)
@@ -181,8 +207,9 @@ class Rod(Value):
 
     @cached_property
     def breaks(self) -> np.ndarray:
-        """(n,) arc lengths inside the DLO at which anything of it jumps, m, ascending."""
-        found = np.unique(np.concatenate([np.zeros(0)] + [
+        """(n,) arc lengths inside the DLO at which every mesh has a node, m, ascending."""
+        inner = [s for s in self.nodes if 0 < s < self.length]
+        found = np.unique(np.concatenate([inner] + [
             profile.breaks for profile in self._profiles.values()]))
         found.flags.writeable = False
         return found
@@ -202,7 +229,7 @@ class Rod(Value):
 
     def _means(self, name, s):
         if name in self._profiles:
-            return self._profiles[name].means(np.asarray(s))
+            return self._profiles[name].means(s)
         return np.tile(getattr(self, name), (len(s) - 1, 1))
 
     def _one(self, name):
@@ -308,3 +335,11 @@ _STIFF = ('torsional_stiffness', 'bending_stiffness')
 
 def _size(name, value):
     return number(name, value, InvalidRod, minimum=SIZES[0], maximum=SIZES[1])
+
+
+def _mesh(s):
+    """Return nodes (N + 1,), ascending, as an array; raise InvalidRod if they are none."""
+    s = row('s', s, InvalidRod, least=2)
+    if (np.diff(s) <= 0).any():
+        raise InvalidRod(f's = {shown(s.tolist())}: expected arc lengths that grow')
+    return s

@@ -10,10 +10,9 @@ from dlo_planner.model.checks import array, choice, number
 from dlo_planner.model.value import Value, put
 
 KINDS = ('round', 'tube', 'rectangular')
-MODELS = ('ideal', 'round', 'rectangular')
+MODELS = ('fibres', 'round', 'rectangular', 'ideal')
 SIZES = 1e-12, 1e9     # m, of a section from side to side: beyond, stiffness is out of range
 MODULI = 1e-6, 1e30    # Pa
-_LAYERS = 24
 _TANGENTS = 400  # terms of Saint-Venant's series
 
 
@@ -124,54 +123,3 @@ class Section(Value):
         strain = yield_stress / self.youngs_modulus
         shear = yield_stress / np.sqrt(3) / self.shear_modulus
         return (strain / self.half_b, strain / self.half_n), shear / self.shear_arm
-
-
-def yielding_layers(model, hardening):
-    """Return how a section yields as layers side by side: see `energy.plastic`.
-
-    'ideal' is the paper's simplification: all of the section yields at once. 'round' and
-    'rectangular' follow the textbook curves of moment over curvature of a section whose fibres are
-    ideally plastic (piecewise linear, within 0.15 %); torsion of a rectangle as of a thin strip.
-
-    Args:
-        model: of MODELS
-        hardening: part of the stiffness that never yields, in [0, 1)
-
-    Returns:
-        share (J, 2) of the torsional and bending stiffness, limit (J, 2) in multiples of the
-        threshold of the first fibre
-    """
-    if model == 'ideal':
-        share, limit = np.ones((1, 2)), np.ones((1, 2))
-    else:
-        ratio = 1 / np.linspace(1, 0, _LAYERS, endpoint=False)  # curvature / threshold
-        curves = {'round': (4 / 3 - 1 / (3 * ratio**3), _round_moment(ratio)),
-                  'rectangular': (1.5 - 0.5 / ratio**2, 1.5 - 0.5 / ratio**2)}[model]
-        share = np.column_stack([_layers_of(ratio, curve) for curve in curves])
-        limit = np.column_stack([ratio, ratio])
-    if hardening:
-        share = np.vstack([(1 - hardening) * share, [[hardening, hardening]]])
-        limit = np.vstack([limit, [[np.inf, np.inf]]])
-    return share, limit
-
-
-def _layers_of(ratio, moment):
-    """Return the shares (J,) whose sum of ideally plastic layers runs through the curve."""
-    slope = np.diff(np.concatenate([[0.0], moment])) / np.diff(np.concatenate([[0.0], ratio]))
-    return slope - np.append(slope[1:], 0.0)
-
-
-def _round_moment(ratio):
-    """Return M / M_yield of a solid round section at multiples `ratio` (n,) of the threshold."""
-    points, weights = np.polynomial.legendre.leggauss(40)
-    moment = []
-    for x in ratio:
-        core = np.arcsin(1 / x)  # fibres at height sin(angle) yield beyond it
-        total = 0.0
-        for low, high in ((0.0, core), (core, np.pi / 2)):
-            angle = low + 0.5 * (high - low) * (points + 1)
-            height, width = np.sin(angle), np.cos(angle)
-            stress = np.minimum(x * height, 1.0)
-            total += 0.5 * (high - low) * np.sum(weights * stress * height * width**2)
-        moment.append(16 / np.pi * total)
-    return np.array(moment)

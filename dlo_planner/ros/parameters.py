@@ -68,7 +68,8 @@ ENTRIES = {
                                  '(section: stiffness), 1/m; 0 = never.'),
     'rod.yield_torsion': Entry(0.0, 'Torsion at which it yields (section: stiffness), 1/m; 0 = '
                                'never.', 0.0, 1e6),
-    'rod.section_model': Entry('ideal', 'How it goes on yielding: ideal | round | rectangular.'),
+    'rod.section_model': Entry('', 'How it goes on yielding: fibres | round | rectangular | '
+                               'ideal; empty: fibres of a section, ideal without.'),
     'rod.hardening': Entry(0.0, 'Part of the stiffness that never yields.', 0.0, 0.999),
     'rod.max_bend_curvature': Entry(0.0, 'Curvature that no plan may exceed, 1/m; 0 = any.', 0.0,
                                     1e6),
@@ -201,7 +202,8 @@ def build_scene(values, obstacles=()):
 def _rod(values):
     section = values['rod.section']
     more = {name: values[f'rod.{name}'] for name in (
-        'natural_curvature', 'natural_twist', 'tip_mass', 'damping', 'section_model', 'hardening')}
+        'natural_curvature', 'natural_twist', 'tip_mass', 'damping', 'hardening')}
+    more['section_model'] = values['rod.section_model'] or None
     more['max_bend_curvature'] = values['rod.max_bend_curvature'] or None
     stress = {'yield_stress': values['rod.yield_stress'] or None}
     material = [values[f'rod.{name}'] for name in ('density', 'youngs_modulus', 'poisson_ratio')]

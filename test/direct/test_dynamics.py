@@ -43,7 +43,7 @@ def tip_height(motion):
     return np.array([shape.positions[-1, 2] for shape in motion.shapes])
 
 
-def swing(steps, integrator='generalized_alpha', rod=None, seconds=0.6, **options):
+def swing(steps, integrator='generalized_alpha', rod=None, seconds=0.6, tolerance=None, **options):
     """Return a smooth turn of the gripper by 60 degrees about a slanted axis, then rest."""
     rod = rod or Rod(1.0, 0.3, (1.0, 2.0), 0.7, natural_curvature=(0.5, 0.3))
     time = np.minimum(np.linspace(0, 1, steps + 1) / 0.7, 1.0)
@@ -51,7 +51,7 @@ def swing(steps, integrator='generalized_alpha', rod=None, seconds=0.6, **option
     axis = np.array([0.2, 1.0, 0.4])
     grippers = [Pose((0.2 * a, 0, 0), Rotation.from_rotvec(a * axis).as_quat()) for a in angle]
     return DirectSimulator(rod, **options).simulate(grippers, seconds / steps,
-                                                    integrator=integrator)
+                                                    integrator=integrator, tolerance=tolerance)
 
 
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
@@ -67,8 +67,8 @@ def test_cantilever_frequencies(root, basis):
 def test_energy_of_a_free_vibration_is_kept():
     simulator = DirectSimulator(beam(), gravity=WEIGHTLESS)
     expected = 2 * np.pi / angular_frequency(ROOTS[0])
-    motion = simulator.simulate([LEVEL] * 501, expected / 50,
-                                bent_as_mode(simulator, ROOTS[0], 0.2))
+    motion = simulator.simulate([LEVEL] * 521, expected / 52,  # one of them at full speed
+                                bent_as_mode(simulator, ROOTS[0], 0.1))
     assert np.abs(motion.energy / motion.energy[0] - 1).max() < 1e-3
     # it does move: the energy changes its kind, fully
     assert motion.kinetic_energy.max() == pytest.approx(motion.energy[0], rel=2e-3)
@@ -88,7 +88,8 @@ def test_papers_integrator_damps_as_documented():
 
 @pytest.mark.parametrize(('integrator', 'order'), [('generalized_alpha', 2.0), ('paper', 1.0)])
 def test_order_of_convergence(integrator, order):
-    ends = [swing(steps, integrator).shapes[-1].positions for steps in (100, 200, 400, 800, 1600)]
+    ends = [swing(steps, integrator, tolerance=np.inf).shapes[-1].positions
+            for steps in (100, 200, 400, 800, 1600)]
     changes = [np.abs(b - a).max() for a, b in zip(ends, ends[1:], strict=False)]
     assert np.log2(changes[0] / changes[-1]) / 3 == pytest.approx(order, abs=0.1)
 
@@ -240,10 +241,11 @@ def test_damping_is_the_same_for_a_dlo_that_could_yield(basis):
     assert np.abs(free.shapes[-1].positions - one.shapes[-1].positions).max() > 1e-3
 
 
-def test_damping_has_nothing_to_do_at_rest():
+@pytest.mark.parametrize('model', ['ideal', 'rectangular'])
+def test_damping_has_nothing_to_do_at_rest(model):
     # a naturally bent DLO that yields and is damped stays where it hangs
     rod = Rod(1.0, 0.3, (1.0, 2.0), 0.7, natural_curvature=(0.9, -0.6), damping=(0.3, 0.05),
-              yield_curvature=0.5, yield_torsion=0.3, hardening=0.2)
+              yield_curvature=0.5, yield_torsion=0.3, hardening=0.2, section_model=model)
     direct = DirectSimulator(rod, n_elements=24)
     start = direct.solve(LEVEL)
     assert start.dissipated > 0

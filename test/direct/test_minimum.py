@@ -27,7 +27,7 @@ def test_benchmark_b_winds_no_turns(wire_with_load, level, basis):
 
 
 def test_grading_resolves_the_bend_of_b(wire_with_load, level):
-    uniform = DirectSimulator(wire_with_load, basis='local').solve(level)
+    uniform = DirectSimulator(wire_with_load, basis='local', n_elements=64).solve(level)
     graded = DirectSimulator(wire_with_load, accuracy=1e-4).solve(level)
     assert uniform.error_estimate > 4e-4
     assert graded.error_estimate < 1e-4

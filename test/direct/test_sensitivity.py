@@ -16,7 +16,9 @@ CASES = {
     'touching': ({'natural_curvature': (1.0, -0.5), 'natural_twist': 2.0}, {'obstacles': [
         Plane((0, 0, 0.8), (0.1, 0, 1)), Sphere((0.3, 0.0, 0.85), 0.06)]}, None, 1e-4),
     'held': ({}, {}, END, 1e-5),
-    'yielding': ({'yield_curvature': 0.3, 'hardening': 0.1}, {}, None, 1e-8)}
+    'yielding': ({'yield_curvature': 0.31, 'hardening': 0.1}, {}, None, 1e-8),
+    'fibers': ({'yield_curvature': 0.15, 'yield_torsion': 0.05, 'section_model': 'round',
+                'hardening': 0.1}, {}, None, 1e-5)}
 
 
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])

@@ -22,7 +22,7 @@ def straight(node=(0, 0, 0, 0, 0), element=(), obstacle=(), multiplier=(), fract
                         np.array(element, dtype=np.int64), np.array(obstacle, dtype=np.int64),
                         np.array(multiplier, dtype=float), np.array(fraction, dtype=float),
                         np.array(anchor, dtype=float).reshape(c, 3),
-                        np.tile([0.0, 0.0, 1.0], (c, 1)), GRIP)
+                        np.tile([0.0, 0.0, 1.0], (c, 1)), np.zeros((c, 3)), GRIP)
     direct = DirectSimulator(ROD, basis='local', n_elements=4, gravity=(0, 0, 0),
                              obstacles=obstacles)
     system = direct._discretisation.system(np.eye(3), (0, 0, height))

@@ -1,22 +1,41 @@
-"""Layers that yield: elastic inside their limits, projected beyond, and the energy adds up."""
+"""Springs that yield: elastic inside their limits, held at them beyond, and the energy adds up."""
 
 import numpy as np
 import pytest
 
+from dlo_planner import Rod
 from dlo_planner.energy.elastic import add_elastic
-from dlo_planner.energy.plastic import Layers, add_plastic, settled, yielded
+from dlo_planner.energy.plastic import (
+    add_plastic,
+    add_plastic_stiffness,
+    set_strains,
+    settled,
+    yielded,
+)
+from dlo_planner.energy.yielding import yielding_layers
 
 LENGTHS = np.array([0.1, 0.3, 0.2])
-STIFFNESS = np.tile(np.array([0.4, 0.7, 2.0]), (LENGTHS.size, 1))
-SHARE = np.array([[0.5, 0.2], [0.3, 0.5], [0.2, 0.3]])
-LIMIT = np.array([[0.5, 1.0, 0.4], [0.8, 1.5, 0.6], [np.inf] * 3])
+STIFFNESS = np.array([[0.4, 0.7, 2.0], [0.3, 0.9, 1.0], [0.2, 0.5, 3.0]])
+LIMITS = {'yield_curvature': (1.0, 0.4), 'yield_torsion': 0.5}
+KINDS = {'ideal': {'section_model': 'ideal'}, 'round': {'section_model': 'round'},
+         'rectangular': {'section_model': 'rectangular'},
+         'hardening': {'section_model': 'round', 'hardening': 0.1},
+         'ideal, hardening': {'section_model': 'ideal', 'hardening': 0.1},
+         'bending only': {'section_model': 'round', 'yield_torsion': None},
+         'torsion only': {'section_model': 'rectangular', 'yield_curvature': None}}
 
 
-def given(rng, size):
+@pytest.fixture(params=KINDS)
+def layers(request):
+    rod = Rod(1.0, 0.0, (0.7, 2.0), 0.4, **{**LIMITS, **KINDS[request.param]})
+    return yielding_layers(rod, STIFFNESS)
+
+
+def given(rng, layers, size):
     """Return strains, natural strains and Layers, whose sets and strains are of about `size`."""
     natural = rng.normal(size=(3, 3))
-    layers = Layers(SHARE, LIMIT, size * rng.normal(size=(3, 3, 3)))
-    return natural + size * rng.normal(size=(3, 3)), natural, layers
+    sets = size * rng.normal(size=layers.set.shape)
+    return natural + size * rng.normal(size=(3, 3)), natural, layers._replace(set=sets)
 
 
 def gradient_and_energy(strains, natural, layers):
@@ -25,41 +44,57 @@ def gradient_and_energy(strains, natural, layers):
     return gradient, energy
 
 
-def test_inside_its_limits_a_section_is_elastic_about_its_set(rng):
-    strains, natural, layers = given(rng, 0.05)
+def stiffness_of(strains, natural, layers):
+    out = np.zeros((3, 3, 3))
+    add_plastic_stiffness(LENGTHS, strains, natural, STIFFNESS, layers, np.ones((3, 3)), out)
+    return out
+
+
+def test_inside_its_limits_a_section_is_elastic_about_its_set(layers, rng):
+    strains, natural, layers = given(rng, layers, 0.01)
     gradient, energy = gradient_and_energy(strains, natural, layers)
-    wanted, stored = np.zeros((3, 3)), 0.0
-    for j in range(3):
-        part = np.zeros((3, 3))
-        stored += add_elastic(LENGTHS, strains, natural + layers.set[:, j],
-                              STIFFNESS * SHARE[j, [0, 1, 1]], part)
-        wanted += part
+    wanted = np.zeros((3, 3))
+    free = natural + set_strains(STIFFNESS, layers)
+    elastic = add_elastic(LENGTHS, strains, free, STIFFNESS, wanted)
     np.testing.assert_allclose(gradient, wanted, atol=1e-14)
-    assert energy == pytest.approx(stored)
-    new, lost = settled(LENGTHS, strains, natural, STIFFNESS, layers)
+    # the rest of the energy is locked in by sets that differ from fiber to fiber
+    assert energy - gradient_and_energy(free, natural, layers)[1] == pytest.approx(elastic)
+    new, lost = settled(LENGTHS, strains, natural, layers)
     np.testing.assert_array_equal(new, layers.set)
     assert lost == 0
+    np.testing.assert_allclose(stiffness_of(strains, natural, layers),
+                               [np.diag(row) for row in LENGTHS[:, None] * STIFFNESS], atol=1e-14)
 
 
-def test_a_step_stores_and_loses_what_it_costs(rng):
-    strains, natural, layers = given(rng, 2.0)
+def test_a_step_stores_and_loses_what_it_costs(layers, rng):
+    strains, natural, layers = given(rng, layers, 2.0)
     before = layers.set.copy()
     gradient, energy = gradient_and_energy(strains, natural, layers)
-    new, lost = settled(LENGTHS, strains, natural, STIFFNESS, layers)
+    new, lost = settled(LENGTHS, strains, natural, layers)
     np.testing.assert_array_equal(layers.set, before)  # the step may still be made again
-    elastic = strains[:, None] - natural[:, None] - new
-    stiffness = LENGTHS[:, None, None] * STIFFNESS[:, None] * SHARE[:, [0, 1, 1]]
+    after = layers._replace(set=new)
+    moment, stored = gradient_and_energy(strains, natural, after)
     assert lost > 0
-    assert energy == pytest.approx(0.5 * np.sum(stiffness * elastic**2) + lost)
-    np.testing.assert_allclose(gradient, np.sum(stiffness * elastic, axis=1), atol=1e-12)
-    part = np.abs(elastic[:, :2]) / LIMIT[:2]
-    assert part[..., 0].max() == pytest.approx(1)
-    bend = np.hypot(part[..., 1], part[..., 2])
-    assert bend.max() == pytest.approx(1) and bend.max() < 1 + 1e-12
+    assert energy == pytest.approx(stored + lost)
+    np.testing.assert_allclose(moment, gradient, atol=1e-12)
     # and there it stays
-    again, more = settled(LENGTHS, strains, natural, STIFFNESS, layers._replace(set=new))
+    again, more = settled(LENGTHS, strains, natural, after)
     np.testing.assert_allclose(again, new, atol=1e-12)
     assert more == pytest.approx(0, abs=1e-12)
+
+
+def test_energy_moment_and_stiffness_are_derivatives(layers, rng):
+    strains, natural, layers = given(rng, layers, 2.0)
+    gradient, _ = gradient_and_energy(strains, natural, layers)
+    stiffness, step = stiffness_of(strains, natural, layers), 1e-6
+    for e, i in np.ndindex(3, 3):
+        change = np.zeros((3, 3))
+        change[e, i] = step
+        ahead, back = (gradient_and_energy(strains + sign * change, natural, layers)
+                       for sign in (1, -1))
+        assert gradient[e, i] == pytest.approx((ahead[1] - back[1]) / (2 * step), abs=1e-7)
+        np.testing.assert_allclose(stiffness[e, i], (ahead[0] - back[0])[e] / (2 * step),
+                                   atol=1e-7)
 
 
 @pytest.mark.parametrize('size', [1 + 1e-9, 1.0001, 1.05, 3.0])

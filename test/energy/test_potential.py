@@ -40,11 +40,8 @@ def anchored(curly, basis, rng):
 def held(curly, basis, rng):
     end = FarEnd(Pose((0.3, 0.2, 0.1), (0.1, 0.2, 0.3, 0.9)), 'sleeve')
     system = discretised(curly, basis).system(BASE, (0.1, 0, 0), far_end=end)
-    system.hold.multiplier[:] = rng.normal(size=(3, 3))
-    # a multiplier along the free direction has nothing to work on
-    system.hold.multiplier[:] -= np.outer(system.hold.multiplier @ system.hold.free,
-                                          system.hold.free)
-    return system._replace(hold=system.hold._replace(stiffness=3.0))
+    system.hold.multiplier[:] = rng.normal(size=5)
+    return system._replace(hold=system.hold._replace(stiffness=3.0, turn_stiffness=2.0))
 
 
 def plastic(curly, basis, rng):
@@ -65,10 +62,12 @@ def touching(curly, basis, rng):
     rod = Rod(1.3, 0.2, (0.3, 0.8), 0.4, natural_curvature=(1.0, -0.5), radius=0.02)
     system = discretised(rod, basis, obstacles=obstacles).system(BASE, (0.1, 0, 0.2))
     elements = np.array([1, 2, 4, 4, 6, 7, 8])
+    normals = np.tile([0, 0.6, 0.8], (7, 1))
+    shears = np.cross(normals, 0.1 * rng.normal(size=(7, 3)))
     contacts = Contacts(2.0, rng.uniform(0, 1.5, size=(5, 10)), elements,
                         np.array([0, 1, -1, 2, 3, 4, 1]), rng.uniform(1, 2, 7),
                         rng.uniform(0.2, 0.8, 7), rng.normal(size=(7, 3)),
-                        np.tile([0, 0.6, 0.8], (7, 1)), 0.5)
+                        normals, shears, 0.5)
     return system._replace(contacts=contacts)
 
 
@@ -166,5 +165,5 @@ def test_unknowns_of_strains_that_the_basis_can_follow(system, rng):
 def test_the_gripper_carries_all_that_pulls(system, rng):
     _, state = at(system, rng.normal(size=new_state(system).q.shape))
     total = (state.pull.sum(axis=0) + state.attached.force.sum(axis=0)
-             + (state.attached.tip_force if system.hold.offset.size else 0))
+             + (state.attached.tip_force if system.hold.multiplier.size else 0))
     np.testing.assert_allclose(state.base_force, total, atol=1e-12)

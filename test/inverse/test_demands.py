@@ -19,6 +19,7 @@ from dlo_planner import (
     Sphere,
     Workspace,
 )
+from dlo_planner.inverse.draft import utilisation
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 STRIP = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.6, 0.4))
@@ -211,6 +212,17 @@ def test_curvature_yields_by_the_ellipse_whatever_the_roll():
         assert refused.constraint == 'yield'
         share = max(1 / shape.bend_radius.min() for shape in FREE.shapes[:refused.waypoint + 1])
         assert refused.amount == pytest.approx(share / (0.9 * sharpest) - 1, rel=1e-3)
+
+
+def test_a_rectangle_yields_at_its_corners():
+    # bent about both axes it yields where the stress at a corner does, before either side would
+    rod = Rod.rectangular(1.0, 2e-3, 1e-3, 8960.0, 110e9, 0.34, yield_stress=60e6)
+    limits = np.array([rod.yield_torsion, *rod.yield_curvature])
+    elastic = DirectSimulator(rod).elastic()
+    for roll in (0.0, 0.5, 1.2, np.pi / 2):
+        gripper = Pose.from_rotation((0, 0, 0), Rotation.from_rotvec([roll, 0, 0]).as_matrix())
+        shape = elastic.solve(gripper)
+        assert utilisation(shape, limits) == pytest.approx(shape.surface_stress[:, 0].max() / 60e6)
 
 
 def test_each_axis_yields_at_its_own_limit():

@@ -46,6 +46,16 @@ def test_exact_observations_give_the_exact_rod(rng, known):
     assert fit.misfit < 1e-8
 
 
+def test_a_section_goes_with_the_stiffness_that_is_fitted():
+    # what yields by the fibers of its section does so with other stiffness too
+    rod = Rod.tube(1.0, 4e-3, 3e-3, 8960.0, 110e9, 0.34, yield_stress=60e6)
+    other = Unknowns(rod, ('bending_stiffness', 'torsional_stiffness')).of(np.log([1.5, 0.8]))
+    assert other.section_model == 'fibres'
+    assert other.bending_stiffness == pytest.approx(np.multiply(1.5, rod.bending_stiffness))
+    assert other.section.bending_stiffness == pytest.approx(other.bending_stiffness)
+    assert other.section.torsional_stiffness == pytest.approx(0.8 * rod.torsional_stiffness)
+
+
 @pytest.mark.parametrize(('case', 'repeats'), [('without s', 16),
                                                ('with s, gripper, noise known', 8)])
 def test_coverage(case, repeats):

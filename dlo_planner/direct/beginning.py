@@ -1,0 +1,119 @@
+"""How a motion begins: shape, mesh and velocities at time 0."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from dlo_planner.direct.accuracy import past_of
+from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.statics import shape_of, solve
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import array, returned, vector
+from dlo_planner.model.pose import angle_between
+
+_SAME_POSE = 1e-6    # of the length, and rad: poses nearer to each other are the same
+_SAME = 1e-9         # of the length, of the energy: what differs by less is the same
+_DEEP = 1e-3         # of the length: a DLO so far inside an obstacle is no state of a motion
+_FINEST = 96         # elements at least, where an accuracy chooses the mesh
+_DIFFERENT = 0.1     # of the velocities: what grips and inextensibility may change of them
+
+
+def moving_mesh(known):
+    """Return a Discretisation for motions, as fine as `known`, everywhere L / 96 or finer.
+
+    A mesh that was graded for one shape has to serve all that come.
+    """
+    s = known.s
+    parts = np.ceil(np.diff(s) * (_FINEST / s[-1]) - 1e-9).astype(int)
+    if parts.max() <= 1:
+        return known
+    finer = np.concatenate([np.linspace(one, other, n, endpoint=False) for one, other, n in
+                            zip(s, s[1:], parts, strict=False)] + [s[-1:]])
+    return Discretisation(known.surroundings, finer, known.basis, known.n_terms)
+
+
+def first_shape(discretisation, gripper, far_end, initial, history):
+    """Return the Shape at time 0: that of `initial`, on this mesh and in these surroundings.
+
+    Args:
+        far_end: FarEnd at time 0, or None
+        history: History that the DLO has if `initial` is none of its own
+
+    Raises:
+        InvalidTask: `initial` is held elsewhere than the motion begins, or lies in an obstacle
+    """
+    length = discretisation.s[-1]
+    _meets('initial', 'gripper', 'grippers[0]', initial.gripper, gripper, length)
+    if far_end is not None:
+        end = initial.at(float(initial.s[-1]))
+        pose = end if far_end.grip == 'pinned' else far_end.pose
+        _meets('initial', 'far end', 'far_ends[0]', end,
+               replace(pose, position=_held(far_end, end.position)), length)
+    history = past_of(discretisation, initial, history)
+    system = discretisation.system(gripper.rotation, gripper.position, history, far_end)
+    q = discretisation.unknowns(discretisation.strains_from(initial.s, initial.element_strains))
+    found = solve(discretisation, system, gripper, q, history, 0, False)
+    # nothing was solved yet that could have failed
+    first = replace(shape_of(discretisation, gripper, found, history, far_end), converged=True)
+    if initial._discretisation is discretisation and _alike(first, initial):
+        first = initial
+    if first.converged and first.violation > _DEEP * length:
+        raise InvalidTask(f'initial: expected a Shape outside of all obstacles, it is '
+                          f'{first.violation:.3g} m inside one')
+    return first
+
+
+def _held(far_end, position):
+    """Return the position (3,) nearest to `position` at which a FarEnd may be."""
+    free = far_end.slide
+    return far_end.pose.position + free * (free @ (position - far_end.pose.position))
+
+
+def _meets(name, what, where, pose, wanted, length):
+    shift = np.linalg.norm(pose.position - wanted.position)
+    turn = angle_between(pose.rotation, wanted.rotation)
+    if shift > _SAME_POSE * length or turn > _SAME_POSE:
+        raise InvalidTask(f'{name}: expected a Shape whose {what} is at {where}, where the '
+                          f'motion begins; it is {shift:.3g} m away and {turn:.3g} rad turned')
+
+
+def _alike(one, other):
+    """Whether two Shapes on one mesh are the same, and know the same energy."""
+    away = np.abs(one.positions - other.positions).max()
+    size = abs(one.energy) + one.elastic_energy
+    return away <= _SAME * one.s[-1] and abs(one.energy - other.energy) <= _SAME * size
+
+
+def nodes_velocity(velocity, initial, first):
+    """Return (N + 1, 3) m/s at the nodes of the Shape `first`, None for a DLO at rest.
+
+    Args:
+        velocity: (n + 1, 3) at the nodes of `initial`, a callable of s (m), or None
+        initial: Shape; None: its nodes are those of `first`
+
+    Raises:
+        InvalidTask: it is something else
+    """
+    if velocity is None:
+        return None
+    if callable(velocity):
+        return np.array([vector(f'velocity({s:g})', returned('velocity', velocity, s), 3)
+                         for s in first.s])
+    s = first.s if initial is None else initial.s
+    given = array('velocity', velocity, (s.size, 3))
+    return np.column_stack([np.interp(first.s, s, one) for one in given.T])
+
+
+def check_velocity(masses, wanted, possible):
+    """Raise InvalidTask unless velocities (N + 1, 3) are nearly those that are possible.
+
+    Args:
+        masses: (N + 1,) kg; wanted, possible: (N + 1, 3) m/s
+    """
+    size, change = (np.sqrt(masses @ np.sum(one**2, axis=1)) for one in (
+        wanted, possible - wanted))
+    if change > _DIFFERENT * size:
+        raise InvalidTask(
+            'velocity: expected one that the grips and a constant length allow; the nearest such '
+            f'motion differs from it by {100 * change / size if size else np.inf:.3g} % '
+            '(root mean square by mass)')

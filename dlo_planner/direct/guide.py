@@ -1,0 +1,102 @@
+"""How a grip moves between the instants at which its poses are given."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value, put
+
+
+class Guide(Value):
+    """The smooth motion of a grip through n poses at the times 0, dt, 2 dt, ...
+
+    Position and quaternion are cubic splines with continuous second derivatives (the quaternion is
+    normalized), so that velocities and accelerations are continuous: inertia feels no jerk that is
+    not in the poses. Between two neighbors a grip turns the shorter way.
+
+    Args:
+        poses: n Pose
+        dt: s
+        at_rest: whether the velocity is zero at time 0; else it is what the poses say
+    """
+
+    PARTS = ('poses', 'dt', 'at_rest')
+
+    def __init__(self, poses: Sequence[Pose], dt: float, at_rest: bool = True):
+        put(self, poses=tuple(poses), dt=dt, at_rest=at_rest, _spline=None)
+        first = self.poses[0]
+        if any(pose is not first and pose != first for pose in self.poses):
+            put(self, _spline=_spline(self.poses, at_rest))
+
+    def __reduce__(self):
+        return type(self), tuple(getattr(self, name) for name in self.PARTS)
+
+    def at(self, place: float) -> Pose:
+        """Return the Pose at `place` = time / dt."""
+        nearest = round(place)
+        if self._spline is None or place == nearest and 0 <= nearest < len(self.poses):
+            return self.poses[0 if self._spline is None else nearest]
+        values = self._spline(place)
+        return Pose(values[:3], values[3:])
+
+    def twist(self, place: float) -> np.ndarray:
+        """Return (6,) velocity (m/s) and angular velocity (rad/s) at `place` = time / dt, world."""
+        if self._spline is None:
+            return np.zeros(6)
+        x, y, z, w = q = self._spline(place)[3:]
+        rates = self._spline(place, 1) / self.dt
+        turn = w * rates[3:6] - rates[6] * q[:3]
+        turn += (y * rates[5] - z * rates[4], z * rates[3] - x * rates[5],
+                 x * rates[4] - y * rates[3])
+        return np.concatenate([rates[:3], 2 * turn / (q @ q)])
+
+
+def _spline(poses, at_rest):
+    values = np.array([[*pose.position, *pose.quaternion] for pose in poses])
+    turned = np.sum(values[1:, 3:] * values[:-1, 3:], axis=1) < 0
+    values[1:, 3:] *= np.where(np.cumsum(turned) % 2, -1.0, 1.0)[:, None]
+    n = len(values)
+    ends = ['not-a-knot', 'not-a-knot']
+    if at_rest:
+        ends[0] = (1, np.zeros(7))
+        if n == 2:  # constant acceleration, as not-a-knot would make it
+            ends[1] = (1, 2 * (values[1] - values[0]))
+    return CubicSpline(np.arange(n), values, bc_type=tuple(ends))
+
+
+class Grips(Value):
+    """All that holds a DLO in motion.
+
+    Args:
+        gripper: Guide
+        far_end: Guide, or None where the far end is free
+        grip: of `FarEnd`; unused where it is free
+    """
+
+    PARTS = ('gripper', 'far_end', 'grip')
+
+    def __init__(self, gripper: Guide, far_end: Guide | None = None, grip: str = 'clamped'):
+        put(self, gripper=gripper, far_end=far_end, grip=grip)
+
+    def at(self, place: float) -> tuple[Pose, FarEnd | None]:
+        """Return the gripper's Pose and the FarEnd, or None, at `place` = time / dt."""
+        end = None if self.far_end is None else FarEnd(self.far_end.at(place), self.grip)
+        return self.gripper.at(place), end
+
+    def power(self, place: float, wrench: np.ndarray, far_wrench: np.ndarray,
+              end: np.ndarray) -> float:
+        """Return the power in W of the wrenches (6,) that the gripper and the far end exert.
+
+        Args:
+            place: time / dt
+            end: (3,) of the free end, m; in a sleeve it is not where the sleeve's pose is
+        """
+        power = wrench @ self.gripper.twist(place)
+        if self.far_end is not None:
+            twist = self.far_end.twist(place)
+            lever = end - self.far_end.at(place).position if self.grip == 'sleeve' else np.zeros(3)
+            power += far_wrench @ twist + far_wrench[:3] @ np.cross(twist[3:], lever)
+        return float(power)

@@ -1,0 +1,94 @@
+"""A gripper that holds the DLO's beginning like a ball joint: its position, not its rotation.
+
+The joint is one more element before the DLO: almost without length, so that it moves nothing,
+and almost without stiffness. Its three strains are the rotation of the beginning, an unknown like
+any other, so contacts, a far end and the judgement of stability work as they do for a clamp. What
+is found is given back as a DLO that is clamped as it hangs, which the gripper's moment, zero,
+confirms.
+"""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.energy.potential import bend_energy, evaluate, new_state
+from dlo_planner.minimize.multipliers import constrained_newton
+
+_LENGTH = 1e-13     # of the DLO's
+_STIFFNESS = 1e-14  # of the DLO's bend energy per rad: enough to divide by
+
+
+def pinned_newton(system, q, tolerance, most, check, exact, previous):
+    """Return what `constrained_newton` does, for a DLO whose beginning may turn.
+
+    The System that is returned has the rotation that was found as its `base`.
+    """
+    before = np.vstack([previous[:1], previous])
+    found = constrained_newton(with_hinge(system), hinge_unknowns(system, q), tolerance, most,
+                               check, exact, before)
+    state, settled = found[0], found[5]
+    clamped = without_hinge(system, settled, np.array(state.rotations[1]))
+    final = new_state(clamped)
+    final.q[:] = own_unknowns(system, state.q)
+    evaluate(clamped, final)
+    return final, *found[1:5], clamped, found[6]
+
+
+def with_hinge(system):
+    """Return the System of a DLO with a hinge before its first element."""
+    length, bend = system.lengths.sum(), bend_energy(system)
+    h = _LENGTH * length
+    # a series' terms are orthonormal, the elements' lengths being their weights
+    term = 1.0 / np.sqrt(h) if system.basis.shape[1] else 1.0
+
+    def before(first, others):
+        return np.concatenate([np.full((1, *others.shape[1:]), first), others])
+
+    contacts, layers = system.contacts, system.layers
+    return system._replace(
+        lengths=before(h, system.lengths), natural=before(0.0, system.natural),
+        stiffness=before(_STIFFNESS * bend * h, system.stiffness),
+        scale=before(1.0 / (np.sqrt(bend) * h * term), system.scale),
+        basis=_basis(system.basis, term),
+        pull=before(0.0, system.pull),
+        anchor=before(0.0, system.anchor) if len(system.anchor) else system.anchor,
+        anchor_weight=(before(0.0, system.anchor_weight) if len(system.anchor_weight)
+                       else system.anchor_weight),
+        layers=layers._replace(set=before(0.0, layers.set)),
+        contacts=contacts._replace(
+            node=np.ascontiguousarray(np.hstack([contacts.node[:, :1] * 0.0, contacts.node])),
+            element=contacts.element + 1))
+
+
+def without_hinge(system, settled, rotation):
+    """Return `system` at a rotation (3, 3), with the forces that were found with the hinge."""
+    contacts = settled.contacts
+    return system._replace(
+        base=rotation, hold=settled.hold, contacts=contacts._replace(
+            node=np.ascontiguousarray(contacts.node[:, 1:]), element=contacts.element - 1))
+
+
+def hinge_unknowns(system, q):
+    """Return q (m, 3) with the hinge's unknowns, at rest: before it, or after a series."""
+    at_rest = np.zeros((1, 3))
+    return np.vstack([q, at_rest] if system.basis.shape[1] else [at_rest, q])
+
+
+def own_unknowns(system, q):
+    """Return q (m + 1, 3) without the hinge's unknowns."""
+    return q[:-1] if system.basis.shape[1] else q[1:]
+
+
+def turn_of(system, q):
+    """Return (3, 3) the rotation of the hinge of unknowns q (m + 1, 3)."""
+    turn = q[-1] if system.basis.shape[1] else q[0]
+    return Rotation.from_rotvec(turn / np.sqrt(bend_energy(system))).as_matrix()
+
+
+def _basis(basis, term):
+    """Return the basis (N + 1, N_c + 1) with a `term` of the hinge alone; (N + 1, 0) if local."""
+    n, terms = basis.shape
+    if not terms:
+        return np.zeros((n + 1, 0))
+    wider = np.zeros((n + 1, terms + 1))
+    wider[1:, :-1], wider[0, -1] = basis, term
+    return wider

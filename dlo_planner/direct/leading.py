@@ -1,0 +1,105 @@
+"""Bringing the grip of a held far end, and the gripper, to where a step begins its search."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.direct.continuation import between
+from dlo_planner.direct.hinge import hinge_unknowns, own_unknowns, turn_of, with_hinge
+from dlo_planner.energy.potential import placed
+from dlo_planner.minimize.held import led
+from dlo_planner.model.far_end import FarEnd, held_rows
+from dlo_planner.model.pose import Pose, angle_between
+
+_TURN, _SHIFT = 0.3, 0.08  # rad, part of the length: how far a grip goes in one part
+_FINER = 4   # times the parts of a way that is not found in larger ones
+_FINEST = 3  # times they are made smaller
+
+
+def lead(discretisation, strains, grippers, far_ends, history, parts):
+    """Return gripper, strains (N, 3) and the past near the end of a straight way of both grips.
+
+    What is left is the last part. Where the DLO does not follow, the way is left there.
+
+    Args:
+        strains: (N, 3) at the beginning
+        grippers: two Poses; far_ends: two FarEnds of the same grip
+        parts: in how many the way is made
+    """
+    begin, end = grippers
+    held, far_end = far_ends
+    done = 0.0
+    for finer in range(_FINEST):
+        count = int(np.ceil(parts * _FINER**finer * (1.0 - done) - 1e-9))
+        shares = done + (1.0 - done) * np.arange(1, count) / count
+        gripped, bases = _way(begin, end, shares)
+        held_at, axes = _way(held.pose, far_end.pose, shares)
+        if not len(shares):
+            break
+        system = discretisation.system(bases[0], gripped[0], history,
+                                       FarEnd(Pose.from_rotation(held_at[0], axes[0]), held.grip))
+        rows = np.array([held_rows(held.grip, one) for one in axes])
+        rows[:, :, :3] *= discretisation.lever
+        q = discretisation.unknowns(strains)
+        if discretisation.surroundings.pinned:
+            bases[:] = system.base
+            q, gone = led(with_hinge(system), hinge_unknowns(system, q), bases, held_at - gripped,
+                          axes, rows)
+            begin, end = (Pose.from_rotation(pose.position, system.base @ turn_of(system, q))
+                          for pose in (begin, end))
+            q = own_unknowns(system, q)
+        else:
+            q, gone = led(system, q, bases, held_at - gripped, axes, rows)
+        strains = discretisation.strains_of(q)
+        history = replace(history, hold=system.hold.multiplier)
+        if gone == len(shares):
+            break
+        done = shares[gone - 1] if gone else done
+    return end, strains, history
+
+
+def _way(one, other, shares):
+    """Return positions (n, 3) and rotations (n, 3, 3) at shares (n,) of a straight way."""
+    turn = Rotation.from_matrix(other.rotation @ one.rotation.T).as_rotvec()
+    turns = Rotation.from_rotvec(shares[:, None] * turn).as_matrix() if len(shares) else (
+        np.zeros((0, 3, 3)))
+    return (one.position + shares[:, None] * (other.position - one.position),
+            np.ascontiguousarray(turns @ one.rotation))
+
+
+def grip_before(discretisation, previous, strains, begin, far_end):
+    """Return the FarEnd, of the kind of `far_end` or None, that holds the end where it is now."""
+    if far_end is None:
+        return None
+    if previous is not None:
+        end = previous.at(previous.s[-1])
+    else:
+        state = placed(discretisation.system(begin.rotation), strains)
+        end = Pose.from_rotation(begin.position + state.positions[-1], state.rotations[-1])
+    return FarEnd(end, far_end.grip)
+
+
+def grip_at(held, far_end, share):
+    """Return the FarEnd at a `share` of the way from `held` to `far_end`."""
+    if far_end is None or share == 1.0:
+        return far_end
+    return FarEnd(between(held.pose, far_end.pose, share), far_end.grip)
+
+
+def parts_between(begin, gripper, held, far_end, length):
+    """Return in how many parts the motion is to be made at least; 0 if there is none."""
+    pairs = [(begin, gripper)]
+    if far_end is not None:
+        pairs.append((held.pose, far_end.pose))
+    parts = 0.0
+    for one, other in pairs:
+        shift = np.linalg.norm(other.position - one.position)
+        turn = angle_between(one.rotation, other.rotation)
+        if far_end is None:
+            parts = max(parts, 1.0 if shift + turn > 0 else 0.0)
+        else:
+            if far_end.grip == 'pinned' and one is not begin:
+                turn = 0.0
+            parts = max(parts, shift / (_SHIFT * length), turn / _TURN)
+    return int(np.ceil(parts - 1e-9))

@@ -1,0 +1,259 @@
+"""One step of a motion: statics with inertia added, Eq. 12, 13 of the paper.
+
+Nodes carry the mass, the strains are the unknowns: the same minimisation as in statics, with one
+term more. Damping is Rayleigh's: in proportion to mass (drag of a calm surrounding) and to
+stiffness (Kelvin and Voigt); neither changes a shape at rest.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dlo_planner.direct.guide import Grips
+from dlo_planner.direct.integrator import Course, Scheme
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.statics import MAX_ITERATIONS, shape_of, solve
+from dlo_planner.energy.loads import node_masses
+from dlo_planner.energy.passage import passes_through
+from dlo_planner.energy.potential import placed, unknowns_of
+
+_BRIEF = 1e-2, 1e-3  # of a step, of the DLO's own time: how long it is watched at the beginning
+_ROUNDING = 1e-17    # of the residual, per inertia's strength relative to elasticity's
+_ROUGHEST = 1e-7
+_AT_ONCE = 1e-13     # of the length: how exactly grips are kept in so short a time
+
+
+@dataclass(frozen=True)
+class Instant:
+    """All that the rest of a motion depends on, and what has become of the energy.
+
+    Attributes:
+        place: time / dt
+        shape: Shape; nodes: Course of (N + 1, 3) positions; bends: Course of (N, 3) strains
+        kinetic, potential: J
+        work: J, done by the grips so far; power: W, now
+        losses: (3,) J, taken by damping, plasticity and friction so far; damping: W, now
+        touched: whether the DLO has touched an obstacle
+    """
+
+    place: float
+    shape: Shape
+    nodes: Course
+    bends: Course
+    kinetic: float
+    potential: float
+    work: float
+    power: float
+    losses: np.ndarray
+    damping: float
+    touched: bool = False
+
+    @property
+    def balance(self) -> float:
+        """Energy that is there, less what was put in, plus what was taken out, J."""
+        return self.kinetic + self.potential - self.work + self.losses.sum()
+
+
+class Stepper:
+    """Makes the steps of one DLO in moving grips.
+
+    Args:
+        discretisation: Discretisation
+        grips: Grips
+        dt: s, unit of `place`
+    """
+
+    def __init__(self, discretisation, grips: Grips, dt):
+        self.discretisation, self.grips, self.dt = discretisation, grips, dt
+        rod = discretisation.rod
+        self.masses = node_masses(rod, discretisation.s)
+        # of the rod: 0.56 of the period of its slowest vibration, without tip mass
+        self._own_time = np.sqrt((self.masses.sum() or 1.0) * rod.length**3
+                                 / min(rod.stiffness[1:]))
+        self._brief = Scheme.named('paper', min(_BRIEF[0] * dt, _BRIEF[1] * self._own_time))
+
+    def step(self, before, place, scheme, patience=MAX_ITERATIONS):
+        """Return the Instant at `place`, one step of `scheme` later; converged or not.
+
+        Once the DLO has touched an obstacle its forces may be impulses, of which a scheme that
+        carries accelerations along would make energy: from then on steps are an implicit
+        Euler's, of first order, which take the energy of impacts and some of vibrations.
+
+        Args:
+            patience: Newton steps after which it counts as not solved
+        """
+        if scheme.first_order:
+            return self._step(before, place, scheme, patience)
+        if not (before.touched or before.shape.contacts):
+            after = self._step(before, place, scheme, patience)
+            if not after.shape.contacts:
+                return after
+        calm = replace(before, nodes=before.nodes.uniform(), bends=before.bends.uniform())
+        euler = Scheme.named('euler', scheme.dt)
+        return replace(self._step(calm, place, euler, patience), touched=True)
+
+    def _step(self, before, place, scheme, patience):
+        mesh = self.discretisation
+        gripper, far_end = self.grips.at(place)
+        history = before.shape._history
+        system = self._moving(gripper, far_end, history, before.nodes, before.bends, scheme)
+        bends, dt = before.bends, scheme.dt
+        guess, clear = bends.position + dt * (bends.velocity + 0.5 * dt * bends.acceleration), True
+        if mesh.surroundings.obstacles:
+            # the search begins where the DLO is known to be outside of obstacles
+            guess = bends.position.copy()  # a Shape's are read-only, another type for kernels
+            clear = self._is_clear(system, before.shape, guess, gripper)
+        q = np.empty((mesh.n_unknowns, 3))
+        unknowns_of(system, guess, q)
+        rounding = min(_ROUNDING * scheme.stiffness * self._own_time**2, _ROUGHEST)
+        found = solve(mesh, system, gripper, q, history, patience if clear else 0,
+                      rounding=rounding)
+        shape = shape_of(mesh, gripper, found, history, far_end, rounding)
+        shape = replace(shape, _estimate=_unknown, converged=shape.converged and clear)
+        return self._after(before, place, shape, scheme)
+
+    def _is_clear(self, system, old, strains, gripper):
+        """Whether nothing is run through by the Shape `old` as it is when the gripper goes on."""
+        new, shift = placed(system, strains), gripper.position
+        return not passes_through(system.scene, system.lengths, old.element_strains.copy(),
+                                  old.frames.copy(), old.positions - shift, new.positions)
+
+    def _after(self, before, place, shape, scheme):
+        nodes = scheme.after(before.nodes, shape.positions)
+        bends = scheme.after(before.bends, shape.element_strains)
+        power = self.grips.power(place, shape.gripper_wrench, shape.far_wrench,
+                                 shape.positions[-1])
+        damping = self._damping(nodes.velocity, bends.velocity)
+        half = 0.5 * scheme.dt
+        work = half * (before.power + power)
+        if scheme.first_order:  # its forces are the same all the step long
+            then = self.grips.power(before.place, shape.gripper_wrench, shape.far_wrench,
+                                    shape.positions[-1])
+            work = half * (then + power)
+        losses = before.losses + (half * (before.damping + damping),
+                                  shape.dissipated - before.shape.dissipated,
+                                  _rubbed(before.shape, shape))
+        return Instant(place, shape, nodes, bends, self._kinetic(nodes.velocity), shape.energy,
+                       before.work + work, power, losses, damping)
+
+    def begin(self, shape, velocity=None):
+        """Return the Instant at time 0 of a DLO that is free to move from now on.
+
+        Its acceleration is what a very short first step, of constant acceleration, finds.
+
+        Args:
+            shape: Shape
+            velocity: (N + 1, 3) of the nodes, m/s; None: at rest
+        """
+        mesh = self.discretisation
+        brief = self._brief
+        strains = np.array(shape.element_strains)
+        here = placed(mesh.system(shape.gripper.rotation), strains)
+        positions = here.positions + shape.gripper.position
+        rest = np.zeros_like(positions), np.zeros_like(strains)
+        nodes, bends = (Course.begun(where, still, still) for where, still in
+                        zip((positions, here.strains), rest, strict=True))
+        if velocity is not None:
+            nodes, bends = self._set_going(nodes, bends, shape._history, velocity, brief, 0.0)
+        nodes, bends, state = self._accelerated(nodes, bends, shape._history, brief, 0.0)
+        begun = Instant(0.0, replace(shape, _estimate=_unknown), nodes, bends, 0.0, shape.energy,
+                        0.0, 0.0, np.zeros(3), 0.0)
+        return self._with(begun, nodes, bends, state)
+
+    def renewed(self, instant):
+        """Return an Instant with the velocities and accelerations that its grips and forces allow.
+
+        A scheme that keeps the length by positions alone carries small parts of both along that
+        do not: harmless as long as the steps stay the same, not where they change.
+        """
+        time, history = instant.place * self.dt, instant.shape._history
+        nodes, bends = self._set_going(instant.nodes.uniform(), instant.bends.uniform(), history,
+                                       instant.nodes.velocity, self._brief, time)
+        nodes, bends, state = self._accelerated(nodes, bends, history, self._brief, time)
+        return self._with(instant, nodes, bends, state)
+
+    def _with(self, instant, nodes, bends, state):
+        """Return an Instant with other Courses; the State has the forces of the grips."""
+        attached = state.attached
+        power = self.grips.power(instant.place,
+                                 np.concatenate([state.base_force, state.base_moment]),
+                                 -np.concatenate([attached.tip_force, attached.tip_moment]),
+                                 nodes.position[-1])
+        return replace(instant, nodes=nodes, bends=bends, power=power,
+                       kinetic=self._kinetic(nodes.velocity),
+                       damping=self._damping(nodes.velocity, bends.velocity))
+
+    def _accelerated(self, nodes, bends, history, brief, time):
+        """Return the Courses with their accelerations, and the kernels' State very soon after."""
+        state, gripper = self._shortly(nodes, bends, history, brief, time + brief.dt)
+        return (*(Course.begun(one.position, one.velocity, brief.after(one, there).acceleration)
+                  for one, there in ((nodes, state.positions + gripper.position),
+                                     (bends, state.strains))), state)
+
+    def _set_going(self, nodes, bends, history, velocity, brief, time):
+        """Return Courses with the velocities nearest to `velocity` that the grips allow."""
+        found = []
+        for sign in (1.0, -1.0):
+            pushed = replace(nodes, velocity=sign * velocity)
+            state, gripper = self._shortly(pushed, bends, history, brief,
+                                           time + sign * brief.dt)
+            found.append((state.positions + gripper.position, state.strains))
+        rates = [(ahead - back) / (2 * brief.dt) for ahead, back in zip(*found, strict=True)]
+        return replace(nodes, velocity=rates[0]), replace(bends, velocity=rates[1])
+
+    def _shortly(self, nodes, bends, history, brief, time):
+        """Return the kernels' State and the gripper's Pose a very short time later (or before)."""
+        mesh = self.discretisation
+        gripper, far_end = self.grips.at(time / self.dt)
+        system = self._moving(gripper, far_end, history, nodes, bends, brief)
+        q = np.empty((mesh.n_unknowns, 3))
+        unknowns_of(system, bends.position.copy(), q)
+        return solve(mesh, system, gripper, q, history, exact=_AT_ONCE)[0], gripper
+
+    def _moving(self, gripper, far_end, history, nodes, bends, scheme):
+        """Return the System of a step: the static one, with inertia and damping."""
+        mesh = self.discretisation
+        drag, viscosity = mesh.rod.damping
+        where, velocity = scheme.anchor(nodes)
+        strength = scheme.stiffness + drag * scheme.drag
+        anchor = where - drag * velocity / strength - gripper.position
+        system = mesh.system(gripper.rotation, gripper.position, history, far_end)
+        system = system._replace(anchor=anchor, anchor_weight=self.masses * strength)
+        return system if viscosity == 0.0 else _viscous(system, bends, viscosity, scheme)
+
+    def _kinetic(self, velocity):
+        return 0.5 * float(self.masses @ np.sum(velocity**2, axis=1))
+
+    def _damping(self, velocity, rate):
+        """Return the power that damping takes, W."""
+        drag, viscosity = self.discretisation.rod.damping
+        system = self.discretisation.static
+        viscous = np.sum(system.lengths[:, None] * system.stiffness * rate**2)
+        return 2 * drag * self._kinetic(velocity) + viscosity * float(viscous)
+
+
+def _viscous(system, bends, viscosity, scheme):
+    """Return a System with damping of its strains.
+
+    K b u' with u' = rate + drag (u - bent) is a spring of its own, drawn to where u' = 0.
+    """
+    bent, rate = scheme.anchor(bends)
+    firm = viscosity * scheme.drag
+    calm = bent - rate / scheme.drag
+    layers = system.layers
+    if not layers.share.size:  # two springs make one
+        natural = (system.natural + firm * calm) / (1 + firm)
+        return system._replace(natural=natural, stiffness=system.stiffness * (1 + firm))
+    # here it is one with what never yields
+    couple = layers.couple + firm * system.stiffness * (calm - system.natural)
+    return system._replace(layers=layers._replace(firm=layers.firm + firm, couple=couple))
+
+
+def _rubbed(before, after):
+    """Return the work done against friction between two Shapes, J."""
+    return sum(float(contact.friction @ (before.frame_at(contact.s)[1] - contact.position))
+               for contact in after.contacts if contact.friction.any())
+
+
+def _unknown():
+    return np.inf

@@ -1,0 +1,89 @@
+"""What a grip adds to a Newton system: K rows that border the Hessian.
+
+    [H  A^T] [dq      ]   [right]
+    [A  -d ] [reaction] = [-miss]
+
+is solved with answers H^-1 A^T, found one by one, and the inverse of A H^-1 A^T + d (K, K).
+"""
+
+import numpy as np
+
+from dlo_planner.energy.hold import held_twists
+from dlo_planner.energy.potential import project
+from dlo_planner.kernels import kernel
+
+_NEVER = 1e-14  # of the largest: the eigenvalue of a direction in which nothing can move
+
+
+@kernel
+def fill_border(system, state, hessian):
+    """Fill the derivatives of what is held of the far end by the unknowns."""
+    n, held = system.lengths.size, hessian.border.shape[0]
+    twists, values = np.empty((held, 6)), np.zeros((n, 3))
+    held_twists(system.hold, state.rotations[n], state.positions[n], twists)
+    for row in range(held):
+        for e in range(n):
+            for i in range(3):
+                values[e, i] = 0.0
+                for k in range(6):
+                    values[e, i] += hessian.turning[e, k, i] * twists[row, k]
+        project(system.basis, values, hessian.border[row])
+
+
+@kernel
+def complement(hessian):
+    """Fill hessian.schur from its answers; return how many eigenvalues of its inverse are negative.
+
+    As many of those of H are not of what the grip leaves free (Haynsworth).
+    """
+    negative, held = 0, hessian.border.shape[0]
+    schur = hessian.schur
+    for row in range(held):
+        for other in range(row + 1):
+            schur[row, other] = dot(hessian.border[row], hessian.answers[other])
+            schur[other, row] = schur[row, other]
+        schur[row, row] += hessian.give[0]
+    values, vectors = np.linalg.eigh(schur)
+    largest = np.abs(values).max()
+    for row in range(held):
+        for other in range(held):
+            schur[row, other] = 0.0
+    for k in range(held):
+        negative += values[k] < 0.0
+        if abs(values[k]) > _NEVER * largest:  # else no force there changes anything
+            for row in range(held):
+                for other in range(held):
+                    schur[row, other] += vectors[row, k] * vectors[other, k] / values[k]
+    return negative
+
+
+@kernel
+def keep(hessian, out, reaction):
+    """Correct the solution `out` (m, 3) without the grip; `reaction` (K,): in the miss."""
+    held = reaction.size
+    miss = np.empty(held)
+    for row in range(held):
+        miss[row] = reaction[row] + dot(hessian.border[row], out)
+    for row in range(held):
+        reaction[row] = 0.0
+        for other in range(held):
+            reaction[row] += hessian.schur[row, other] * miss[other]
+    for row in range(held):
+        add_to(out, -reaction[row], hessian.answers[row])
+
+
+@kernel
+def dot(a, b):
+    """Return the sum of products of two arrays (m, 3)."""
+    total = 0.0
+    for e in range(a.shape[0]):
+        total += a[e, 0] * b[e, 0] + a[e, 1] * b[e, 1] + a[e, 2] * b[e, 2]
+    return total
+
+
+@kernel
+def add_to(a, factor, b):
+    """Add factor times b (m, 3) to a (m, 3)."""
+    for e in range(a.shape[0]):
+        for i in range(3):
+            a[e, i] += factor * b[e, i]

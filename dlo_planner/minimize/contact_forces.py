@@ -1,0 +1,322 @@
+"""The forces of contact and friction that satisfy their laws, to first order.
+
+A step of the outer loop. With the compliance of the DLO at its contacts, from solves with Newton's
+Hessian, all multipliers follow at once: no gap where it bears, no sliding where it sticks, mu times
+the force where it slides (semismooth Newton method, Alart and Curnier 1991). Where that cannot be
+trusted each multiplier becomes the force that it has (augmented Lagrangian).
+"""
+
+import numpy as np
+
+from dlo_planner.energy.friction import trial_force
+from dlo_planner.energy.potential import project
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve
+from dlo_planner.minimize.touching import touching
+from dlo_planner.ritz.kinematics import part_of_element, point_inside
+
+_SOFT = 1e-3      # of a spring's compliance, added: contacts that depend on each other share
+_FARTHEST = 0.02  # of the length: a prediction that moves a contact farther is none
+
+
+@kernel
+def move_multipliers(system, state, table, share):
+    """Move the multipliers of `system`, in place, to what the laws ask for.
+
+    Args:
+        state, table: State and Touching at the minimum for the present multipliers
+        share: of the way from the forces as they are to those of the linearised laws
+
+    Returns:
+        whether these are known
+    """
+    normal, shear = table.force.copy(), np.zeros((table.gap.size, 3))
+    for a in range(table.gap.size):
+        if table.rubbing[a] >= 0:
+            shear[a] = state.attached.force[table.rubbing[a]]
+    used = (share > 0.0 and table.gap.size > 0
+            and _solved(system, state, table, share, normal, shear))
+    contacts, friction = system.contacts, system.scene.friction
+    contacts.node[:] = 0.0
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] >= 0:
+            contacts.multiplier[c] = 0.0
+    for a in range(table.gap.size):
+        o, e, c = table.obstacle[a], table.element[a], table.rubbing[a]
+        force = max(0.0, normal[a])
+        if table.inside[a] < 0:
+            contacts.node[o, e + 1] = force
+        else:
+            contacts.multiplier[table.inside[a]] = force
+        if c >= 0:
+            limit = friction[o] * force
+            contacts.multiplier[c] = limit
+            size = max(limit, np.sqrt(np.sum(shear[a] ** 2)))
+            for i in range(3):
+                contacts.shear[c, i] = shear[a, i] * limit / size if size > 0.0 else 0.0
+    return used
+
+
+@kernel
+def _solved(system, state, table, share, normal, shear):
+    """Move normal (A,) and shear (A, 3) towards the linearised laws' forces; return if done."""
+    hessian = new_hessian(system)
+    assemble(system, state, hessian)
+    if factorise(system, hessian, 0.0) > 0:
+        return False
+    count = table.gap.size
+    first = np.empty(count, dtype=np.int64)  # row of the normal; of a friction's two, the next
+    size = 0
+    for a in range(count):
+        first[a] = size
+        size += 1 if table.rubbing[a] < 0 else 3
+    axes, laws = np.zeros((size, 3)), np.zeros((size, 3))
+    _linearise(system, state, table, first, axes, laws)
+    loads, answers = _answers(system, state, hessian, table, first, axes)
+    compliance = _products(loads, answers)
+    shift = np.zeros(size)  # of the limits, to those of the multipliers as they are
+    for a in range(count):
+        if table.rubbing[a] >= 0 and laws[first[a] + 1, 0] > 0.0:
+            shift[first[a] + 1] = laws[first[a] + 1, 2] * system.contacts.stiffness * table.gap[a]
+    gradient = state.gradient.copy().reshape(-1)
+    free = np.empty(size)
+    for i in range(size):
+        free[i] = -np.sum(answers[i] * gradient) - np.sum(compliance[i] * shift)
+    reaction = _reaction(compliance, table, first, laws)
+    matrix, change = _equations(system, table, first, laws, reaction, free)
+    if not eliminated(matrix, change):
+        return False  # what slides does so by itself: no multipliers hold it there
+    farthest = _FARTHEST * np.sum(system.lengths)
+    for i in range(size):
+        if not abs(free[i] - np.sum(reaction[i] * change)) < farthest:
+            return False
+    k = system.contacts.stiffness
+    for a in range(count):
+        i = first[a]
+        normal[a] += share * (k * table.gap[a] + change[i])
+        if table.rubbing[a] >= 0:
+            wanted = (system.contacts.shear[table.rubbing[a]] + change[i + 1] * axes[i + 1]
+                      + change[i + 2] * axes[i + 2])
+            shear[a] += share * (wanted - shear[a])
+    return True
+
+
+@kernel
+def _linearise(system, state, table, first, axes, laws):
+    """Fill axes (K, 3): normal, direction of friction, third; and laws (K, 3) of the friction.
+
+    Laws: in the second row whether it slides, the limit's part of the trial force, mu; in the third
+    the multiplier's components along both axes and the trial force.
+    """
+    contacts = system.contacts
+    rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
+    for a in range(table.gap.size):
+        i, c = first[a], table.rubbing[a]
+        n = table.normal[a]
+        axes[i] = n
+        if c < 0:
+            continue
+        point_inside(system.lengths, state.strains, state.rotations, state.positions,
+                     contacts.element[c], contacts.fraction[c], rotation, x)
+        size = trial_force(contacts, c, x, trial)
+        limit = contacts.multiplier[c]
+        slides = size > limit
+        if slides:
+            axes[i + 1] = trial / size
+        else:
+            least = np.argmin(np.abs(n))
+            axes[i + 1, least] = 1.0
+            axes[i + 1] -= n[least] * n
+            axes[i + 1] /= np.sqrt(np.sum(axes[i + 1] ** 2))
+        for j in range(3):
+            axes[i + 2, j] = (n[(j + 1) % 3] * axes[i + 1, (j + 2) % 3]
+                              - n[(j + 2) % 3] * axes[i + 1, (j + 1) % 3])
+        laws[i + 1, 0] = 1.0 if slides else 0.0
+        laws[i + 1, 1] = limit / size if slides else 1.0
+        laws[i + 1, 2] = system.scene.friction[table.obstacle[a]]
+        laws[i + 2, 0] = np.sum(contacts.shear[c] * axes[i + 1])
+        laws[i + 2, 1] = np.sum(contacts.shear[c] * axes[i + 2])
+        laws[i + 2, 2] = np.sum(trial * axes[i + 1])
+        if not slides:
+            laws[i + 1, 2] = np.sum(trial * axes[i + 2])
+
+
+@kernel
+def _answers(system, state, hessian, table, first, axes):
+    """Return (K, 3 m) unit forces at the contacts along `axes`, as loads, and what they answer."""
+    size, m = axes.shape[0], state.q.shape[0]
+    loads, answers = np.empty((size, 3 * m)), np.empty((size, 3 * m))
+    load, answer = np.empty((m, 3)), np.empty((m, 3))
+    for a in range(table.gap.size):
+        for i in range(first[a], first[a] + (1 if table.rubbing[a] < 0 else 3)):
+            unit_load(system, state, hessian, table.element[a], table.fraction[a], axes[i], load)
+            solve(system, hessian, load, answer)
+            loads[i], answers[i] = load.reshape(-1), answer.reshape(-1)
+    return loads, answers
+
+
+@kernel
+def unit_load(system, state, hessian, element, fraction, axis, load):
+    """Fill load (m, 3): change of the displacement along `axis` of a point, by the unknowns."""
+    n = system.lengths.size
+    rows = np.zeros((n, 3))
+    part, arm = np.empty((6, 3)), np.empty(3)
+    part_of_element(system.lengths[element], fraction, state.strains[element],
+                    system.scale[element], state.rotations[element], part, arm)
+    moment = np.empty(3)
+    for i in range(3):
+        arm[i] += state.positions[element, i]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        moment[i] = arm[j] * axis[k] - arm[k] * axis[j]
+    for e in range(element):
+        for j in range(3):
+            for k in range(3):
+                rows[e, j] += (hessian.turning[e, k, j] * moment[k]
+                               + hessian.turning[e, 3 + k, j] * axis[k])
+    for j in range(3):
+        for k in range(3):
+            rows[element, j] += part[3 + k, j] * axis[k]
+    project(system.basis, rows, load)
+
+
+@kernel
+def _products(loads, answers):
+    """Return (K, K), symmetric: the displacement of each contact by a unit force at each other."""
+    size = loads.shape[0]
+    products = np.empty((size, size))
+    for i in range(size):
+        for j in range(i + 1):
+            total = 0.0
+            for u in range(loads.shape[1]):
+                total += loads[j, u] * answers[i, u]
+            products[i, j] = products[j, i] = total
+    return products
+
+
+@kernel
+def _reaction(compliance, table, first, laws):
+    """Return (K, K): the displacements at the contacts against changes of the multipliers."""
+    reaction = np.empty_like(compliance)
+    for a in range(table.gap.size):
+        i = first[a]
+        reaction[:, i] = -compliance[:, i]
+        if table.rubbing[a] >= 0:
+            slides = laws[i + 1, 0] > 0.0
+            if slides:
+                reaction[:, i] += laws[i + 1, 2] * compliance[:, i + 1]
+            reaction[:, i + 1] = (0.0 if slides else 1.0) * compliance[:, i + 1]
+            reaction[:, i + 2] = laws[i + 1, 1] * compliance[:, i + 2]
+    return reaction
+
+
+@kernel
+def eliminated(matrix, right):
+    """Solve for right (K,), in place; return whether the determinant of matrix (K, K) is > 0."""
+    size = right.size
+    positive = True
+    for i in range(size):
+        pivot = i
+        for j in range(i + 1, size):
+            if abs(matrix[j, i]) > abs(matrix[pivot, i]):
+                pivot = j
+        if not abs(matrix[pivot, i]) > 0.0:
+            return False
+        if pivot != i:
+            positive = not positive
+            for k in range(i, size):
+                matrix[i, k], matrix[pivot, k] = matrix[pivot, k], matrix[i, k]
+            right[i], right[pivot] = right[pivot], right[i]
+        if matrix[i, i] < 0.0:
+            positive = not positive
+        for j in range(i + 1, size):
+            factor = matrix[j, i] / matrix[i, i]
+            if factor != 0.0:
+                for k in range(i + 1, size):
+                    matrix[j, k] -= factor * matrix[i, k]
+                right[j] -= factor * right[i]
+    for i in range(size - 1, -1, -1):
+        for k in range(i + 1, size):
+            right[i] -= matrix[i, k] * right[k]
+        right[i] /= matrix[i, i]
+    return positive
+
+
+@kernel
+def _equations(system, table, first, laws, reaction, free):
+    """Return matrix (K, K) and right side (K,) for the changes of the multipliers.
+
+    Args:
+        reaction: (K, K) displacement of the contacts against such changes
+        free: (K,) displacement that the gradient left over makes
+    """
+    size = free.size
+    k, grip = system.contacts.stiffness, system.contacts.grip
+    matrix, right = np.zeros((size, size)), np.empty(size)
+    for a in range(table.gap.size):
+        i, c = first[a], table.rubbing[a]
+        matrix[i] = -k * reaction[i]
+        matrix[i, i] += _SOFT
+        right[i] = -k * (table.gap[a] + free[i])
+        if c < 0:
+            continue
+        limit = system.contacts.multiplier[c]
+        along, across, trial = laws[i + 2]
+        part = laws[i + 1, 1]
+        if laws[i + 1, 0] > 0.0:
+            matrix[i + 1, i + 1] = 1.0
+            matrix[i + 1, i] = -laws[i + 1, 2]
+            # the limit is that of the force here; the multiplier's change counts from m
+            right[i + 1] = limit - along + laws[i + 1, 2] * k * table.gap[a]
+            matrix[i + 2] = grip * part * reaction[i + 2]
+            matrix[i + 2, i + 2] += 1.0 - part
+            right[i + 2] = -across + grip * part * free[i + 2]
+        else:
+            for j, slid in ((1, trial - along), (2, laws[i + 1, 2] - across)):
+                matrix[i + j] = grip * reaction[i + j]
+                matrix[i + j, i + j] += _SOFT
+                right[i + j] = slid + grip * free[i + j]
+    return matrix, right
+
+
+@kernel
+def add_sliding(system, state, hessian, answers):
+    """Complete the `answers` (6, m, 3) to the gripper's twists by what slides: T follows mu N.
+
+    Args:
+        hessian: of `system` at `state`, factorised; with the springs of friction alone, which know
+            nothing of the forces that the limits depend on
+    """
+    contacts, k = system.contacts, system.contacts.stiffness
+    table = touching(system.scene, contacts, system.lengths, state)
+    first = np.arange(0, 3 * table.gap.size, 3)
+    axes, laws = np.zeros((first.size * 3, 3)), np.zeros((first.size * 3, 3))
+    _linearise(system, state, table, first, axes, laws)
+    slides = np.flatnonzero(laws[1::3, 0] > 0.0)
+    size = slides.size
+    across, response = np.empty((size, *state.q.shape)), np.empty((size, *state.q.shape))
+    matrix, change, load = np.eye(size), np.empty((6, size)), np.empty_like(state.q)
+    rotation, x = np.empty((3, 3)), np.empty(3)
+    for p in range(size):
+        a = slides[p]
+        e, fraction = table.element[a], table.fraction[a]
+        unit_load(system, state, hessian, e, fraction, axes[3 * a], across[p])
+        unit_load(system, state, hessian, e, fraction, axes[3 * a + 1], load)
+        solve(system, hessian, load, response[p])
+        response[p] *= laws[3 * a + 1, 2]
+        point_inside(system.lengths, state.strains, state.rotations, state.positions, e, fraction,
+                     rotation, x)
+        normal = axes[3 * a]
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            change[i, p] = x[j] * normal[m] - x[m] * normal[j]  # turned with the gripper
+            change[3 + i, p] = normal[i]
+        for i in range(6):
+            change[i, p] = -k * (change[i, p] + np.sum(across[p] * answers[i]))
+    for p in range(size):
+        for r in range(size):
+            matrix[p, r] -= k * np.sum(across[p] * response[r])
+    for i in range(6):
+        eliminated(matrix.copy(), change[i])
+        for p in range(size):
+            answers[i] -= change[i, p] * response[p]

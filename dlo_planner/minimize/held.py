@@ -1,0 +1,262 @@
+"""Newton's method for a DLO whose far end is held: shape and reaction at once.
+
+Each step solves the equilibrium and the linearised grip together (sequential quadratic
+programming, Nocedal and Wright, ch. 18), by the direct simulator's sweep with one right side more
+per held direction. The step is judged by the augmented Lagrangian with the new reaction, of which
+it is a descent direction where the Hessian is positive on what the grip leaves free; a shift makes
+it so elsewhere. Three more guards:
+* Far from its target the grip gives a little under the reaction (stabilised SQP, Wright 1998): so
+  a straight DLO, whose end cannot come nearer to first order, is pressed until it buckles.
+* No step leaves the grip by much.
+* A DLO that falls is brought back into its grip before it falls on. A fall follows the potential
+  of the held DLO, not a way through shapes that the grip forbids.
+"""
+
+import numpy as np
+
+from dlo_planner.energy.hold import fill_miss, moved_hold, violation
+from dlo_planner.energy.passage import passes_through
+from dlo_planner.energy.potential import (
+    at_element,
+    bend_energy,
+    evaluate,
+    hinged,
+    new_state,
+    project,
+    regripped_system,
+)
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.border import dot
+from dlo_planner.minimize.linear import (
+    assemble,
+    factorise,
+    largest_turn,
+    new_hessian,
+    solve_held,
+)
+from dlo_planner.minimize.newton import (
+    FALLING,
+    LARGEST_TURN,
+    gradient_noise,
+    kick,
+    lean,
+    residual_of,
+    safe_shift,
+    without_traces,
+)
+from dlo_planner.minimize.spectrum import lowest_mode
+
+HELD_NEUTRAL = 1e-3  # as NEUTRAL, with constraints: a mesh splits what is neutral by about as much
+_GIVE = 1e-2      # of the length: how far a grip gives under the DLO's own forces, at most
+_FAR = 0.1        # of the length: so far from its target it gives as much
+_LEFT = 0.05      # of the length: a step that misses the grip by more is too long
+_ASTRAY = 3e-3    # of the length: a DLO that falls is brought back from there
+_PROXIMAL = 1e-9  # least shift: what is neutral, as a round DLO that may spin, stays where it is
+_ALIKE = 1e-9     # stiffnesses that differ by less are the same
+_OFTEN = 3
+_MOST_KICKS = 10
+_ROUGH = 1e-3     # tolerance of the residual, and of the length, on the way to a target
+_PER_PART = 60    # Newton steps in a part of the way: more is no way
+
+
+def held_newton(system, q, tolerance, exact, max_iterations, check):
+    """Descend from q (m, 3) to a minimum in the grip.
+
+    Arguments and results as `newton.newton`; see `descend_held`.
+    """
+    kicks = iterations = 0
+    while True:
+        state, residual, stability, made, mode, missed = descend_held(
+            system, q, tolerance, exact, max_iterations - iterations, check)
+        iterations += made
+        steady = not check or stability > -HELD_NEUTRAL
+        if steady or iterations >= max_iterations or kicks >= _MOST_KICKS:
+            break
+        kicked = kick(system, state, mode)
+        if kicked is None:
+            break
+        kicks += 1
+        q = kicked
+    return state, residual, stability, iterations, kicks, missed
+
+
+@kernel
+def led(system, q, bases, targets, axes, rows):
+    """Return unknowns (m, 3) where both grips have gone a way of n parts, and the parts gone.
+
+    Args:
+        q: (m, 3) where the way begins; the System's multipliers are moved
+        bases: (n, 3, 3) rotation of the gripper at the end of each part
+        targets: (n, 3), axes: (n, 3, 3), rows: (n, K, 6) of the grip there, see `Hold`
+    """
+    length = np.sum(system.lengths)
+    for part in range(bases.shape[0]):
+        there = regripped_system(system, bases[part], moved_hold(
+            system.hold, targets[part], axes[part], rows[part]))
+        state, residual, _, _, _, missed = descend_held(there, q, _ROUGH, _ROUGH * length,
+                                                        _PER_PART, False)
+        if not missed <= _LEFT * length:
+            return q, part
+        q = state.q
+    return q, bases.shape[0]
+
+
+@kernel
+def descend_held(system, q, tolerance, exact, max_iterations, check):
+    """Descend from q (m, 3) to an equilibrium in the grip, be it a minimum or a saddle.
+
+    The System's multipliers, of the grip, are where the search begins, and are moved.
+
+    Args:
+        exact: m, how far the grip may be missed
+        q, tolerance, max_iterations, check: as `newton.descend`
+
+    Returns:
+        state, residual, stability, iterations, mode: as `newton.descend`; then the miss in m
+    """
+    hold, last, length = system.hold, system.lengths.size, np.sum(system.lengths)
+    state, trial, hessian = new_state(system), new_state(system), new_hessian(system)
+    step, mode = np.empty_like(state.q), np.zeros_like(state.q)
+    held = hold.multiplier.size
+    miss, reaction, before = np.empty(held), np.empty(held), np.empty(held)
+    bringing = np.empty(held)
+    without_traces(q, state.q)
+    energy, noise = evaluate(system, state)
+    most_give = _GIVE * length**2 / (np.sum(np.abs(system.pull)) * length + bend_energy(system))
+    shift, stability = _PROXIMAL, np.nan
+    iterations = obstructed = 0
+    stalled = leans = False
+    while True:
+        fill_miss(hold, state.rotations[last], state.positions[last], miss)
+        missed = np.sqrt(np.sum(miss * miss))
+        residual = residual_of(system, state)
+        arrived = (stalled or iterations >= max_iterations or missed < exact
+                   and residual < max(tolerance, gradient_noise(system, state)))
+        if arrived and not check:
+            break
+        assemble(system, state, hessian)
+        hessian.give[0] = 0.0 if arrived else most_give * min(1.0, missed / (_FAR * length))
+        if arrived or factorise(system, hessian, shift) > 0:
+            shift = safe_shift(system, hessian, 0.0 if arrived else shift)
+        if arrived:
+            stability, mode = lowest_mode(system, hessian, shift, 1e-4)
+            break
+        if shift > FALLING and not leans:
+            leans = True
+            if lean(system, hessian, state, trial):
+                state, trial = trial, state
+                energy, noise = evaluate(system, state)
+                continue
+        # (not into obstacles, whose springs only the potential knows)
+        back = leans and missed > _ASTRAY * length and system.scene.kind.size == 0
+        solve_held(system, hessian, (0.0 if back else -1.0) * state.gradient, miss, step, reaction)
+        # the part of the reaction that brings the end back, which a shift makes as large as itself
+        for row in range(held):
+            bringing[row] = 0.0
+            for other in range(held):
+                bringing[row] += hessian.schur[row, other] * miss[other]
+        turn = largest_turn(system, hessian, step)
+        if turn > LARGEST_TURN:
+            step *= LARGEST_TURN / turn
+            reaction *= LARGEST_TURN / turn
+            bringing *= LARGEST_TURN / turn
+        # the potential and its slope with the new reaction
+        before[:] = hold.multiplier
+        hold.multiplier[:] += reaction
+        slope = dot(state.gradient, step)
+        for row in range(held):
+            energy += reaction[row] * miss[row]
+            slope += reaction[row] * dot(hessian.border[row], step)
+        farthest = missed if back else max(2.0 * missed, _LEFT * length)
+        gone, energy, noise, blocked = _search(system, state, trial, step, energy, noise,
+                                               np.inf if back else slope, farthest)
+        iterations += 1
+        obstructed += blocked
+        # The reaction goes as far as the DLO does, and without what it owes to a shift.
+        excess = shift / (1.0 + shift)
+        hold.multiplier[:] = before + gone * (reaction - excess * bringing)
+        if gone > 0.0:
+            state, trial = trial, state
+            shift = _PROXIMAL if shift < 1e-3 else 0.1 * shift
+            stalled = obstructed > _OFTEN  # a contact there has to be known before it goes on
+        else:
+            stalled = shift > 1e6 or shift == _PROXIMAL and missed < exact
+            shift = max(1e-2, 10.0 * shift)
+        if gone < 1.0 or shift > _PROXIMAL:
+            energy, noise = evaluate(system, state)
+    return state, residual, stability, iterations, mode, missed
+
+
+@kernel
+def _search(system, state, trial, step, energy, noise, slope, farthest):
+    """Fill `trial` on the way along `step` where the potential has fallen enough.
+
+    Args:
+        slope: of the potential along the step, in J; infinite where only the miss counts
+        farthest: m, by how much the grip may be missed there
+
+    Returns the part of the step gone (0 if there is no such point), its energy, noise, and if an
+    obstacle was met.
+    """
+    fraction, blocked, last = 1.0, False, system.lengths.size
+    for _ in range(20):
+        advance(system, state.q, step, fraction, trial.q)
+        new, new_noise = evaluate(system, trial)
+        if system.scene.kind.size and passes_through(
+                system.scene, system.lengths, state.strains, state.rotations, state.positions,
+                trial.positions):
+            fraction *= 0.5
+            blocked = True
+            continue
+        near = violation(system.hold, trial.rotations[last], trial.positions[last]) <= farthest
+        enough = slope == np.inf or new <= energy + 1e-4 * fraction * slope
+        if near and (enough or abs(fraction * slope) < 100 * noise):
+            return fraction, new, new_noise, blocked
+        fraction *= 0.5
+    return 0.0, energy, noise, blocked
+
+
+@kernel
+def advance(system, q, step, fraction, out):
+    """Fill out (m, 3) with q (m, 3) moved by a fraction of `step` (m, 3), to first order.
+
+    Torsion turns all that lies beyond about the DLO's axis. A DLO whose torsion is soft turns so
+    by large angles while its axis hardly moves: its curvature stays in the world and turns in its
+    material frame. A straight line of the unknowns leaves that way with the square of the angle.
+    So the curvature of a DLO that bends alike in all directions is turned back by the angle.
+    """
+    out[:] = q + fraction * step
+    if not _spins_freely(system):
+        return
+    values = np.empty((system.lengths.size, 3))
+    angle = 0.0
+    for e in range(system.lengths.size):
+        h = system.lengths[e]
+        turn = h * system.scale[e, 0] * fraction * at_element(system.basis, step, e, 0)
+        if e == 0 and hinged(system):
+            turn = 0.0
+        middle = angle + 0.5 * turn
+        angle += turn
+        k1, k2 = at_element(system.basis, q, e, 1), at_element(system.basis, q, e, 2)
+        d1 = at_element(system.basis, out, e, 1) - middle * k2
+        d2 = at_element(system.basis, out, e, 2) + middle * k1
+        c, s = np.cos(middle), np.sin(middle)
+        values[e, 0] = at_element(system.basis, out, e, 0)
+        values[e, 1] = c * d1 + s * d2
+        values[e, 2] = c * d2 - s * d1
+        if system.basis.shape[1]:
+            values[e] *= h
+    project(system.basis, values, out)
+
+
+@kernel
+def _spins_freely(system):
+    """Return whether a DLO is round and naturally straight, so that turning it costs nothing."""
+    if system.layers.share.shape[0]:
+        return False
+    for e in range(system.lengths.size):
+        stiffness, natural = system.stiffness[e], system.natural[e]
+        if (abs(stiffness[1] - stiffness[2]) > _ALIKE * stiffness[1]
+                or abs(natural[1]) + abs(natural[2]) > 0.0):
+            return False
+    return True

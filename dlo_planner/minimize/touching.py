@@ -1,0 +1,139 @@
+"""Where a DLO touches, as a table, and by how much that breaks the laws of contact and friction."""
+
+import numpy as np
+
+from dlo_planner.energy.contact import Contacts, nearest_inside, next_touching
+from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.friction import trial_force
+from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.newton import residual_of
+from dlo_planner.ritz.kinematics import point_inside
+from dlo_planner.ritz.record import Record
+
+_INSIDE = 1.0 - 1e-14  # largest fraction of a point of friction that is not on a node
+
+
+class Touching(Record):
+    """The A contacts that bear at one state, on nodes and inside elements.
+
+    Attributes:
+        obstacle, element: (A,); fraction: (A,) of the element, 1 for a node, its end, only
+        inside: (A,) index among Contacts' points, -1 for a node
+        rubbing: (A,) index of its point of friction there, -1 without
+        gap: (A,) m; force: (A,) N; normal: (A, 3)
+    """
+
+    obstacle: np.ndarray
+    element: np.ndarray
+    fraction: np.ndarray
+    inside: np.ndarray
+    rubbing: np.ndarray
+    gap: np.ndarray
+    force: np.ndarray
+    normal: np.ndarray
+
+
+@kernel
+def touching(scene, contacts, lengths, state):
+    """Return the Touching of a state."""
+    k = contacts.stiffness
+    last = lengths.size
+    most = scene.kind.size * last + contacts.element.size
+    index = np.empty((4, most), dtype=np.int64)
+    value = np.empty((3, most))
+    normals = np.empty((most, 3))
+    count = 0
+    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    for o in range(scene.kind.size):
+        node = 1
+        while node <= last:
+            for i in range(3):
+                x[i] = scene.origin[i] + state.positions[node, i]
+            gap = signed_distance(scene, o, x, normal, bend) - scene.radius
+            force = contacts.node[o, node] - k * gap
+            if force > 0.0:
+                index[0, count], index[1, count], index[2, count] = o, node - 1, -1
+                value[0, count], value[1, count], value[2, count] = 1.0, gap, force
+                normals[count] = normal
+                count += 1
+            node = next_touching(lengths, contacts.node[o], node, gap)
+    for c in range(contacts.element.size):
+        o, e = contacts.obstacle[c], contacts.element[c]
+        if o < 0:
+            continue
+        gap, fraction = nearest_inside(scene, o, e, lengths, state.strains, state.rotations,
+                                       state.positions, normal, bend)
+        force = contacts.multiplier[c] - k * gap
+        if force > 0.0:
+            index[0, count], index[1, count], index[2, count] = o, e, c
+            value[0, count] = min(fraction, _INSIDE)
+            value[1, count], value[2, count] = gap, force
+            normals[count] = normal
+            count += 1
+    for a in range(count):
+        index[3, a] = _friction_of(contacts, index[0, a], index[1, a], value[0, a])
+    return Touching(index[0, :count].copy(), index[1, :count].copy(), value[0, :count].copy(),
+                    index[2, :count].copy(), index[3, :count].copy(), value[1, :count].copy(),
+                    value[2, :count].copy(), normals[:count].copy())
+
+
+@kernel
+def _friction_of(contacts, o, e, fraction):
+    """Return the index of the point of friction of a contact, -1 if it has none."""
+    for c in range(contacts.element.size):
+        if (contacts.obstacle[c] == -1 - o and contacts.element[c] == e
+                and (contacts.fraction[c] == 1.0) == (fraction == 1.0)):
+            return c
+    return -1
+
+
+@kernel
+def truth(system, q):
+    """Return State, residual, Touching at q (m, 3), and the largest violation in m.
+
+    The limits of friction are mu times the forces of this state, so that the residual is that of
+    the law of Coulomb. What is violated: a contact that bears has no gap; a point that sticks has
+    not moved; one that slides has moved against its friction.
+    """
+    state = new_state(system)
+    state.q[:] = q
+    evaluate(system, state)
+    contacts = system.contacts
+    table = touching(system.scene, contacts, system.lengths, state)
+    violation = 0.0
+    for a in range(table.gap.size):
+        violation = max(violation, abs(table.gap[a]))
+        c = table.rubbing[a]
+        if c >= 0:
+            violation = max(violation, _slip_error(system, state, contacts, c))
+    return state, residual_of(system, state), table, violation
+
+
+@kernel
+def _slip_error(system, state, contacts, c):
+    """Return how far, in m, a point has slid that sticks, or otherwise than against its friction.
+
+    The multiplier is the force itself where all is right; what it differs by is such a way.
+    """
+    rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
+    point_inside(system.lengths, state.strains, state.rotations, state.positions,
+                 contacts.element[c], contacts.fraction[c], rotation, x)
+    size = trial_force(contacts, c, x, trial)
+    sticks = size <= contacts.multiplier[c]
+    square = along = 0.0
+    for i in range(3):
+        slid = trial[i] - contacts.shear[c, i]
+        square += slid * slid
+        along += slid * trial[i] / size if size > 0.0 else 0.0
+    if not sticks and along > 0.0:
+        square = max(0.0, square - along * along)
+    return np.sqrt(square) / contacts.grip
+
+
+@kernel
+def with_contacts_of(old, element, obstacle, multiplier, fraction, anchor, normal, shear):
+    """Return Contacts with other points, in the order of their elements."""
+    order = np.argsort(element, kind='mergesort')
+    return Contacts(old.stiffness, old.node, element[order], obstacle[order], multiplier[order],
+                    fraction[order], anchor[order], normal[order], shear[order], old.grip)

@@ -1,0 +1,195 @@
+"""Coulomb's law in every shape: where a tip lets go (the elastica), what sticks, what slides."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, fsolve
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import Box, DirectSimulator, Plane, Pose, Rod
+from dlo_planner.direct.sensitivity import Sensitivity
+
+THIN = 5e-4
+ROD = Rod(1.0, 0.0, 1.0, 0.8, radius=THIN)
+LEVEL = (0.0, 0.0, 0.0, 1.0)
+
+
+def on_its_tip(mu, steepness, pressed, n_elements=64):
+    """Return a simulator of a weightless rod over a floor, its last Shape, height and attitude.
+
+    The gripper points down by an angle (degrees) and goes down until the rod is pressed so far.
+    """
+    angle = np.radians(steepness)
+    attitude = Rotation.from_euler('y', angle).as_quat()
+    simulator = DirectSimulator(ROD, basis='local', n_elements=n_elements, gravity=(0, 0, 0),
+                                obstacles=[Plane((0, 0, 0), (0, 0, 1), mu)])
+    heights = np.linspace(np.sin(angle) + THIN + 0.005, np.sin(angle) + THIN - pressed,
+                          int(pressed / 0.01) + 1)
+    shapes = simulator.track([Pose((0, 0, z), attitude) for z in heights])
+    assert all(shape.converged for shape in shapes)
+    return simulator, shapes[-1], heights[-1], attitude
+
+
+def pinned(x, height, angle, tip, guess):
+    """Return moment at the gripper and force (x, z) on the tip of an elastica pinned there."""
+    def miss(unknown):
+        moment, along, up = unknown
+
+        def rates(_, y):
+            return [np.cos(y[2]), np.sin(y[2]), y[3], along * np.sin(y[2]) - up * np.cos(y[2])]
+
+        end = solve_ivp(rates, (0, 1), [x, height, -angle, moment], rtol=1e-10, atol=1e-12).y[:, -1]
+        return [end[0] - tip, end[1], end[3]]
+
+    found, _, fine, text = fsolve(miss, guess, xtol=1e-12, full_output=True)
+    assert fine == 1, text
+    return found
+
+
+def lets_go(mu, shape, height, steepness, sign, step=2e-3):
+    """Return how far the gripper of a Shape can go until the elastica's tip slips."""
+    angle, tip = np.radians(steepness), shape.positions[-1, 0]
+    force = shape.contacts[-1].vector
+    guess = pinned(0, height - THIN, angle, tip, (-shape.strains[0, 1], force[0], force[2]))
+    # the limit it is at already, having slid there, is not the one it will reach
+    at = np.sign(guess[1])
+
+    def excess(way):
+        nonlocal guess
+        guess = pinned(sign * way, height - THIN, angle, tip, guess)
+        return max(abs(guess[1]) if np.sign(guess[1]) != at or abs(ratio) < 0.99 * mu else 0,
+                   0) - mu * guess[2]
+
+    ratio = guess[1] / guess[2]
+    way = step
+    while excess(way) < 0:
+        way += step
+    return brentq(excess, way - step, way, xtol=1e-8)
+
+
+def ratio_of(shape):
+    return max((np.linalg.norm(contact.friction) / contact.force for contact in shape.contacts),
+               default=0.0)
+
+
+@pytest.mark.parametrize('step', [0.01, 0.002])
+@pytest.mark.parametrize('mu', [0.2, 0.3])
+def test_a_tip_that_sticks_slips_where_the_elastica_says(mu, step):
+    # pressed down it has slid outwards; drawn back it sticks, until it slides the other way
+    simulator, shape, height, attitude = on_its_tip(mu, 80.0, 0.4)
+    assert ratio_of(shape) == pytest.approx(mu, rel=1e-6)
+    tip, way, moved = shape.positions[-1, 0], 0.0, 0.0
+    expected = lets_go(mu, shape, height, 80.0, -1)
+    while moved == 0.0:
+        way += step
+        shape = simulator.solve(Pose((-way, 0, height), attitude), shape)
+        assert shape.converged and not shape.jumped
+        assert ratio_of(shape) <= mu * (1 + 1e-6)
+        moved = shape.positions[-1, 0] - tip
+        if abs(moved) < 1e-9:
+            moved = 0.0
+            assert ratio_of(shape) < mu
+    assert shape.contacts[0].friction[0] > 0
+    assert way + moved == pytest.approx(expected, rel=0.02)  # it follows the gripper from there on
+
+
+def test_a_tip_that_lets_go_leaps_and_says_so():
+    # a column that has buckled over its tip: no equilibrium is near when it slips
+    mu = 0.3
+    simulator, shape, height, attitude = on_its_tip(mu, 89.9, 0.2)
+    tip, last = shape.positions[-1, 0], 0.0
+    expected = lets_go(mu, shape, height, 89.9, -1)
+    for way in np.arange(1, 40) * 0.01:
+        shape = simulator.track([Pose((-way, 0, height), attitude)], initial=shape)[0]
+        assert ratio_of(shape) <= mu * (1 + 1e-6)
+        if shape.jumped or not shape.converged:
+            break
+        assert abs(shape.positions[-1, 0] - tip) < 1e-9
+        last = way
+    assert shape.jumped and abs(shape.positions[-1, 0] - tip) > 0.1
+    assert last <= 1.02 * expected and last + 0.01 >= 0.98 * expected
+
+
+def test_what_sticks_goes_back_to_where_it_was():
+    simulator, first, height, attitude = on_its_tip(0.3, 80.0, 0.4)
+    there = simulator.solve(Pose((-0.003, 0, height), attitude), first)
+    assert ratio_of(there) < 0.29
+    back = there
+    for _ in range(3):
+        back = simulator.solve(Pose((-0.003, 0, height), attitude), back)
+        np.testing.assert_allclose(back.positions, there.positions, atol=1e-12)
+    for _ in range(3):
+        away = simulator.solve(Pose((-0.002, 0, height), attitude), back)
+        back = simulator.solve(Pose((-0.003, 0, height), attitude), away)
+    np.testing.assert_allclose(back.positions, there.positions, atol=1e-9)
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+def test_each_contact_of_a_groove_has_its_own_friction(wire, basis):
+    groove = [Plane((0, 0, 0), (0, sign, 1), mu) for sign, mu in ((1, 0.3), (-1, 0.1))]
+    simulator = DirectSimulator(wire, basis=basis, obstacles=groove)
+    height = np.sqrt(2) * wire.radius + 1e-3
+    shapes = simulator.track([Pose((0, 0, z), LEVEL) for z in (0.05, 0.02, height)])
+    for x in (-0.002, -0.01):
+        shape = simulator.solve(Pose((x, 0, height), LEVEL), shapes[-1])
+        assert shape.converged
+        both = {contact.obstacle for contact in shape.contacts}
+        assert both == {0, 1}
+        for contact in shape.contacts:
+            mu = groove[contact.obstacle].friction
+            size = np.linalg.norm(contact.friction)
+            assert size <= mu * contact.force * (1 + 1e-6)
+            assert abs(contact.friction @ contact.normal) < 1e-9 * contact.force
+    for contact in shape.contacts:  # all of it slides now
+        mu = groove[contact.obstacle].friction
+        assert np.linalg.norm(contact.friction) == pytest.approx(mu * contact.force, rel=1e-5)
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+def test_an_edge_and_a_floor_hold_back_what_slides_against_its_way(wire, basis):
+    turn = (Rotation.from_euler('z', 35, degrees=True) * Rotation.from_euler('y', 20, degrees=True))
+    box = Box(Pose((0.4, 0, 0.6), turn.as_quat()), (0.2, 0.3, 0.1), 0.3)
+    simulator = DirectSimulator(wire, basis=basis, obstacles=[box])
+    shape, slid = None, 0
+    for z in np.arange(0.98, 0.80, -0.02):
+        before, shape = shape, simulator.solve(Pose((0, 0, z), LEVEL), shape)
+        assert shape.converged
+        assert ratio_of(shape) <= 0.3 * (1 + 1e-6)
+        for contact in shape.contacts if before is not None else ():
+            way = shape.positions_at([contact.s])[0] - before.positions_at([contact.s])[0]
+            way -= (way @ contact.normal) * contact.normal
+            if np.linalg.norm(contact.friction) > 0.2999 * contact.force and before.contacts:
+                slid += 1
+                assert contact.friction @ way < -0.99 * np.linalg.norm(
+                    contact.friction) * np.linalg.norm(way)
+    assert slid > 2
+
+
+@pytest.mark.parametrize('way', [0.001, 0.008], ids=['sticking', 'sliding'])
+def test_sensitivities_of_what_sticks_and_of_what_slides(way):
+    simulator, before, height, attitude = on_its_tip(0.3, 80.0, 0.4)
+    gripper = Pose((-way, 0, height), attitude)
+    shape = simulator.solve(gripper, before)
+    assert (ratio_of(shape) > 0.2999) == (way > 0.007)
+    answer, step, slopes = Sensitivity(shape), 1e-6, np.zeros((3, 6))
+    for k, twist in enumerate(step * np.eye(6)):
+        up, down = (simulator.solve(Pose.from_rotation(
+            gripper.position + sign * twist[3:],
+            Rotation.from_rotvec(sign * twist[:3]).as_matrix() @ gripper.rotation),
+            before).positions_at([0.5])[0] for sign in (1, -1))
+        slopes[:, k] = (up - down) / (2 * step)
+    np.testing.assert_allclose(answer.at(0.5)[3:], slopes, atol=2e-3)
+
+
+def test_an_estimate_that_ends_elsewhere_is_no_estimate(wire):
+    # dragged to the limit of friction over a corner, the finer DLO may let go: never a small number
+    turn = Rotation.align_vectors([[0, 0, 1]], [[1, 1, 1]])[0]
+    box = Box(Pose((0.45, 0.03, 0.55), turn.as_quat()), (0.2, 0.2, 0.2), 0.3)
+    simulator = DirectSimulator(wire, basis='local', n_elements=32, obstacles=[box])
+    fine = DirectSimulator(wire, basis='local', n_elements=64, obstacles=[box])
+    shape = other = None
+    for z in np.arange(0.98, 0.86, -0.03):
+        gripper = Pose((0, 0, z), LEVEL)
+        shape, other = simulator.solve(gripper, shape), fine.solve(gripper, other)
+        away = np.abs(shape.positions - other.positions[::2]).max()
+        assert shape.error_estimate > 0.02 * away or away < 1e-4
