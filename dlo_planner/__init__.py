@@ -13,7 +13,8 @@ from dlo_planner.errors import (
     InvalidTask,
     NotConverged,
 )
-from dlo_planner.inverse.fitting import Fit, Observation, fit_rod
+from dlo_planner.inverse.fitting import Fit, fit_rod
+from dlo_planner.inverse.observation import Observation, ObservedMotion
 from dlo_planner.inverse.penalties import (
     AwayFrom,
     BentAtMost,
@@ -42,7 +43,8 @@ from dlo_planner.model.section import Section
 __all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'Contact', 'CutOut', 'DeadlineExceeded',
            'DirectSimulator', 'DirectionAt', 'DloPlannerError', 'FarEnd', 'Fit', 'Found',
            'GraspedInside', 'GripperNear', 'Infeasible', 'InvalidRod', 'InvalidTask',
-           'InverseSimulator', 'Limits', 'Motion', 'NotConverged', 'Observation', 'Plan',
+           'InverseSimulator', 'Limits', 'Motion', 'NotConverged', 'Observation',
+           'ObservedMotion', 'Plan',
            'Piecewise', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'Report', 'Rod',
            'Section', 'Shape', 'Sheet', 'Sphere', 'Spread', 'Through', 'Tolerance', 'Trajectory',
            'Workspace', 'fit_rod', 'minimise_penalty', 'replay', 'tolerance',

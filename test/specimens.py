@@ -22,6 +22,7 @@ from dlo_planner import (
     InverseSimulator,
     Limits,
     Observation,
+    ObservedMotion,
     Piecewise,
     Plane,
     PlanStatus,
@@ -73,6 +74,7 @@ def values():
         PositionAt(0.5, (0.4, 0, 1)), DirectionAt(0.5, (1, 0, 0)), GripperNear(LEVEL),
         Through((0.4, 0, 1)), AwayFrom((floor,), 0.1), BentAtMost(1.0),
         Observation(LEVEL, shape.positions[1:], shape.s[1:]), Trajectory(plan),
+        ObservedMotion([LEVEL] * 3, 0.01, [0.0, 0.02], np.ones((2, 1, 3)), [1.0]),
         minimise_penalty(simulator, PositionAt(1.0, (0.9, 0, 0.9)), LEVEL)]
     examples.append(fit_rod(wire, [examples[-3]], n_elements=8, n_terms=4))
     return {type(one).__name__: one for one in examples} | {

@@ -9,12 +9,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from dlo_planner.energy.hold import held_twists
-from dlo_planner.energy.potential import at_element, evaluate, new_state, project
+from dlo_planner.energy.hold import fill_miss, held_twists
+from dlo_planner.energy.potential import (
+    at_element,
+    evaluate,
+    new_state,
+    project,
+    unknowns_of,
+)
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import add_sliding
-from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve, solve_held
+from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve_held
 from dlo_planner.minimize.multipliers import firm
 from dlo_planner.model.pose import displaced
 from dlo_planner.ritz.kinematics import march, part_of_element
@@ -99,6 +105,9 @@ class Sensitivity:
         shape, gripper = self.shape, self.shape.gripper
         system = other.system(gripper.rotation, gripper.position,
                               shape._before.holding(shape._history), shape.far_end)
+        known = self._system
+        # in the unknowns, and with the springs of constraints, of which the known Hessian is
+        system = system._replace(scale=known.scale, contacts=known.contacts, hold=known.hold)
         strains, rotations, positions = _one_step(system, self._system, self._state, self._hessian)
         return replace(shape, s=other.s, element_strains=strains, frames=rotations,
                        positions=positions + gripper.position)
@@ -106,13 +115,18 @@ class Sensitivity:
 
 @kernel
 def _one_step(system, known, at, hessian):
-    """Return strains, frames and positions of `system` after a step from another one's state."""
+    """Return strains, frames and positions of `system` after a step from another one's state.
+
+    It begins with the strains of that state, where its ends are: what holds them is stiff.
+    """
     state = new_state(system)
-    state.q[:] = at.q
+    unknowns_of(system, at.strains, state.q)
     evaluate(system, state)
-    step = np.empty_like(at.q)
+    step, last = np.empty_like(at.q), system.lengths.size
+    miss = np.empty(system.hold.multiplier.size)
+    fill_miss(system.hold, state.rotations[last], state.positions[last], miss)
     # the known gradient is zero but for rounding, which differences would blow up
-    solve(known, hessian, at.gradient - state.gradient, step)
+    solve_held(known, hessian, at.gradient - state.gradient, miss, step, np.empty_like(miss))
     state.q[:] += step
     evaluate(system, state)
     return state.strains, state.rotations, state.positions

@@ -5,11 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-_FARTHEST = 60.0            # of logarithms and units of curvature
 _EVALUATIONS = 60
 _ROUNDS, _SETTLED = 30, 1e-3  # of the noise
 _FIRST_NOISE, _NO_NOISE = 1e-2, 1e-10  # of the length: taken at first; what rounding leaves
-_UNKNOWN = 1e-12            # of the largest: an eigenvalue of the information that is none
 _MEDIAN = 0.6744897501960817  # of the size of a standard normal number
 
 # rho(z) of z = (distance / scale)^2 and its first two derivatives, as in SciPy's least_squares
@@ -27,11 +25,13 @@ class Statistics:
     """What is left at the most likely unknowns.
 
     Attributes:
-        covariance: (n, n) of the unknowns, infinite on the diagonal where nothing is known
+        deviations: (n,) of the unknowns, infinite where nothing is known
+        correlations: (n, n) of their errors; 0 between what is known and what is not
         noise: m
     """
 
-    covariance: np.ndarray
+    deviations: np.ndarray
+    correlations: np.ndarray
     noise: float
 
 
@@ -65,12 +65,11 @@ class Errors:
     def minimum(self, x, noise=None):
         """Return SciPy's result from x (n,) on, for a noise in m; None: the first guess."""
         noise = noise or self._first
-        bounds = np.full(x.size, np.inf)
-        bounds[:self._observed.n_parameters] = _FARTHEST
+        self._observed.begin()
         return least_squares(lambda x: self._weighted(x, noise)[0], x,
                              lambda x: self._weighted(x, noise)[1], x_scale='jac', xtol=1e-10,
                              ftol=1e-10, gtol=1e-12, max_nfev=_EVALUATIONS,
-                             bounds=(-bounds, bounds))
+                             bounds=self._observed.bounds)
 
     def _weighted(self, x, noise):
         """Return residuals, whose squares add up to what is minimised, and their derivatives."""
@@ -100,7 +99,8 @@ class Errors:
         """Return the noise (m) that the misfit tells, with what was fitted to it accounted for."""
         here = self._observed.at(x)
         plain, stiff, _, count = self._information(x, noise)
-        fitted = np.trace(_inverse(stiff * plain + np.diag(self._prior**2))[0] @ (stiff * plain))
+        inverse, _ = self._inverse(stiff * plain + np.diag(self._prior**2))
+        fitted = np.trace(inverse @ (stiff * plain))
         left = max(count - fitted, 1.0)
         if self._loss is LOSSES['linear']:
             return float(np.sqrt(np.sum(here.away**2) / left))
@@ -113,19 +113,42 @@ class Errors:
             noise = max(self._left(x, noise), _NO_NOISE * self._observed.rod.length)
         plain, stiff, force, count = self._information(x, noise)
         prior = np.diag(self._prior**2)
-        inverse, unknown = _inverse(stiff * plain + prior)
+        inverse, unknown = self._inverse(stiff * plain + prior)
         fitted = np.trace(inverse @ (stiff * plain))
         spread = 1.0 if self._loss is LOSSES['linear'] else force / max(count - fitted, 1.0)
         covariance = inverse @ (spread * plain + prior) @ inverse
-        covariance[unknown, unknown] = np.inf
-        return Statistics(covariance, float(noise))
+        return Statistics(*_told(covariance, unknown), float(noise))
+
+    def _inverse(self, information):
+        return _inverse(information, self._observed.precision**2)
 
 
-def _inverse(information):
-    """Return the inverse (n, n) where it is known, and the indices about which nothing is."""
+def _inverse(information, least):
+    """Return the inverse (n, n) where it is known, and a basis (n, j) of what nothing is known of.
+
+    Args:
+        information: (n, n)
+        least: of the largest eigenvalue, with all unknowns in their own size: what is less is
+            nothing but errors of the derivatives
+    """
     size = np.sqrt(np.diag(information))
     size[size == 0] = 1.0
     values, vectors = np.linalg.eigh(information / np.outer(size, size))
-    none = values <= _UNKNOWN * values.max()
+    none = values <= least * values.max()
     inverse = vectors[:, ~none] / values[~none] @ vectors[:, ~none].T / np.outer(size, size)
-    return inverse, np.flatnonzero((vectors[:, none] ** 2).sum(axis=1) > _UNKNOWN)
+    unknown = vectors[:, none]
+    unknown[(unknown**2).sum(axis=1) <= np.sqrt(least)] = 0.0
+    return inverse, unknown
+
+
+def _told(covariance, unknown):
+    """Return deviations (n,) and correlations (n, n), those of what is not known infinite."""
+    nothing = unknown.any(axis=1)
+    deviations = np.where(nothing, np.inf, np.sqrt(np.diag(covariance)))
+    joint = np.where(np.outer(nothing, nothing), unknown @ unknown.T,
+                     np.where(np.outer(~nothing, ~nothing), covariance, 0.0))
+    size = np.sqrt(np.diag(joint))
+    correlations = np.divide(joint, np.outer(size, size), out=np.eye(size.size),
+                             where=np.outer(size, size) > 0)
+    np.fill_diagonal(correlations, 1.0)
+    return deviations, np.clip(correlations, -1.0, 1.0)

@@ -1,171 +1,154 @@
-"""How far observed points are from a DLO, with derivatives by the rod and the gripper's poses.
+"""How far observed points are from a DLO, at rest or in motion, with derivatives by the unknowns.
 
-Each observation costs one equilibrium; the derivatives come from its sensitivities.
+At rest they come from the sensitivities of the equilibrium, in motion from differences of motions.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.search import left_jacobian
 from dlo_planner.kernels import kernel
 from dlo_planner.model.pose import displaced
 from dlo_planner.ritz.kinematics import point_inside
 
-_BENT = 0.1  # rad along the length: how far natural curvature is moved as one unit
-_STEP = 1e-6  # of a unit: for differences of predicted shapes
+STEP = 1e-5  # of a unit: for differences of predicted shapes
+MOVED = 1e-3  # the same, for differences of motions
 _ITERATIONS = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """Distances of m points from a DLO, n unknowns.
+    """Distances of m points from a DLO.
 
     Attributes:
         away: (m, 3) m, in axes of the DLO where an arc length is sought, in the world's else
         counts: (m, 3) which of them are observed: a nearest point slides along the DLO, but not
             over its end
-        slopes: (m, 3, n) their derivatives by the unknowns
-        shapes: the Shapes; converged: whether all are equilibria
+        slopes: function that returns (m, 3, n), their derivatives by the unknowns
+        shape: the Shape, or the last one of the motion; converged: whether all is solved
     """
 
     away: np.ndarray
     counts: np.ndarray
-    slopes: np.ndarray
-    shapes: tuple
+    slopes: Callable
+    shape: object
     converged: bool
 
 
-class Observed:
-    """Observations as a function of unknowns x (n,): parameters first, then errors of the poses.
+def nowhere(points, length, size, shape):
+    """Return what stands for points (m, 3) of a DLO that was not solved."""
+    m = len(points)
+    return Misfit(np.full((m, 3), length), np.ones((m, 3), dtype=bool),
+                  lambda: np.zeros((m, 3, size)), shape, False)
 
-    Parameters are logarithms of stiffness and units of natural curvature, both against `rod`;
-    errors of each pose are in standard deviations.
+
+def at_rest(one, shape, nearby, errors):
+    """Return the Misfit of an Observation from its Shape.
 
     Args:
-        rod: Rod; observations: Observations; parameters: names
-        pose: (k, 6) unit vectors times standard deviations, rad before m, of the errors to be found
-        options: of the `DirectSimulator`
-        progress: Progress
+        nearby: function (shape) -> (column, Discretisation ahead, Discretisation back) of each
+            unknown that the rod depends on
+        errors: PoseErrors of this observation
+    """
+    m = len(one.points)
+    s, counts = one.s, np.ones((m, 3), dtype=bool)
+    if s is None:
+        # copies: the kernel is compiled for arrays that may be written
+        s, outward = nearest(*map(np.array, (shape.s, np.diff(shape.s), shape.element_strains,
+                                             shape.frames, shape.positions, one.points)))
+        counts[:, 0] = outward
+    axes, positions = (np.array(part) for part in zip(*map(shape.frame_at, s), strict=True))
+    if one.s is not None:
+        axes = np.tile(np.eye(3), (m, 1, 1))
+    away = np.einsum('mji,mj->mi', axes, one.points - positions)
+
+    def slopes():
+        out = np.zeros((m, 3, errors.size))
+        sensitivity = Sensitivity(shape)
+        for k, *sides in nearby(shape):
+            ahead, back = (np.array([moved.frame_at(value)[1] for value in s])
+                           for moved in map(sensitivity.predicted_on, sides))
+            out[:, :, k] = (back - ahead) / (2 * STEP)
+        if errors.count:
+            by_twist = np.array([sensitivity.at(value)[3:] for value in s])
+            by_twist[:, :, :3] = by_twist[:, :, :3] @ left_jacobian(errors.twist[:3])
+            out[:, :, errors.where] = -by_twist @ errors.deviations.T
+        return np.einsum('mji,mjk->mik', axes, out) * counts[:, :, None]
+
+    return Misfit(away * counts, counts, slopes, shape, True)
+
+
+def in_motion(one, x, positions_at, columns, size, length):
+    """Return the Misfit of an ObservedMotion at unknowns x (n,).
+
+    Args:
+        positions_at: function (x) -> (k, m, 3) where the points are then, or None; and a Shape
+        columns: (column, whether x may be less there) of each unknown that the motion depends on
+    """
+    points = one.points.reshape(-1, 3)
+    positions, shape = positions_at(x)
+    if positions is None:
+        return nowhere(points, length, size, shape)
+
+    def slopes():
+        out = np.zeros((len(points), 3, size))
+        for k, both in columns:
+            step = np.zeros_like(x)
+            step[k] = MOVED
+            ahead = positions_at(x + step)[0]
+            back = positions_at(x - step)[0] if both else positions
+            if ahead is None or back is None:  # the edge of what can be solved
+                continue
+            out[:, :, k] = (back - ahead).reshape(-1, 3) / (2 * MOVED if both else MOVED)
+        return out
+
+    return Misfit(points - positions.reshape(-1, 3), np.ones((len(points), 3), dtype=bool), slopes,
+                  shape, True)
+
+
+def seen_in(motion, times, s):
+    """Return positions (k, m, 3) of the points at arc lengths `s` (m,) in a Motion at `times` (k,).
+
+    Between the instants of the motion they go on cubics with its velocities.
+    """
+    out = np.empty((len(times), len(s), 3))
+    for k, time in enumerate(times):
+        j = int(np.clip(np.searchsorted(motion.times, time, side='right') - 1, 0, len(motion) - 2))
+        step = motion.times[j + 1] - motion.times[j]
+        f = (time - motion.times[j]) / step
+        (here, speed), (there, later) = (_moving(motion, i, s) for i in (j, j + 1))
+        out[k] = ((1 + 2 * f) * (1 - f) ** 2 * here + f**2 * (3 - 2 * f) * there
+                  + step * f * (1 - f) * ((1 - f) * speed - f * later))
+    return out
+
+
+def _moving(motion, index, s):
+    """Return positions (m, 3) and velocities (m, 3) at arc lengths s (m,) at an instant."""
+    shape, velocities = motion.shapes[index], motion.velocities[index]
+    return shape.positions_at(s), np.column_stack([np.interp(s, shape.s, velocities[:, i])
+                                                   for i in range(3)])
+
+
+class PoseErrors:
+    """The error of the gripper's pose in one observation, unknown in standard deviations.
+
+    Args:
+        deviations: (count, 6) unit twists times standard deviations, rad before m
+        where: slice of the unknowns x; size: n of all
+        x: (n,)
     """
 
-    def __init__(self, rod, observations, parameters, pose, options, progress):
-        self.rod, self.observations, self.parameters = rod, observations, parameters
-        self._pose, self._options, self._progress = pose, options, progress
-        self.n_parameters = sum(1 + (name == 'natural_curvature') for name in parameters)
-        self.size = self.n_parameters + len(pose) * len(observations)
-        self._known = {}
+    def __init__(self, deviations, where, x):
+        self.deviations, self.where, self.count, self.size = (deviations, where, len(deviations),
+                                                              x.size)
+        self.twist = x[where] @ deviations
 
-    def gripper(self, index, x):
-        """Return the Pose of an observation with its error, and the error's twist (6,)."""
-        k = len(self._pose)
-        begin = self.n_parameters + k * index
-        twist = x[begin:begin + k] @ self._pose
-        return displaced(self.observations[index].gripper, twist), twist
-
-    def at(self, x):
-        """Return the Misfit at unknowns x (n,)."""
-        key = x.tobytes()
-        if key not in self._known:
-            self._known = {**dict(list(self._known.items())[-3:]), key: self._at(x)}
-        return self._known[key]
-
-    def _at(self, x):
-        values = x[:self.n_parameters]
-        direct = DirectSimulator(changed(self.rod, self.parameters, values), **self._options)
-        nearby = _Nearby([changed(self.rod, self.parameters, values + step)
-                          for step in _STEP * np.eye(self.n_parameters)])
-        parts = []
-        for index, one in enumerate(self.observations):
-            gripper, twist = self.gripper(index, x)
-            # set down in its natural shape each time: from another shape it may come to a third
-            shape = direct.solve(gripper)
-            self._progress.check()
-            parts.append(self._part(index, one, shape, nearby, twist) if shape.converged
-                         else self._nowhere(one, shape))
-        return Misfit(*(np.concatenate(part) for part in list(zip(*parts, strict=True))[:3]),
-                      tuple(part[3] for part in parts), all(part[3].converged for part in parts))
-
-    def _nowhere(self, one, shape):
-        """Return what stands for an observation without an equilibrium."""
-        m = len(one.points)
-        return (np.full((m, 3), self.rod.length), np.ones((m, 3), dtype=bool),
-                np.zeros((m, 3, self.size)), shape)
-
-    def _part(self, index, one, shape, nearby, twist):
-        """Return away, counts, slopes and the Shape of one observation."""
-        m = len(one.points)
-        s, counts = one.s, np.ones((m, 3), dtype=bool)
-        if s is None:
-            # copies: the kernel is compiled for arrays that may be written
-            s, outward = nearest(*map(np.array, (shape.s, np.diff(shape.s), shape.element_strains,
-                                                 shape.frames, shape.positions, one.points)))
-            counts[:, 0] = outward
-        axes, positions = (np.array(part) for part in zip(*map(shape.frame_at, s), strict=True))
-        if one.s is not None:
-            axes = np.tile(np.eye(3), (m, 1, 1))
-        away = np.einsum('mji,mj->mi', axes, one.points - positions)
-        slopes = np.zeros((m, 3, self.size))
-        sensitivity = Sensitivity(shape)
-        for k, other in enumerate(nearby.on(shape)):
-            moved = sensitivity.predicted_on(other)
-            slopes[:, :, k] = (positions - [moved.frame_at(value)[1] for value in s]) / _STEP
-        if len(self._pose):
-            begin = self.n_parameters + len(self._pose) * index
-            by_twist = np.array([sensitivity.at(value)[3:] for value in s])
-            by_twist[:, :, :3] = by_twist[:, :, :3] @ left_jacobian(twist[:3])
-            slopes[:, :, begin:begin + len(self._pose)] = -by_twist @ self._pose.T
-        slopes = np.einsum('mji,mjk->mik', axes, slopes)
-        return away * counts, counts, slopes * counts[:, :, None], shape
-
-
-class _Nearby:
-    """Rods that differ a little, each on a mesh once for all shapes on that mesh."""
-
-    def __init__(self, rods):
-        self._rods, self._base, self._on_base = rods, None, ()
-
-    def on(self, shape):
-        """Return the Discretisations of the rods with the elements of a Shape."""
-        if shape._discretisation is not self._base:
-            self._base = shape._discretisation
-            self._on_base = tuple(self._base.of(rod) for rod in self._rods)
-        return self._on_base
-
-
-def changed(rod, parameters, x):
-    """Return the rod with logarithms of stiffness and units of curvature changed by x."""
-    values, x = {}, list(x)
-    for name in parameters:
-        if name == 'natural_curvature':
-            values[name] = tuple(np.array(rod.natural_curvature)
-                                 + curvature_unit(rod) * np.array([x.pop(0), x.pop(0)]))
-        elif name == 'bending_stiffness':
-            values[name] = tuple(np.array(rod.bending_stiffness) * np.exp(x.pop(0)))
-        else:
-            values[name] = rod.torsional_stiffness * np.exp(x.pop(0))
-    return replace(rod, section=_section(rod, values), **values)
-
-
-def _section(rod, values):
-    """Return the section whose material gives the changed stiffness; None without a section."""
-    if rod.section is None:
-        return None
-    moduli = {}
-    if 'bending_stiffness' in values:
-        moduli['youngs_modulus'] = (rod.section.youngs_modulus
-                                    * values['bending_stiffness'][0] / rod.bending_stiffness[0])
-    if 'torsional_stiffness' in values:
-        moduli['shear_modulus'] = (rod.section.shear_modulus
-                                   * values['torsional_stiffness'] / rod.torsional_stiffness)
-    return replace(rod.section, **moduli)
-
-
-def curvature_unit(rod):
-    """Return the natural curvature that counts as one unit, 1/m."""
-    return _BENT / rod.length
+    def applied(self, pose):
+        """Return the Pose with this error."""
+        return displaced(pose, self.twist)
 
 
 @kernel

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidRod
-from dlo_planner.model.along import ONE, breaks_of, is_row, pair, varying
+from dlo_planner.model.along import ONE, Table, breaks_of, is_row, pair, varying
 from dlo_planner.model.checks import array, choice, instance, number, returned, row, shown
-from dlo_planner.model.profile import resolved
+from dlo_planner.model.profile import resolved, straight
 from dlo_planner.model.section import MODELS, MODULI, SIZES, Section
 from dlo_planner.model.value import FrozenDict, Value, brief, put
 
@@ -220,7 +220,9 @@ class Rod(Value):
         known = {}
         for name in _VARYING:
             content = getattr(self, name)
-            if callable(content):
+            if isinstance(content, Table) and name not in _STIFF:
+                known[name] = straight(content, self.length)
+            elif callable(content):
                 known[name] = resolved(f'Rod.{name}', self._one(name), self.length,
                                        breaks_of(content), InvalidRod)
         return FrozenDict(known)

@@ -15,7 +15,8 @@ from dlo_planner import (
     Spread,
     fit_rod,
 )
-from dlo_planner.inverse.misfit import Observed, changed
+from dlo_planner.inverse.observed import Observed
+from dlo_planner.inverse.unknowns import Unknowns
 from dlo_planner.progress import Progress
 
 TRUE = Rod(1.0, 0.07, (0.02, 0.03), 0.015, natural_curvature=(0.3, -0.2))
@@ -48,7 +49,7 @@ def test_exact_observations_give_the_exact_rod(rng, known):
 def test_a_section_goes_with_the_stiffness_that_is_fitted():
     # what yields by the fibers of its section does so with other stiffness too
     rod = Rod.tube(1.0, 4e-3, 3e-3, 8960.0, 110e9, 0.34, yield_stress=60e6)
-    other = changed(rod, ('bending_stiffness', 'torsional_stiffness'), np.log([1.5, 0.8]))
+    other = Unknowns(rod, ('bending_stiffness', 'torsional_stiffness')).of(np.log([1.5, 0.8]))
     assert other.section_model == 'fibres'
     assert other.bending_stiffness == pytest.approx(np.multiply(1.5, rod.bending_stiffness))
     assert other.section.bending_stiffness == pytest.approx(other.bending_stiffness)
@@ -70,7 +71,8 @@ def test_slopes_against_differences(known, rng):
     names = ('bending_stiffness', 'torsional_stiffness', 'natural_curvature')
     points = list(observed(rng, 3e-3, known))
     assert known or any(nearest_ends(guess, points))
-    here = Observed(guess, points, names, np.diag([0.01] * 3 + [0.002] * 3), {}, Progress())
+    here = Observed(Unknowns(guess, names), points, (), np.diag([0.01] * 3 + [0.002] * 3), {},
+                    Progress())
     x = 0.3 * rng.normal(size=here.size)
     at = here.at(x)
     slope = 2 * np.einsum('mi,mik->k', at.away, at.slopes)
@@ -82,15 +84,16 @@ def test_slopes_against_differences(known, rng):
 def nearest_ends(rod, points):
     """Yield whether points of each observation are nearest to an end of the DLO."""
     for one in points:
-        counts = Observed(rod, [one], (), np.zeros((0, 6)), {}, Progress()).at(np.zeros(0)).counts
+        counts = Observed(Unknowns(rod, ('natural_twist',)), [one], (), np.zeros((0, 6)), {},
+                          Progress()).at(np.zeros(1)).counts
         yield counts[:, 0].any() and not counts[:, 0].all()
 
 
 def test_a_nearest_point_tells_two_numbers_and_three_beyond_the_end():
     pose, rod = POSES[0], Rod(1.0, 0.0, 0.02, 0.015)
     points = [[0.5, 0.01, 1.0], [0.95, 0.0, 1.02], [1.03, 0.02, 0.99], [-0.01, 0.005, 1.0]]
-    at = Observed(rod, [Observation(pose, points)], (), np.zeros((0, 6)), {}, Progress()).at(
-        np.zeros(0))
+    at = Observed(Unknowns(rod, ('natural_twist',)), [Observation(pose, points)], (),
+                  np.zeros((0, 6)), {}, Progress()).at(np.zeros(1))
     assert at.counts.sum(axis=1).tolist() == [2, 2, 3, 3]
     np.testing.assert_allclose(np.linalg.norm(at.away, axis=1),
                                [0.01, 0.02, np.sqrt(14e-4), np.sqrt(1.25e-4)], atol=1e-12)
@@ -120,7 +123,8 @@ def test_a_prior_alone_is_the_answer_where_nothing_is_seen():
     rod = Rod(1.0, 0.07, 0.02, 0.015)
     fit = fit_rod(rod, seen, noise=1e-3, prior=Spread(bending_stiffness=0.1))
     assert fit.values['bending_stiffness'][0] == pytest.approx(0.02, rel=1e-6)
-    assert fit.deviations['bending_stiffness'][0] == pytest.approx(0.002, rel=1e-3)
+    log_normal = np.sqrt(np.exp(0.01) * np.expm1(0.01))
+    assert fit.deviations['bending_stiffness'][0] == pytest.approx(0.02 * log_normal, rel=1e-3)
     unknown = fit_rod(rod, seen, noise=1e-3)
     assert unknown.deviations['bending_stiffness'] == (np.inf, np.inf)
 
@@ -149,7 +153,12 @@ def test_progress_and_deadline(rng):
     ({'prior': Spread(mass=0.1)}, r'prior.mass'), ({'prior': 3}, 'prior'), ({'noise': 0}, 'noise'),
     ({'loss': 'l2'}, 'loss'), ({'loss_scale': -1}, 'loss_scale'),
     ({'gripper_rotation': -1}, 'gripper_rotation'), ({'parameters': ()}, 'parameters'),
-    ({'parameters': ('bending_stiffness',) * 2}, 'parameters'), ({'progress': 3}, 'progress')])
+    ({'parameters': ('bending_stiffness',) * 2}, 'parameters'), ({'progress': 3}, 'progress'),
+    ({'parameters': ('bending_stiffness', 'bending_stiffness_n')}, 'components'),
+    ({'parameters': ('damping',)}, 'motions'), ({'parameters': ('tip_mass',)}, 'tip_mass'),
+    ({'knots': (0.0, 1.0)}, 'knots'), ({'motions': (3,)}, 'motions'),
+    ({'parameters': ('natural_twist',), 'knots': (0.5, 0.2)}, 'knots'),
+    ({'parameters': ('natural_twist',), 'knots': (0.0, 1.2)}, 'knots')])
 def test_what_is_not_taken_into_account_is_refused(more, named):
     with pytest.raises(InvalidTask, match=named):
         fit_rod(TRUE, [Observation(POSES[0], [[0.1, 0, 1]], [0.1])], **more)

@@ -1,0 +1,84 @@
+"""What has been seen of a DLO: points of it at rest, or of it in motion."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import poses
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import array, instance, number, row, shown, vector
+from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value, put
+
+_ROUNDING = 1e-9  # of the duration
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Observation(Value):
+    """Points of a DLO at rest, seen at a known pose of the gripper.
+
+    Attributes:
+        gripper: Pose
+        points: (m, 3) m, world
+        s: (m,) their arc lengths, m; None: not known, the nearest points of the DLO count
+        far_end: what holds the far end: FarEnd, Pose that clamps it, position (3,) that pins it, or
+            None
+
+    Raises:
+        InvalidTask: naming the argument
+    """
+
+    gripper: Pose
+    points: np.ndarray
+    s: np.ndarray | None = None
+    far_end: FarEnd | Pose | ArrayLike | None = None
+
+    def __post_init__(self):
+        instance('Observation.gripper', self.gripper, Pose)
+        put(self, points=array('Observation.points', self.points, (None, 3)),
+            far_end=FarEnd.of(self.far_end))
+        if self.s is not None:
+            put(self, s=vector('Observation.s', self.s, len(self.points)))
+        super().__post_init__()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ObservedMotion(Value):
+    """Marked points of a DLO in motion, seen while the gripper moves as prescribed.
+
+    Attributes:
+        grippers: n Pose at the times 0, dt, 2 dt, ..., as for `DirectSimulator.simulate`
+        dt: s
+        times: (k,) s, when the points were seen, from 0 to (n - 1) dt
+        points: (k, m, 3) m, world
+        s: (m,) their arc lengths, m
+        initial: Shape at time 0, at rest, in equilibrium or not; None: the static shape
+
+    Raises:
+        InvalidTask: naming the argument
+    """
+
+    grippers: Iterable[Pose]
+    dt: float
+    times: np.ndarray
+    points: np.ndarray
+    s: np.ndarray
+    initial: Shape | None = None
+
+    def __post_init__(self):
+        grippers = tuple(poses(self.grippers, 2))
+        dt = number('ObservedMotion.dt', self.dt, above=0)
+        duration = (len(grippers) - 1) * dt
+        times = row('ObservedMotion.times', self.times, minimum=0)
+        if times.max(initial=0.0) > duration * (1 + _ROUNDING):
+            raise InvalidTask(f'ObservedMotion.times = {shown(times.tolist())}: expected at most '
+                              f'(n - 1) dt = {duration:g} s')
+        s = row('ObservedMotion.s', self.s, minimum=0)
+        instance('ObservedMotion.initial', self.initial, Shape, optional=True)
+        put(self, grippers=grippers, dt=dt, times=times, s=s, points=array(
+            'ObservedMotion.points', self.points, (times.size, s.size, 3)))
+        super().__post_init__()
