@@ -21,6 +21,7 @@ from dlo_planner.inverse.observed import Observed
 from dlo_planner.inverse.tolerance import Spread
 from dlo_planner.inverse.unknowns import Unknowns
 from dlo_planner.model.checks import choice, figure, flag, instance, items, number, results
+from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, Value, brief, figures, put
 from dlo_planner.progress import OnProgress, Progress
@@ -63,7 +64,8 @@ class Fit(Value):
         for name in ('values', 'deviations'):
             put(self, **{name: FrozenDict(instance(f'Fit.{name}', getattr(self, name), dict))})
         put(self, misfit=figure('Fit.misfit', self.misfit),
-            converged=flag('Fit.converged', self.converged))
+            converged=flag('Fit.converged', self.converged), noise=figure('Fit.noise', self.noise),
+            grippers=items('Fit.grippers', self.grippers, Pose))
         if self.correlations is not None:
             put(self, correlations=results('Fit.correlations', self.correlations, (None, None)))
         super().__post_init__()

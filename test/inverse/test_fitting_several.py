@@ -191,8 +191,9 @@ def test_between_its_instants_a_motion_goes_on_cubics():
     powers = np.array([[0.1, -0.2, 0.3], [0.2, 0.1, 0.0], [-0.3, 0.2, 0.1], [0.4, -0.5, 0.6]])
     times, s = np.array([0.0, 0.5, 0.8, 1.2]), [0.25, 1.0]
     speeds = np.vander(times, 3, increasing=True) @ (powers[1:] * [[1], [2], [3]])
-    motion = Motion(times, [shape.moved(at) for at in np.vander(times, 4, increasing=True) @ powers],
-                    np.tile(speeds[:, None], (1, shape.s.size, 1)), np.zeros(4), np.zeros(4))
+    shapes = [shape.moved(at) for at in np.vander(times, 4, increasing=True) @ powers]
+    motion = Motion(times, shapes, np.tile(speeds[:, None], (1, shape.s.size, 1)), np.zeros(4),
+                    np.zeros(4))
     when = np.array([0.0, 0.1, 0.5, 0.77, 1.2])
     wanted = (np.vander(when, 4, increasing=True) @ powers)[:, None] + shape.positions_at(s)
     np.testing.assert_allclose(seen_in(motion, when, s), wanted, atol=1e-12)
