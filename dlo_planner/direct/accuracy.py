@@ -106,16 +106,16 @@ def _to_begin_with(first, fine, accuracy, initial, history):
 
     A permanent set stays on its mesh: on another one it would be averaged.
     """
-    around, known = first.surroundings, None
-    if initial is not None:
-        known = initial._discretisation
-        if surely_within(initial, accuracy, first):
-            return first
+    around, known = first.surroundings, None if initial is None else initial._discretisation
+    if history is not None and (known is None or not same(known.rod, around.rod)):
+        initial = known = None  # the set is the simulator's
+    if initial is not None and known is not None and surely_within(initial, accuracy, first):
+        return first
     s = initial.s if initial is not None else None if history is None else history.s
     if s is None or known is not None and known.basis not in (first.basis, fine):
         return first
     if known is None:  # of a shape from a file, or a set
-        if fine != 'local' or np.array_equal(s, first.s):
+        if fine != 'local' or s.size < first.s.size or np.array_equal(s, first.s):
             return first
         return Discretisation(around, with_breaks(s, around.breaks), fine, 0)
     if same(known.surroundings, around):

@@ -69,7 +69,7 @@ def brought(discretisation, previous, strains, gripper, far_end, history):
         new = placed(system, strains)
         shift = there.position - where.position
         if passes_through(system.scene, system.lengths, old.strains, old.rotations,
-                          old.positions - shift, new.positions):
+                          old.positions - shift, new.rotations, new.positions):
             step *= 0.5
             if step < _SMALLEST:
                 return gripper, strains, past, False

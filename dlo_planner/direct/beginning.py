@@ -65,7 +65,9 @@ def first_shape(discretisation, gripper, far_end, initial, history):
 
 def _held(far_end, position):
     """Return the position (3,) nearest to `position` at which a FarEnd may be."""
-    free = far_end.slide
+    if far_end.grip != 'sleeve':
+        return far_end.pose.position
+    free = far_end.pose.direction
     return far_end.pose.position + free * (free @ (position - far_end.pose.position))
 
 

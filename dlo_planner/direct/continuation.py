@@ -105,9 +105,12 @@ def _allowed(previous, shape, turn):
 def shape_change(one, other):
     """Return the largest change of a node's rotation relative to the gripper, in rad."""
     samples = _SAMPLES * one.s[-1]
-    at = np.searchsorted(one.s, samples)
-    here = one.frames[at]
-    there = other.frames[at if other.s is one.s else np.searchsorted(other.s, samples)]
+    if np.array_equal(one.s, other.s):
+        at = np.searchsorted(one.s, samples)
+        here, there = one.frames[at], other.frames[at]
+    else:  # nodes of two meshes are not at the same places
+        here, there = (np.array([shape.frame_at(s)[0] for s in samples / one.s[-1] * shape.s[-1]])
+                       for shape in (one, other))
     between = one.gripper.rotation @ other.gripper.rotation.T
     smallest = (here * (between @ there)).sum(axis=(1, 2)).min()  # traces of the rotations
     return float(np.arccos(min(max(0.5 * (smallest - 1), -1.0), 1.0)))

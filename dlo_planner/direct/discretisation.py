@@ -14,6 +14,7 @@ from dlo_planner.energy.loads import node_forces, node_masses, node_moments
 from dlo_planner.energy.plastic import set_strains
 from dlo_planner.energy.potential import System
 from dlo_planner.energy.yielding import yielding_layers
+from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import Value, freeze, put, same
 from dlo_planner.ritz.series import orthonormal_basis
 
@@ -50,7 +51,7 @@ class Discretisation(Value):
         layers = yielding_layers(rod, stiffness)
         weight = np.linalg.norm(pull, axis=1).sum()
         bend = min(rod.stiffness[1:]) / rod.length**2
-        scene = build_scene(surroundings.obstacles, rod.radius or 0.0)
+        scene = build_scene(surroundings.obstacles, Surface.of(rod), s)
         put(self, spring=_STIFF_CONTACT * (weight + bend) / rod.length,
             _hold_spring=_STIFF_HOLD * (weight + bend) / rod.length,
             _start=History.none(s, layers.set.shape[1], scene.kind.size, surroundings))

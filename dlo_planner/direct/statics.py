@@ -22,6 +22,7 @@ from dlo_planner.model.pose import Pose
 
 TOLERANCE = 1e-10  # of the residual; the last step of a quadratic method overshoots it
 CONVERGED = 1e-8   # what is promised
+_TOUCHING = 1e-7   # the same among obstacles, whose stiff springs multiply rounding errors
 _BLURRED = 1e-5    # a residual that rounding may make larger than this tells nothing
 EXACT = 1e-10      # of the length: violation of a constraint aimed at
 KEPT = 1e-6        # of the length: violation that still counts as converged
@@ -138,7 +139,8 @@ def _promised(system, state, residual, rounding):
     if not system.scene.kind.size and not system.hold.multiplier.size:
         return residual < CONVERGED + 100 * rounding
     noise = gradient_noise(system, state)
-    return residual < max(CONVERGED, noise) + 100 * rounding and noise < _BLURRED
+    promised = _TOUCHING if system.scene.kind.size else CONVERGED
+    return residual < max(promised, noise) + 100 * rounding and noise < _BLURRED
 
 
 def _kept(discretisation, gripper, system, state, violation, far_end):

@@ -116,7 +116,8 @@ class Stepper:
         """Whether nothing is run through by the Shape `old` as it is when the gripper goes on."""
         new, shift = placed(system, strains), gripper.position
         return not passes_through(system.scene, system.lengths, old.element_strains.copy(),
-                                  old.frames.copy(), old.positions - shift, new.positions)
+                                  old.frames.copy(), old.positions - shift, new.rotations,
+                                  new.positions)
 
     def _after(self, before, place, shape, scheme):
         nodes = scheme.after(before.nodes, shape.positions)

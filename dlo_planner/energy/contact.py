@@ -1,20 +1,32 @@
 """Contact with obstacles: the DLO's surface stays outside, and friction resists its sliding.
 
 Every node is watched, and the nearest point inside an element wherever it comes nearer to an
-obstacle than the nodes do. Each such point has a gap g to each obstacle and a multiplier m >= 0:
+obstacle than the nodes do; of a rectangular DLO each of its edges, and its faces where they are
+nearer (`energy.outline`). Each such point has a gap g to each obstacle and a multiplier m >= 0:
 the augmented Lagrangian  (max(0, m - k g)^2 - m^2) / (2 k)  pushes with the force max(0, m - k g);
 the minimiser's outer loop moves m until the gaps under force are zero.
 
 The nearest point slides along the DLO as the shape changes, which the second derivative accounts
-for: d2g - (d(dg/ds))^2 / g_ss.
+for: d2g - (d(dg/ds))^2 / g_ss. A point beside the axis exerts a moment as well.
 
 Friction is `energy.friction`'s; each point of contact that rubs has a point of friction of its own.
 """
 
 import numpy as np
 
-from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.distance import AXIS, NODE_FACE, signed_distance
 from dlo_planner.energy.friction import add_friction
+from dlo_planner.energy.outline import (
+    gap_at,
+    is_face,
+    longest_stretch,
+    nodes_of,
+    radius_at,
+    radius_at_node,
+    sliding,
+    slope_along,
+    taper,
+)
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import point_inside
 from dlo_planner.ritz.record import Record, makes
@@ -66,31 +78,39 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
     energy = 0.0
     k = contacts.stiffness
     x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
-    frame = np.empty((3, 3))
+    frame, offset, second = np.empty((3, 3)), np.zeros(2), np.empty((9, 9))
     attached.sprung[:] = False
     for o in range(scene.kind.size):
-        node = 1
-        while node < positions.shape[0]:
+        if is_face(scene, o):
+            continue
+        offset[0], offset[1] = scene.offset[o, 0], scene.offset[o, 1]
+        varies = scene.radii.shape[0] > 0
+        radius = radius_at_node(scene, o, 0)
+        begin, end = nodes_of(scene, o, lengths.size)
+        longest = longest_stretch(scene, o, strains)
+        node = max(1, begin)
+        while node <= end:
             for i in range(3):
-                x[i] = scene.origin[i] + positions[node, i]
-            gap = signed_distance(scene, o, x, normal, bend) - scene.radius
+                x[i] = (scene.origin[i] + positions[node, i] + rotations[node, i, 1] * offset[0]
+                        + rotations[node, i, 2] * offset[1])
+            if varies:
+                radius = radius_at_node(scene, o, node)
+            gap = signed_distance(scene, o, x, normal, bend) - radius
             force = contacts.node[o, node] - k * gap
             if force > 0.0:
                 energy += 0.5 * force * force / k
-                if not attached.sprung[node]:
-                    attached.spring[node] = 0.0
-                    attached.sprung[node] = True
-                for i in range(3):
-                    pull[node, i] -= force * normal[i]
-                    for j in range(3):
-                        attached.spring[node, i, j] += (k * normal[i] * normal[j]
-                                                        - force * bend[i, j])
+                _push_node(scene, o, node, force, k, rotations[node], offset, normal, bend, second,
+                           pull, attached)
             energy -= 0.5 * contacts.node[o, node] ** 2 / k
-            node = next_touching(lengths, contacts.node[o], node, gap)
+            node = next_touching(lengths, contacts.node[o], node, gap * longest)
     for c in range(contacts.element.size):
         e, o = contacts.element[c], contacts.obstacle[c]
         attached.force[c] = 0.0
         attached.matrix[c] = 0.0
+        if attached.moment.shape[0]:
+            attached.moment[c] = 0.0
+            attached.first[c] = 0.0
+            attached.own[c] = 0.0
         if o < 0:
             energy += add_friction(contacts, c, lengths, strains, rotations, positions, attached)
             continue
@@ -101,9 +121,123 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
         force = contacts.multiplier[c] - k * gap
         if force > 0.0:
             energy += 0.5 * force * force / k
-            _push(c, force, k, strains[e], frame, normal, bend, attached)
+            if scene.feature[o] == AXIS:
+                _push(c, force, k, strains[e], frame, normal, bend, attached)
+            else:
+                gap_at(scene, o, frame, x, 0.0, offset, x.copy(), normal, bend)
+                _push_beside(scene, o, c, force, k, strains[e], frame, offset, normal, bend,
+                             second, attached)
         energy -= 0.5 * contacts.multiplier[c] ** 2 / k
     return energy
+
+
+@kernel
+def _push_node(scene, o, node, force, k, rotation, offset, normal, bend, second, pull, attached):
+    """Add the force and the stiffness of a contact at a node."""
+    beside = attached.node_moment.shape[0] > 0
+    if not attached.sprung[node]:
+        attached.sprung[node] = True
+        attached.spring[node] = 0.0
+        if beside:
+            attached.node_moment[node] = 0.0
+            attached.node_first[node] = 0.0
+            attached.node_matrix[node] = 0.0
+    for i in range(3):
+        pull[node, i] -= force * normal[i]
+    if scene.feature[o] == AXIS:
+        for i in range(3):
+            for j in range(3):
+                attached.spring[node, i, j] += k * normal[i] * normal[j] - force * bend[i, j]
+        return
+    _second(scene, o, False, force, k, normal, rotation, offset, normal, bend, second)
+    for i in range(6):
+        for j in range(6):
+            attached.node_matrix[node, i, j] += second[i, j]
+    _add_moment(force, rotation, offset, normal, attached.node_moment[node],
+                attached.node_first[node])
+
+
+@kernel
+def _push_beside(scene, o, c, force, k, strain, rotation, offset, normal, bend, second, attached):
+    """Write the force, moment and stiffness of a contact beside the axis, inside an element."""
+    inside = 0.0 < attached.fraction[c] < 1.0  # at an end the point does not slide
+    _second(scene, o, inside, force, k, strain, rotation, offset, normal, bend, second)
+    for i in range(3):
+        attached.force[c, i] = -force * normal[i]
+    attached.matrix[c] = second[:6, :6]
+    attached.own[c] = second[6:]
+    _add_moment(force, rotation, offset, normal, attached.moment[c], attached.first[c])
+
+
+@kernel
+def _add_moment(force, rotation, offset, normal, moment, first):
+    """Add what a force -force normal at an offset from the axis does to the frame there."""
+    arm = rotation[:, 1] * offset[0] + rotation[:, 2] * offset[1]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        moment[i] -= force * (arm[j] * normal[k] - arm[k] * normal[j])
+        for j in range(3):
+            first[i, j] -= force * normal[i] * arm[j]
+
+
+@kernel
+def _second(scene, o, along, force, k, strain, rotation, offset, normal, bend, second):
+    """Fill second (9, 9), the second derivative of the potential of a contact beside the axis.
+
+    By the twist (rotation, displacement) of the frame there and by the element's own strain, on
+    which the slope of an edge depends directly; the part that is not due to the force being
+    carried along.
+
+    Args:
+        along: whether the point slides along the DLO
+    """
+    moves, curves, by = np.empty((3, 3)), np.empty((3, 3)), np.zeros((3, 9))
+    second[:] = 0.0
+    for i in range(3):
+        for j in range(3):
+            second[3 + i, 3 + j] = k * normal[i] * normal[j] - force * bend[i, j]
+    count = sliding(scene, o, along, rotation, strain, offset, normal, bend, moves, curves)
+    for a in range(count):  # change of the slope by coordinate a
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            by[a, i] = moves[a, j] * normal[m] - moves[a, m] * normal[j]
+            for j in range(3):
+                by[a, 3 + i] += bend[i, j] * moves[a, j]
+    if along and scene.feature[o] != NODE_FACE:
+        n0 = n1 = n2 = 0.0
+        for i in range(3):
+            n0 += rotation[i, 0] * normal[i]
+            n1 += rotation[i, 1] * normal[i]
+            n2 += rotation[i, 2] * normal[i]
+        by[count - 1, 6] = offset[0] * n2 - offset[1] * n1
+        by[count - 1, 7] = offset[1] * n0
+        by[count - 1, 8] = -offset[0] * n0
+    for a in range(count):
+        if curves[a, a] <= 0.0:
+            continue
+        for i in range(9):
+            for j in range(9):
+                second[i, j] += force / curves[a, a] * by[a, i] * by[a, j]
+        for other in range(a + 1, count):
+            factor = curves[other, a] / curves[a, a]
+            for j in range(9):
+                by[other, j] -= factor * by[a, j]
+            for j in range(a + 1, count):
+                curves[other, j] -= factor * curves[a, j]
+    _about_the_axis(rotation[:, 1] * offset[0] + rotation[:, 2] * offset[1], second)
+
+
+@kernel
+def _about_the_axis(arm, second):
+    """Change second (9, 9) from displacements of a point to those of the axis, at -arm (3,)."""
+    for r in range(9):
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            second[r, i] += arm[j] * second[r, 3 + k] - arm[k] * second[r, 3 + j]
+    for r in range(9):
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            second[i, r] += arm[j] * second[3 + k, r] - arm[k] * second[3 + j, r]
 
 
 @kernel
@@ -114,7 +248,7 @@ def next_touching(lengths, multiplier, node, gap):
 
     Args:
         multiplier: (N + 1,) of the nodes; one that has some is never left out
-        gap: m, of `node`
+        gap: m, of `node`, per length of what may touch along the DLO (`outline.longest_stretch`)
     """
     last = lengths.size
     way = 0.0
@@ -135,13 +269,23 @@ def nearest_inside(scene, o, e, lengths, strains, rotations, positions, normal, 
     the zero of dg/ds; the nearest end of the element if there is none inside.
     """
     rotation, x = np.empty((3, 3)), np.empty(3)
+    offset, point = np.zeros(2), np.empty(3)
+    axial, grows = scene.feature[o] == AXIS, taper(scene, o, e) / lengths[e]
     low, high, fraction = 0.0, 1.0, 0.5
+    if scene.feature[o] == NODE_FACE:
+        low = fraction = 1.0
     for iteration in range(60):
         point_inside(lengths, strains, rotations, positions, e, fraction, rotation, x)
-        for i in range(3):
-            x[i] += scene.origin[i]
-        gap = signed_distance(scene, o, x, normal, bend) - scene.radius
-        slope, curve = along_the_dlo(normal, bend, rotation, strains[e])
+        radius = radius_at(scene, o, e, fraction)
+        if axial:
+            for i in range(3):
+                x[i] += scene.origin[i]
+            gap = signed_distance(scene, o, x, normal, bend) - radius
+            slope, curve = along_the_dlo(normal, bend, rotation, strains[e])
+            slope -= grows
+        else:
+            gap = gap_at(scene, o, rotation, x, radius, offset, point, normal, bend)
+            slope, curve = slope_along(scene, o, rotation, strains[e], offset, normal, bend)
         if slope > 0.0:
             high = fraction
         else:

@@ -1,24 +1,33 @@
 """How far a point is from an obstacle: signed distance with its first and second derivatives."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
 from dlo_planner.kernels import kernel
 from dlo_planner.model.obstacles import Box, Capsule, Plane, Sheet, Sphere
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.surface import Surface
 from dlo_planner.ritz.record import Record, makes
 
 PLANE, SPHERE, CAPSULE, BOX, SHEET = range(5)
+AXIS, EDGE, FACE, NODE_FACE = range(4)
 _MOST_FOILS = 5
+_ROUNDING = 0.02  # of the smaller half size: of a section's edges where an obstacle has edges
+_ALL = (0, 2**31)  # nodes
+_AROUND = np.array([(np.cos(angle), np.sin(angle)) for angle in np.arange(12) * np.pi / 6])
 _CENTRE = 1e-12  # of a radius: so near to the middle, no direction leads out
 
 
 class Scene(Record):
     """Obstacles as plain arrays; M bodies with H cut-outs in all.
 
-    A sheet is a stack of foils, its faces and, if it is thick, some between: at the rim of a hole a
-    DLO touches edges, and each edge needs a nearest point of its own.
+    A body is a part of an obstacle, as one feature of the DLO's surface meets it. A sheet is a
+    stack of foils, its faces and, if it is thick, some between: at the rim of a hole a DLO touches
+    edges, and each edge needs a nearest point of its own. A round DLO has one feature, balls about
+    its axis. A rectangular one has four edges along it; where an obstacle is curved or has edges
+    itself, also the faces between them (`energy.outline`).
 
     Attributes:
         source: (M,) index of the obstacle that a body is (part of)
@@ -30,8 +39,13 @@ class Scene(Record):
         hole_of: (H,) index of its sheet; hole_centre: (H, 2) y, z there, m; hole_axis: (H, 2)
             the hole's own first axis there; hole_size: (H, 2) half width and height, or the
             radius and -1
-        radius: of the DLO, m
+        radius: of the DLO, m; the largest
         origin: (3,) the gripper's position: nodes are given relative to it
+        feature: (M,) of the DLO: AXIS, EDGE, FACE (anywhere along an element) or NODE_FACE
+        offset: (M, 2) of an edge from the axis along n and b, m; of faces: half sizes of the
+            section; less `rounding` (M,) m, by which the feature is thickened
+        span: (M, 2) first and last node of the feature; it may end beyond the DLO
+        radii: (N, 2) of the DLO at both ends of its elements, m; (0, 2): `radius` everywhere
     """
 
     source: np.ndarray
@@ -46,58 +60,120 @@ class Scene(Record):
     hole_size: np.ndarray
     radius: float
     origin: np.ndarray
+    feature: np.ndarray
+    offset: np.ndarray
+    rounding: np.ndarray
+    span: np.ndarray
+    radii: np.ndarray
 
 
 @makes(Scene)
 @kernel
 def _new_scene(source, kind, axes, centre, size, friction, hole_of, hole_centre, hole_axis,
-               hole_size, radius, origin):
+               hole_size, radius, origin, feature, offset, rounding, span, radii):
     return Scene(source, kind, axes, centre, size, friction, hole_of, hole_centre, hole_axis,
-                 hole_size, radius, origin)
+                 hole_size, radius, origin, feature, offset, rounding, span, radii)
 
 
-def build_scene(obstacles, radius):
-    """Return the Scene of a sequence of obstacles for a DLO of the given radius in m."""
-    source, kind, axes, centre, size, friction, holes = [], [], [], [], [], [], []
-    bodies = [(index, part) for index, obstacle in enumerate(obstacles)
-              for part in (_foils(obstacle, radius) if isinstance(obstacle, Sheet)
-                           else [obstacle])]
-    for index, (origin, obstacle) in enumerate(bodies):
-        source.append(origin)
-        friction.append(obstacle.friction)
-        if isinstance(obstacle, Plane):
-            kind.append(PLANE)
-            pose, half = Pose.looking_along(obstacle.point, obstacle.normal), (0, 0, 0)
-        elif isinstance(obstacle, Sphere):
-            kind.append(SPHERE)
-            pose, half = Pose(obstacle.centre, (0, 0, 0, 1)), (0, 0, obstacle.radius)
-        elif isinstance(obstacle, Capsule):
-            kind.append(CAPSULE)
-            along = obstacle.end - obstacle.start
-            pose = Pose.looking_along(0.5 * (obstacle.start + obstacle.end), along)
-            half = (0.5 * np.linalg.norm(along), 0, obstacle.radius)
-        elif isinstance(obstacle, Box):
-            kind.append(BOX)
-            pose, half = obstacle.pose, 0.5 * obstacle.size
-        else:
-            kind.append(SHEET)
-            pose = obstacle.pose
-            half = (0.5 * obstacle.thickness, 0.5 * obstacle.width, 0.5 * obstacle.height)
-            holes += [(index, *_hole(pose, cutout)) for cutout in obstacle.cutouts]
-        axes.append(pose.rotation)
-        centre.append(pose.position)
-        size.append(half)
+def build_scene(obstacles, surface, s=None, *, sharp=False):
+    """Return the Scene of a sequence of obstacles for a DLO.
+
+    Args:
+        surface: Surface of the DLO, or its radius in m
+        s: (N + 1,) its nodes, m; only a radius that varies needs them
+        sharp: whether the edges of its section are, against obstacles that have edges, too: for
+            distances alone, whose derivatives would be infinite in contact
+    """
+    if not isinstance(surface, Surface):
+        surface = Surface(float(surface))
+    rows, holes = [], []
+    rims = [] if s is None else surface.rims(np.asarray(s))
+    for source, obstacle in enumerate(obstacles):
+        for part in _parts(obstacle, surface):
+            kind, pose, half = _body(part)
+            for feature, offset, rounding, span in _features(kind, half, surface, rims, sharp):
+                if kind == SHEET:
+                    holes += [(len(rows), *_hole(pose, cutout)) for cutout in part.cutouts]
+                rows.append((source, kind, pose.rotation, pose.position, half, obstacle.friction,
+                             feature, offset, rounding, span))
+    source, kind, axes, centre, size, friction, feature, offset, rounding, span = (
+        zip(*rows, strict=True) if rows else ((),) * 10)
     return Scene(np.array(source, dtype=np.int64), np.array(kind, dtype=np.int64),
                  np.array(axes, dtype=float).reshape(-1, 3, 3),
                  np.array(centre, dtype=float).reshape(-1, 3),
                  np.array(size, dtype=float).reshape(-1, 3), np.array(friction, dtype=float),
                  np.array([hole[0] for hole in holes], dtype=np.int64),
                  *(np.array([hole[k] for hole in holes], dtype=float).reshape(-1, 2)
-                   for k in (1, 2, 3)), float(radius), np.zeros(3))
+                   for k in (1, 2, 3)), surface.radius, np.zeros(3),
+                 np.array(feature, dtype=np.int64),
+                 np.array(offset, dtype=float).reshape(-1, 2), np.array(rounding, dtype=float),
+                 np.array(span, dtype=np.int64).reshape(-1, 2),
+                 np.zeros((0, 2)) if s is None else surface.radii(np.asarray(s)))
+
+
+def _parts(obstacle, surface):
+    """Return what an obstacle consists of: obstacles, and (pose, half length) of straight edges."""
+    if isinstance(obstacle, Sheet):
+        return _foils(obstacle, surface.least)
+    if isinstance(obstacle, Box) and surface.half is not None:
+        return [obstacle, *_edges(obstacle)]
+    return [obstacle]
+
+
+def _edges(box):
+    """Yield (pose, half length) of the 12 edges of a Box, x along them."""
+    for axis in range(3):
+        second, third = (axis + 1) % 3, (axis + 2) % 3
+        turned = box.pose.rotation[:, [axis, second, third]]
+        for one, other in product((-0.5, 0.5), repeat=2):
+            away = (one * box.size[second] * turned[:, 1] + other * box.size[third] * turned[:, 2])
+            yield Pose.from_rotation(box.pose.position + away, turned), 0.5 * box.size[axis]
+
+
+def _body(part):
+    """Return kind, pose and half sizes (3,) of one of `_parts`."""
+    if isinstance(part, Plane):
+        return PLANE, Pose.looking_along(part.point, part.normal), (0, 0, 0)
+    if isinstance(part, Sphere):
+        return SPHERE, Pose(part.centre, (0, 0, 0, 1)), (0, 0, part.radius)
+    if isinstance(part, Capsule):
+        along = part.end - part.start
+        return (CAPSULE, Pose.looking_along(0.5 * (part.start + part.end), along),
+                (0.5 * np.linalg.norm(along), 0, part.radius))
+    if isinstance(part, Box):
+        return BOX, part.pose, 0.5 * part.size
+    if isinstance(part, Sheet):
+        return SHEET, part.pose, (0.5 * part.thickness, 0.5 * part.width, 0.5 * part.height)
+    pose, half = part
+    return CAPSULE, pose, (half, 0, 0)
+
+
+def _features(kind, size, surface, rims, sharp):
+    """Return [(feature, offset, rounding, span)] of a DLO's surface that may touch a body.
+
+    Args:
+        rims: of `Surface.rims`
+    """
+    smooth = kind in (PLANE, SPHERE, CAPSULE)  # edges need not be rounded to touch it
+    if surface.half is None:
+        features = [(AXIS, (0.0, 0.0), 0.0, _ALL)]
+        for radius, span in rims:
+            rounding = 0.0 if smooth or sharp else _ROUNDING * radius
+            features += [(EDGE, (radius - rounding) * around, rounding, span) for around in _AROUND]
+        return features
+    half, rounding = np.array(surface.half), _ROUNDING * min(surface.half)
+    faces = [(feature, half - rounding, rounding, _ALL) for feature in (FACE, NODE_FACE)]
+    if smooth or sharp:
+        rounding = 0.0
+    edges = [(EDGE, signs * (half - rounding), rounding, _ALL)
+             for signs in map(np.array, product((-1, 1), repeat=2))]
+    if kind in (SPHERE, CAPSULE):
+        return edges + faces if size[2] > 0 else faces
+    return edges
 
 
 def _foils(sheet, radius):
-    """Return Sheets without thickness that stand for `sheet`."""
+    """Return Sheets without thickness that stand for `sheet`, close enough for the DLO's radius."""
     if sheet.thickness == 0:
         return [sheet]
     number = _MOST_FOILS
@@ -169,7 +245,7 @@ def _from_axis(p, half, radius, normal, bend):
     sign = 1.0 if p[0] >= 0 else -1.0
     along = sign * beyond if beyond > 0 or half == 0.0 else 0.0
     rho = np.sqrt(along * along + p[1] * p[1] + p[2] * p[2])
-    if rho < _CENTRE * radius:
+    if rho <= _CENTRE * radius:
         normal[2] = 1.0
         return -radius
     normal[0], normal[1], normal[2] = along / rho, p[1] / rho, p[2] / rho

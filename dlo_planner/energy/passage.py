@@ -3,13 +3,15 @@
 The motion between the two is taken as straight, point by point. Convex obstacles: an element is
 safe if it moves less than it is away, or if all of it stays above a plane that lies between it and
 the obstacle's middle. Sheets: nodes change sides, and elements pierce the middle plane, only
-through a cut-out or around the border.
+through a cut-out or around the border. Of a rectangular DLO all that holds for its edges; for the
+solid between them, where a round bar or an edge could pass, the plane has to be below all four.
 """
 
 import numpy as np
 
 from dlo_planner.energy.contact import nearest_inside
-from dlo_planner.energy.distance import BOX, PLANE, SHEET, in_plane, signed_distance
+from dlo_planner.energy.distance import AXIS, BOX, FACE, NODE_FACE, PLANE, SHEET, in_plane
+from dlo_planner.energy.outline import gap_at, node_gap, nodes_of, radius_at_node, stretch
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import point_inside
 
@@ -17,11 +19,11 @@ _FLUSH = 1e-9  # of the length: what is that near to a surface lies in it
 
 
 @kernel
-def passes_through(scene, lengths, strains, rotations, old, new):
+def passes_through(scene, lengths, strains, rotations, old, turned, new):
     """Return whether the motion from `old` to `new` crosses an obstacle.
 
     Args:
-        strains: (N, 3), rotations: (N + 1, 3, 3) of the old shape
+        strains: (N, 3), rotations: (N + 1, 3, 3) of the old shape; turned: (N + 1, 3, 3) of the new
         old, new: (N + 1, 3) node positions; relative to `scene.origin`
     """
     flush = _FLUSH * np.sum(lengths)
@@ -30,57 +32,110 @@ def passes_through(scene, lengths, strains, rotations, old, new):
         farthest = max(farthest, np.sqrt(np.sum((new[k] - old[k]) ** 2)))
     for o in range(scene.kind.size):
         if scene.kind[o] == SHEET:
-            if _through_sheet(scene, o, flush, old, new):
+            if _through_sheet(scene, o, flush, _line(scene, o, rotations, old),
+                              _line(scene, o, turned, new)):
                 return True
-        elif scene.kind[o] != PLANE and _through_solid(scene, o, flush, farthest, lengths,
-                                                       strains, rotations, old, new):
+        elif scene.kind[o] != PLANE and scene.feature[o] != NODE_FACE and _through_solid(
+                scene, o, flush, farthest, lengths, strains, rotations, old, turned, new):
             return True
     return False
 
 
 @kernel
-def _through_solid(scene, o, flush, farthest, lengths, strains, rotations, old, new):
+def _line(scene, o, rotations, positions):
+    """Return (n, 3) the places of the DLO's feature for body `o` at its nodes."""
+    if scene.feature[o] == AXIS:
+        return positions
+    begin, end = nodes_of(scene, o, positions.shape[0] - 1)
+    line = np.empty((end - begin + 1, 3))
+    for k in range(begin, end + 1):
+        for i in range(3):
+            line[k - begin, i] = (positions[k, i] + rotations[k, i, 1] * scene.offset[o, 0]
+                          + rotations[k, i, 2] * scene.offset[o, 1])
+    return line
+
+
+@kernel
+def _corners(scene, o, rotation, position, corners):
+    """Fill corners (4, 3) with what a section may touch body `o` with; return how many there are.
+
+    A face's section is the hull of four points; else it is one point.
+    """
+    count = 4 if scene.feature[o] == FACE else 1
+    for c in range(count):
+        n, b = scene.offset[o, 0], scene.offset[o, 1]
+        if c % 2:
+            n = -n
+        if c > 1:
+            b = -b
+        for i in range(3):
+            corners[c, i] = position[i] + rotation[i, 1] * n + rotation[i, 2] * b
+    return count
+
+
+@kernel
+def _move(scene, o, k, rotations, old, turned, new, before, after):
+    """Return how far (m) the section at node k moves at most; `before`, `after`: (4, 3) scratch."""
+    largest = 0.0
+    if scene.feature[o] == AXIS:
+        for i in range(3):
+            largest += (new[k, i] - old[k, i]) ** 2
+        return np.sqrt(largest)
+    count = _corners(scene, o, rotations[k], old[k], before)
+    _corners(scene, o, turned[k], new[k], after)
+    for c in range(count):
+        change = 0.0
+        for i in range(3):
+            change += (after[c, i] - before[c, i]) ** 2
+        largest = max(largest, np.sqrt(change))
+    return largest
+
+
+@kernel
+def _through_solid(scene, o, flush, farthest, lengths, strains, rotations, old, turned, new):
     """Whether an element goes through a convex body; no node moves by more than `farthest`."""
-    normal, bend = np.empty(3), np.empty((3, 3))
-    rotation, x = np.empty((3, 3)), np.empty(3)
+    normal, bend, x = np.empty(3), np.empty((3, 3)), np.empty(3)
+    rotation, offset, point = np.empty((3, 3)), np.zeros(2), np.empty(3)
+    before, after = np.empty((4, 3)), np.empty((4, 3))
     inner = scene.size[o, 2]
     if scene.kind[o] == BOX:
         inner = np.min(scene.size[o])
-    depth = 0.5 * (inner + scene.radius)  # this far in a point still knows its way out
-    margin = farthest + 0.5 * np.max(lengths) - depth
-    last_gap = last_move = clear = 0.0
-    for k in range(lengths.size + 1):
-        if k:
+    simple = scene.feature[o] == AXIS and scene.radii.shape[0] == 0
+    margin = farthest + 0.5 * np.max(lengths)
+    last_gap = last_move = last_radius = clear = 0.0
+    begin, last = nodes_of(scene, o, lengths.size)
+    for k in range(begin, last + 1):
+        if k > begin:
             clear -= lengths[k - 1]
-        if clear > 0.0:  # nothing gets so far
-            last_gap, last_move = clear + margin, farthest
+        if simple and clear > 0.0:  # nothing gets so far
+            last_gap, last_move, last_radius = clear + margin, farthest, scene.radius
             continue
-        change = 0.0
-        for i in range(3):
-            change += (new[k, i] - old[k, i]) ** 2
-            x[i] = scene.origin[i] + old[k, i]
-        move = np.sqrt(change)
-        here = signed_distance(scene, o, x, normal, bend) - scene.radius
+        radius = radius_at_node(scene, o, k)
+        move = _move(scene, o, k, rotations, old, turned, new, before, after)
+        here = node_gap(scene, o, k, rotations, old, offset, point, normal, bend)
         clear = here - margin
-        near, moved = min(here, last_gap), max(move, last_move)
-        last_gap, last_move = here, move
-        if k == 0:
+        near, moved, thick = min(here, last_gap), max(move, last_move), max(radius, last_radius)
+        last_gap, last_move, last_radius = here, move, radius
+        if k == begin:
             continue
         e = k - 1
+        depth = 0.5 * (inner + min(thick, radius))  # this far in a point still knows its way out
         # no point of an element is farther than half its length from one of its nodes
-        if moved <= near - 0.5 * lengths[e] + depth:
+        if moved <= near - 0.5 * lengths[e] * stretch(scene, o, strains[e]) + depth:
             continue
         gap, fraction = nearest_inside(scene, o, e, lengths, strains, rotations, old, normal, bend)
         deep = max(gap + depth, flush)  # what is deeper inside may only come out
         if moved <= deep:
             continue
         point_inside(lengths, strains, rotations, old, e, fraction, rotation, x)
+        gap_at(scene, o, rotation, x, 0.0, offset, point, normal, bend)
         for end in range(e, e + 2):
-            above = 0.0
-            for i in range(3):
-                above += normal[i] * (new[end, i] - x[i])
-            if above < -deep:
-                return True
+            for c in range(_corners(scene, o, turned[end], new[end], after)):
+                above = 0.0
+                for i in range(3):
+                    above += normal[i] * (scene.origin[i] + after[c, i] - point[i])
+                if above < -deep:
+                    return True
     return False
 
 

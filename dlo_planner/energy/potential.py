@@ -12,6 +12,7 @@ from dlo_planner.energy.elastic import add_elastic
 from dlo_planner.energy.hold import Hold, add_hold
 from dlo_planner.energy.inertia import add_anchor
 from dlo_planner.energy.loads import dead_load
+from dlo_planner.energy.outline import has_section
 from dlo_planner.energy.plastic import Layers, add_plastic, add_plastic_stiffness
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import Attached, add_gradient, march, nothing_attached
@@ -145,7 +146,8 @@ def new_state(system):
     return State(np.zeros((m, 3)), np.zeros((m, 3)), np.empty((n, 3)), np.empty((n + 1, 3, 3)),
                  np.empty((n + 1, 3)), np.empty((n, 3)), np.empty((n + 1, 3)), np.empty(3),
                  np.empty(3), nothing_attached(n + 1 if system.scene.kind.size else 0,
-                                              system.contacts.element))
+                                               system.contacts.element,
+                                               has_section(system.scene)))
 
 
 @kernel

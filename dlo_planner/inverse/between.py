@@ -22,7 +22,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlo_planner.energy.distance import build_scene, signed_distance
+from dlo_planner.energy.distance import NODE_FACE, build_scene
+from dlo_planner.energy.outline import node_gap, nodes_of, stretch, taper
 from dlo_planner.inverse.clearance import clearance, room_in
 from dlo_planner.kernels import kernel
 from dlo_planner.model.pose import Pose, angle_between
@@ -50,7 +51,7 @@ def broken_between(path, shapes, sheets, brief, known=None):
         path: GripperPath through the gripper poses of the plan
         shapes: n Shape at its waypoints
         sheets: (Sheet, normal (3,)) around the cut-outs
-        brief: Brief: workspace, obstacles, radius; its simulator finds the shapes between the
+        brief: Brief: workspace, obstacles, surface; its simulator finds the shapes between the
             waypoints; without one, and for shapes that are parts of its rod, the DLO is not
             looked at
         known: n least rooms in the sheets at the waypoints, m; each None, or all: computed
@@ -93,7 +94,8 @@ class _Sweep:
         around = [sheet for sheet, _ in sheets]
         self._others = [obstacle for obstacle in brief.obstacles
                         if not any(obstacle is sheet for sheet in around)]
-        self._scene = build_scene([*around, *self._others], brief.radius)
+        self._bodies = [*around, *self._others]
+        self._scene = build_scene(self._bodies, brief.surface, sharp=True)
 
     def broken(self, shapes, known, found):
         """Return the first Broken on the way to n Shapes, before the one that is `found`."""
@@ -118,14 +120,17 @@ class _Sweep:
         return None
 
     def _look(self, u, shape, known=None):
-        rooms = [room_in(*sheet, self._brief.radius, shape).min()
+        rooms = [room_in(*sheet, self._brief.surface, shape).min()
                  for sheet in self._sheets] if known is None else [known]
         if self._others:
-            rooms.append(clearance(self._others, self._brief.radius, shape))
+            rooms.append(clearance(self._others, self._brief.surface, shape))
         least = float(min(rooms))
         arms = shape.positions - shape.gripper.position
+        scene, surface = self._scene, self._brief.surface
+        if surface.rod is not None:  # on each mesh another one
+            scene = build_scene(self._bodies, surface, shape.s, sharp=True)
         return _Look(u, shape, arms, np.sqrt(np.einsum('ij,ij->i', arms, arms)), _element_rooms(
-            self._scene, shape.for_kernels[0], shape.for_kernels[3], least), least)
+            scene, *shape.for_kernels, least), least)
 
     def _between(self, leg, one, other, bends, halvings):
         """Return constraint, amount and words of what is broken between two Looks, or None.
@@ -204,18 +209,21 @@ def _curve_distances(this, that):
 
 
 @kernel
-def _element_rooms(scene, lengths, positions, least):
+def _element_rooms(scene, lengths, strains, rotations, positions, least):
     """Return (N,) a lower bound in m of the room of each element, none below the `least` of all."""
-    x, slope, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    x, slope, bend, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
     rooms = np.full(lengths.size, np.inf)
     for o in range(scene.kind.size):
+        if scene.feature[o] == NODE_FACE:
+            continue
         last = 0.0
-        for k in range(positions.shape[0]):
-            for i in range(3):
-                x[i] = positions[k, i]
-            gap = signed_distance(scene, o, x, slope, bend) - scene.radius
-            if k:
-                rooms[k - 1] = min(rooms[k - 1], 0.5 * (gap + last - lengths[k - 1]))
+        begin, end = nodes_of(scene, o, lengths.size)
+        for k in range(begin, end + 1):
+            gap = node_gap(scene, o, k, rotations, positions, offset, x, slope, bend)
+            if k > begin:
+                e = k - 1
+                reach = lengths[e] * stretch(scene, o, strains[e]) + abs(taper(scene, o, e))
+                rooms[e] = min(rooms[e], 0.5 * (gap + last - reach))
             last = gap
     return np.maximum(rooms, least)
 

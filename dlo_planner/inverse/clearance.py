@@ -3,7 +3,16 @@
 import numpy as np
 
 from dlo_planner.energy.contact import nearest_inside
-from dlo_planner.energy.distance import build_scene, in_plane, signed_distance
+from dlo_planner.energy.distance import AXIS, FACE, NODE_FACE, build_scene, in_plane
+from dlo_planner.energy.outline import (
+    gap_at,
+    node_gap,
+    nodes_of,
+    radius_at,
+    radius_at_node,
+    stretch,
+    taper,
+)
 from dlo_planner.kernels import kernel
 from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose
@@ -32,31 +41,33 @@ def sheet_of(cutout, length, obstacles=()):
     return Sheet(pose, _WIDE * length, _WIDE * length, 0.0, (cutout,))
 
 
-def clearance(obstacles, radius, shape):
+def clearance(obstacles, surface, shape):
     """Return the smallest distance in m between a DLO's surface and obstacles (< 0: inside).
 
     Args:
         obstacles: sequence of obstacles
-        radius: of the DLO, m
+        surface: Surface of the DLO, or its radius in m
         shape: Shape
     """
-    scene = build_scene(obstacles, radius)
+    scene = build_scene(obstacles, surface, shape.s, sharp=True)
     return float(_smallest(scene, *shape.for_kernels, np.zeros(3), np.inf)[3])
 
 
-def room_in(sheet, normal, radius, shape):
+def room_in(sheet, normal, surface, shape):
     """Return the distances (3,) in m between a DLO's surface and a Sheet, by parts of the DLO.
 
     The first: of what is in the plate, to the rim; by as much the cut-out may be displaced in its
     plane. The others: of what is before the plate and behind it, to its faces and edges; they are
     the smaller ones where the DLO bends back to the sheet, or passes obliquely. Infinite for a
-    part that does not exist, negative where the DLO would be in the material.
+    part that does not exist, negative where the DLO would be in the material. Of a rectangular DLO
+    the four edges count, each where it is.
 
     Args:
-        normal: (3,) from before the plate to behind it; radius: of the DLO, m
+        normal: (3,) from before the plate to behind it
+        surface: Surface of the DLO, or its radius in m
     """
     middle = np.array(sheet.pose.position)
-    scene = build_scene([sheet], radius)._replace(origin=middle)
+    scene = build_scene([sheet], surface, shape.s, sharp=True)._replace(origin=middle)
     lengths, strains, frames, positions = shape.for_kernels
     return _smallest(scene, lengths, strains, frames, positions - middle,
                      np.array(normal, dtype=float), 0.5 * sheet.thickness)[:3]
@@ -73,20 +84,25 @@ def _smallest(scene, lengths, strains, rotations, positions, normal, half):
         normal: (3,) of a plate there; half: of its thickness, m; infinite: there is no plate
     """
     nodes = positions.shape[0]
-    frame, x = np.empty((3, 3)), np.empty(3)
+    frame, x, offset = np.empty((3, 3)), np.empty(3), np.zeros(2)
+    slope, bend = np.empty(3), np.empty((3, 3))
     flush = _FLUSH * np.sum(lengths)
     gaps, heights, cuts = np.empty(nodes), np.empty(nodes), np.empty(4)
-    for k in range(nodes):
-        heights[k] = dot(normal, positions[k])
     out = np.full(4, np.inf)
     for o in range(scene.kind.size):
-        for k in range(nodes):
-            gaps[k] = _gap(scene, o, positions[k])
+        if scene.feature[o] == NODE_FACE:
+            continue  # the face itself is looked at everywhere
+        begin, end = nodes_of(scene, o, nodes - 1)
+        for k in range(begin, end + 1):
+            gaps[k] = node_gap(scene, o, k, rotations, positions, offset, x, slope, bend)
+            _shifted(scene, o, rotations[k], positions[k], x)
+            heights[k] = dot(normal, x)
             part = _part(heights[k], half, flush)
             out[part] = min(out[part], gaps[k])
-        for e in range(nodes - 1):
+        for e in range(begin, end):
             # no point of an element comes nearer than half its length beyond its nodes' mean
-            bound = 0.5 * (gaps[e] + gaps[e + 1] - lengths[e])
+            reach = lengths[e] * stretch(scene, o, strains[e]) + abs(taper(scene, o, e))
+            bound = 0.5 * (gaps[e] + gaps[e + 1] - reach)
             part = _part(heights[e], half, flush)
             if part == _part(heights[e + 1], half, flush) and bound >= out[part]:
                 continue
@@ -95,13 +111,13 @@ def _smallest(scene, lengths, strains, rotations, positions, normal, half):
             for side in ((-1, 1) if heights[e] < heights[e + 1] else (1, -1)):
                 last, following = heights[e] - side * half, heights[e + 1] - side * half
                 if last * following < 0.0 and min(abs(last), abs(following)) > flush:
-                    cuts[pieces] = _passage(lengths, strains, rotations, positions, e, normal,
-                                            side * half, last, frame, x)
+                    cuts[pieces] = _passage(scene, o, lengths, strains, rotations, positions, e,
+                                            normal, side * half, last, frame, x)
                     pieces += 1
             cuts[pieces] = 1.0
             for piece in range(pieces):
-                point_inside(lengths, strains, rotations, positions, e,
-                             0.5 * (cuts[piece] + cuts[piece + 1]), frame, x)
+                _place(scene, o, lengths, strains, rotations, positions, e,
+                       0.5 * (cuts[piece] + cuts[piece + 1]), frame, x)
                 part = _part(dot(normal, x), half, flush)
                 if bound < out[part]:
                     gap = _lowest(scene, o, lengths, strains, rotations, positions, e,
@@ -120,6 +136,23 @@ def _smallest(scene, lengths, strains, rotations, positions, normal, half):
 
 
 @kernel
+def _place(scene, o, lengths, strains, rotations, positions, e, fraction, frame, x):
+    """Fill frame (3, 3) and place (3,), from the scene's origin, of the DLO's feature for `o`."""
+    point_inside(lengths, strains, rotations, positions, e, fraction, frame, x)
+    _shifted(scene, o, frame, x, x)
+
+
+@kernel
+def _shifted(scene, o, frame, axis, x):
+    """Fill x (3,) with the place of the DLO's feature for `o`, the axis at `axis` (3,)."""
+    beside = scene.feature[o] != AXIS and scene.feature[o] < FACE
+    for i in range(3):
+        x[i] = axis[i]
+        if beside:
+            x[i] += frame[i, 1] * scene.offset[o, 0] + frame[i, 2] * scene.offset[o, 1]
+
+
+@kernel
 def _part(height, half, flush):
     """Return in which part of a DLO a point lies: 0 in the plate, 1 before it, 2 behind it."""
     if abs(height) <= half + flush:
@@ -128,9 +161,11 @@ def _part(height, half, flush):
 
 
 @kernel
-def _gap(scene, o, x):
-    """Return the gap in m of the point x (3,), from the scene's origin, to the body `o`."""
-    return signed_distance(scene, o, x + scene.origin, np.empty(3), np.empty((3, 3))) - scene.radius
+def _gap(scene, o, lengths, strains, rotations, positions, e, fraction, frame, x):
+    """Return the gap in m to the body `o` at a fraction of element e."""
+    point_inside(lengths, strains, rotations, positions, e, fraction, frame, x)
+    return gap_at(scene, o, frame, x, radius_at(scene, o, e, fraction), np.zeros(2), np.empty(3),
+                  np.empty(3), np.empty((3, 3)))
 
 
 @kernel
@@ -143,28 +178,23 @@ def _lowest(scene, o, lengths, strains, rotations, positions, e, low, high, fram
     width = (high - low) / _PIECES
     best, smallest = low, np.inf
     for k in range(_PIECES + 1):
-        point_inside(lengths, strains, rotations, positions, e, low + k * width, frame, x)
-        gap = _gap(scene, o, x)
+        gap = _gap(scene, o, lengths, strains, rotations, positions, e, low + k * width, frame, x)
         if gap < smallest:
             best, smallest = low + k * width, gap
     low, high = max(low, best - width), min(high, best + width)
     one, other = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-    point_inside(lengths, strains, rotations, positions, e, one, frame, x)
-    gap_one = _gap(scene, o, x)
-    point_inside(lengths, strains, rotations, positions, e, other, frame, x)
-    gap_other = _gap(scene, o, x)
+    gap_one = _gap(scene, o, lengths, strains, rotations, positions, e, one, frame, x)
+    gap_other = _gap(scene, o, lengths, strains, rotations, positions, e, other, frame, x)
     while high - low > _NARROW:
         smallest = min(smallest, gap_one, gap_other)
         if gap_one < gap_other:
             high, other, gap_other = other, one, gap_one
             one = high - _GOLDEN * (high - low)
-            point_inside(lengths, strains, rotations, positions, e, one, frame, x)
-            gap_one = _gap(scene, o, x)
+            gap_one = _gap(scene, o, lengths, strains, rotations, positions, e, one, frame, x)
         else:
             low, one, gap_one = one, other, gap_other
             other = low + _GOLDEN * (high - low)
-            point_inside(lengths, strains, rotations, positions, e, other, frame, x)
-            gap_other = _gap(scene, o, x)
+            gap_other = _gap(scene, o, lengths, strains, rotations, positions, e, other, frame, x)
     return min(smallest, gap_one, gap_other)
 
 
@@ -180,25 +210,29 @@ def _at_the_rim(scene, o, lengths, strains, rotations, positions, heights, norma
     frame, x = np.empty((3, 3)), np.empty(3)
     plane = dot(normal, scene.centre[o] - scene.origin)
     last = 0.0
-    for k in range(heights.size):
+    begin, end = nodes_of(scene, o, heights.size - 1)
+    for k in range(begin, end + 1):
         height = heights[k] - plane
         if abs(height) <= flush:
             height = 0.0
-            smallest = min(smallest, _room_in_plane(scene, o, positions[k]))
+            _shifted(scene, o, rotations[k], positions[k], x)
+            smallest = min(smallest, _room_in_plane(scene, o, x) - radius_at_node(scene, o, k))
         elif last * height < 0.0:
-            _passage(lengths, strains, rotations, positions, k - 1, normal, plane, last, frame, x)
-            smallest = min(smallest, _room_in_plane(scene, o, x))
+            fraction = _passage(scene, o, lengths, strains, rotations, positions, k - 1, normal,
+                                plane, last, frame, x)
+            smallest = min(smallest, _room_in_plane(scene, o, x)
+                           - radius_at(scene, o, k - 1, fraction))
         last = height
     return smallest, plane
 
 
 @kernel
-def _passage(lengths, strains, rotations, positions, e, normal, plane, begin, frame, x):
+def _passage(scene, o, lengths, strains, rotations, positions, e, normal, plane, begin, frame, x):
     """Return the fraction of element e, which begins at the height `begin`, in a plane; fill x."""
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        point_inside(lengths, strains, rotations, positions, e, middle, frame, x)
+        _place(scene, o, lengths, strains, rotations, positions, e, middle, frame, x)
         if (dot(normal, x) - plane) * begin > 0.0:
             low = middle
         else:
@@ -208,21 +242,21 @@ def _passage(lengths, strains, rotations, positions, e, normal, plane, begin, fr
 
 @kernel
 def _room_in_plane(scene, o, x):
-    """Return the gap in m of x (3,), from the scene's origin, to the material in its own plane."""
+    """Return how far (m) x (3,), from the scene's origin, is from the material in its own plane."""
     y = z = 0.0
     for i in range(3):
         away = x[i] + scene.origin[i] - scene.centre[o, i]
         y += scene.axes[o, i, 1] * away
         z += scene.axes[o, i, 2] * away
     gap, _ = in_plane(scene, o, y, z, np.empty(2))
-    return gap - scene.radius
+    return gap
 
 
 def nearest(scene, shape):
     """Return [(gap in m, arc length in m, unit normal (3,))] of the DLO's nearest points.
 
     Args:
-        scene: of `energy.distance.build_scene`, one entry per body; shape: Shape
+        scene: of `energy.distance.build_scene` for a round DLO, one entry per body; shape: Shape
     """
     s = np.array(shape.s)
     return [_nearest(scene, o, s, *shape.for_kernels) for o in range(scene.kind.size)]
@@ -231,22 +265,23 @@ def nearest(scene, shape):
 @kernel
 def _nearest(scene, o, s, lengths, strains, rotations, positions):
     x, slope, bend, normal = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(3)
-    smallest, where, last_rate = np.inf, 0.0, 0.0
-    for k in range(positions.shape[0]):
-        rate = 0.0
-        for i in range(3):
-            x[i] = scene.origin[i] + positions[k, i]
-        gap = signed_distance(scene, o, x, slope, bend) - scene.radius
-        for i in range(3):
-            rate += slope[i] * rotations[k, i, 0]
+    offset, last = np.zeros(2), np.empty(3)
+    smallest, where = np.inf, 0.0
+    begin, end = nodes_of(scene, o, positions.shape[0] - 1)
+    for k in range(begin, end + 1):
+        gap = node_gap(scene, o, k, rotations, positions, offset, x, slope, bend)
         if gap < smallest:
             smallest, where = gap, s[k]
             normal[:] = slope
-        if k and last_rate < 0.0 < rate:
+        if k > begin:
+            grows = taper(scene, o, k - 1) / lengths[k - 1]
+            before = dot(last, rotations[k - 1, :, 0]) - grows
+            behind = dot(slope, rotations[k, :, 0]) - grows
+        last[:] = slope
+        if k > begin and before < 0.0 < behind:
             gap, fraction = nearest_inside(scene, o, k - 1, lengths, strains, rotations, positions,
                                            slope, bend)
             if gap < smallest:
                 smallest, where = gap, s[k - 1] + fraction * lengths[k - 1]
                 normal[:] = slope
-        last_rate = rate
     return smallest, where, normal

@@ -14,6 +14,7 @@ from dlo_planner.inverse.clearance import clearance
 from dlo_planner.inverse.path import GripperPath
 from dlo_planner.inverse.plan import PlanStatus, build_plan, first_part
 from dlo_planner.inverse.workspace import Workspace
+from dlo_planner.model.surface import Surface
 from dlo_planner.progress import Progress
 
 
@@ -25,7 +26,7 @@ class Brief:
         speeds: m/s and rad/s, for the plan's times
         progress: Progress, which reports each waypoint
         workspace: Workspace or None
-        obstacles: that the DLO must not touch; radius: of the DLO, m
+        obstacles: that the DLO must not touch; surface: Surface of the DLO
         yielding: (3,) strains since the stress-free shape, torsion and both curvatures, at which
             the DLO would yield, 1/m, or None where it may
         simulator: DirectSimulator without obstacles that finds the DLO's shapes between the
@@ -36,7 +37,7 @@ class Brief:
     progress: Progress = field(default_factory=Progress)
     workspace: Workspace | None = None
     obstacles: tuple = ()
-    radius: float = 0.0
+    surface: Surface = Surface()
     yielding: np.ndarray | None = None
     simulator: DirectSimulator | None = None
 
@@ -67,7 +68,7 @@ class Brief:
                     f'the DLO is {-waypoint.clearance:.3g} m in the sheet around a cut-out '
                     '(endless, where no Sheet among the obstacles has it)')
         for index, obstacle in enumerate(self.obstacles):
-            room = clearance([obstacle], self.radius, shape)
+            room = clearance([obstacle], self.surface, shape)
             if room < 0:
                 return ('clearance', -room,
                         f'the DLO is {-room:.3g} m in {type(obstacle).__name__} {index}')

@@ -23,6 +23,7 @@ from dlo_planner.minimize.newton import descend, residual_of
 from dlo_planner.model.along import SeenFrom
 from dlo_planner.model.part import part_of_loads, part_of_rod
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.surface import Surface
 from dlo_planner.ritz.kinematics import point_inside
 
 STABLE = 0.02       # least stability: a mesh's error does not make it doubtful
@@ -55,14 +56,15 @@ class ContactFamily:
 
     def __init__(self, simulator, contact, s, check, elements=64):
         self.s, self.stable, self._check, self.known = s, STABLE, check, {}
-        around, rod = simulator.surroundings, simulator.rod
+        around, rod = _about_the_axis(simulator.surroundings), simulator.rod
+        thick = float(around.rod.radii([s])[0])
         self._mesh, self._node = _mesh(around, s, elements)
         self._alone = Discretisation(replace(around, obstacles=()), self._mesh.s, 'local', 0)
         self._rolling = self._mesh
         if self._node < elements:
             self._rolling = Discretisation(around, np.delete(self._mesh.s, self._node), 'local', 0)
         self._scene = self._mesh.static.scene
-        self._body, self.place, self.frame = _placed(self._scene, contact, rod.length)
+        self._body, self.place, self.frame = _placed(self._scene, contact, thick, rod.length)
         self.obstacle = int(self._scene.source[self._body])
         self._end, strain = _cantilever(self._alone, self._node, self.frame)
         self._inside = self._sag(strain)
@@ -155,6 +157,17 @@ class ContactFamily:
         return max(good, key=lambda shape: shape.stability, default=None)
 
 
+def _about_the_axis(surroundings):
+    """Return Surroundings whose DLO is round, as thick as a rectangular one is along its b axis.
+
+    That is the axis which points away from an obstacle that is touched.
+    """
+    half = Surface.of(surroundings.rod).half
+    if half is None:
+        return surroundings
+    return replace(surroundings, rod=replace(surroundings.rod, radius=half[1], section=None))
+
+
 def _mesh(surroundings, s, elements):
     """Return a Discretisation in which `s` is a node, and that node."""
     length = surroundings.rod.length
@@ -167,11 +180,11 @@ def _mesh(surroundings, s, elements):
     return Discretisation(surroundings, nodes, 'local', 0), node
 
 
-def _placed(scene, contact, length):
+def _placed(scene, contact, radius, length):
     """Return the body that a contact is on, place (3,) and frame (3, 3) of the DLO there."""
-    axis = contact.position + scene.radius * contact.rotation[:, 2]
+    axis = contact.position + radius * contact.rotation[:, 2]
     normals, bend = np.empty((scene.kind.size, 3)), np.empty((3, 3))
-    gaps = np.array([signed_distance(scene, o, axis, normals[o], bend) - scene.radius
+    gaps = np.array([signed_distance(scene, o, axis, normals[o], bend) - radius
                      for o in range(scene.kind.size)])
     # among foils and obstacles that meet there, the one with this normal
     tilts = np.linalg.norm(normals - contact.rotation[:, 2], axis=1)

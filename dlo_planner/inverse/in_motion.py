@@ -5,6 +5,7 @@ import numpy as np
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import clearance, room_in
 from dlo_planner.inverse.continuity import apart
+from dlo_planner.model.surface import Surface
 
 _PER_PERIOD = 25      # steps in a period of the DLO's slowest vibration
 _FEWEST, _MOST = 150, 20_000  # steps of a run
@@ -59,7 +60,7 @@ class InMotion:
             found['swing'] = max(apart(*pair) for pair in zip(motion.shapes, calm, strict=True))
         if only is None:
             found['dynamic_clearance'] = least_clearance(
-                self._plan, self._obstacles, self._simulator.rod.radius or 0.0, motion.shapes)
+                self._plan, self._obstacles, Surface.of(self._simulator.rod), motion.shapes)
         return found
 
     def _steps(self, duration):
@@ -123,10 +124,10 @@ def _distance(shape, centre, low, high):
     return best
 
 
-def least_clearance(plan, obstacles, radius, shapes):
+def least_clearance(plan, obstacles, surface, shapes):
     """Return the least clearance in m of Shapes from a Plan's sheets and obstacles, nan if none."""
-    rooms = [clearance(obstacles, radius, shape) for shape in shapes if obstacles]
-    rooms += [room_in(*sheet, radius, shape).min() for sheet in plan.sheets for shape in shapes]
+    rooms = [clearance(obstacles, surface, shape) for shape in shapes if obstacles]
+    rooms += [room_in(*sheet, surface, shape).min() for sheet in plan.sheets for shape in shapes]
     return float(min(rooms, default=np.nan))
 
 

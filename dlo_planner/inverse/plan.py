@@ -162,17 +162,17 @@ class Waypoint:
         return replace(self, miss=max(self.miss, other),
                        passes=(*self.passes, (centre, s, None)))
 
-    def inside(self, cutouts, sheets, radius):
+    def inside(self, cutouts, sheets, surface):
         """Return the same waypoint with its clearances in CutOuts.
 
         Args:
             sheets: the Sheet of each, or None
-            radius: of the DLO, m
+            surface: Surface of the DLO
         """
         both = [(sheet, cutout.normal) for cutout, sheet in zip(cutouts, sheets, strict=True)]
         return replace(
             self, sheets=tuple(one for one in both if one[0] is not None), clearances=tuple(
-                _FREE if sheet is None else room_in(sheet, normal, radius, self.shape)
+                _FREE if sheet is None else room_in(sheet, normal, surface, self.shape)
                 for sheet, normal in both))
 
 

@@ -15,6 +15,7 @@ from dlo_planner.inverse.trajectory import Limits, Trajectory
 from dlo_planner.model.checks import figure, flag, instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.model.part import before
+from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.progress import OnProgress, Progress
 
@@ -164,7 +165,7 @@ def _at_rest(simulator, plan, shapes, obstacles):
         'bend_margin': min(shape.bend_margin for shape in shapes),
         'contact_force': max((contact.force for shape in shapes for contact in shape.contacts),
                              default=0.0),
-        'clearance': least_clearance(plan, obstacles, simulator.rod.radius or 0.0, shapes),
+        'clearance': least_clearance(plan, obstacles, Surface.of(simulator.rod), shapes),
         'deviation': deviation}
 
 

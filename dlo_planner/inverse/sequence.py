@@ -134,7 +134,7 @@ def _thread(simulator, asked):
             if along <= 0:
                 raise draft.refusal('direction', -along, f'the DLO would pass cut-out {k} against '
                                     'its direction')
-        draft.add(waypoint.inside(asked.cutouts, sheets, brief.radius))
+        draft.add(waypoint.inside(asked.cutouts, sheets, brief.surface))
     return draft.finished()
 
 

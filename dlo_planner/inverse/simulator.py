@@ -21,6 +21,7 @@ from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.checks import choice, flag, instance, items, number, row
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import Value, freeze, put
 from dlo_planner.model.value import brief as one_line
 from dlo_planner.progress import OnProgress, Progress
@@ -422,5 +423,5 @@ class InverseSimulator(Value):
                          maximum=_FASTEST * self.simulator.rod.length),
                   number('angular_speed', angular_speed, above=0, maximum=_FASTEST))
         return Brief(speeds, Progress(progress, deadline), self.workspace,
-                     () if touching else self.simulator.obstacles, self.simulator.rod.radius or 0.0,
+                     () if touching else self.simulator.obstacles, Surface.of(self.simulator.rod),
                      self._yielding, None if touching else self._alone)

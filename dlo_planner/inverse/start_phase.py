@@ -36,7 +36,7 @@ def start_phase(simulator, cutout, start, first, standoff, initial, brief):
         brief: Brief
     """
     behind = float((cutout.centre - start.position) @ cutout.normal)
-    back = max(0.0, (1 + _MARGIN) * simulator.rod.length + brief.radius - behind)
+    back = max(0.0, (1 + _MARGIN) * simulator.rod.length + brief.surface.bound - behind)
     quick = quick_simulator(simulator)
     own = quick is simulator
     brief = brief.made_with(simulator)
@@ -58,8 +58,8 @@ def start_phase(simulator, cutout, start, first, standoff, initial, brief):
 def _from_behind(simulator, cutout, start, first, standoff, initial, brief, back):
     """Return the Plan that goes `back` (m) before it turns."""
     normal = cutout.normal
-    way = _stations(cutout, start, first.gripper, standoff, brief.radius, simulator.rod.length,
-                    back)
+    way = _stations(cutout, start, first.gripper, standoff, brief.surface.bound,
+                    simulator.rod.length, back)
     draft = Draft(np.zeros(len(way)), brief, 'start phase, waypoint')
     sheet = sheet_of(cutout, simulator.rod.length, brief.obstacles)
     sheets = () if sheet is None else ((sheet, normal),)
@@ -72,7 +72,7 @@ def _from_behind(simulator, cutout, start, first, standoff, initial, brief, back
         if initial.jumped and draft.waypoints:
             raise draft.refusal('continuity', apart(initial, draft.last), 'the DLO would fall into '
                                 'another shape on the way there')
-        room = float(((cutout.centre - initial.positions) @ normal).min()) - brief.radius
+        room = float(((cutout.centre - initial.positions) @ normal).min()) - brief.surface.bound
         if room < wanted:
             raise draft.refusal('clearance', wanted - room, 'the DLO is not behind the sheet' if
                                 room < 0 else f'the DLO would turn {room:.3g} m behind the sheet')

@@ -201,7 +201,7 @@ def _thread_from(simulator, asked, begin, route, method):
             raise refusal
         here, depth = found, wanted
         draft.add(waypoint_of(here.shape, cutout.centre, length - wanted, cutout.normal).inside(
-            [cutout], [sheet], brief.radius))
+            [cutout], [sheet], brief.surface))
     return draft.finished()
 
 

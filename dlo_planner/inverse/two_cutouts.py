@@ -221,7 +221,7 @@ def _judged(simulator, asked, change, found):
         waypoint = waypoint_of(here.shape, asked.first.centre, length - depth, None)
         if second is not None:
             waypoint = waypoint.also(asked.second.centre, second)
-        draft.add(waypoint.inside(cutouts, sheets, asked.brief.radius))
+        draft.add(waypoint.inside(cutouts, sheets, asked.brief.surface))
         before = here
     return draft.finished()
 

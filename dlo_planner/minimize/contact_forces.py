@@ -146,18 +146,24 @@ def _answers(system, state, hessian, table, first, axes):
     """Return (K, 3 m) unit forces at the contacts along `axes`, as loads, and what they answer."""
     size, m = axes.shape[0], state.q.shape[0]
     loads, answers = np.empty((size, 3 * m)), np.empty((size, 3 * m))
-    load, answer = np.empty((m, 3)), np.empty((m, 3))
+    load, answer, none = np.empty((m, 3)), np.empty((m, 3)), np.zeros(3)
     for a in range(table.gap.size):
         for i in range(first[a], first[a] + (1 if table.rubbing[a] < 0 else 3)):
-            unit_load(system, state, hessian, table.element[a], table.fraction[a], axes[i], load)
+            # friction acts at the axis
+            unit_load(system, state, hessian, table.element[a], table.fraction[a],
+                      table.arm[a] if i == first[a] else none, axes[i], load)
             solve(system, hessian, load, answer)
             loads[i], answers[i] = load.reshape(-1), answer.reshape(-1)
     return loads, answers
 
 
 @kernel
-def unit_load(system, state, hessian, element, fraction, axis, load):
-    """Fill load (m, 3): change of the displacement along `axis` of a point, by the unknowns."""
+def unit_load(system, state, hessian, element, fraction, beside, axis, load):
+    """Fill load (m, 3): change of the displacement along `axis` of a point, by the unknowns.
+
+    Args:
+        beside: (3,) m, of the point from the DLO's axis
+    """
     n = system.lengths.size
     rows = np.zeros((n, 3))
     part, arm = np.empty((6, 3)), np.empty(3)
@@ -165,7 +171,7 @@ def unit_load(system, state, hessian, element, fraction, axis, load):
                     system.scale[element], state.rotations[element], part, arm)
     moment = np.empty(3)
     for i in range(3):
-        arm[i] += state.positions[element, i]
+        arm[i] += state.positions[element, i] + beside[i]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         moment[i] = arm[j] * axis[k] - arm[k] * axis[j]
@@ -176,7 +182,9 @@ def unit_load(system, state, hessian, element, fraction, axis, load):
                                + hessian.turning[e, 3 + k, j] * axis[k])
     for j in range(3):
         for k in range(3):
-            rows[element, j] += part[3 + k, j] * axis[k]
+            one, other = (k + 1) % 3, (k + 2) % 3
+            moved = part[3 + k, j] + part[one, j] * beside[other] - part[other, j] * beside[one]
+            rows[element, j] += moved * axis[k]
     project(system.basis, rows, load)
 
 
@@ -300,12 +308,13 @@ def add_sliding(system, state, hessian, answers):
     for p in range(size):
         a = slides[p]
         e, fraction = table.element[a], table.fraction[a]
-        unit_load(system, state, hessian, e, fraction, axes[3 * a], across[p])
-        unit_load(system, state, hessian, e, fraction, axes[3 * a + 1], load)
+        unit_load(system, state, hessian, e, fraction, table.arm[a], axes[3 * a], across[p])
+        unit_load(system, state, hessian, e, fraction, np.zeros(3), axes[3 * a + 1], load)
         solve(system, hessian, load, response[p])
         response[p] *= laws[3 * a + 1, 2]
         point_inside(system.lengths, state.strains, state.rotations, state.positions, e, fraction,
                      rotation, x)
+        x += table.arm[a]
         normal = axes[3 * a]
         for i in range(3):
             j, m = (i + 1) % 3, (i + 2) % 3

@@ -204,7 +204,7 @@ def _search(system, state, trial, step, energy, noise, slope, farthest):
         new, new_noise = evaluate(system, trial)
         if system.scene.kind.size and passes_through(
                 system.scene, system.lengths, state.strains, state.rotations, state.positions,
-                trial.positions):
+                trial.rotations, trial.positions):
             fraction *= 0.5
             blocked = True
             continue

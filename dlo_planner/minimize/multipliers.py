@@ -10,9 +10,9 @@ the residual with these limits: friction has no potential.
 import numpy as np
 
 from dlo_planner.energy.contact import nearest_inside, next_touching
-from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.hold import violation as hold_violation
+from dlo_planner.energy.outline import is_face, longest_stretch, node_gap, nodes_of
 from dlo_planner.energy.potential import hinged
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import move_multipliers
@@ -164,16 +164,19 @@ def _keep_forces(system, state, more):
     """
     scene, contacts = system.scene, system.contacts
     k = contacts.stiffness
-    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    x, normal, bend, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
     for o in range(scene.kind.size):
-        node = 1
-        while node <= system.lengths.size:
-            for i in range(3):
-                x[i] = scene.origin[i] + state.positions[node, i]
-            gap = signed_distance(scene, o, x, normal, bend) - scene.radius
+        if is_face(scene, o):
+            continue
+        longest = longest_stretch(scene, o, state.strains)
+        begin, end = nodes_of(scene, o, system.lengths.size)
+        node = max(1, begin)
+        while node <= end:
+            gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
+                           bend)
             if contacts.node[o, node] > k * gap:
                 contacts.node[o, node] += more * gap
-            node = next_touching(system.lengths, contacts.node[o], node, gap)
+            node = next_touching(system.lengths, contacts.node[o], node, gap * longest)
     for c in range(contacts.element.size):
         e = contacts.element[c]
         if contacts.obstacle[c] >= 0:

@@ -223,7 +223,7 @@ def lean(system, hessian, state, trial):
     evaluate(system, trial)
     return not (system.scene.kind.size and passes_through(
         system.scene, system.lengths, state.strains, state.rotations, state.positions,
-        trial.positions))
+        trial.rotations, trial.positions))
 
 
 @kernel
@@ -241,7 +241,7 @@ def _fall(system, state, trial, step, energy, noise):
         new, new_noise = evaluate(system, trial)
         if system.scene.kind.size and passes_through(
                 system.scene, system.lengths, state.strains, state.rotations, state.positions,
-                trial.positions):
+                trial.rotations, trial.positions):
             fraction *= 0.5
             blocked = True
             continue
@@ -272,7 +272,7 @@ def kick(system, state, mode):
         high, _ = evaluate(system, trial)
         blocked = system.scene.kind.size and passes_through(
             system.scene, system.lengths, state.strains, state.rotations, state.positions,
-            trial.positions)
+            trial.rotations, trial.positions)
         return np.inf if blocked else high
 
     for _ in range(20):

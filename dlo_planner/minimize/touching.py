@@ -3,8 +3,14 @@
 import numpy as np
 
 from dlo_planner.energy.contact import Contacts, nearest_inside, next_touching
-from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.friction import trial_force
+from dlo_planner.energy.outline import (
+    gap_at,
+    is_face,
+    longest_stretch,
+    node_gap,
+    nodes_of,
+)
 from dlo_planner.energy.potential import evaluate, new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.newton import residual_of
@@ -22,6 +28,7 @@ class Touching(Record):
         inside: (A,) index among Contacts' points, -1 for a node
         rubbing: (A,) index of its point of friction there, -1 without
         gap: (A,) m; force: (A,) N; normal: (A, 3)
+        arm: (A, 3) m, of the force from the axis, beyond the radius of a round DLO
     """
 
     obstacle: np.ndarray
@@ -32,6 +39,7 @@ class Touching(Record):
     gap: np.ndarray
     force: np.ndarray
     normal: np.ndarray
+    arm: np.ndarray
 
 
 @kernel
@@ -42,22 +50,28 @@ def touching(scene, contacts, lengths, state):
     most = scene.kind.size * last + contacts.element.size
     index = np.empty((4, most), dtype=np.int64)
     value = np.empty((3, most))
-    normals = np.empty((most, 3))
+    normals, arms = np.empty((most, 3)), np.zeros((most, 3))
     count = 0
     x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    offset, rotation, place = np.zeros(2), np.empty((3, 3)), np.empty(3)
     for o in range(scene.kind.size):
-        node = 1
-        while node <= last:
-            for i in range(3):
-                x[i] = scene.origin[i] + state.positions[node, i]
-            gap = signed_distance(scene, o, x, normal, bend) - scene.radius
+        if is_face(scene, o):
+            continue
+        longest = longest_stretch(scene, o, state.strains)
+        begin, end = nodes_of(scene, o, last)
+        node = max(1, begin)
+        while node <= end:
+            offset[:] = 0.0
+            gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
+                           bend)
             force = contacts.node[o, node] - k * gap
             if force > 0.0:
                 index[0, count], index[1, count], index[2, count] = o, node - 1, -1
                 value[0, count], value[1, count], value[2, count] = 1.0, gap, force
                 normals[count] = normal
+                _fill_arm(state.rotations[node], offset, arms[count])
                 count += 1
-            node = next_touching(lengths, contacts.node[o], node, gap)
+            node = next_touching(lengths, contacts.node[o], node, gap * longest)
     for c in range(contacts.element.size):
         o, e = contacts.obstacle[c], contacts.element[c]
         if o < 0:
@@ -70,12 +84,23 @@ def touching(scene, contacts, lengths, state):
             value[0, count] = min(fraction, _INSIDE)
             value[1, count], value[2, count] = gap, force
             normals[count] = normal
+            point_inside(lengths, state.strains, state.rotations, state.positions, e, fraction,
+                         rotation, place)
+            offset[:] = 0.0
+            gap_at(scene, o, rotation, place, 0.0, offset, x, normal, bend)
+            _fill_arm(rotation, offset, arms[count])
             count += 1
     for a in range(count):
         index[3, a] = _friction_of(contacts, index[0, a], index[1, a], value[0, a])
     return Touching(index[0, :count].copy(), index[1, :count].copy(), value[0, :count].copy(),
                     index[2, :count].copy(), index[3, :count].copy(), value[1, :count].copy(),
-                    value[2, :count].copy(), normals[:count].copy())
+                    value[2, :count].copy(), normals[:count].copy(), arms[:count].copy())
+
+
+@kernel
+def _fill_arm(rotation, offset, arm):
+    for i in range(3):
+        arm[i] = rotation[i, 1] * offset[0] + rotation[i, 2] * offset[1]
 
 
 @kernel

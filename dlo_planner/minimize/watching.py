@@ -2,8 +2,17 @@
 
 import numpy as np
 
-from dlo_planner.energy.contact import along_the_dlo, nearest_inside, next_touching
-from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.contact import nearest_inside, next_touching
+from dlo_planner.energy.distance import FACE, NODE_FACE
+from dlo_planner.energy.outline import (
+    gap_at,
+    longest_stretch,
+    node_gap,
+    nodes_of,
+    sliding,
+    slope_along,
+    taper,
+)
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import with_contacts_of
 from dlo_planner.ritz.kinematics import point_inside
@@ -63,21 +72,33 @@ def _points_inside(system, state):
     found = np.empty((n * scene.kind.size, 2), dtype=np.int64)
     count = 0
     x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
-    rotation = np.empty((3, 3))
+    rotation, offset, point = np.empty((3, 3)), np.zeros(2), np.empty(3)
     nobody = np.zeros(n + 1)
-    gaps, slopes = np.empty(n + 1), np.empty(n + 1)
+    gaps, normals, offsets = np.empty(n + 1), np.empty((n + 1, 3)), np.empty((n + 1, 2))
     for o in range(scene.kind.size):
         gaps[:] = np.inf
-        k = 0
-        while k <= n:
-            for i in range(3):
-                x[i] = scene.origin[i] + state.positions[k, i]
-            gaps[k] = signed_distance(scene, o, x, normal, bend) - scene.radius
-            slopes[k] = np.sum(normal * state.rotations[k, :, 0])
-            k = next_touching(system.lengths, nobody, k, gaps[k] - 2 * longest)
-        for e in range(n):
+        stretched = longest_stretch(scene, o, state.strains)
+        begin, end = nodes_of(scene, o, n)
+        k = begin
+        while k <= end:
+            gaps[k] = node_gap(scene, o, k, state.rotations, state.positions, offset, point,
+                               normals[k], bend)
+            offsets[k] = offset
+            k = next_touching(system.lengths, nobody, k, stretched * (gaps[k] - 2 * longest))
+        for e in range(begin, end):
             near = min(gaps[e], gaps[e + 1])
-            if near > system.lengths[e] or slopes[e] >= 0.0 or slopes[e + 1] <= 0.0:
+            if near > system.lengths[e]:
+                continue
+            if scene.feature[o] == NODE_FACE:
+                if gaps[e + 1] < 0.5 * system.lengths[e] and _rounds(
+                        scene, o, sag, state.rotations[e + 1], state.positions[e + 1]):
+                    found[count, 0], found[count, 1] = e, o
+                    count += 1
+                continue
+            grows = taper(scene, o, e) / system.lengths[e]
+            if (_slope(state.rotations[e], state.strains[e], offsets[e], normals[e]) >= grows
+                    or _slope(state.rotations[e + 1], state.strains[e], offsets[e + 1],
+                              normals[e + 1]) <= grows):
                 continue
             gap, fraction = nearest_inside(scene, o, e, system.lengths, state.strains,
                                            state.rotations, state.positions, normal, bend)
@@ -85,7 +106,10 @@ def _points_inside(system, state):
                 continue
             point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
                          fraction, rotation, x)
-            _, curve = along_the_dlo(normal, bend, rotation, state.strains[e])
+            gap_at(scene, o, rotation, x, 0.0, offset, point, normal, bend)
+            if scene.feature[o] == FACE and not _rounds(scene, o, sag, rotation, x):
+                continue
+            _, curve = slope_along(scene, o, rotation, state.strains[e], offset, normal, bend)
             sharp = curve * system.lengths[e] ** 2 > 8 * sag or gap < near - sag
             if sharp or gap < near - level and not _lies(system.contacts.node[o], gaps, e):
                 found[count, 0], found[count, 1] = e, o
@@ -104,3 +128,26 @@ def _lies(node, gaps, e):
         if (node[k] > 0.0 or gaps[k] < 0.0) and not e - 1 <= k <= e + 2:
             return True
     return False
+
+
+@kernel
+def _slope(rotation, strain, offset, normal):
+    """Return the slope along the DLO of the distance of a point at an offset from the axis."""
+    w0 = 1.0 + strain[1] * offset[1] - strain[2] * offset[0]
+    w1, w2 = -strain[0] * offset[1], strain[0] * offset[0]
+    slope = 0.0
+    for i in range(3):
+        slope += normal[i] * (rotation[i, 0] * w0 + rotation[i, 1] * w1 + rotation[i, 2] * w2)
+    return slope
+
+
+@kernel
+def _rounds(scene, o, sag, rotation, position):
+    """Whether an obstacle is nearest between the edges of a section, and sharply so."""
+    offset, point, normal, bend = np.zeros(2), np.empty(3), np.empty(3), np.empty((3, 3))
+    moves, curves = np.empty((3, 3)), np.empty((3, 3))
+    gap_at(scene, o, rotation, position, 0.0, offset, point, normal, bend)
+    if sliding(scene, o, False, rotation, normal, offset, normal, bend, moves, curves) == 0:
+        return False
+    half = abs(scene.offset[o, 0 if abs(offset[0]) < scene.offset[o, 0] else 1])
+    return curves[0, 0] * half**2 > 8 * sag

@@ -24,6 +24,11 @@ class Attached(Record):
         matrix: (C, 6, 6) its second derivative by the twist (rotation, displacement) of the frame
             there, the part that is not due to `force` being carried along
         spring: (N + 1, 3, 3) second derivative by the node positions, N/m, where sprung (N + 1,)
+        moment: (C, 3) derivative by the rotation of the frame at the point; first: (C, 3, 3) sum of
+            force r^T of what is fixed to it at offsets r; own: (C, 3, 9) second derivative by the
+            strain of the element itself, beyond that by the twist: with the twist and the strain.
+            All (0, ...) where all forces act on the axis
+        node_moment, node_first, node_matrix: likewise (N + 1, ...), at the nodes where sprung
         tip_force, tip_moment: (3,) derivative by displacement and rotation of the free end
         tip_first: (3, 3) sum of force r^T of what is fixed to the free end at offsets r
         tip_matrix: (6, 6) as `matrix`
@@ -35,6 +40,12 @@ class Attached(Record):
     matrix: np.ndarray
     spring: np.ndarray
     sprung: np.ndarray
+    moment: np.ndarray
+    first: np.ndarray
+    own: np.ndarray
+    node_moment: np.ndarray
+    node_first: np.ndarray
+    node_matrix: np.ndarray
     tip_force: np.ndarray
     tip_moment: np.ndarray
     tip_first: np.ndarray
@@ -42,16 +53,20 @@ class Attached(Record):
 
 
 @kernel
-def nothing_attached(nodes, element):
+def nothing_attached(nodes, element, beside=False):
     """Return an empty Attached for points in the given elements (C,).
 
     Args:
         nodes: how many may be sprung, N + 1 or 0
+        beside: whether forces may act beside the axis
     """
     c = element.size
+    d, n = (c, nodes) if beside else (0, 0)
     return Attached(element, np.zeros(c), np.zeros((c, 3)), np.zeros((c, 6, 6)),
-                    np.zeros((nodes, 3, 3)), np.zeros(nodes, dtype=np.bool_), np.zeros(3),
-                    np.zeros(3), np.zeros((3, 3)), np.zeros((6, 6)))
+                    np.zeros((nodes, 3, 3)), np.zeros(nodes, dtype=np.bool_), np.zeros((d, 3)),
+                    np.zeros((d, 3, 3)), np.zeros((d, 3, 9)), np.zeros((n, 3)),
+                    np.zeros((n, 3, 3)), np.zeros((n, 6, 6)), np.zeros(3), np.zeros(3),
+                    np.zeros((3, 3)), np.zeros((6, 6)))
 
 
 @kernel
@@ -99,6 +114,7 @@ def add_gradient(lengths, strains, rotations, positions, pull, attached, gradien
     near_moment = np.empty(3)
     n = lengths.size
     c = attached.element.size - 1
+    beside, beside_node = attached.moment.shape[0] > 0, attached.node_moment.shape[0] > 0
     part = np.empty((6, 3))
     arm = np.empty(3)
     for i in range(3):
@@ -109,6 +125,8 @@ def add_gradient(lengths, strains, rotations, positions, pull, attached, gradien
         for i in range(3):
             phi[i] = h * strains[e, i]
             force[i] += pull[e + 1, i]
+            if beside_node and attached.sprung[e + 1]:
+                moment[i] += attached.node_moment[e + 1, i]
         jacobians(phi, h, turning, shifting)
         for j in range(3):
             near_force[j] = (rotations[e, 0, j] * force[0] + rotations[e, 1, j] * force[1]
@@ -132,6 +150,11 @@ def add_gradient(lengths, strains, rotations, positions, pull, attached, gradien
                              arm)
             for j in range(3):
                 gradient[e, j] += part[3, j] * own[0] + part[4, j] * own[1] + part[5, j] * own[2]
+            if beside:
+                for i in range(3):
+                    moment[i] += attached.moment[c, i]
+                    for j in range(3):
+                        gradient[e, j] += part[i, j] * attached.moment[c, i]
             moment[0] += arm[1] * own[2] - arm[2] * own[1]
             moment[1] += arm[2] * own[0] - arm[0] * own[2]
             moment[2] += arm[0] * own[1] - arm[1] * own[0]

@@ -40,6 +40,7 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
     near_moment = np.empty(3)
     n = lengths.size
     c = attached.element.size - 1
+    beside, beside_node = attached.moment.shape[0] > 0, attached.node_moment.shape[0] > 0
     part = np.empty((6, 3))
     arm = np.empty(3)
     f0, f1, f2 = attached.tip_force
@@ -52,6 +53,13 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
         f0 += pull[e + 1, 0]
         f1 += pull[e + 1, 1]
         f2 += pull[e + 1, 2]
+        if beside_node and attached.sprung[e + 1]:
+            m0 += attached.node_moment[e + 1, 0]
+            m1 += attached.node_moment[e + 1, 1]
+            m2 += attached.node_moment[e + 1, 2]
+            for i in range(3):
+                for j in range(3):
+                    first[i, j] += attached.node_first[e + 1, i, j]
         for i in range(3):
             phi[i] = h * strains[e, i]
         jacobians(phi, h, near, shifting)
@@ -120,6 +128,9 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
             for i in range(3):
                 phi[i] = length * strains[e, i]
                 near_moment[i] = 0.0
+                if beside:
+                    for j in range(3):
+                        near_moment[i] += rot[j, i] * attached.moment[c, j]
                 near_force[i] = rot[0, i] * g0 + rot[1, i] * g1 + rot[2, i] * g2
                 for j in range(3):
                     own[i, j] = 0.0
@@ -130,6 +141,11 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
                 cross[e, j, 2] += part[3, j] * g1 - part[4, j] * g0
                 for i in range(3):
                     diagonal[e, i, j] += length * length * scale[e, i] * scale[e, j] * own[i, j]
+            if beside:
+                _carry_along(attached.first[c], part, cross[e], diagonal[e], first)
+                m0 += attached.moment[c, 0]
+                m1 += attached.moment[c, 1]
+                m2 += attached.moment[c, 2]
             for i in range(3):
                 for j in range(3):
                     first[i, j] += own_force[i] * arm[j]
@@ -144,6 +160,31 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
     for i in range(3):
         first[i, i] -= trace
     return first.T.copy()
+
+
+@kernel
+def _carry_along(own_first, part, cross, diagonal, first):
+    """Add what forces at offsets from a point do as that point's frame turns.
+
+    Args:
+        own_first: (3, 3) sum of force r^T; part: (6, 3) twist of the frame by the element's strain
+        cross: (3, 3 or 6), diagonal: (3, 3) of the element, first: (3, 3) of all beyond: added to
+    """
+    trace = own_first[0, 0] + own_first[1, 1] + own_first[2, 2]
+    rolled = np.empty((3, 3))
+    for j in range(3):
+        for i in range(3):
+            rolled[j, i] = -trace * part[i, j]
+            for k in range(3):
+                rolled[j, i] += part[k, j] * own_first[k, i]
+            cross[j, i] += rolled[j, i]
+    for i in range(3):
+        for j in range(3):
+            both = (rolled[i, 0] * part[0, j] + rolled[i, 1] * part[1, j]
+                    + rolled[i, 2] * part[2, j])
+            diagonal[i, j] += 0.5 * both
+            diagonal[j, i] += 0.5 * both
+            first[i, j] += own_first[i, j]
 
 
 @kernel
@@ -165,6 +206,7 @@ def add_stiffness(lengths, strains, scale, rotations, positions, weight, attache
     c = attached.element.size - 1
     part = np.empty((6, 3))
     arm = np.empty(3)
+    beside, beside_node = attached.moment.shape[0] > 0, attached.node_moment.shape[0] > 0
     rigid, local, spring = np.empty((6, 6)), np.empty((6, 6)), np.zeros((6, 6))
     _carry(positions[lengths.size], rigid)
     _multiply(attached.tip_matrix, rigid, local)
@@ -189,6 +231,13 @@ def add_stiffness(lengths, strains, scale, rotations, positions, weight, attache
             for i in range(3):
                 for j in range(3):
                     spring[3 + i, 3 + j] = attached.spring[e + 1, i, j]
+            if beside_node:
+                for i in range(6):
+                    for j in range(6):
+                        if i < 3 or j < 3:
+                            spring[i, j] = attached.node_matrix[e + 1, i, j]
+                        else:
+                            spring[i, j] += attached.node_matrix[e + 1, i, j]
             _carry(where, rigid)
             _multiply(spring, rigid, local)
             _add_transposed(rigid, local, beyond)
@@ -221,8 +270,25 @@ def add_stiffness(lengths, strains, scale, rotations, positions, weight, attache
                     for k in range(6):
                         for m in range(6):
                             diagonal[e, i, j] += part[k, i] * attached.matrix[c, k, m] * part[m, j]
+            if beside:
+                _add_own(attached.own[c], scale[e], rigid, part, cross[e], diagonal[e])
             _add_transposed(rigid, local, beyond)
             c -= 1
+
+
+@kernel
+def _add_own(own, scale, rigid, part, cross, diagonal):
+    """Add a direct dependence on the element's own strain: own (3, 9), see `Attached`."""
+    for i in range(3):
+        for k in range(6):
+            for j in range(6):
+                cross[i, k] += scale[i] * own[i, j] * rigid[j, k]
+        for j in range(3):
+            both = 0.0
+            for k in range(6):
+                both += scale[i] * own[i, k] * part[k, j]
+            diagonal[i, j] += both + scale[i] * scale[j] * own[i, 6 + j]
+            diagonal[j, i] += both
 
 
 @kernel

@@ -25,4 +25,4 @@ def test_an_end_in_the_plane_of_a_hole(end, tip, through):
     lengths, strains = np.full(8, 1 / 8), np.zeros((8, 3))
     rotations = np.tile(np.eye(3), (9, 1, 1))
     old, new = straight((end, 0, 0)), straight(tip)
-    assert passes_through(scene, lengths, strains, rotations, old, new) == through
+    assert passes_through(scene, lengths, strains, rotations, old, rotations, new) == through

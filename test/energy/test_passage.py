@@ -23,7 +23,8 @@ def runs_through(obstacle, old, new):
     for k, along in enumerate(np.diff(old, axis=0)):
         rotations[k] = Pose.looking_along((0, 0, 0), along).rotation
     rotations[n] = rotations[n - 1]
-    return passes_through(scene, lengths, np.zeros((n, 3)), rotations, old - origin, new - origin)
+    return passes_through(scene, lengths, np.zeros((n, 3)), rotations, old - origin, rotations,
+                          new - origin)
 
 
 def level(z, y=0.0, x=(0.0, 0.5, 1.0)):

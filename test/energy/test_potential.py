@@ -8,9 +8,11 @@ from dlo_planner import Box, Capsule, CutOut, FarEnd, Plane, Pose, Rod, Sheet, S
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import Contacts
+from dlo_planner.energy.distance import EDGE, FACE, NODE_FACE
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
 from dlo_planner.minimize.linear import assemble, multiply, new_hessian
+from dlo_planner.model.section import Section
 
 GRAVITY = np.array([1.0, -2.0, -9.0])
 BASE = Rotation.from_rotvec([0.3, -1.0, 2.0]).as_matrix()
@@ -71,13 +73,43 @@ def touching(curly, basis, rng):
     return system._replace(contacts=contacts)
 
 
+def broad(curly, basis, rng):
+    """Return a system in which edges and faces of a rectangular section are pushed."""
+    # none is so near that it could be on the axis, where distances have no derivative
+    obstacles = [Plane((0, 0, -0.3), (0.1, 0, 1)), Sphere((1.9, 0.1, 0.1), 0.3),
+                 Capsule((0.2, 1.8, 0), (0.3, 1.9, 0.9), 0.2),
+                 Box(Pose((0.1, -1.9, 0), (0.1, 0.2, 0.3, 0.9)), (0.1, 0.2, 0.3))]
+    section = Section.of('rectangular', 0.15, 0.1, 1e3, 0.3)
+    rod = Rod(1.3, 0.2, (0.3, 0.8), 0.4, natural_curvature=(1.0, -0.5), radius=0.15,
+              section=section)
+    system = discretised(rod, basis, obstacles=obstacles).system(BASE, (0.1, 0, 0.2))
+    bodies = np.arange(system.scene.kind.size)
+    assert set(system.scene.feature) == {EDGE, FACE, NODE_FACE}
+    elements = np.sort(rng.integers(0, 9, bodies.size))
+    none = np.zeros((bodies.size, 3))
+    pushed = np.maximum(rng.uniform(-0.5, 0.06, size=(bodies.size, 10)), 0)
+    contacts = Contacts(0.02, pushed, elements, rng.permutation(bodies),
+                        rng.uniform(0.05, 0.06, bodies.size),
+                        np.zeros(bodies.size), none, none, 0.5)
+    return system._replace(contacts=contacts)
+
+
+def tapered(curly, basis, rng):
+    system = touching(curly, basis, rng)
+    radii = rng.uniform(0.01, 0.05, size=(9, 2))
+    return system._replace(scene=system.scene._replace(radii=radii))
+
+
 def tied(curly, basis, rng):
     system = plain(curly, basis, rng)
     return system._replace(near=rng.normal(size=new_state(system).q.shape), tie=0.7)
 
 
-@pytest.fixture(params=[(kind, basis) for kind in (plain, anchored, held, plastic, touching, tied)
-                        for basis in ('local', 'chebyshev')] + [(plain, 'fourier')],
+KINDS = (plain, anchored, held, plastic, touching, broad, tapered, tied)
+
+
+@pytest.fixture(params=[(kind, basis) for kind in KINDS for basis in ('local', 'chebyshev')]
+                + [(plain, 'fourier')],
                 ids=lambda case: f'{case[0].__name__}-{case[1]}')
 def system(request, curly, rng):
     kind, basis = request.param

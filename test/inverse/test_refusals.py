@@ -60,7 +60,8 @@ def test_an_initial_shape_of_another_rod_is_only_a_start():
 
 
 def test_a_set_of_the_initial_shape_counts():
-    direct = DirectSimulator(Rod(1.0, 0.05, 0.03, 0.025, yield_curvature=2.0, hardening=0.1))
+    direct = DirectSimulator(Rod(1.0, 0.05, 0.03, 0.025, yield_curvature=2.0, hardening=0.1),
+                             n_elements=64)
     level = Pose((0, 0, 1), (0, 0, 0, 1))
     bent = direct.solve(level)
     up = CutOut(Pose.looking_along((0, 0, 1), (0, 0, -1)))
