@@ -76,7 +76,7 @@ def values():
         Observation(LEVEL, shape.positions[1:], shape.s[1:]), Trajectory(plan),
         ObservedMotion([LEVEL] * 3, 0.01, [0.0, 0.02], np.ones((2, 1, 3)), [1.0]),
         minimise_penalty(simulator, PositionAt(1.0, (0.9, 0, 0.9)), LEVEL)]
-    examples.append(fit_rod(wire, [examples[-3]], n_elements=8, n_terms=4))
+    examples.append(fit_rod(wire, [examples[-4]], n_elements=8, n_terms=4))
     return {type(one).__name__: one for one in examples} | {
         name: InverseSimulator(over_bar) for name in (
             'InverseSimulator.hold_contact', 'InverseSimulator.slide_contact')}
@@ -141,6 +141,8 @@ def arguments():
         'Report.misalignment': 0.0, 'spread': known['Spread'], 'causes': ('length',),
         'by_cause': np.zeros((1, 1)), 'first_order': np.zeros(1), 'sampled': np.zeros((0, 1)),
         'success': 1.0, 'part': 0.5, 'penalty': 0.0, 'slope': 0.0, 'points': np.ones((2, 3)),
+        'motions': (), 'knots': None, 'correlations': None, 'ObservedMotion.s': [1.0],
+        'ObservedMotion.times': [0.0, 0.01], 'ObservedMotion.points': np.ones((2, 1, 3)),
         'observations': [known['Observation']], 'values': {}, 'deviations': {}, 'misfit': 0.0,
         'keep_out': (), 'Spread.length': 0.01, 'limits': None, 'samples': 0,
         # messages

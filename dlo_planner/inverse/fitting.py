@@ -21,6 +21,7 @@ from dlo_planner.inverse.observed import Observed
 from dlo_planner.inverse.tolerance import Spread
 from dlo_planner.inverse.unknowns import Unknowns
 from dlo_planner.model.checks import choice, figure, flag, instance, items, number, results
+from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, Value, brief, figures, put
 from dlo_planner.progress import OnProgress, Progress
@@ -63,7 +64,8 @@ class Fit(Value):
         for name in ('values', 'deviations'):
             put(self, **{name: FrozenDict(instance(f'Fit.{name}', getattr(self, name), dict))})
         put(self, misfit=figure('Fit.misfit', self.misfit),
-            converged=flag('Fit.converged', self.converged))
+            converged=flag('Fit.converged', self.converged), noise=figure('Fit.noise', self.noise),
+            grippers=items('Fit.grippers', self.grippers, Pose))
         if self.correlations is not None:
             put(self, correlations=results('Fit.correlations', self.correlations, (None, None)))
         super().__post_init__()
@@ -120,7 +122,8 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
             'bending_stiffness_n', 'bending_stiffness_b' (each by itself), 'torsional_stiffness',
             'natural_curvature' (k_n, k_b), 'natural_twist', 'mass_per_length', 'tip_mass',
             'damping' (a, b; by motions only). What varies along the DLO is scaled as a whole.
-        motions: ObservedMotions, simulated with their own dt
+        motions: ObservedMotions, simulated in even parts of their dt, 16 at most, half of which
+            would change the points by more than 2.5e-4 of the length
         knots: arc lengths, m: natural curvature and twist are sought there, and are straight
             between; None: they are constant along the rod
         noise: standard deviation of each coordinate of a point, m; None: from the misfit
@@ -162,6 +165,7 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
     begin = None
     for mesh in meshes[_first_mesh(rod, observations, motions, options, meshes):]:
         observed = Observed(unknowns, observations, motions, pose, {**mesh, **options}, steps)
+        observed.choose_steps(np.append(unknowns.begin, np.zeros(observed.size - unknowns.size)))
         errors = Errors(observed, unknowns.prior(prior), noise, loss, scale)
         found, statistics = _found(observed, errors, steps, begin)
         if _exact(observed.at(found.x).shapes[:len(observations)], rod) or mesh is meshes[-1]:

@@ -79,6 +79,10 @@ class ObservedMotion(Value):
                               f'(n - 1) dt = {duration:g} s')
         s = row('ObservedMotion.s', self.s, minimum=0)
         instance('ObservedMotion.initial', self.initial, Shape, optional=True)
-        put(self, grippers=grippers, dt=dt, times=times, s=s, points=array(
-            'ObservedMotion.points', self.points, (times.size, s.size, 3)))
+        points = array('ObservedMotion.points', self.points, (None, None, 3))
+        if points.shape[:2] != (times.size, s.size):
+            raise InvalidTask(f'ObservedMotion.points has shape {points.shape}: expected as many '
+                              f'rows as ObservedMotion.times, {times.size}, with as many points as '
+                              f'ObservedMotion.s, {s.size}')
+        put(self, grippers=grippers, dt=dt, times=times, s=s, points=points)
         super().__post_init__()

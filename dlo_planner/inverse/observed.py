@@ -1,9 +1,10 @@
 """Observations as a function of what is unknown: properties of the rod, errors of the poses."""
 
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
+from dlo_planner.direct.guide import Guide
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.misfit import (
     MOVED,
@@ -16,6 +17,7 @@ from dlo_planner.inverse.misfit import (
 )
 
 _AT_REST, _IN_MOTION = 1e-6, 1e-4  # relative errors of the derivatives
+_STEPPED, _MOST_PARTS = 2.5e-4, 16  # of the length; of a motion's dt
 _KEPT = 4  # values of x whose misfits are remembered
 
 
@@ -63,6 +65,24 @@ class Observed:
         free = np.full(self.size - unknowns.size, np.inf)
         self.bounds = np.append(unknowns.lower, -free), np.append(unknowns.upper, free)
         self.precision = _IN_MOTION if motions else _AT_REST
+        self._parts = [1] * len(motions)  # steps in each dt
+        self.begin()
+
+    def choose_steps(self, x):
+        """Take steps of the motions so short that halving them changes little at x (n,).
+
+        They then stay the same: steps that follow an error would make derivatives noisy.
+        """
+        for index, one in enumerate(self.motions):
+            coarse, _ = self._seen(index, one, x)
+            while self._parts[index] < _MOST_PARTS:
+                self._parts[index] *= 2
+                fine, _ = self._seen(index, one, x)
+                if coarse is not None and fine is not None and (
+                        np.abs(fine - coarse).max() <= _STEPPED * self.rod.length):
+                    self._parts[index] //= 2
+                    break
+                coarse = fine
         self.begin()
 
     def begin(self):
@@ -96,8 +116,7 @@ class Observed:
             self._progress.check()
             parts.append(at_rest(one, shape, nearby.on, errors) if shape.converged
                          else nowhere(one.points, self.rod.length, x.size, shape))
-        parts += [self._motion(len(self.observations) + index, one, x)
-                  for index, one in enumerate(self.motions)]
+        parts += [self._motion(index, one, x) for index, one in enumerate(self.motions)]
         return Misfits(parts)
 
     def _simulator(self, x):
@@ -119,20 +138,25 @@ class Observed:
         return shape
 
     def _motion(self, index, one, x):
-        where = self.errors(index, x).where
-
-        def positions_at(x):
-            direct, errors = self._simulator(x), self.errors(index, x)
-            motion = direct.simulate([errors.applied(pose) for pose in one.grippers], one.dt,
-                                     one.initial, tolerance=np.inf)
-            self._progress.check()
-            solved = motion.converged and len(motion) == len(one.grippers)
-            return (seen_in(motion, one.times, one.s) if solved else None), motion.shapes[-1]
-
+        where = self.errors(len(self.observations) + index, x).where
         lower = self.bounds[0]
         columns = [(k, x[k] - MOVED >= lower[k]) for k in range(x.size)
                    if k < self.n_parameters or where.start <= k < where.stop]
-        return in_motion(one, x, positions_at, columns, x.size, self.rod.length)
+        return in_motion(one, x, partial(self._seen, index, one), columns, x.size,
+                         self.rod.length)
+
+    def _seen(self, index, one, x):
+        """Return where the points of a motion are at x, (k, m, 3) or None; and its last Shape."""
+        parts, errors = self._parts[index], self.errors(len(self.observations) + index, x)
+        grippers = [errors.applied(pose) for pose in one.grippers]
+        if parts > 1:
+            guide = Guide(grippers, one.dt)
+            grippers = [guide.at(k / parts) for k in range((len(grippers) - 1) * parts + 1)]
+        motion = self._simulator(x).simulate(grippers, one.dt / parts, one.initial,
+                                             tolerance=np.inf)
+        self._progress.check()
+        solved = motion.converged and len(motion) == len(grippers)
+        return (seen_in(motion, one.times, one.s) if solved else None), motion.shapes[-1]
 
 
 class _Nearby:
