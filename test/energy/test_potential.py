@@ -90,7 +90,7 @@ def broad(curly, basis, rng):
     pushed = np.maximum(rng.uniform(-0.5, 0.06, size=(bodies.size, 10)), 0)
     contacts = Contacts(0.02, pushed, elements, rng.permutation(bodies),
                         rng.uniform(0.05, 0.06, bodies.size),
-                        np.zeros(bodies.size), none, none, 0.5)
+                        np.zeros(bodies.size), none, none, none, 0.5)
     return system._replace(contacts=contacts)
 
 
