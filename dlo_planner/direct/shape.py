@@ -57,9 +57,8 @@ class Shape(Value):
             0 neutral (the shape is one of many), < 0 not stable
         iterations: Newton steps; evaluations: of the potential, where the method counts them
         converged: the residual is below 1e-8 (1e-7 among obstacles, or what rounding errors leave
-            of it where constrained), the shape is stable or neutral, no contact is violated by
-            more than 1e-6 of the length and no grip by more than 1e-9, and a requested accuracy
-            was reached
+            of it where constrained), the shape is stable or neutral, no contact is violated by more
+            than 1e-6 of the length and no grip by more than 1e-9, and the accuracy was reached
         jumped: the shape is not the continuation of the one it was started from, or the one of
             several into which that one parts
         contacts: tuple of Contact, by s
