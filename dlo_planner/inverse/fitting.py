@@ -122,8 +122,8 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
             'bending_stiffness_n', 'bending_stiffness_b' (each by itself), 'torsional_stiffness',
             'natural_curvature' (k_n, k_b), 'natural_twist', 'mass_per_length', 'tip_mass',
             'damping' (a, b; by motions only). What varies along the DLO is scaled as a whole.
-        motions: ObservedMotions, simulated in even parts of their dt, 16 at most, half of which
-            would change the points by more than 2.5e-4 of the length
+        motions: ObservedMotions, simulated in even parts of their dt, 16 at most, the last
+            halving of which changed the points by less than 1e-4 of the length
         knots: arc lengths, m: natural curvature and twist are sought there, and are straight
             between; None: they are constant along the rod
         noise: standard deviation of each coordinate of a point, m; None: from the misfit

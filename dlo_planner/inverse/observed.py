@@ -17,7 +17,7 @@ from dlo_planner.inverse.misfit import (
 )
 
 _AT_REST, _IN_MOTION = 1e-6, 1e-4  # relative errors of the derivatives
-_STEPPED, _MOST_PARTS = 2.5e-4, 16  # of the length; of a motion's dt
+_STEPPED, _MOST_PARTS = 1e-4, 16  # of the length; of a motion's dt
 _KEPT = 4  # values of x whose misfits are remembered
 
 
@@ -69,7 +69,7 @@ class Observed:
         self.begin()
 
     def choose_steps(self, x):
-        """Take steps of the motions so short that halving them changes little at x (n,).
+        """Halve the steps of the motions until that changed little at x (n,).
 
         They then stay the same: steps that follow an error would make derivatives noisy.
         """
@@ -80,7 +80,6 @@ class Observed:
                 fine, _ = self._seen(index, one, x)
                 if coarse is not None and fine is not None and (
                         np.abs(fine - coarse).max() <= _STEPPED * self.rod.length):
-                    self._parts[index] //= 2
                     break
                 coarse = fine
         self.begin()

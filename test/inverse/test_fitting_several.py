@@ -153,14 +153,14 @@ def test_what_varies_is_scaled_as_a_whole(rng):
     assert abs(errors(fit, bending_stiffness=rod.stiffness[1:])).max() < 3
 
 
-STEP, STEPS = 0.02, 49
+STEP, STEPS = 0.03, 25
 SHAKEN = [Pose((0.02 * np.sin(5 * k * STEP) * min(1, 5 * k * STEP), 0.01 * np.sin(8 * k * STEP), 1),
                (0, 0, 0, 1)) for k in range(STEPS)]
-COARSE = {'basis': 'local', 'n_elements': 8}
+COARSE = {'basis': 'local', 'n_elements': 5}
 
 
 def shaken(rod, rng, noise=1e-3):
-    times, s = np.arange(0.05, 0.95, 0.03), np.array([0.3, 0.6, 1.0])
+    times, s = np.arange(0.05, 0.72, 0.02), np.array([0.3, 0.6, 1.0])
     motion = DirectSimulator(rod, **COARSE).simulate(SHAKEN, STEP)
     points = seen_in(motion, times, s)
     return ObservedMotion(SHAKEN, STEP, times, points + noise * rng.normal(size=points.shape), s)
@@ -172,20 +172,20 @@ def test_a_motion_tells_stiffness_and_damping(rng):
                   motions=[shaken(rod, rng)], **COARSE)
     assert fit.converged and fit.noise == pytest.approx(1e-3, rel=0.15)
     assert np.abs(errors(fit, bending_stiffness=0.05, damping=(0.5, 0.004))).max() < 3
-    assert fit.deviations['damping'][0] < 0.1
+    assert fit.deviations['damping'][0] < 0.2
 
 
 def test_a_coarse_dt_is_cut():
     # seen with 20 steps of 1 ms in each step that the fit is given
     rod = Rod(1.0, 0.07, 0.05, 0.04, damping=(0.5, 0.004))
-    guide, times, s = Guide(SHAKEN[::4], 4 * STEP), np.arange(0.1, 0.9, 0.1), np.array([0.6, 1.0])
-    fine = [guide.at(k / 20) for k in range(20 * 12 + 1)]
+    guide, times, s = Guide(SHAKEN[::4], 4 * STEP), np.arange(0.1, 0.7, 0.1), np.array([0.6, 1.0])
+    fine = [guide.at(k / 20) for k in range(20 * 6 + 1)]
     motion = DirectSimulator(rod, **COARSE).simulate(fine, 4 * STEP / 20, tolerance=np.inf)
     seen = ObservedMotion(SHAKEN[::4], 4 * STEP, times, seen_in(motion, times, s), s)
     here = Observed(Unknowns(rod, ('damping',)), (), [seen], np.zeros((0, 6)), COARSE, Progress())
     off = np.abs(here.at(np.zeros(2)).away).max()
     here.choose_steps(np.zeros(2))
-    assert np.abs(here.at(np.zeros(2)).away).max() < 3e-4 < off
+    assert np.abs(here.at(np.zeros(2)).away).max() < 2.5e-4 < 0.5 * off
 
 
 def test_a_motion_tells_ratios_only(rng):
