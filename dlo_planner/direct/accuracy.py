@@ -14,6 +14,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import same
 
 _FIRST_ELEMENTS, _MOST_ELEMENTS = 48, 8192
+_MANY = 512  # elements: a DLO whose error is not known with so many is given up
 _FIRST_TERMS, _MOST_TERMS = 12, 48
 _ENOUGH, _MARGIN = 0.75, 0.5  # parts of the accuracy: what is good, and what is aimed at
 
@@ -133,6 +134,8 @@ def _refined(discretisation, fine, shape, accuracy):
         s = graded_mesh(s, bent, elements, around.breaks)
         return Discretisation(around, s, fine, _FIRST_TERMS)
     from_mesh = shape.error_estimate
+    if elements >= _MANY and not np.isfinite(from_mesh):
+        return None
     if fine != 'local':
         free = Discretisation(around, s, 'local', 0)
         from_mesh = equilibrium(free, shape.gripper, shape.element_strains, 'newton',
