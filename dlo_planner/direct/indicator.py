@@ -26,8 +26,8 @@ def surely_within(shape, accuracy, mesh=None):
     here = shape._discretisation if mesh is None else mesh
     around, system = here.surroundings, here.static
     steadied = shape.far_end is not None or bool(shape.contacts)
-    if (shape.stability < _STABLE and shape.far_end is None or around.rod.yields or around.rod.varies or around.point_loads
-            or callable(around.load)):
+    if (shape.stability < _STABLE and shape.far_end is None or around.rod.yields
+            or around.rod.varies or around.point_loads or callable(around.load)):
         return False
     strains = shape.for_kernels[1] if mesh is None else here.strains_from(
         shape.s, shape.element_strains)

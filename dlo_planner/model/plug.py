@@ -49,7 +49,8 @@ def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = No
     if inertia is None:
         across = radius or (0.0 if rod.radius is None else rod.radii([rod.length])[0])
         inertia = min(mass * (3 * across**2 + size**2) / 12, most)
-    inertia = number('inertia', inertia, InvalidRod, minimum=0, maximum=most)
+    else:
+        inertia = number('inertia', inertia, InvalidRod, minimum=0, maximum=most)
     begin, end = rod.length, rod.length + size
     arm = np.sqrt(inertia / mass) if mass else 0.0
     places = (begin + centre - arm, begin + centre + arm)
