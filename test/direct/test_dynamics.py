@@ -231,13 +231,15 @@ def test_damping_is_the_same_for_a_dlo_that_could_yield(basis):
     rod = Rod(1.0, 0.3, (1.0, 2.0), 0.7, natural_curvature=(0.9, -0.6), natural_twist=1.5,
               damping=(0.3, 0.02))
     firm = replace(rod, yield_curvature=1e3, yield_torsion=1e3, section_model='round')
-    one, two = (swing(40, rod=each, basis=basis, n_elements=16) for each in (rod, firm))
+    # in the same steps: rounding errors may decide where one is halved
+    one, two = (swing(40, rod=each, basis=basis, n_elements=16, tolerance=np.inf)
+                for each in (rod, firm))
     for elastic, plastic in zip(one.shapes, two.shapes, strict=True):
         np.testing.assert_allclose(plastic.positions, elastic.positions, atol=1e-9)
     np.testing.assert_allclose(two.energy, one.energy, atol=1e-9)
     assert two.shapes[-1].dissipated == 0
     # and damping counts: it is another motion without
-    free = swing(40, rod=replace(rod, damping=0.0), basis=basis, n_elements=16)
+    free = swing(40, rod=replace(rod, damping=0.0), basis=basis, n_elements=16, tolerance=np.inf)
     assert np.abs(free.shapes[-1].positions - one.shapes[-1].positions).max() > 1e-3
 
 

@@ -163,7 +163,7 @@ def test_yield_is_reported_or_forbidden():
 
 def test_a_held_contact_is_chosen_inside_the_workspace():
     bar = Capsule((0.5, -0.5, 0.7), (0.5, 0.5, 0.7), 0.02)
-    direct = DirectSimulator(WIRE, basis='local', obstacles=[bar])
+    direct = DirectSimulator(WIRE, basis='local', n_elements=64, obstacles=[bar])
     top = Pose((0.5, 0, 0.7 + 0.02), (0, 0, 0, 1))
     forces = np.linspace(0.02, 0.2, 10)
     whole = InverseSimulator(direct).hold_contact(top, 0.6, condition=None, forces=forces)

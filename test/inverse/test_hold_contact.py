@@ -25,7 +25,7 @@ WEIGHT = WIRE.mass_per_length * 9.81
 
 
 def planner(basis='local'):
-    return InverseSimulator(DirectSimulator(WIRE, basis=basis, obstacles=[BAR]))
+    return InverseSimulator(DirectSimulator(WIRE, basis=basis, n_elements=64, obstacles=[BAR]))
 
 
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
@@ -63,7 +63,8 @@ def test_conditions_choose_what_they_say():
                                 **some)
     np.testing.assert_allclose(near.grippers[0].matrix, whole.grippers[7].matrix, atol=1e-12)
     floor = Plane((0, 0, 0.3), (0, 0, 1))
-    roomy = InverseSimulator(DirectSimulator(WIRE, basis='local', obstacles=[BAR, floor]))
+    roomy = InverseSimulator(DirectSimulator(WIRE, basis='local', n_elements=64,
+                                             obstacles=[BAR, floor]))
     far = roomy.hold_contact(TOP, 0.6, condition='largest_clearance', **some).shapes[0]
     lowest = [shape.positions[:, 2].min() for shape in whole.shapes]
     assert far.positions[:, 2].min() == pytest.approx(max(lowest), abs=1e-6)
@@ -92,7 +93,7 @@ BENT = Rod(1.0, 0.05, (0.16, 0.78), 0.05, natural_curvature=(-0.5, 0.6), natural
 
 @pytest.mark.parametrize('rod', [WIRE, BENT], ids=['round', 'bent'])
 def test_conditions_choose_the_least_of_all_forces(rod):
-    direct = DirectSimulator(rod, basis='local', obstacles=[BAR, FLOOR])
+    direct = DirectSimulator(rod, basis='local', n_elements=64, obstacles=[BAR, FLOOR])
     inverse, start = InverseSimulator(direct), Pose((-0.05, 0.02, 0.75), (0, 0, 0, 1))
     many = ContactFamily(direct, TOP, 0.6, lambda: None)
     forces = np.geomspace(LEAST * many.scale[0], MOST * many.scale[1], 300)
@@ -117,7 +118,7 @@ def test_conditions_choose_the_least_of_all_forces(rod):
 
 
 def test_the_family_goes_as_far_as_it_is_stable():
-    direct = DirectSimulator(WIRE, basis='local', obstacles=[BAR])
+    direct = DirectSimulator(WIRE, basis='local', n_elements=64, obstacles=[BAR])
     inverse = InverseSimulator(direct)
     plan = inverse.hold_contact(TOP, 0.6, condition=None)
     forces = np.array([shape.contacts[0].force for shape in plan.shapes])

@@ -10,6 +10,7 @@ from dlo_planner import (
     CutOut,
     DeadlineExceeded,
     DirectSimulator,
+    FarEnd,
     Infeasible,
     InvalidTask,
     InverseSimulator,
@@ -100,7 +101,7 @@ def test_the_bore_straightens_what_is_bent():
                      rod.natural_curvature)
         far = Pose.from_rotation(BORE.centre + depth * mouth.direction, mouth.rotation)
         straight = DirectSimulator(inside, basis='local', gravity=(0, 0, 0)).solve(
-            mouth, far_end=far)
+            mouth, far_end=FarEnd(far, 'sleeve'))
         assert straight.converged and np.ptp(straight.tangents, axis=0).max() < 1e-8
         np.testing.assert_allclose(moment, straight.gripper_wrench[3:], atol=1e-4)
         assert np.linalg.norm(moment) == pytest.approx(np.hypot(0.3 * 0.6, 0.6 * 0.4))
