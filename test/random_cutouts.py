@@ -48,7 +48,8 @@ def outcome(rod, cutout, basis, number=20):
     Args:
         number: of depths
     """
-    direct, depths = DirectSimulator(rod, basis=basis, n_elements=64), np.linspace(0, DEEPEST, number)
+    direct = DirectSimulator(rod, basis=basis, n_elements=64)
+    depths = np.linspace(0, DEEPEST, number)
     plan, seconds = timed(lambda: InverseSimulator(direct).thread(cutout, depths=depths))
     if isinstance(plan, Infeasible):
         if confirmed(direct, cutout, depths, plan):

@@ -124,7 +124,8 @@ def arguments():
         'Box.friction': 0.0, 'Sheet.friction': 0.0, 'Sheet.around.friction': 0.0,
         'times': np.zeros(1), 'shapes': [shape], 'velocities': np.zeros((1, 9, 3)),
         'kinetic_energy': np.zeros(1), 'potential_energy': np.zeros(1), 'work': np.zeros(1),
-        'losses': np.zeros((1, 3)), 'velocity': None, 'far_ends': None, 'tolerance': 1e-3, 'replay.tolerance': None,
+        'losses': np.zeros((1, 3)), 'velocity': None, 'far_ends': None, 'tolerance': 1e-3,
+        'replay.tolerance': None,
         'Motion.status': 'complete', 'integrator': 'paper',
         # tasks
         'bore': hole, 'first': hole, 'cutouts': [hole],

@@ -123,6 +123,11 @@ class Discretisation(Value):
         return self._system.pull.sum(axis=0)
 
     @cached_property
+    def loaded(self):
+        """Whether any dead load acts."""
+        return bool(self._system.pull.any())
+
+    @cached_property
     def moments(self):
         """(N + 1, 3) dead moments on the nodes, N m."""
         return node_moments(self.surroundings, self.s)

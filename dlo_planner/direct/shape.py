@@ -167,7 +167,8 @@ class Shape(Value):
 
     @property
     def _within_reach(self):
-        return within_reach(self.far_end, self.gripper, float(self.s[-1]))
+        loaded = self._discretisation is None or self._discretisation.loaded
+        return within_reach(self.far_end, self.gripper, float(self.s[-1]), loaded)
 
     @property
     def tangents(self) -> np.ndarray:

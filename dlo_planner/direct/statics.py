@@ -52,9 +52,10 @@ def equilibrium(discretisation, gripper, strains, method='newton', history=None,
         shape = shape_of(discretisation, gripper, (*found, system, 0.0), history)
         return replace(shape, evaluations=evaluations), found[4]
     most, exact = MAX_ITERATIONS, EXACT
-    if not within_reach(far_end, gripper, discretisation.s[-1]):
+    if not within_reach(far_end, gripper, discretisation.s[-1], discretisation.loaded):
         most = _IN_VAIN
-    if far_end is not None:  # the less slack, the more its tension depends on where the end is
+    if far_end is not None and discretisation.loaded:
+        # the less slack, the more its tension depends on where the end is
         length = discretisation.s[-1]
         exact = min(exact, 1e-4 * max(1.0 - distance(far_end, gripper) / length, _LEAST))
     found = solve(discretisation, system, gripper, q, history, most, exact=exact)
@@ -150,8 +151,9 @@ def _kept(discretisation, gripper, system, state, violation, far_end):
         # the slack of a DLO that is nearly taut decides on its tension
         slack = length - distance(far_end, gripper)
         missed = hold_violation(system.hold, state.rotations[-1].copy(), state.positions[-1].copy())
-        most = min(_HELD * length, _SLACK * slack)
-        if not within_reach(far_end, gripper, length) or missed > most:
+        most = min(_HELD * length, _SLACK * slack) if discretisation.loaded else _HELD * length
+        if (not within_reach(far_end, gripper, length, discretisation.loaded)
+                or missed > most):
             return False
     return violation <= KEPT * length
 

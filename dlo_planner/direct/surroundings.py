@@ -52,6 +52,8 @@ class Surroundings(Value):
             if one.s is not None and one.s > self.rod.length:
                 raise InvalidTask(f'PointLoad.s = {one.s:g}: expected a place on the DLO, at most '
                                   f'{self.rod.length:g} m')
+        if self.pinned and self.rod.yields:
+            raise InvalidTask('grip = \'pinned\': expected \'clamped\' where the rod yields')
         if self.pinned and any(one.moment.any() for one in self.point_loads):
             raise InvalidTask('grip = \'pinned\': expected \'clamped\' where dead moments act')
         if self.load is not None and not callable(self.load):

@@ -78,10 +78,12 @@ def distance(far_end: FarEnd, gripper: Pose) -> float:
     return float(np.linalg.norm(away))
 
 
-def within_reach(far_end: FarEnd | None, gripper: Pose, length: float) -> bool:
+def within_reach(far_end: FarEnd | None, gripper: Pose, length: float,
+                 loaded: bool = True) -> bool:
     """Return whether a DLO of `length` (m) spans the distance, and not only with endless tension.
 
     It hardly stretches: where less than 1e-9 of it is left to sag, its weight decides nothing
-    that could be computed.
+    that could be computed. Without any load it may be just as long.
     """
-    return far_end is None or distance(far_end, gripper) < (1.0 - _SLACK) * length
+    slack = -_SLACK if not loaded else _SLACK
+    return far_end is None or distance(far_end, gripper) < (1.0 - slack) * length
