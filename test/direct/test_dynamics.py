@@ -235,8 +235,9 @@ def test_damping_is_the_same_for_a_dlo_that_could_yield(basis):
     one, two = (swing(40, rod=each, basis=basis, n_elements=16, tolerance=np.inf)
                 for each in (rod, firm))
     for elastic, plastic in zip(one.shapes, two.shapes, strict=True):
-        np.testing.assert_allclose(plastic.positions, elastic.positions, atol=1e-7)
-    np.testing.assert_allclose(two.energy, one.energy, atol=1e-7)
+        # a change of step begins with accelerations from a very short one, which magnify rounding
+        np.testing.assert_allclose(plastic.positions, elastic.positions, atol=1e-6)
+    np.testing.assert_allclose(two.energy, one.energy, atol=1e-6)
     assert two.shapes[-1].dissipated == 0
     # and damping counts: it is another motion without
     free = swing(40, rod=replace(rod, damping=0.0), basis=basis, n_elements=16, tolerance=np.inf)
