@@ -105,7 +105,7 @@ def _allowed(previous, shape, turn):
 def shape_change(one, other):
     """Return the largest change of a node's rotation relative to the gripper, in rad."""
     samples = _SAMPLES * one.s[-1]
-    if np.array_equal(one.s, other.s):
+    if one.s is other.s or np.array_equal(one.s, other.s):
         at = np.searchsorted(one.s, samples)
         here, there = one.frames[at], other.frames[at]
     else:  # nodes of two meshes are not at the same places

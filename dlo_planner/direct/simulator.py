@@ -231,7 +231,7 @@ class DirectSimulator(Value):
         if initial is None or not self._made(initial):
             return shape
         jumped = shape.jumped or leapt(self._equilibrium, initial, shape, kicks)
-        return replace(shape, jumped=jumped)
+        return replace(shape, jumped=True) if jumped and not shape.jumped else shape
 
     def track(self, grippers: Iterable[Pose], progress: OnProgress = None,
               initial: Shape | None = None, *, far_ends: Iterable | None = None,
