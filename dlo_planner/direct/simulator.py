@@ -61,8 +61,7 @@ class DirectSimulator(Value):
             'paper' (q_d, q_kappa, q_tau), for study, with 'dfp' or 'downhill_simplex' only
         accuracy: in m; picks mesh and terms instead of n_elements and n_terms. The basis is then
             'local' unless one is named. Without any of the three it is 1e-3 of the length, and 64
-            elements with 10 terms are kept wherever they do; a DLO that yields then stays on the
-            mesh of its first shape. The paper's methods keep the 64 elements anyway.
+            elements with 10 terms are kept wherever they do. The paper's methods keep them anyway.
         gravity: (3,) m/s^2, any direction, may be zero
         load: further force per length, N/m, world axes: (3,), or a callable of s (m)
         obstacles: Plane, Sphere, Capsule, Box, Sheet, in any number
@@ -80,8 +79,8 @@ class DirectSimulator(Value):
     A simulator does not change; two of the same rod, surroundings and options are equal.
     """
 
-    PARTS = ('surroundings', 'method', 'strains', 'accuracy', 'basis', '_fine', '_asked',
-             '_history', '_discretisation')
+    PARTS = ('surroundings', 'method', 'strains', 'accuracy', 'basis', '_fine', '_history',
+             '_discretisation')
 
     def __init__(self, rod: Rod, *, n_elements: int | None = None, n_terms: int | None = None,
                  basis: str | None = None, method: str = 'newton', strains: str = 'components',
@@ -93,8 +92,7 @@ class DirectSimulator(Value):
         put(self, surroundings=around, _history=None, method=choice('method', method, METHODS),
             strains=choice('strains', strains, STRAINS),
             basis='chebyshev' if basis is None else choice('basis', basis, BASES))
-        put(self, _fine='local' if basis is None else converging(self.basis),
-            _asked=accuracy is not None)
+        put(self, _fine='local' if basis is None else converging(self.basis))
         self._judge_method(around)
         if accuracy is not None:
             if fixed:
@@ -384,9 +382,6 @@ class DirectSimulator(Value):
     def _equilibrium(self, gripper, initial, far_end):
         """Return (Shape, kicks)."""
         if self.accuracy is not None:
-            if self.rod.yields and initial is not None and not self._asked and self._made(initial):
-                # a set belongs to its mesh, which is chosen once
-                return step(initial._discretisation, gripper, initial, self._history, far_end)
             return accurate_equilibrium(self._discretisation, self._fine, self.accuracy, gripper,
                                         initial, self._history, far_end)
         if far_end is not None and self.method != 'newton':
