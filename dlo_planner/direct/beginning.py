@@ -1,4 +1,4 @@
-"""How a motion begins: shape, mesh and velocities at time 0."""
+"""How a motion begins: what can be simulated; shape, mesh and velocities at time 0."""
 
 from dataclasses import replace
 
@@ -8,14 +8,43 @@ from dlo_planner.direct.accuracy import past_of
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.statics import shape_of, solve
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import array, returned, vector
+from dlo_planner.model.checks import array, number, returned, vector
 from dlo_planner.model.pose import angle_between
 
 _SAME_POSE = 1e-6    # of the length, and rad: poses nearer to each other are the same
 _SAME = 1e-9         # of the length, of the energy: what differs by less is the same
 _DEEP = 1e-3         # of the length: a DLO so far inside an obstacle is no state of a motion
 _FINEST = 96         # elements at least, where an accuracy chooses the mesh
+_TOLERANCE = 1e-3    # of the length
 _DIFFERENT = 0.1     # of the velocities: what grips and inextensibility may change of them
+
+
+def refuse_motion(around, method):
+    """Raise InvalidTask where motions in these Surroundings, or by this method, have no solver."""
+    if around.pinned:
+        raise InvalidTask('grip = \'pinned\': expected a simulator whose gripper clamps the '
+                          'DLO where motions are simulated')
+    if method != 'newton':
+        raise InvalidTask(f'method = {method!r}: expected a simulator with \'newton\' '
+                          'where motions are simulated')
+    if around.has_moments:
+        raise InvalidTask('point_loads: expected forces alone in a motion, dead moments have '
+                          'no potential')
+
+
+def motion_tolerance(tolerance, length):
+    """Return the tolerance of a motion in m; infinity is one."""
+    if tolerance is None:
+        return _TOLERANCE * length
+    endless = isinstance(tolerance, float) and tolerance == np.inf
+    return tolerance if endless else number('tolerance', tolerance, minimum=1e-9 * length)
+
+
+def last_of(motion, velocity):
+    """Return the last Shape of a Motion and the velocities there, unless others are given."""
+    if not len(motion):
+        raise InvalidTask('initial: expected a Motion with instants, it has none')
+    return motion.shapes[-1], motion.velocities[-1] if velocity is None else velocity
 
 
 def moving_mesh(known):

@@ -11,8 +11,9 @@ from functools import partial
 
 import numpy as np
 
+from dlo_planner.direct.grips import poses
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator, known_options, poses
+from dlo_planner.direct.simulator import DirectSimulator, known_options
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.along import SeenFrom
 from dlo_planner.model.checks import instance, items, number, shown

@@ -14,12 +14,19 @@ from dlo_planner.direct.accuracy import (
     step,
     within,
 )
-from dlo_planner.direct.beginning import first_shape, moving_mesh, nodes_velocity
+from dlo_planner.direct.beginning import (
+    first_shape,
+    last_of,
+    motion_tolerance,
+    moving_mesh,
+    nodes_velocity,
+    refuse_motion,
+)
 from dlo_planner.direct.continuation import follow, leapt
 from dlo_planner.direct.described import STRAINS
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.dynamics import simulate
-from dlo_planner.direct.guide import Grips, Guide
+from dlo_planner.direct.grips import ends_of, moving_grips, poses
 from dlo_planner.direct.integrator import INTEGRATORS
 from dlo_planner.direct.mesh import even_mesh, with_breaks
 from dlo_planner.direct.motion import Motion
@@ -29,7 +36,7 @@ from dlo_planner.direct.surroundings import STANDARD_GRAVITY, Surroundings
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.methods import METHODS
 from dlo_planner.model.along import Stepwise
-from dlo_planner.model.checks import choice, instance, integer, items, number, shown
+from dlo_planner.model.checks import choice, instance, integer, number, shown
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
@@ -38,7 +45,6 @@ from dlo_planner.progress import OnProgress, Progress
 from dlo_planner.ritz.series import BASES, converging
 
 DEFAULT_ACCURACY = 1e-3  # of the length
-_TOLERANCE = 1e-3  # of the length, of a motion
 _ENOUGH = 64    # nodes of a mesh that a motion is begun with as it is
 _FARTHEST = 10  # of the length: from where a held far end may be brought
 
@@ -253,11 +259,7 @@ class DirectSimulator(Value):
         """
         grippers = poses(grippers)
         steps = Progress(progress, deadline)
-        ends = [None] * len(grippers) if far_ends is None else [
-            FarEnd.of(end) for end in items('far_ends', far_ends, object)]
-        if len(ends) != len(grippers):
-            raise InvalidTask(f'far_ends has {len(ends)} entries: expected one per gripper pose, '
-                              f'{len(grippers)}')
+        ends = ends_of(far_ends, len(grippers))
         shapes = []
         for gripper, end in zip(grippers, ends, strict=True):
             self._check(gripper, initial, end)
@@ -309,29 +311,17 @@ class DirectSimulator(Value):
         grippers = poses(grippers, 1)
         steps = Progress(progress, deadline)
         dt = number('dt', dt, above=0)
-        tolerance = _tolerance(tolerance, self.rod.length)
+        tolerance = motion_tolerance(tolerance, self.rod.length)
         choice('integrator', integrator, INTEGRATORS)
-        if self.surroundings.pinned:
-            raise InvalidTask('grip = \'pinned\': expected a simulator whose gripper clamps the '
-                              'DLO where motions are simulated')
-        if self.method != 'newton':
-            raise InvalidTask(f'method = {self.method!r}: expected a simulator with \'newton\' '
-                              'where motions are simulated')
-        if self.surroundings.has_moments:
-            raise InvalidTask('point_loads: expected forces alone in a motion, dead moments have '
-                              'no potential')
+        refuse_motion(self.surroundings, self.method)
         if isinstance(initial, Motion):
-            initial, velocity = _last(initial, velocity)
+            initial, velocity = last_of(initial, velocity)
         self._check(grippers[0], initial)
-        ends = self._grips(grippers, far_ends)
-        if initial is not None and initial.far_end is not None and ends[0] is None:
-            raise InvalidTask('initial is held at its far end: expected a Shape whose far end is '
-                              'free, as it is in the motion, or far_ends')
+        ends = ends_of(far_ends, len(grippers))
+        for gripper, end in zip(grippers, ends, strict=True):
+            self._check(gripper, None, end)
+        grips = moving_grips(grippers, ends, dt, velocity is None, initial)
         start, mesh = self._beginning(grippers[0], ends[0], initial)
-        grips = Grips(Guide(grippers, dt, velocity is None))
-        if ends[0] is not None:
-            grips = Grips(grips.gripper, Guide([end.pose for end in ends], dt, velocity is None),
-                          ends[0].grip)
         return simulate(Stepper(mesh, grips, dt), start, nodes_velocity(velocity, initial, start),
                         len(grippers), integrator, tolerance, steps, initial is None)
 
@@ -346,21 +336,6 @@ class DirectSimulator(Value):
         if initial is not None:
             return first_shape(mesh, gripper, far_end, initial, self._history), mesh
         return step(mesh, gripper, known, self._history, far_end)[0], mesh
-
-    def _grips(self, grippers, far_ends):
-        """Return a FarEnd, or None, for each gripper pose of a motion."""
-        if far_ends is None:
-            return [None] * len(grippers)
-        ends = [FarEnd.of(end) for end in items('far_ends', far_ends, object)]
-        if len(ends) != len(grippers):
-            raise InvalidTask(f'far_ends has {len(ends)} entries: expected one per gripper pose, '
-                              f'{len(grippers)}')
-        if len({None if end is None else end.grip for end in ends}) > 1:
-            raise InvalidTask('far_ends: expected the same grip from the beginning to the end of a '
-                              'motion')
-        for gripper, end in zip(grippers, ends, strict=True):
-            self._check(gripper, None, end)
-        return ends
 
     def discretisation(self, gripper: Pose, shape: Shape | None) -> Discretisation:
         """Return the Discretisation that this simulator uses at a gripper's pose.
@@ -430,29 +405,6 @@ def clamping(name: str, simulator: object) -> DirectSimulator:
         raise InvalidTask(f'{name}.grip = \'pinned\': expected \'clamped\', which plans are made '
                           'for')
     return simulator
-
-
-def poses(grippers, least=0):
-    """Return a sequence of Poses as a tuple of `least` or more; raise InvalidTask."""
-    grippers = items('grippers', grippers, object, least=least)
-    for index, gripper in enumerate(grippers):
-        instance(f'grippers[{index}]: gripper', gripper, Pose)
-    return grippers
-
-
-def _tolerance(tolerance, length):
-    """Return the tolerance of a motion in m; infinity is one."""
-    if tolerance is None:
-        return _TOLERANCE * length
-    endless = isinstance(tolerance, float) and tolerance == np.inf
-    return tolerance if endless else number('tolerance', tolerance, minimum=1e-9 * length)
-
-
-def _last(motion, velocity):
-    """Return the last Shape of a Motion and the velocities there, unless others are given."""
-    if not len(motion):
-        raise InvalidTask('initial: expected a Motion with instants, it has none')
-    return motion.shapes[-1], motion.velocities[-1] if velocity is None else velocity
 
 
 _OPTIONS = tuple(name for name in signature(DirectSimulator).parameters

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.direct.grips import poses
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import poses
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import array, instance, number, row, shown, vector
 from dlo_planner.model.far_end import FarEnd

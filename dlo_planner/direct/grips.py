@@ -1,0 +1,52 @@
+"""What holds a DLO on its way: poses of the gripper, far ends."""
+
+from collections.abc import Iterable, Sequence
+
+from dlo_planner.direct.guide import Grips, Guide
+from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import instance, items
+from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.pose import Pose
+
+
+def poses(grippers: Iterable[Pose], least: int = 0) -> tuple[Pose, ...]:
+    """Return a sequence of Poses as a tuple of `least` or more; raise InvalidTask."""
+    grippers = items('grippers', grippers, object, least=least)
+    for index, gripper in enumerate(grippers):
+        instance(f'grippers[{index}]: gripper', gripper, Pose)
+    return grippers
+
+
+def ends_of(far_ends: Iterable | None, count: int) -> list[FarEnd | None]:
+    """Return a FarEnd, or None, for each of `count` gripper poses; raise InvalidTask."""
+    if far_ends is None:
+        return [None] * count
+    ends = [FarEnd.of(end) for end in items('far_ends', far_ends, object)]
+    if len(ends) != count:
+        raise InvalidTask(f'far_ends has {len(ends)} entries: expected one per gripper pose, '
+                          f'{count}')
+    return ends
+
+
+def moving_grips(grippers: Sequence[Pose], ends: Sequence[FarEnd | None], dt: float, at_rest: bool,
+                 initial: Shape | None) -> Grips:
+    """Return the smooth motion of what holds a DLO, at instants `dt` (s) apart.
+
+    Args:
+        at_rest: whether everything stands still at time 0
+        initial: Shape at time 0, or None
+
+    Raises:
+        InvalidTask: the far end is not held in one way from `initial` to the end
+    """
+    if len({None if end is None else end.grip for end in ends}) > 1:
+        raise InvalidTask('far_ends: expected the same grip from the beginning to the end of a '
+                          'motion')
+    if initial is not None and initial.far_end is not None and ends[0] is None:
+        raise InvalidTask('initial is held at its far end: expected a Shape whose far end is '
+                          'free, as it is in the motion, or far_ends')
+    gripper = Guide(grippers, dt, at_rest)
+    if ends[0] is None:
+        return Grips(gripper)
+    return Grips(gripper, Guide([end.pose for end in ends], dt, at_rest), ends[0].grip)

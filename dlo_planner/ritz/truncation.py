@@ -1,0 +1,39 @@
+"""How far a shape can be off because its mesh and its series end: a figure, not a bound."""
+
+import numpy as np
+
+from dlo_planner.kernels import kernel
+
+_OF_AN_ARC = 12  # h^3 |u'| / 12: how far an arc's end is off
+
+
+@kernel
+def truncation(lengths, strains, natural, scale, basis):
+    """Return how far, in m, the free end may be off by mesh and series.
+
+    Arcs of constant strain misplace the end of an element by h^3 |u'| / 12, and a series that ends
+    too early by what its last two terms still do.
+    """
+    n, terms = basis.shape
+    last = np.zeros(3)  # of the series, as strains
+    total = lengths[0]
+    mesh = 0.0
+    for e in range(1, n):
+        h = lengths[e]
+        total += h
+        change = 0.0
+        for i in range(3):
+            change += abs(strains[e, i] - natural[e, i] - strains[e - 1, i] + natural[e - 1, i])
+        mesh += h * h * h * change / (0.5 * (h + lengths[e - 1]))
+    series = 0.0
+    for j in range(max(terms - 2, 0), terms):
+        last[:] = 0.0
+        for e in range(n):
+            for i in range(3):
+                last[i] += (basis[e, j] * lengths[e] * (strains[e, i] - natural[e, i])
+                            / scale[e, i])
+        for i in range(3):
+            series += abs(last[i]) * scale[0, i]
+    if terms:
+        series *= total * np.sqrt(total) / terms**2
+    return mesh / _OF_AN_ARC + series
