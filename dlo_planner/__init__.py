@@ -2,6 +2,8 @@
 
 from dlo_planner.direct.contacts import Contact
 from dlo_planner.direct.grasp import GraspedInside
+from dlo_planner.direct.mode_tracking import modes_along
+from dlo_planner.direct.modes import Modes
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
@@ -43,9 +45,9 @@ from dlo_planner.model.section import Section
 __all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'Contact', 'CutOut', 'DeadlineExceeded',
            'DirectSimulator', 'DirectionAt', 'DloPlannerError', 'FarEnd', 'Fit', 'Found',
            'GraspedInside', 'GripperNear', 'Infeasible', 'InvalidRod', 'InvalidTask',
-           'InverseSimulator', 'Limits', 'Motion', 'NotConverged', 'Observation',
+           'InverseSimulator', 'Limits', 'Modes', 'Motion', 'NotConverged', 'Observation',
            'ObservedMotion', 'Plan',
            'Piecewise', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'Report', 'Rod',
            'Section', 'Shape', 'Sheet', 'Sphere', 'Spread', 'Through', 'Tolerance', 'Trajectory',
-           'Workspace', 'fit_rod', 'minimise_penalty', 'replay', 'tolerance',
+           'Workspace', 'fit_rod', 'minimise_penalty', 'modes_along', 'replay', 'tolerance',
            'with_plug']

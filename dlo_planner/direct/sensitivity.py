@@ -55,7 +55,7 @@ class Sensitivity:
             evaluate(system, state)
             system = firm(system, state)
         self._system = system
-        self._state, self._answers, self._hessian = _answers(self._system, q)
+        self._state, self._answers, self._hessian = gripper_answers(self._system, q)
         if any(np.any(contact.friction) for contact in shape.contacts):
             add_sliding(self._system, self._state, self._hessian, self._answers)
 
@@ -133,7 +133,7 @@ def _one_step(system, known, at, hessian):
 
 
 @kernel
-def _answers(system, q):
+def gripper_answers(system, q):
     """Return the State at q (m, 3), its change (6, m, 3) by the gripper's twist, the Hessian."""
     state = new_state(system)
     state.q[:] = q

@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.contacts import Contact
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.history import History, mapped
+from dlo_planner.direct.modes import Modes, modes_of
 from dlo_planner.direct.storage import load, pack, save, unpack
+from dlo_planner.direct.vibration import Linearized
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import (
     array,
@@ -296,6 +298,52 @@ class Shape(Value):
             raise InvalidTask('Rod.section = None: expected a Section where strain and stress at '
                               'the surface are asked for (Rod.circular and the like give one)')
         return self.rod.section
+
+    def modes(self, n: int = 4) -> Modes:
+        """Return the n slowest vibrations of the DLO about this shape, the grips at rest.
+
+        Contacts that bear stay closed, what yields springs back. There are fewer than n where the
+        masses cannot move in as many ways. About 1 ms with a series, see `Modes.error_estimate`.
+
+        Raises:
+            InvalidTask: the shape is not converged, neutral, one of a motion, grasped inside (take
+                its `parts`) or from a file; dead moments act, or it touches something with friction
+        """
+        return modes_of(self, n)
+
+    def stiffness_matrix(self) -> np.ndarray:
+        """Return (c, c), J: second derivative of the potential by the coordinates of vibrations.
+
+        Symmetric; with contacts, held ends and the weight. Coordinates are what the simulator
+        minimises by, term after term of its series ('local': element after element), for each
+        torsion, curvature about n, about b. Their unit is sqrt(J), so scaled that the elastic part
+        is the identity (where the stiffness does not vary along the DLO). A held far end leaves
+        combinations of these. `jacobian` says what they move.
+
+        Raises:
+            InvalidTask: as `modes`
+        """
+        return Linearized(self).vibration.stiffness
+
+    def mass_matrix(self) -> np.ndarray:
+        """Return (c, c), J s^2: twice the kinetic energy by the velocities of the coordinates.
+
+        In those of `stiffness_matrix`; singular, as torsion of a straight DLO moves no mass.
+
+        Raises:
+            InvalidTask: as `modes`
+        """
+        return Linearized(self).vibration.mass
+
+    def jacobian(self) -> np.ndarray:
+        """Return (N_L + 1, 3, c), m: displacement of the nodes by a unit of each coordinate.
+
+        In those of `stiffness_matrix`, world axes, the grips at rest.
+
+        Raises:
+            InvalidTask: as `modes`
+        """
+        return Linearized(self).vibration.jacobian
 
     def resample(self, n_elements: int) -> 'Shape':
         """Return the same shape on `n_elements` elements of equal length, for pictures and such.

@@ -1,0 +1,95 @@
+"""Modes along a path, followed by their likeness: where frequencies cross each stays what it is."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from dlo_planner.direct.modes import MOST, Modes, modes_from, solved
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.vibration import Linearized
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import integer, items
+
+_SPARE = 4     # modes beyond those asked for among which one may be found that has become faster
+_EQUAL = 1e-6  # relative difference of squares of frequencies that count as one
+
+
+def modes_along(shapes: Iterable[Shape], n: int = 4) -> tuple[Modes, ...]:
+    """Return the Modes of each shape; mode i of one continues mode i of the one before.
+
+    The n slowest modes of the first shape are followed, by the largest sum of `Modes.overlap`.
+    Modes with one frequency, as of a round DLO that hangs straight, are combined so as to be most
+    alike. Where an overlap is small, the steps are too long to tell which mode is which.
+
+    Args:
+        shapes: in the order of the path, as from `DirectSimulator.track`; meshes may differ
+        n: how many modes; there may be fewer, see `Shape.modes`
+
+    Raises:
+        InvalidTask: a shape that has no modes, see `Shape.modes`, or fewer than the one before
+    """
+    shapes = items('shapes', shapes, Shape)
+    n = integer('n', n, minimum=1, maximum=MOST)
+    tracked = []
+    for k, shape in enumerate(shapes):
+        linear = Linearized(shape, f'shapes[{k}]')
+        if not tracked:
+            squares, found = solved(linear.vibration, n, linear.name)
+            tracked.append(modes_from(linear, squares, found, np.arange(squares.size)))
+        else:
+            tracked.append(_continued(tracked[-1], linear))
+    return tuple(tracked)
+
+
+def _continued(before, linear):
+    """Return the Modes of a Linearized shape that continue the Modes `before`."""
+    vibration = linear.vibration
+    squares, found = solved(vibration, len(before) + _SPARE, linear.name)
+    if squares.size < len(before):
+        raise InvalidTask(f'{linear.name}: expected one with {len(before)} modes or more, as the '
+                          f'one before, it has {squares.size}')
+    weighted = _on(before, linear.shape.s) * vibration.masses[:, None]
+    like = np.einsum('mki,kic->mc', weighted, vibration.jacobian)  # products with the coordinates
+    for one in _equal(squares):
+        found[:, one] = _turned(like, found[:, one])
+    product = like @ found
+    _, places = linear_sum_assignment(-np.abs(product))
+    likeness = product[np.arange(len(before)), places]
+    signs = np.where(likeness < 0, -1.0, 1.0)
+    return modes_from(linear, squares[places], found[:, places] * signs, places,
+                      np.minimum(np.abs(likeness), 1.0))
+
+
+def _on(modes, s):
+    """Return (n, N + 1, 3) the displacements of Modes at arc lengths s (N + 1,)."""
+    if s.size == modes.s.size and (s == modes.s).all():
+        return modes.displacements
+    flat = np.moveaxis(modes.displacements, 1, 2).reshape(-1, modes.s.size)
+    at = np.array([np.interp(s / s[-1], modes.s / modes.s[-1], one) for one in flat])
+    return np.moveaxis(at.reshape(len(modes), 3, s.size), 2, 1)
+
+
+def _equal(squares):
+    """Yield slices of ascending squares (n,) of frequencies that are one."""
+    ends = np.flatnonzero(np.diff(squares) > _EQUAL * squares[1:]) + 1
+    for begin, end in zip([0, *ends], [*ends, squares.size], strict=True):
+        if end - begin > 1:
+            yield slice(begin, end)
+
+
+def _turned(like, found):
+    """Return modes (c, g) of one frequency so combined that they are most like g modes before.
+
+    Orthogonal Procrustes: Golub and Van Loan, Matrix Computations, ch. 6.4.
+
+    Args:
+        like: (n, c) products of the modes before with the coordinates
+    """
+    product = like @ found
+    nearest = np.sort(np.argsort(-np.sum(product**2, axis=1), kind='stable')[:found.shape[1]])
+    left, _, right = np.linalg.svd(product[nearest], full_matrices=True)
+    count = len(nearest)
+    turn = right.T.copy()
+    turn[:, :count] = right[:count].T @ left.T
+    return found @ turn

@@ -1,0 +1,211 @@
+"""A DLO linearised about a shape at rest: stiffness, mass, and how its points move.
+
+Small motions y about an equilibrium obey  M y'' + K y = 0  while the grips rest. K is the second
+derivative of the potential with its reactions (weight, dead forces, contacts that bear), M that of
+the kinetic energy by the velocities, with the masses on the nodes as in `simulate`. Coordinates:
+* The unknowns q (m, 3), flattened, that the simulator minimises by: the terms of its series (or
+  elements, 'local') for torsion, curvature about n, about b. Scaled, so that the elastic energy is
+  half their square (exactly so where the stiffness does not vary along the DLO).
+* A pinned gripper adds three: the rotation of the beginning.
+* A held far end leaves an orthonormal basis of those changes that keep it where it is.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import qr
+
+from dlo_planner.direct.hinge import hinge_unknowns, pinned_newton, with_hinge
+from dlo_planner.direct.sensitivity import gripper_answers
+from dlo_planner.energy.loads import node_masses
+from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.errors import InvalidTask
+from dlo_planner.minimize.multipliers import constrained_newton, firm
+from dlo_planner.minimize.newton import residual_of
+
+_AT_REST = 1e-4   # residual below which a shape is an equilibrium, whatever rounding does to it
+_SETTLED = 1e-8   # the same of a finer mesh
+_EXACT = 1e-10    # of the length: violation of a constraint
+_MOST = 200       # Newton steps on a finer mesh
+_DEPENDENT = 1e-7  # of the largest: a row of what is held that others imply, or nothing moves
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """The linearised DLO; c coordinates, N + 1 nodes, world axes.
+
+    Attributes:
+        stiffness: (c, c) J, mass: (c, c) J s^2, both per square of the coordinates' unit
+        jacobian: (N + 1, 3, c) displacement of the nodes by the coordinates, m
+        strains: (N, 3, c) change of the element strains, 1/m
+        carried: (N + 1, 3, 6) displacement of the nodes by displacement (3) and rotation (3, about
+            its origin) of a gripper that moves slowly: at each instant the DLO is in equilibrium
+        masses: (N + 1,) of the nodes, kg
+        resistance: (N, 3) length times stiffness of the elements, N m^3
+    """
+
+    stiffness: np.ndarray
+    mass: np.ndarray
+    jacobian: np.ndarray
+    strains: np.ndarray
+    carried: np.ndarray
+    masses: np.ndarray
+    resistance: np.ndarray
+
+
+class Linearized:
+    """Vibrations about one Shape, and about that of a DLO with every element halved.
+
+    Args:
+        shape: converged Shape of a simulator, without friction and dead moments
+        name: of the shape, for messages
+
+    Raises:
+        InvalidTask: another shape
+    """
+
+    def __init__(self, shape, name='shape'):
+        _check(shape, name)
+        self.shape, self.name, self._mesh = shape, name, shape._discretisation
+        self._past = shape._before.holding(shape._history)
+
+    @cached_property
+    def vibration(self):
+        """The Vibration about the shape.
+
+        Raises:
+            InvalidTask: the shape is not in equilibrium, as one of a motion
+        """
+        mesh, gripper = self._mesh, self.shape.gripper
+        system = mesh.system(gripper.rotation, gripper.position, self._past, self.shape.far_end)
+        q = mesh.unknowns(self.shape.element_strains)
+        if residual_of(system, _state(system, q)) > _AT_REST:
+            raise InvalidTask(f'{self.name}: expected one in equilibrium, it is one of a motion')
+        return _vibration(mesh, system, q)
+
+    @cached_property
+    def finer(self):
+        """The Vibration with every element halved and freed from the series; None: not found."""
+        mesh, shape = self._mesh.finer, self.shape
+        past = mesh.past(shape._before)
+        system = mesh.system(shape.gripper.rotation, shape.gripper.position, past, shape.far_end)
+        q = mesh.unknowns(np.repeat(shape.element_strains, 2, axis=0))
+        newtons = pinned_newton if mesh.surroundings.pinned else constrained_newton
+        state, residual, *_, system, violation = newtons(
+            system, q, 0.01 * _SETTLED, _MOST, False, _EXACT * mesh.s[-1], np.zeros((0, 6)))
+        if residual > _SETTLED and residual > 10 * shape.residual or violation > 1e-6 * mesh.s[-1]:
+            return None
+        return _vibration(mesh, system, state.q)
+
+
+def _check(shape, name):
+    """Raise InvalidTask where a shape has no vibrations that are linear and known."""
+    if shape.parts is not None:
+        raise InvalidTask(f'{name}: expected one held at its end; of a DLO grasped inside each of '
+                          'Shape.parts vibrates by itself')
+    if shape._discretisation is None or shape._before is None:
+        raise InvalidTask(f'{name}: expected one that comes from a simulator')
+    if not shape.converged:
+        raise InvalidTask(f'{name} is {shape.status}: expected a converged one')
+    around = shape._discretisation.surroundings
+    if around.has_moments:
+        raise InvalidTask(f'{name}: expected one without dead moments, which have no potential')
+    if any(around.obstacles[contact.obstacle].friction for contact in shape.contacts):
+        raise InvalidTask(f'{name}: expected one that touches nothing with friction, whose law is '
+                          'not linear however small the vibrations are')
+
+
+def _state(system, q):
+    state = new_state(system)
+    state.q[:] = q
+    evaluate(system, state)
+    return state
+
+
+def _vibration(mesh, system, q):
+    """Return the Vibration about the equilibrium of a System at q (m, 3)."""
+    masses = node_masses(mesh.rod, mesh.s)
+    nodes = slice(0, None)
+    if mesh.surroundings.pinned:
+        system, q, nodes = with_hinge(system), hinge_unknowns(system, q), slice(1, None)
+    # what has yielded springs back: vibrations are elastic
+    system = system._replace(layers=system.layers._replace(share=np.zeros(0)))
+    system = firm(system, _state(system, q))
+    count = system.lengths.size + 1
+    # springs of no strength, so that displacements are assembled too
+    system = system._replace(anchor=np.zeros((count, 3)), anchor_weight=np.zeros(count))
+    state, answers, hessian = gripper_answers(system, q)
+    jacobian = _jacobian(system, hessian, state.positions)
+    carried = _rigid(state.positions) + jacobian @ answers.reshape(6, -1).T
+    free = _free(hessian.border.reshape(len(hessian.border), q.size))
+    stiffness, strains = _stiffness(system, hessian), _strains(system)
+    if free is not None:
+        stiffness = free.T @ stiffness @ free
+        jacobian, strains = jacobian @ free, strains @ free
+    jacobian = jacobian[nodes]
+    moved = (np.sqrt(masses)[:, None, None] * jacobian).reshape(-1, len(stiffness))
+    return Vibration(stiffness, moved.T @ moved, jacobian, strains[nodes],
+                     np.roll(carried[nodes], 3, axis=2), masses,
+                     (system.lengths[:, None] * system.stiffness)[nodes])
+
+
+def _jacobian(system, hessian, positions):
+    """Return (N + 1, 3, 3 m): displacement of the nodes; positions (N + 1, 3) from the gripper."""
+    turning, basis = hessian.turning, system.basis
+    n = len(turning)
+    if basis.shape[1]:
+        twists = np.einsum('ej,eki->ekji', basis, turning)
+    else:
+        twists = np.zeros((n, 6, n, 3))
+        twists[np.arange(n), :, np.arange(n)] = turning
+    twists = np.cumsum(twists.reshape(n, 6, -1), axis=0)  # of what lies beyond each element
+    moved = np.zeros((n + 1, 3, twists.shape[2]))
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        moved[1:, i] = (twists[:, 3 + i] + twists[:, j] * positions[1:, k, None]
+                        - twists[:, k] * positions[1:, j, None])
+    return moved
+
+
+def _rigid(positions):
+    """Return (N + 1, 3, 6): displacement by rotation about the gripper, then displacement of it."""
+    moved = np.zeros((len(positions), 3, 6))
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        moved[:, i, j], moved[:, i, k] = positions[:, k], -positions[:, j]
+        moved[:, i, 3 + i] = 1.0
+    return moved
+
+
+def _stiffness(system, hessian):
+    """Return the symmetric Hessian (3 m, 3 m), of one unknown after the other."""
+    if system.basis.shape[1]:
+        return 0.5 * (hessian.dense + hessian.dense.T)
+    n = len(hessian.turning)
+    product = (hessian.cross.reshape(3 * n, 6)
+               @ hessian.turning.transpose(1, 0, 2).reshape(6, 3 * n)).reshape(n, 3, n, 3)
+    earlier = np.tri(n, k=-1)[:, None, :, None]  # cross_f turning_e holds for e < f
+    lower = product * earlier
+    lower[np.arange(n), :, np.arange(n)] = 0.5 * hessian.diagonal
+    lower = lower.reshape(3 * n, 3 * n)
+    return lower + lower.T
+
+
+def _strains(system):
+    """Return (N, 3, 3 m): change of the elements' strains by the unknowns."""
+    n = system.lengths.size
+    basis = system.basis if system.basis.shape[1] else np.eye(n)
+    strains = np.zeros((n, 3, basis.shape[1], 3))
+    for i in range(3):
+        strains[:, i, :, i] = system.scale[:, i, None] * basis
+    return strains.reshape(n, 3, -1)
+
+
+def _free(held):
+    """Return an orthonormal basis (c, c - rank) of what rows (K, c) leave free; None: all is."""
+    if not len(held):
+        return None
+    axes, triangle, _ = qr(held.T, pivoting=True)
+    size = np.abs(np.diag(triangle))
+    return axes[:, int(np.sum(size > _DEPENDENT * size.max())):]
