@@ -16,6 +16,7 @@ from dlo_planner.errors import (
     NotConverged,
 )
 from dlo_planner.inverse.fitting import Fit, fit_rod
+from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.observation import Observation, ObservedMotion
 from dlo_planner.inverse.penalties import (
     AwayFrom,
@@ -30,7 +31,7 @@ from dlo_planner.inverse.replay import Report, replay
 from dlo_planner.inverse.search import Found, minimise_penalty
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tolerance import Spread, Tolerance, tolerance
-from dlo_planner.inverse.trajectory import Limits, Trajectory
+from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.along import Piecewise
 from dlo_planner.model.cutout import CutOut

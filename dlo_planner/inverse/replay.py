@@ -10,8 +10,9 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.continuity import apart
 from dlo_planner.inverse.in_motion import InMotion, TooLong, fastest_scale, least_clearance
+from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.plan import Plan
-from dlo_planner.inverse.trajectory import Limits, Trajectory
+from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.model.checks import figure, flag, instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.model.part import before

@@ -6,8 +6,8 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.trajectory import Limits
 from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod

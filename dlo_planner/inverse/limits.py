@@ -1,0 +1,42 @@
+"""How fast a gripper may move."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlo_planner.model.checks import number
+from dlo_planner.model.value import Value, put
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Limits(Value):
+    """Of the gripper: sizes of the vectors, world axes; each may be infinite.
+
+    Attributes:
+        linear_speed: m/s; angular_speed: rad/s
+        linear_acceleration: m/s^2; angular_acceleration: rad/s^2
+        linear_jerk: m/s^3; angular_jerk: rad/s^3
+
+    Raises:
+        InvalidTask: naming the argument
+    """
+
+    linear_speed: float = 0.1
+    angular_speed: float = 0.5
+    linear_acceleration: float = 0.5
+    angular_acceleration: float = 2.0
+    linear_jerk: float = 5.0
+    angular_jerk: float = 20.0
+
+    def __post_init__(self):
+        for name, value in list(self.__dict__.items()):
+            put(self, **{name: np.inf if isinstance(value, float) and value == np.inf
+                         else number(f'Limits.{name}', value, above=0)})
+        super().__post_init__()
+
+    @property
+    def sizes(self) -> np.ndarray:
+        """(3, 2): speed, acceleration, jerk; linear, angular."""
+        return np.array([[self.linear_speed, self.angular_speed],
+                         [self.linear_acceleration, self.angular_acceleration],
+                         [self.linear_jerk, self.angular_jerk]])
