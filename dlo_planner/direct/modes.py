@@ -13,6 +13,7 @@ from scipy.linalg import LinAlgError, eigh
 
 from dlo_planner.direct.vibration import Linearized
 from dlo_planner.errors import InvalidTask
+from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.model.checks import integer, results, shown
 from dlo_planner.model.value import Constant, Value, brief, freeze, put
 
@@ -20,6 +21,7 @@ MOST = 1000         # modes that may be asked for
 _TIE = 1e-10        # added to the stiffness: what has neither stiffness nor mass stays where it is
 _NEUTRAL = 1e-2     # part of a mode's stiffness which that adds: such a mode has none of its own
 _MASSLESS = 1e-11   # of the largest: mu of what moves no mass
+_STILL = 1e-9       # of the largest: mass of such a motion
 _SHOWN = 4
 
 
@@ -142,12 +144,12 @@ def solved(vibration, n, name):
         InvalidTask: the shape is not stable
     """
     size = len(vibration.mass)
+    slowest = [max(size - n, 0), size - 1]
     tied = vibration.stiffness + _TIE * np.eye(size)
     try:
-        mu, found = eigh(vibration.mass, tied, subset_by_index=[max(size - n, 0), size - 1])
+        mu, found = eigh(vibration.mass, tied, subset_by_index=slowest)
     except LinAlgError:
-        raise InvalidTask(f'{name}: expected a stable one, which has to be pushed wherever it '
-                          'moves') from None
+        mu, found = eigh(vibration.mass, _definite(vibration, name), subset_by_index=slowest)
     mu, found = mu[::-1], found[:, ::-1]
     moving = mu > _MASSLESS * mu.max(initial=0.0)
     mu, found = mu[moving], found[:, moving]
@@ -155,6 +157,22 @@ def solved(vibration, n, name):
         raise InvalidTask(f'{name}: expected a stable one, this one is neutral: it may move to '
                           'other places without a force')
     return 1 / mu, found * (_signs(vibration.jacobian @ found) / np.sqrt(mu))
+
+
+def _definite(vibration, name):
+    """Return the stiffness, made positive where it is neutral and moves no mass.
+
+    As a round DLO between two joints is, which may spin about its own axis.
+
+    Raises:
+        InvalidTask: it is not positive elsewhere
+    """
+    values, vectors = np.linalg.eigh(vibration.stiffness)
+    low = values < _TIE
+    masses = np.sum(vectors * (vibration.mass @ vectors), axis=0)
+    if (values < -HELD_NEUTRAL).any() or (masses[low] > _STILL * masses.max()).any():
+        raise InvalidTask(f'{name}: expected a stable one, from which every motion takes energy')
+    return vibration.stiffness + (vectors[:, low] * (1.0 - values[low])) @ vectors[:, low].T
 
 
 def _signs(displacements):
