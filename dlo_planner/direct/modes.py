@@ -62,14 +62,13 @@ class Modes(Value):
     REMEMBERED = ('error_estimate',)
 
     def __post_init__(self):
-        s = results('Modes.s', self.s, (None,))
-        frequencies = results('Modes.frequencies', self.frequencies, (None,))
-        n = frequencies.size
+        displacements = results('Modes.displacements', self.displacements, (None, None, 3))
+        n, nodes, _ = displacements.shape
         overlap = np.ones(n) if self.overlap is None else self.overlap
-        put(self, s=s, masses=results('Modes.masses', self.masses, (s.size,)),
-            frequencies=frequencies,
+        put(self, displacements=displacements, s=results('Modes.s', self.s, (nodes,)),
+            masses=results('Modes.masses', self.masses, (nodes,)),
+            frequencies=results('Modes.frequencies', self.frequencies, (n,)),
             damping_ratios=results('Modes.damping_ratios', self.damping_ratios, (n,)),
-            displacements=results('Modes.displacements', self.displacements, (n, s.size, 3)),
             participation=results('Modes.participation', self.participation, (n, 6)),
             overlap=results('Modes.overlap', overlap, (n,)))
         if self._estimate is None:

@@ -80,8 +80,10 @@ class Linearized:
         mesh, gripper = self._mesh, self.shape.gripper
         system = mesh.system(gripper.rotation, gripper.position, self._past, self.shape.far_end)
         q = mesh.unknowns(self.shape.element_strains)
-        if residual_of(system, _state(system, q)) > _AT_REST:
-            raise InvalidTask(f'{self.name}: expected one in equilibrium, it is one of a motion')
+        residual = residual_of(system, _state(system, q))
+        if residual > _AT_REST:
+            raise InvalidTask(f'{self.name}: expected one in equilibrium, not in motion; at rest '
+                              f'its residual would be {residual:.2g}')
         return _vibration(mesh, system, q)
 
     @cached_property
