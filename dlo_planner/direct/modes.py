@@ -36,6 +36,8 @@ class Modes(Value):
         y_i'' + 2 damping_ratios[i] w_i y_i' + w_i^2 y_i = - participation[i] . a,
         w_i = 2 pi frequencies[i]
 
+    but for what damping itself does as the gripper moves: a part of the order of the damping ratio.
+
     Attributes:
         s: (N + 1,) arc lengths of the nodes, m
         masses: (N + 1,) of the nodes, kg
