@@ -81,7 +81,8 @@ def use_everything():
         for end in ((0.8, 0, 0), Pose((0.8, 0, 0), (0, 0, 0, 1))):
             held = simulator.solve(Pose.identity(), far_end=end)
             assert simulator.solve(Pose.identity(), held, far_end=end).error_estimate > 0
-            held.modes(2)
+            if simulator is not direct:  # which has friction
+                assert held.modes(2).error_estimate.max() < 1
     Sensitivity(held)
     cell = Workspace(keep_out=[Plane((0, 0, -9), (0, 0, 1))])
     for gripper in (start, Pose.from_matrix(start.matrix)):

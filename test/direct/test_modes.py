@@ -44,11 +44,9 @@ def beam(**more):
 
 def polynomials(x, power, derivative, terms=TERMS):
     """Return (n, terms): derivatives of x^power P_j(2 x - 1), zero with their first ones at 0."""
-    front = Legendre([0, 1], [0, 1]).convert(domain=[0, 1])  # 2 x - 1
-    x_itself = (front + 1) / 2
-    return np.array([(x_itself**power * Legendre.basis(j, [0, 1])).deriv(derivative)(x)
-                     if derivative else (x_itself**power * Legendre.basis(j, [0, 1]))(x)
-                     for j in range(terms)]).T
+    along = (Legendre([0, 1], [0, 1]) + 1) / 2  # x itself
+    basis = [along**power * Legendre.basis(j, [0, 1]) for j in range(terms)]
+    return np.array([(one.deriv(derivative) if derivative else one)(x) for one in basis]).T
 
 
 def slowest(mass, stiffness, n):
