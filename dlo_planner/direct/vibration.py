@@ -127,7 +127,7 @@ def _state(system, q):
 
 def _vibration(mesh, system, q):
     """Return the Vibration about the equilibrium of a System at q (m, 3)."""
-    masses = node_masses(mesh.rod, mesh.s)
+    masses = np.maximum(node_masses(mesh.rod, mesh.s), 0.0)  # rounding may take more than all
     nodes = slice(0, None)
     if mesh.surroundings.pinned:
         system, q, nodes = with_hinge(system), hinge_unknowns(system, q), slice(1, None)
