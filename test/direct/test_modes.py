@@ -1,75 +1,21 @@
-"""Vibrations about a shape at rest, against beam, chain and ring theory and the simulated motion.
-
-References are Ritz solutions in displacements, or in the angle of a plane rod, on polynomials: none
-of the package's elements, strains or matrices.
-"""
-
-from dataclasses import replace
+"""Vibrations about a shape at rest, against the theory of beams, chains and rings."""
 
 import numpy as np
 import pytest
-from numpy.polynomial import Legendre
-from scipy.integrate import cumulative_trapezoid, solve_ivp, trapezoid
-from scipy.linalg import eigh, null_space
-from scipy.optimize import brentq, curve_fit
-from scipy.spatial.transform import Rotation
+from scipy.integrate import trapezoid
+from scipy.optimize import brentq
+from vibrating import GAUSS, WEIGHT, G, beam_frequencies, plane_rod, polynomials, ring, slowest
 
-from dlo_planner import (
-    Capsule,
-    DirectSimulator,
-    FarEnd,
-    GraspedInside,
-    InvalidTask,
-    Plane,
-    PointLoad,
-    Pose,
-    Rod,
-    Shape,
-    with_plug,
-)
-from dlo_planner.energy.potential import placed
+from dlo_planner import Capsule, DirectSimulator, FarEnd, PointLoad, Pose, Rod, with_plug
 
 LEVEL = Pose.identity()
 DOWN = Pose.looking_along((0, 0, 0), (0, 0, -1))
 WEIGHTLESS = (0.0, 0.0, 0.0)
-G = 9.81
-TERMS = 14
-GAUSS, WEIGHT = np.polynomial.legendre.leggauss(60)
 
 
 def beam(**more):
     return Rod(**{'length': 1.0, 'mass_per_length': 0.1, 'bending_stiffness': 1.0,
                   'torsional_stiffness': 0.75} | more)
-
-
-def polynomials(x, power, derivative, terms=TERMS):
-    """Return (n, terms): derivatives of x^power P_j(2 x - 1), zero with their first ones at 0."""
-    along = (Legendre([0, 1], [0, 1]) + 1) / 2  # x itself
-    basis = [along**power * Legendre.basis(j, [0, 1]) for j in range(terms)]
-    return np.array([(one.deriv(derivative) if derivative else one)(x) for one in basis]).T
-
-
-def slowest(mass, stiffness, n):
-    """Return the n lowest frequencies, Hz."""
-    mu = eigh(mass, stiffness, eigvals_only=True)[::-1]
-    return 1 / np.sqrt(mu[:n]) / (2 * np.pi)
-
-
-def beam_frequencies(n, tension=lambda x: 0 * x, tip=0.0, stiffness=1.0, mass=0.1, held=None,
-                     power=2):
-    """Return frequencies of a beam of 1 m: EI v''^2 + T v'^2 against mass v'^2, by Ritz.
-
-    `held(v, derivatives)` returns rows that vanish; `power` 2: clamped at 0, 1: pinned.
-    """
-    x, w = 0.5 * (GAUSS + 1), 0.5 * WEIGHT
-    v, slope, bend = (polynomials(x, power, k) for k in range(3))
-    K = (bend.T * w * stiffness) @ bend + (slope.T * w * tension(x)) @ slope
-    end = polynomials(np.array([1.0]), power, 0)
-    M = (v.T * w * mass) @ v + tip * end.T @ end
-    if held is not None:
-        free = null_space(np.vstack([polynomials(np.array([at]), power, k) for at, k in held]))
-        K, M = free.T @ K @ free, free.T @ M @ free
-    return slowest(M, K, n)
 
 
 @pytest.mark.parametrize('basis', ['chebyshev', 'local', 'fourier_polynomial'])
@@ -154,31 +100,6 @@ def test_compound_pendulum():
         np.testing.assert_allclose(modes.participation[:, 3:], 0, atol=1e-9)  # it may turn
 
 
-def plane_rod(angle, mass, stiffness, tip, n):
-    """Return frequencies, Hz, in the plane of a rod of 1 m clamped at an angle over the level.
-
-    Unknown is the angle along s, on polynomials; found by Newton's method, from the level on.
-    """
-    s = np.linspace(0, 1, 4001)
-    shape, slope = polynomials(s, 1, 0), polynomials(s, 1, 1)
-    weight = G * (mass * (1 - s) + tip)
-    elastic = trapezoid(slope[:, :, None] * slope[:, None] * stiffness, s, axis=0)
-    a = np.zeros(TERMS)
-    for share in np.linspace(0.1, 1, 10):
-        for _ in range(8):
-            theta = angle + shape @ a
-            force = elastic @ a + trapezoid((share * weight * np.cos(theta))[:, None] * shape, s,
-                                            axis=0)
-            K = elastic - trapezoid((share * weight * np.sin(theta))[:, None, None]
-                                    * shape[:, :, None] * shape[:, None], s, axis=0)
-            a = a - np.linalg.solve(K, force)
-    moved = [cumulative_trapezoid(one(theta)[:, None] * shape, s, axis=0, initial=0)
-             for one in (np.sin, np.cos)]
-    M = sum(mass * trapezoid(one[:, :, None] * one[:, None], s, axis=0)
-            + tip * np.outer(one[-1], one[-1]) for one in moved)
-    return slowest(M, K, n)
-
-
 @pytest.mark.parametrize(('angle', 'load', 'tip'), [
     (0.0, 5.0, 0.0), (0.0, 60.0, 0.0), (0.9, 20.0, 0.0), (-0.5, 8.0, 0.1)])
 def test_bent_by_gravity_in_its_plane(angle, load, tip):
@@ -192,27 +113,6 @@ def test_bent_by_gravity_in_its_plane(angle, load, tip):
     np.testing.assert_allclose(modes.frequencies[inside], expected, rtol=5e-3)
     assert (np.abs(modes.frequencies[inside] / expected - 1)
             < 3 * modes.error_estimate[inside] + 1e-4).all()
-
-
-def ring(opening, radius, stiffness, torsion, mass, n):
-    """Return frequencies in and out of the plane of a ring's part, clamped at one end (Love).
-
-    Displacements u along, w = -u' outwards, v across, and twist b:
-    bends (w + w'') / R^2 and b / R - v'' / R^2, torsion (b' + v' / R) / R, primes by the angle.
-    """
-    phi, w = 0.5 * opening * (GAUSS + 1), 0.5 * opening * WEIGHT * radius
-    u = [polynomials(phi / opening, 3, k) / opening**k for k in range(4)]
-    bend = -(u[1] + u[3]) / radius**2
-    inside = slowest(sum(mass * (one.T * w) @ one for one in u[:2]),
-                     stiffness[0] * (bend.T * w) @ bend, n)
-    v = [polynomials(phi / opening, 2, k) / opening**k for k in range(3)]
-    b = [polynomials(phi / opening, 1, k) / opening**k for k in range(2)]
-    none = np.zeros_like(b[0])
-    across = np.hstack([-v[2] / radius**2, b[0] / radius])
-    twist = np.hstack([v[1] / radius**2, b[1] / radius])
-    still = np.hstack([v[0], none])
-    K = stiffness[1] * (across.T * w) @ across + torsion * (twist.T * w) @ twist
-    return inside, slowest(mass * (still.T * w) @ still, K, n)
 
 
 @pytest.mark.parametrize('opening', [1.0, np.pi, 4.5])
@@ -281,108 +181,6 @@ def test_beam_on_a_bar(at):
         assert abs(np.interp(at, shape.s, one)) < 2e-3 * np.abs(one).max()
 
 
-HANGING = {'bent': {}, 'curved': {'natural_curvature': (1.5, -1.0), 'natural_twist': 1.0,
-                                  'bending_stiffness': (0.05, 0.08)},
-           'tip': {'tip_mass': 0.05, 'point_masses': [(0.5, 0.03)]}}
-
-
-def hanging(case, **options):
-    rod = Rod(**{'length': 1.0, 'mass_per_length': 0.1, 'bending_stiffness': 0.06,
-                 'torsional_stiffness': 0.05} | HANGING[case] | options.pop('rod', {}))
-    pose = Pose((0, 0, 1), Rotation.from_rotvec([0.2, 0.5, 0.3]).as_quat())
-    return DirectSimulator(rod, **options), pose
-
-
-@pytest.mark.parametrize('case', HANGING)
-@pytest.mark.parametrize('mode', [0, 1, 3])
-def test_a_simulated_swing(case, mode):
-    simulator, pose = hanging(case, rod={'damping': (0.05, 2e-3)})
-    shape = simulator.solve(pose)
-    modes = shape.modes(4)
-    frequency, ratio = modes.frequencies[mode], modes.damping_ratios[mode]
-    form = modes.displacements[mode]
-    speed = 1e-3 * 2 * np.pi * frequency / np.abs(form).max() * form
-    motion = simulator.simulate([pose] * 401, 0.01 / frequency, shape, velocity=speed)
-    assert motion.converged
-    moved = np.array([one.positions - shape.positions for one in motion.shapes])
-    swing = np.einsum('k,ki,tki->t', modes.masses, form, moved)
-
-    def vibration(t, frequency, ratio, cosine, sine):
-        phase = 2 * np.pi * frequency * t
-        return np.exp(-ratio * phase) * (cosine * np.cos(phase) + sine * np.sin(phase))
-
-    size = swing.max()
-    found, _ = curve_fit(vibration, motion.times, swing / size, [frequency, ratio, 0.0, 1.0])
-    np.testing.assert_allclose(found[0], frequency * np.sqrt(1 - ratio**2), rtol=2e-3)
-    np.testing.assert_allclose(found[1], ratio, rtol=0.03)
-    # nothing else swings along
-    rest = moved / size - np.einsum('t,ki->tki', swing / size, form)
-    assert np.abs(rest).max() < 0.03 * np.abs(form).max()
-
-
-@pytest.mark.parametrize('end', [None, FarEnd(Pose((0.5, 0.3, 0.5), (0, 0, 0, 1))),
-                                 FarEnd(Pose((0.5, 0.3, 0.5), (0, 0, 0, 1)), 'pinned')])
-@pytest.mark.parametrize('case', ['curved', 'tip'])
-def test_the_answer_to_a_moved_gripper(case, end):
-    simulator, pose = hanging(case, rod={'damping': (0.0, 1e-4)})
-    shape = simulator.solve(pose, far_end=end)
-    modes = shape.modes(12)
-    seconds = 0.7 * modes.periods[0]
-    times = np.linspace(0, 1.8 * seconds, 181)
-    tau = np.minimum(times / seconds, 1.0)
-    way = tau**3 * (10 - 15 * tau + 6 * tau**2)
-    rate = (60 * tau - 180 * tau**2 + 120 * tau**3) / seconds**2
-    for twist in 1e-3 * np.array([(1, 0.5, 0, 0, 0, 0), (0.3, -0.5, 0.2, 0.4, 0.5, -1)]):
-        grippers = [Pose.from_rotation(
-            pose.position + a * twist[:3],
-            Rotation.from_rotvec(a * twist[3:]).as_matrix() @ pose.rotation) for a in way]
-        ends = None if end is None else [end] * len(grippers)
-        motion = simulator.simulate(grippers, times[1], shape, far_ends=ends)
-        slow = simulator.track(grippers, far_ends=ends)
-        off = np.array([one.positions - other.positions
-                        for one, other in zip(motion.shapes, slow, strict=True)])
-        w = 2 * np.pi * modes.frequencies
-
-        def slopes(t, y, w=w, twist=twist):
-            n = len(w)
-            push = modes.participation @ twist * np.interp(t, times, rate)
-            return np.concatenate([y[n:], -push - w**2 * y[:n]
-                                   - 2 * modes.damping_ratios * w * y[n:]])
-
-        told = solve_ivp(slopes, (0, times[-1]), np.zeros(2 * len(w)), t_eval=times, rtol=1e-6,
-                         atol=1e-10, max_step=seconds / 50).y[:len(w)]
-        told = np.einsum('mt,mki->tki', told, modes.displacements)
-        assert np.abs(off - told).max() < 0.02 * np.abs(off).max()
-
-
-@pytest.mark.parametrize('basis', ['chebyshev', 'local'])
-def test_matrices_tell_the_same(basis):
-    simulator, pose = hanging('curved', basis=basis, n_elements=64)
-    shape = simulator.solve(pose)
-    K, M, J = shape.stiffness_matrix(), shape.mass_matrix(), shape.jacobian()
-    modes = shape.modes(6)
-    np.testing.assert_array_equal(K, K.T)
-    np.testing.assert_array_equal(M, M.T)
-    assert np.linalg.eigvalsh(K)[0] == pytest.approx(shape.stability, rel=1e-3)
-    mu = eigh(M, K, eigvals_only=True)[::-1][:6]
-    np.testing.assert_allclose(1 / np.sqrt(mu) / (2 * np.pi), modes.frequencies, rtol=1e-7)
-    np.testing.assert_allclose(np.einsum('k,kia,kib->ab', modes.masses, J, J), M, atol=1e-12)
-    # against differences of shape and energy
-    mesh = shape._discretisation
-    system = mesh.system(pose.rotation)
-    q = mesh.unknowns(shape.element_strains)
-    rng = np.random.default_rng(1)
-    step = rng.normal(size=q.shape) / np.sqrt(q.size)
-
-    def at(a):
-        return placed(system, mesh.strains_of(q + a * step))
-
-    up, down = at(1e-5), at(-1e-5)
-    np.testing.assert_allclose((up.positions - down.positions) / 2e-5, J @ step.ravel(), atol=1e-8)
-    np.testing.assert_allclose((up.gradient - down.gradient).ravel() / 2e-5, K @ step.ravel(),
-                               atol=1e-7)
-
-
 def test_modes_are_orthonormal_and_share_the_mass():
     shape = DirectSimulator(beam(), gravity=WEIGHTLESS, basis='local', n_elements=32).solve(LEVEL)
     modes = shape.modes(400)
@@ -393,20 +191,6 @@ def test_modes_are_orthonormal_and_share_the_mass():
     # effective masses add up; what is next to the clamp is held by it
     np.testing.assert_allclose(np.sum(modes.participation**2, axis=0),
                                [0, moving, moving, 0, second, second], rtol=1e-3, atol=1e-9)
-
-
-@pytest.mark.parametrize('case', HANGING)
-def test_bases_and_meshes_agree(case):
-    found = []
-    for options in ({}, {'basis': 'local', 'n_elements': 128}, {'accuracy': 1e-5},
-                    {'basis': 'local', 'n_elements': 24}):
-        simulator, pose = hanging(case, **options)
-        found.append(simulator.solve(pose).modes(5))
-    best = found[2].frequencies
-    for modes in found:
-        off = np.abs(modes.frequencies / best - 1)
-        assert (off < 2 * modes.error_estimate + 2e-4).all()
-        assert off.max() < 0.02
 
 
 def test_loads_count_as_they_pull():
@@ -424,36 +208,3 @@ def test_what_yielded_springs_back():
     springy = simulator.with_set(shape).elastic().solve(shape.gripper)
     np.testing.assert_allclose(springy.positions, shape.positions, atol=1e-3)
     np.testing.assert_allclose(shape.modes(4).frequencies, springy.modes(4).frequencies, rtol=2e-3)
-
-
-def test_what_has_no_modes_is_refused(tmp_path):
-    simulator, pose = hanging('bent', obstacles=())
-    shape = simulator.solve(pose)
-    shape.save(tmp_path / 'a.npz')
-    motion = simulator.simulate([pose] * 20, 0.01, DirectSimulator(
-        simulator.rod, gravity=(0, 3.0, -9)).solve(pose))
-    moment = DirectSimulator(simulator.rod, point_loads=[PointLoad(moment=(0, 0.1, 0))]).solve(pose)
-    rough = DirectSimulator(replace(simulator.rod, radius=0.01), obstacles=[
-        Plane((0, 0, 0.8), (0, 0, 1), friction=0.3)]).solve(pose)
-    assert rough.contacts
-    inside = GraspedInside(simulator.rod, 0.4).solve(pose)
-    assert inside.parts[0].modes(1).frequencies > inside.parts[1].modes(1).frequencies
-    for bad, word in ((replace(shape, converged=False), 'expected a converged'),
-                      (Shape.load(tmp_path / 'a.npz'), 'simulator'),
-                      (inside, 'parts'),
-                      (motion.shapes[-1], 'equilibrium'), (moment, 'moments'), (rough, 'friction')):
-        for ask in (bad.modes, bad.stiffness_matrix, bad.mass_matrix, bad.jacobian):
-            with pytest.raises(InvalidTask, match=f'shape.*{word}'):
-                ask()
-    with pytest.raises(InvalidTask, match='n = 0'):
-        shape.modes(0)
-
-
-def test_what_is_neutral_is_refused():
-    free = DirectSimulator(beam(), gravity=WEIGHTLESS, grip='pinned').solve(LEVEL)
-    curved = beam(natural_curvature=(0.5, 0.2))  # it may turn about the vertical
-    turning = DirectSimulator(curved, grip='pinned').solve(DOWN)
-    for shape in (free, turning):
-        assert shape.converged
-        with pytest.raises(InvalidTask, match='shape: expected a stable'):
-            shape.modes()
