@@ -10,6 +10,7 @@ from scipy.optimize import curve_fit
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
+    Capsule,
     DirectSimulator,
     FarEnd,
     GraspedInside,
@@ -60,6 +61,31 @@ def test_a_simulated_swing(case, mode):
     # nothing else swings along
     rest = moved / size - np.einsum('t,ki->tki', swing / size, form)
     assert np.abs(rest).max() < 0.03 * np.abs(form).max()
+
+
+@pytest.mark.parametrize('mode', [0, 1])
+def test_a_simulated_swing_over_a_bar(mode):
+    """It hangs over a bar on which it slides and rolls; across the bar, and over it."""
+    rod, pose = Rod(1.0, 0.1, 0.06, 0.05, radius=0.004), Pose((0, 0, 1), (0, 0, 0, 1))
+    free = DirectSimulator(rod).solve(pose)
+    bar = free.at(0.5).position + np.array([0, 0, 0.016])  # 30 mm higher than it hangs
+    simulator = DirectSimulator(rod, obstacles=[Capsule(bar - [0, 1, 0], bar + [0, 1, 0], 0.01)])
+    shape = simulator.solve(pose, free)
+    modes = shape.modes(2)
+    assert len(shape.contacts) == 1
+    frequency, form = modes.frequencies[mode], modes.displacements[mode]
+    speed = 2e-4 * 2 * np.pi * frequency / np.abs(form).max() * form
+    motion = simulator.simulate([pose] * 121, 0.01 / frequency, shape, velocity=speed)
+    swing = [np.einsum('k,ki,ki', modes.masses, form, one.positions - shape.positions)
+             for one in motion.shapes]
+    assert motion.converged
+
+    def vibration(t, frequency, ratio, sine):  # its implicit steps damp it
+        phase = 2 * np.pi * frequency * t
+        return np.exp(-ratio * phase) * sine * np.sin(phase)
+
+    found, _ = curve_fit(vibration, motion.times, swing / np.max(swing), [frequency, 0.0, 1.0])
+    assert found[0] == pytest.approx(frequency, rel=4e-3)
 
 
 @pytest.mark.parametrize('end', [None, FarEnd(Pose((0.5, 0.3, 0.5), (0, 0, 0, 1))),
