@@ -108,19 +108,21 @@ class Modes(Value):
 
 def modes_of(shape, n):
     """Return the Modes of a Shape; see `Shape.modes`."""
-    linear = Linearized(shape)
-    squares, found = solved(linear.vibration, integer('n', n, minimum=1, maximum=MOST), 'shape')
-    return modes_from(linear, squares, found, np.arange(squares.size))
+    n, linear = integer('n', n, minimum=1, maximum=MOST), Linearized(shape)
+    vibration = linear.resolving(n)
+    squares, found = solved(vibration, n, 'shape')
+    return modes_from(linear, vibration, squares, found, np.arange(squares.size))
 
 
-def modes_from(linear, squares, found, places, overlap=None):
+def modes_from(linear, vibration, squares, found, places, overlap=None):
     """Return the Modes of what was `solved` about a Linearized shape.
 
     Args:
+        vibration: Vibration about it, on its own mesh
         squares: (n,) 1/s^2; found: (c, n); overlap: (n,)
         places: (n,) how many modes of this DLO are slower than each
     """
-    vibration, shape = linear.vibration, linear.shape
+    shape = linear.shape
     rates = np.sqrt(squares)
     displacements = np.moveaxis(vibration.jacobian @ found, 2, 0)
     # the damping matrix: drag M + viscosity times the elastic stiffness alone, weight damps nothing

@@ -33,6 +33,15 @@ def test_cantilever_in_both_planes(basis, stiffness):
     np.testing.assert_allclose(np.abs(modes.displacements[:, :, 0]).max(), 0, atol=1e-12)
 
 
+def test_more_modes_than_the_series_has_terms():
+    modes = DirectSimulator(beam(), gravity=WEIGHTLESS).solve(LEVEL).modes(20)
+    roots = np.array([1.875104, 4.694091, 7.854757, *((k - 0.5) * np.pi for k in range(4, 11))])
+    expected = np.repeat(roots**2 * np.sqrt(10) / (2 * np.pi), 2)
+    off = np.abs(modes.frequencies / expected - 1)
+    assert (off < 1.1 * modes.error_estimate).all()
+    assert off.max() < 1e-2
+
+
 @pytest.mark.parametrize('tip', [0.02, 0.1, 1.0])
 def test_cantilever_with_a_tip_mass(tip):
     def characteristic(b):
