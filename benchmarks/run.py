@@ -19,6 +19,7 @@ from dlo_planner import (  # noqa: E402
     InverseSimulator,
     Pose,
     Rod,
+    modes_along,
 )
 
 ANGLES = [*range(0, 181, 10), *range(170, -1, -10)]
@@ -86,6 +87,12 @@ def rows():
     moving = DirectSimulator(wire())
     yield ('chebyshev: dynamic step, gripper turning, of 50',
            median_time(lambda: moving.simulate([gripper(k) for k in range(51)], 0.02), 5) / 50, '')
+    for basis in ('chebyshev', 'local'):
+        shape = DirectSimulator(wire(), basis=basis).solve(gripper(0))
+        yield (f'{basis}: 4 modes', median_time(lambda s=shape: s.modes(4), 50), '64 elements')
+    path = DirectSimulator(wire()).track([gripper(k) for k in range(30)])
+    yield ('chebyshev: 4 modes along a path, a shape',
+           median_time(lambda p=path: modes_along(p, 4), 5) / len(path), '64 elements')
     yielding = DirectSimulator(wire(yield_stress=60e6, hardening=0.01))
     known = yielding.solve(gripper(10))
     yield ('chebyshev: plastic step after 10 deg, fibers',

@@ -70,6 +70,7 @@ def values():
         PointLoad((0.0, 0.0, -1.0)), Piecewise(np.cos, (0.5,)),
         Sheet.around(hole, 1.0, 1.0), FarEnd(LEVEL), simulator.simulate([LEVEL] * 3, 0.01),
         replay(simulator, plan), Limits(), Workspace((-9, -9, -9), keep_out=[floor]),
+        shape.modes(2),
         Spread(length=0.01), tolerance(simulator, plan, Spread(length=0.01), samples=2),
         PositionAt(0.5, (0.4, 0, 1)), DirectionAt(0.5, (1, 0, 0)), GripperNear(LEVEL),
         Through((0.4, 0, 1)), AwayFrom((floor,), 0.1), BentAtMost(1.0),
@@ -154,7 +155,10 @@ def arguments():
         'poses.poses_from_goals.msg': Goals(), 'poses.pose_from_stamped.msg': _stamped(),
         'paths.poses_from_path.path': Path(), 'paths.times_from_path.path': Path(),
         'paths.plan_path.times': [0.0, 1.0], 'seconds': 1.0, 'trajectory': known['Trajectory'],
-        'number': 3, 'tool': LEVEL, 'Trajectory.at.times': [0.0],
+        'number': 3, 'tool': LEVEL, 'n': 2, 'modes_along.shapes': [shape, shape],
+        'Modes.s': [0.0, 1.0], 'masses': [0.0, 1.0], 'frequencies': [1.0],
+        'damping_ratios': [0.0], 'displacements': np.ones((1, 2, 3)),
+        'participation': np.ones((1, 6)), 'overlap': [1.0], 'Trajectory.at.times': [0.0],
         'Trajectory.progress.times': [0.0],
     }
 

@@ -35,8 +35,10 @@ def modes_along(shapes: Iterable[Shape], n: int = 4) -> tuple[Modes, ...]:
     for k, shape in enumerate(shapes):
         linear = Linearized(shape, f'shapes[{k}]')
         if not tracked:
-            squares, found = solved(linear.vibration, n, linear.name)
-            tracked.append(modes_from(linear, squares, found, np.arange(squares.size)))
+            vibration = linear.resolving(n + _SPARE)
+            squares, found = solved(vibration, n, linear.name)
+            tracked.append(modes_from(linear, vibration, squares, found,
+                                      np.arange(squares.size)))
         else:
             tracked.append(_continued(tracked[-1], linear))
     return tuple(tracked)
@@ -44,7 +46,7 @@ def modes_along(shapes: Iterable[Shape], n: int = 4) -> tuple[Modes, ...]:
 
 def _continued(before, linear):
     """Return the Modes of a Linearized shape that continue the Modes `before`."""
-    vibration = linear.vibration
+    vibration = linear.resolving(len(before) + _SPARE)
     squares, found = solved(vibration, len(before) + _SPARE, linear.name)
     if squares.size < len(before):
         raise InvalidTask(f'{linear.name}: expected one with {len(before)} modes or more, as the '
@@ -57,7 +59,7 @@ def _continued(before, linear):
     _, places = linear_sum_assignment(-np.abs(product))
     likeness = product[np.arange(len(before)), places]
     signs = np.where(likeness < 0, -1.0, 1.0)
-    return modes_from(linear, squares[places], found[:, places] * signs, places,
+    return modes_from(linear, vibration, squares[places], found[:, places] * signs, places,
                       np.minimum(np.abs(likeness), 1.0))
 
 

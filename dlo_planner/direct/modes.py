@@ -13,6 +13,7 @@ from scipy.linalg import LinAlgError, eigh
 
 from dlo_planner.direct.vibration import Linearized
 from dlo_planner.errors import InvalidTask
+from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.model.checks import integer, results, shown
 from dlo_planner.model.value import Constant, Value, brief, freeze, put
 
@@ -20,6 +21,7 @@ MOST = 1000         # modes that may be asked for
 _TIE = 1e-10        # added to the stiffness: what has neither stiffness nor mass stays where it is
 _NEUTRAL = 1e-2     # part of a mode's stiffness which that adds: such a mode has none of its own
 _MASSLESS = 1e-11   # of the largest: mu of what moves no mass
+_STILL = 1e-9       # of the largest: mass of such a motion
 _SHOWN = 4
 
 
@@ -33,6 +35,8 @@ class Modes(Value):
 
         y_i'' + 2 damping_ratios[i] w_i y_i' + w_i^2 y_i = - participation[i] . a,
         w_i = 2 pi frequencies[i]
+
+    but for what damping itself does as the gripper moves: a part of the order of the damping ratio.
 
     Attributes:
         s: (N + 1,) arc lengths of the nodes, m
@@ -60,14 +64,13 @@ class Modes(Value):
     REMEMBERED = ('error_estimate',)
 
     def __post_init__(self):
-        s = results('Modes.s', self.s, (None,))
-        frequencies = results('Modes.frequencies', self.frequencies, (None,))
-        n = frequencies.size
+        displacements = results('Modes.displacements', self.displacements, (None, None, 3))
+        n, nodes, _ = displacements.shape
         overlap = np.ones(n) if self.overlap is None else self.overlap
-        put(self, s=s, masses=results('Modes.masses', self.masses, (s.size,)),
-            frequencies=frequencies,
+        put(self, displacements=displacements, s=results('Modes.s', self.s, (nodes,)),
+            masses=results('Modes.masses', self.masses, (nodes,)),
+            frequencies=results('Modes.frequencies', self.frequencies, (n,)),
             damping_ratios=results('Modes.damping_ratios', self.damping_ratios, (n,)),
-            displacements=results('Modes.displacements', self.displacements, (n, s.size, 3)),
             participation=results('Modes.participation', self.participation, (n, 6)),
             overlap=results('Modes.overlap', overlap, (n,)))
         if self._estimate is None:
@@ -105,19 +108,21 @@ class Modes(Value):
 
 def modes_of(shape, n):
     """Return the Modes of a Shape; see `Shape.modes`."""
-    linear = Linearized(shape)
-    squares, found = solved(linear.vibration, integer('n', n, minimum=1, maximum=MOST), 'shape')
-    return modes_from(linear, squares, found, np.arange(squares.size))
+    n, linear = integer('n', n, minimum=1, maximum=MOST), Linearized(shape)
+    vibration = linear.resolving(n)
+    squares, found = solved(vibration, n, 'shape')
+    return modes_from(linear, vibration, squares, found, np.arange(squares.size))
 
 
-def modes_from(linear, squares, found, places, overlap=None):
+def modes_from(linear, vibration, squares, found, places, overlap=None):
     """Return the Modes of what was `solved` about a Linearized shape.
 
     Args:
+        vibration: Vibration about it, on its own mesh
         squares: (n,) 1/s^2; found: (c, n); overlap: (n,)
         places: (n,) how many modes of this DLO are slower than each
     """
-    vibration, shape = linear.vibration, linear.shape
+    shape = linear.shape
     rates = np.sqrt(squares)
     displacements = np.moveaxis(vibration.jacobian @ found, 2, 0)
     # the damping matrix: drag M + viscosity times the elastic stiffness alone, weight damps nothing
@@ -142,12 +147,12 @@ def solved(vibration, n, name):
         InvalidTask: the shape is not stable
     """
     size = len(vibration.mass)
+    slowest = [max(size - n, 0), size - 1]
     tied = vibration.stiffness + _TIE * np.eye(size)
     try:
-        mu, found = eigh(vibration.mass, tied, subset_by_index=[max(size - n, 0), size - 1])
+        mu, found = eigh(vibration.mass, tied, subset_by_index=slowest)
     except LinAlgError:
-        raise InvalidTask(f'{name}: expected a stable one, which has to be pushed wherever it '
-                          'moves') from None
+        mu, found = eigh(vibration.mass, _definite(vibration, name), subset_by_index=slowest)
     mu, found = mu[::-1], found[:, ::-1]
     moving = mu > _MASSLESS * mu.max(initial=0.0)
     mu, found = mu[moving], found[:, moving]
@@ -155,6 +160,22 @@ def solved(vibration, n, name):
         raise InvalidTask(f'{name}: expected a stable one, this one is neutral: it may move to '
                           'other places without a force')
     return 1 / mu, found * (_signs(vibration.jacobian @ found) / np.sqrt(mu))
+
+
+def _definite(vibration, name):
+    """Return the stiffness, made positive where it is neutral and moves no mass.
+
+    As a round DLO between two joints is, which may spin about its own axis.
+
+    Raises:
+        InvalidTask: it is not positive elsewhere
+    """
+    values, vectors = np.linalg.eigh(vibration.stiffness)
+    low = values < _TIE
+    masses = np.sum(vectors * (vibration.mass @ vectors), axis=0)
+    if (values < -HELD_NEUTRAL).any() or (masses[low] > _STILL * masses.max()).any():
+        raise InvalidTask(f'{name}: expected a stable one, from which every motion takes energy')
+    return vibration.stiffness + (vectors[:, low] * (1.0 - values[low])) @ vectors[:, low].T
 
 
 def _signs(displacements):

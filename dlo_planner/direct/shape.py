@@ -314,11 +314,10 @@ class Shape(Value):
     def stiffness_matrix(self) -> np.ndarray:
         """Return (c, c), J: second derivative of the potential by the coordinates of vibrations.
 
-        Symmetric; with contacts, held ends and the weight. Coordinates are what the simulator
-        minimises by, term after term of its series ('local': element after element), for each
-        torsion, curvature about n, about b. Their unit is sqrt(J), so scaled that the elastic part
-        is the identity (where the stiffness does not vary along the DLO). A held far end leaves
-        combinations of these. `jacobian` says what they move.
+        Coordinates are what the simulator minimises by, term after term of its series ('local':
+        element after element), for each torsion, curvature about n, about b. Their unit is sqrt(J),
+        so scaled that the elastic part is the identity (where the stiffness does not vary along the
+        DLO). A held far end leaves combinations of these. `jacobian` says what they move.
 
         Raises:
             InvalidTask: as `modes`
@@ -326,22 +325,16 @@ class Shape(Value):
         return Linearized(self).vibration.stiffness
 
     def mass_matrix(self) -> np.ndarray:
-        """Return (c, c), J s^2: twice the kinetic energy by the velocities of the coordinates.
+        """Return (c, c), J s^2: second derivative of the kinetic energy by the velocities.
 
-        In those of `stiffness_matrix`; singular, as torsion of a straight DLO moves no mass.
-
-        Raises:
-            InvalidTask: as `modes`
+        In the coordinates of `stiffness_matrix`, for shapes as there; it may be singular.
         """
         return Linearized(self).vibration.mass
 
     def jacobian(self) -> np.ndarray:
-        """Return (N_L + 1, 3, c), m: displacement of the nodes by a unit of each coordinate.
+        """Return (N_L + 1, 3, c), m, world axes: displacement of the nodes by the coordinates.
 
-        In those of `stiffness_matrix`, world axes, the grips at rest.
-
-        Raises:
-            InvalidTask: as `modes`
+        In those of `stiffness_matrix`, for shapes as there; the grips at rest.
         """
         return Linearized(self).vibration.jacobian
 

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import qr
 
+from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.hinge import hinge_unknowns, pinned_newton, with_hinge
 from dlo_planner.direct.sensitivity import gripper_answers
 from dlo_planner.energy.loads import node_masses
@@ -80,17 +81,34 @@ class Linearized:
         mesh, gripper = self._mesh, self.shape.gripper
         system = mesh.system(gripper.rotation, gripper.position, self._past, self.shape.far_end)
         q = mesh.unknowns(self.shape.element_strains)
-        if residual_of(system, _state(system, q)) > _AT_REST:
-            raise InvalidTask(f'{self.name}: expected one in equilibrium, it is one of a motion')
+        residual = residual_of(system, _state(system, q))
+        if residual > _AT_REST:
+            raise InvalidTask(f'{self.name}: expected one in equilibrium, not in motion; at rest '
+                              f'its residual would be {residual:.2g}')
         return _vibration(mesh, system, q)
+
+    def resolving(self, n):
+        """Return a Vibration that tells n modes: without the series where that has fewer terms.
+
+        A series of N_c terms holds N_c / 2 modes in each plane well.
+        """
+        mesh, known = self._mesh, self.vibration
+        if mesh.basis == 'local' or n <= mesh.n_terms:
+            return known
+        free = Discretisation(mesh.surroundings, mesh.s, 'local', 0)
+        return self._settled(free, self.shape.element_strains) or known
 
     @cached_property
     def finer(self):
         """The Vibration with every element halved and freed from the series; None: not found."""
-        mesh, shape = self._mesh.finer, self.shape
+        return self._settled(self._mesh.finer, np.repeat(self.shape.element_strains, 2, axis=0))
+
+    def _settled(self, mesh, strains):
+        """Return the Vibration on another mesh, in equilibrium near strains (N, 3), or None."""
+        shape = self.shape
         past = mesh.past(shape._before)
         system = mesh.system(shape.gripper.rotation, shape.gripper.position, past, shape.far_end)
-        q = mesh.unknowns(np.repeat(shape.element_strains, 2, axis=0))
+        q = mesh.unknowns(strains)
         newtons = pinned_newton if mesh.surroundings.pinned else constrained_newton
         state, residual, *_, system, violation = newtons(
             system, q, 0.01 * _SETTLED, _MOST, False, _EXACT * mesh.s[-1], np.zeros((0, 6)))
@@ -125,7 +143,7 @@ def _state(system, q):
 
 def _vibration(mesh, system, q):
     """Return the Vibration about the equilibrium of a System at q (m, 3)."""
-    masses = node_masses(mesh.rod, mesh.s)
+    masses = np.maximum(node_masses(mesh.rod, mesh.s), 0.0)  # rounding may take more than all
     nodes = slice(0, None)
     if mesh.surroundings.pinned:
         system, q, nodes = with_hinge(system), hinge_unknowns(system, q), slice(1, None)
