@@ -18,10 +18,11 @@ from dlo_planner.inverse.response import Response
 from dlo_planner.inverse.time_law import TimeLaw
 from dlo_planner.inverse.timed_path import smoothed
 
-_BOUNDS, _CLOSER = 12, 0.7  # bounds of deviations that are tried, each part of the one before
+_BOUNDS, _CLOSER = 12, 0.7  # bounds of deviations that are tried, parts of the one before
 _OFF = (0.95, 1.05)  # frequencies, as if the stiffness was wrong by 10 %, and
 _WORSE = 2.0         # times the tolerance are allowed then
 _ARRIVING = 0.5      # part of the tolerance that may be left of a vibration where a leg ends
+_MOST_OFF, _TRIED = 0.3, 30  # part of the frequencies; how many such are tried
 _TUNED = (0.8, 0.9, 0.95, 1.05)  # times a window
 
 
@@ -91,15 +92,27 @@ def predicted(task: LegTask, law: TimeLaw) -> float:
     return max(_predicted(task, law, 1.0), *(_predicted(task, law, off) / _WORSE for off in _OFF))
 
 
+def margin(task: LegTask, law: TimeLaw, allowed: float) -> float:
+    """Return the part by which all frequencies may be off, up or down, until `allowed` (m) is passed.
+
+    At most _MOST_OFF.
+    """
+    tried = np.arange(1, _TRIED + 1) * (_MOST_OFF / _TRIED)
+    for k, part in enumerate(tried):
+        if max(_predicted(task, law, 1 - part), _predicted(task, law, 1 + part)) > allowed:
+            return float(tried[k - 1]) if k else 0.0
+    return _MOST_OFF
+
+
 def _predicted(task, law, off):
     response = task.response
-    _, u, (place, speed), steady = response.excited(law, off)
+    _, u, (place, speed) = response.excited(law, off)
     left = float((response.sizes[-1] * np.hypot(place[-1], speed[-1])).sum())
     worst = left if task.last else left / _ARRIVING
     for begin, sideways in task.passed:
         counts = u >= begin
         away = np.einsum('tmi,tm->ti', _between(response.parameters, sideways, u[counts]),
-                         place[counts] - steady[counts])
+                         place[counts])
         worst = max(worst, float(np.linalg.norm(away, axis=1).max(initial=0.0)))
     return worst
 

@@ -1,127 +1,110 @@
-"""A plan run through the dynamic simulation: how far the DLO is from where it should be."""
+"""A motion of the gripper run through the dynamic simulation: where the DLO is, and how it swings."""
+
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import clearance, room_in
 from dlo_planner.inverse.continuity import apart
+from dlo_planner.inverse.passing import worst_miss
+from dlo_planner.inverse.periods import slowest_period
+from dlo_planner.model.checks import figure, flag
 from dlo_planner.model.surface import Surface
+from dlo_planner.model.value import Value, brief, put
 
-_PER_PERIOD = 25      # steps in a period of the DLO's slowest vibration
-_FEWEST, _MOST = 150, 20_000  # steps of a run
-_NEWTON = 4           # steps to the arc length that is nearest to a centre
-_DOUBLINGS, _HALVINGS = 4, 3  # of the pace that is tried
-
-
-class TooLong(InvalidTask):
-    """A motion would take more steps than are simulated."""
+_PER_PERIOD = 25      # instants in a period of the DLO's slowest vibration
+_FEWEST, _MOST = 150, 20_000  # instants of a run
 
 
-class InMotion:
-    """Runs a plan at any pace and judges what the DLO does.
+@dataclass(frozen=True, eq=False, repr=False)
+class InMotion(Value):
+    """What the dynamic simulation says of a motion from rest to rest; worst values, SI units.
+
+    Distances of a DLO that could not be simulated to the end are infinitely bad.
+
+    Attributes:
+        converged: whether every step was solved
+        miss: distance from the centres to be passed, between all waypoints: of the nearest arc
+            length between those of both waypoints; a centre that the free end only comes to on that
+            way counts from then on; nan if there is none
+        swing: largest distance of the DLO from its equilibrium in the same gripper
+        arrival: the same at the first instant that counts for `miss`, or nan
+        departure: the same in the slowest period after the motion's end
+        clearance: from the sheets around sized cut-outs and from the obstacles given, nan if none
+        contact_force: largest force of one contact with the simulator's obstacles, N
+        duration: of the motion, s; step: between two instants looked at, s
+    """
+
+    converged: bool
+    miss: float
+    swing: float
+    arrival: float
+    departure: float
+    clearance: float
+    contact_force: float
+    duration: float
+    step: float
+
+    def __post_init__(self):
+        put(self, converged=flag('InMotion.converged', self.converged),
+            **{item.name: figure(f'InMotion.{item.name}', getattr(self, item.name))
+               for item in fields(self) if item.name != 'converged'})
+
+    def __repr__(self):
+        return brief(self, 'converged' if self.converged else 'not converged', *(
+            f'{name} {getattr(self, name):.3g} {unit}' for name, unit in (
+                ('miss', 'm'), ('swing', 'm'), ('departure', 'm'), ('clearance', 'm'),
+                ('duration', 's')) if np.isfinite(getattr(self, name))))
+
+    def worse(self, other: 'InMotion') -> 'InMotion':
+        """Return the worse of both figures, each by itself."""
+        least = {'converged', 'clearance'}
+        return InMotion(**{item.name: (min if item.name in least else max)(
+            getattr(self, item.name), getattr(other, item.name)) for item in fields(self)})
+
+
+def in_motion(simulator, plan, way, first, obstacles, progress):
+    """Return InMotion of a Plan's DLO.
 
     Args:
         simulator: DirectSimulator; plan: Plan
-        way: Trajectory of the plan
+        way: TimedPath of the plan
         first: Shape at its beginning, at rest
         obstacles: tuple of obstacles whose clearance is wanted
         progress: Progress
+
+    Raises:
+        InvalidTask: the motion has more than 20000 instants
     """
+    period = slowest_period(simulator.rod)
+    times = np.linspace(0, way.duration + period, _instants(way.duration + period, period))
+    grippers, done = way.at(times)[0], way.progress(times)
+    motion = simulator.simulate(grippers, times[1], first, progress=progress.done)
+    passed, watched = any(plan.passes), bool(plan.sheets or obstacles)
+    if not (motion.converged and first.converged):
+        return InMotion(False, np.inf if passed else np.nan, np.inf, np.inf if passed else np.nan,
+                        np.inf, -np.inf if watched else np.nan, np.inf, way.duration, times[1])
+    calm = simulator.track(grippers, progress.done, first)
+    swing = np.array([apart(*pair) for pair in zip(motion.shapes, calm, strict=True)])
+    last = np.clip(np.searchsorted(plan.times, done, side='right') - 1, 0, len(plan) - 2)
+    miss = np.array([worst_miss(shape, plan.passes[k], plan.passes[k + 1])
+                     for k, shape in zip(last, motion.shapes, strict=True)])
+    return InMotion(
+        True, miss.max() if passed else np.nan, swing.max(),
+        swing[np.argmax(miss > 0)] if passed else np.nan, swing[times >= way.duration].max(),
+        least_clearance(plan, obstacles, Surface.of(simulator.rod), motion.shapes),
+        max((contact.force for shape in motion.shapes for contact in shape.contacts), default=0.0),
+        way.duration, times[1])
 
-    def __init__(self, simulator, plan, way, first, obstacles, progress):
-        self._simulator, self._plan, self._way = simulator, plan, way
-        self._first, self._obstacles, self._progress = first, obstacles, progress
 
-    def figures(self, scale, only=None):
-        """Return the figures of `Report` in motion for a run that takes `scale` times as long.
-
-        Args:
-            only: name of the one that is wanted; None: all
-
-        Raises:
-            TooLong: the run has more than 20000 steps
-        """
-        duration = scale * self._way.duration
-        steps = self._steps(duration)
-        shares = np.linspace(0, self._way.duration, steps + 1)
-        grippers = self._way.at(shares)[0]
-        found = {'duration': duration, 'step': duration / steps}
-        motion = self._simulator.simulate(grippers, duration / steps, self._first,
-                                          progress=self._progress.done)
-        passed = any(self._plan.passes)
-        if not (motion.converged and self._first.converged):
-            sheets = len(self._plan.sheets) + len(self._obstacles)
-            return found | {'dynamic_miss': np.inf if passed else np.nan, 'swing': np.inf,
-                            'dynamic_clearance': -np.inf if sheets else np.nan}
-        if only in (None, 'dynamic_miss'):
-            found['dynamic_miss'] = self._miss(motion.shapes, self._way.progress(shares))
-        if only in (None, 'swing'):
-            calm = self._simulator.track(grippers, self._progress.done, self._first)
-            found['swing'] = max(apart(*pair) for pair in zip(motion.shapes, calm, strict=True))
-        if only is None:
-            found['dynamic_clearance'] = least_clearance(
-                self._plan, self._obstacles, Surface.of(self._simulator.rod), motion.shapes)
-        return found
-
-    def _steps(self, duration):
-        """Return how many steps a run takes."""
-        period = slowest_period(self._simulator.rod)
-        steps = max(_FEWEST, int(np.ceil(_PER_PERIOD * duration / period)))
-        if steps > _MOST:
-            raise TooLong(f'limits: the motion takes {duration:.3g} s, {steps} steps of '
+def _instants(duration, period):
+    count = max(_FEWEST, int(np.ceil(_PER_PERIOD * duration / period))) + 1
+    if count > _MOST:
+        raise InvalidTask(f'limits: the motion takes {duration:.3g} s, {count} steps of '
                           f'1/{_PER_PERIOD} of the slowest period of {period:.3g} s: expected at '
                           f'most {_MOST} steps')
-        return steps
-
-    def _miss(self, shapes, done):
-        """Return the largest distance in m from the centres, nan if there is none to be passed.
-
-        Args:
-            done: times of the plan (n,) at which the n shapes are
-        """
-        times = self._plan.times
-        last = np.clip(np.searchsorted(times, done, side='right') - 1, 0, len(times) - 2)
-        misses = [away for k, shape in zip(last, shapes, strict=True)
-                  for away in _misses(shape, self._plan.passes[k], self._plan.passes[k + 1])]
-        return float(max(misses, default=np.nan))
-
-
-def _misses(shape, passes, later):
-    """Yield the distances in m of a Shape from the centres to be passed between two waypoints.
-
-    Args:
-        passes, later: those of `Plan.passes` at both
-    """
-    for centre, s, _ in passes:
-        then = _arc_length_at(centre, later)
-        if then is not None:
-            yield _distance(shape, centre, min(s, then), max(s, then))[0]
-    # one that comes or ends between them is passed as long as the free end is beyond it
-    for some, others in ((passes, later), (later, passes)):
-        for centre, s, _ in some:
-            if _arc_length_at(centre, others) is None:
-                away, at = _distance(shape, centre, s, shape.s[-1])
-                if at < shape.s[-1]:
-                    yield away
-
-
-def _arc_length_at(centre, passes):
-    """Return the arc length (m) at which a centre is to be passed, None if it is not."""
-    return next((s for other, s, _ in passes if np.array_equal(other, centre)), None)
-
-
-def _distance(shape, centre, low, high):
-    """Return the distance (m) of a DLO from a centre between two arc lengths, and where it is."""
-    best = np.inf, low
-    for begin in (low, 0.5 * (low + high), high):
-        s = begin
-        for _ in range(_NEWTON):
-            axes, position = shape.frame_at(s)
-            away = float(np.linalg.norm(position - centre))
-            if away < best[0]:
-                best = away, s
-            s = min(max(s + axes[:, 0] @ (centre - position), low), high)
-    return best
+    return count
 
 
 def least_clearance(plan, obstacles, surface, shapes):
@@ -129,33 +112,3 @@ def least_clearance(plan, obstacles, surface, shapes):
     rooms = [clearance(obstacles, surface, shape) for shape in shapes if obstacles]
     rooms += [room_in(*sheet, surface, shape).min() for sheet in plan.sheets for shape in shapes]
     return float(min(rooms, default=np.nan))
-
-
-def slowest_period(rod):
-    """Return the period (s) of the slowest vibration of a Rod held at one end, about."""
-    s = np.linspace(0, rod.length, 33)
-    mass = rod.length * rod.masses_per_length(s).mean() / 4 + rod.tip_mass
-    # a tip mass on a cantilever; its own mass counts for about a quarter
-    return 2 * np.pi * np.sqrt(max(mass, 1e-12) * rod.length**3 / (3 * min(rod.stiffness[1:])))
-
-
-def fastest_scale(good, at_once):
-    """Return the smallest scale of time found that is `good`, by doubling and halving.
-
-    Args:
-        good: function of a scale
-        at_once: whether it is with the scale 1
-    """
-    high, low = (1.0, None) if at_once else (None, 1.0)
-    for _ in range(_DOUBLINGS):
-        tried = high / 2 if at_once else 2 * low
-        if good(tried) != at_once:
-            high, low = (high, tried) if at_once else (tried, low)
-            break
-        high, low = (tried, low) if at_once else (high, tried)
-    if high is None:
-        return np.inf
-    for _ in range(_HALVINGS if low is not None else 0):
-        middle = np.sqrt(low * high)
-        low, high = (low, middle) if good(middle) else (middle, high)
-    return high

@@ -1,4 +1,4 @@
-"""Proof with a plan: it is run through the direct simulator, slowly and at its own pace."""
+"""Proof with a plan: it is run through the direct simulator, slowly and as it is executed."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
@@ -7,13 +7,14 @@ import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
-from dlo_planner.errors import InvalidTask
+from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.continuity import apart
-from dlo_planner.inverse.in_motion import InMotion, TooLong, fastest_scale, least_clearance
+from dlo_planner.inverse.in_motion import in_motion, least_clearance
 from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.trajectory import Trajectory
-from dlo_planner.model.checks import figure, flag, instance, items, number
+from dlo_planner.inverse.workspace import Workspace
+from dlo_planner.model.checks import figure, flag, instance, items
 from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.model.part import before
 from dlo_planner.model.surface import Surface
@@ -21,8 +22,9 @@ from dlo_planner.model.value import Value, brief, put
 from dlo_planner.progress import OnProgress, Progress
 
 _AS_PLANNED = 0.01  # of the length: shapes that are farther from the planned ones are others
-_MAY_BE_LEFT_OUT = ('miss', 'misalignment', 'clearance', 'dynamic_miss', 'swing',
-                    'dynamic_clearance', 'duration', 'step', 'fastest')
+_MAY_BE_LEFT_OUT = ('miss', 'misalignment', 'clearance', 'dynamic_miss', 'swing', 'arrival',
+                    'departure', 'dynamic_clearance', 'dynamic_contact_force', 'duration', 'step',
+                    'workspace_margin', 'mode_margin')
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,15 +42,14 @@ class Report(Value):
         contact_force: largest force of one contact with the simulator's obstacles, N
         clearance: m, to the sized cut-outs of the plan and the obstacles given
         deviation: largest distance between the shapes found and those of the plan, m
-        dynamic_miss: distance from the centres in motion, m, between all waypoints: of the nearest
-            arc length between those of both waypoints; a centre that the free end only comes to on
-            that way counts from then on
-        swing: largest distance of the DLO in motion from its equilibrium in the same gripper, m
-        dynamic_clearance: as `clearance`, in motion
-        duration: of that motion, s; step: of its simulation, s
-        fastest: shortest duration found in which `dynamic_miss` (`swing` for a plan that has no
-            centres to pass) stays within the tolerance, s; infinite if there is none within 16
-            times the duration, nan if finding it takes a motion of more than 20000 steps
+        dynamic_miss, swing, arrival, departure, dynamic_clearance, dynamic_contact_force, duration,
+            step: of the motion, see `InMotion`; the worse of that with the rod's damping and that
+            without any
+        workspace_margin: least distance of the gripper from the limits of its workspace, m
+        mode_margin: see `Trajectory`
+        tolerance: m, of `trajectory`
+        trajectory: Trajectory that was looked at, the one to be executed; None: none
+        reason: why it must not be executed; empty: it may be
         not_looked_at: names of the figures that are nan
 
     In a motion that could not be simulated to its end, the figures are infinitely bad.
@@ -65,29 +66,43 @@ class Report(Value):
     deviation: float = np.nan
     dynamic_miss: float = np.nan
     swing: float = np.nan
+    arrival: float = np.nan
+    departure: float = np.nan
     dynamic_clearance: float = np.nan
+    dynamic_contact_force: float = np.nan
     duration: float = np.nan
     step: float = np.nan
-    fastest: float = np.nan
+    workspace_margin: float = np.nan
+    mode_margin: float = np.nan
+    tolerance: float = np.nan
+    trajectory: Trajectory | None = None
+    reason: str = 'it was not looked at in motion'
     not_looked_at: tuple[str, ...] = ()
 
     def __post_init__(self):
         put(self, converged=flag('Report.converged', self.converged),
             **{item.name: figure(f'Report.{item.name}', getattr(self, item.name))
-               for item in fields(self)
-               if item.name not in ('converged', 'not_looked_at')},
+               for item in fields(self) if item.type is float or item.type == 'float'},
+            trajectory=instance('Report.trajectory', self.trajectory, Trajectory, optional=True),
+            reason=instance('Report.reason', self.reason, str),
             not_looked_at=items('Report.not_looked_at', self.not_looked_at, str))
 
     def __repr__(self):
         said = {'miss': 'm', 'stability': '', 'clearance': 'm', 'deviation': 'm',
-                'dynamic_miss': 'm', 'swing': 'm', 'duration': 's', 'fastest': 's'}
-        return brief(self, 'converged' if self.converged else 'not converged', *(
+                'dynamic_miss': 'm', 'swing': 'm', 'dynamic_clearance': 'm', 'duration': 's'}
+        return brief(self, 'safe' if self.safe else f'not safe: {self.reason}', *(
             f'{name.replace("_", " ")} {getattr(self, name):.3g} {unit}'.rstrip()
             for name, unit in said.items() if np.isfinite(getattr(self, name))))
+
+    @property
+    def safe(self) -> bool:
+        """Whether `trajectory` may be executed: the DLO follows it, touches nothing, stays calm."""
+        return not self.reason
 
 
 def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
            limits: Limits | None = None, tolerance: float | None = None,
+           trajectory: Trajectory | None = None, workspace: Workspace | None = None,
            initial: Shape | None = None, progress: OnProgress = None,
            deadline: float | None = None) -> Report:
     """Return the Report of a Plan.
@@ -97,8 +112,10 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
         plan: Plan; of an insertion, whose shapes are parts of the DLO, each is held at the mouth
             as planned, and it is not run dynamically
         obstacles: whose clearance is wanted besides the cut-outs' with a size
-        limits: Limits; the plan is run dynamically at the pace that they allow (None: it is not)
-        tolerance: m, with limits; the fastest pace that keeps the dynamic miss within is sought
+        limits: Limits; a Trajectory is made within them, and looked at (None: none is)
+        tolerance: m, with limits, of that Trajectory
+        trajectory: one of this plan that is looked at instead
+        workspace: whose margin is wanted, or None
         initial: Shape before the first pose; None: the natural shape is set down there or, if the
             plan begins in contact, the DLO is in the first shape of the plan
         progress: called as progress(done, total) after each step of each of its runs
@@ -106,8 +123,10 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
 
     Raises:
         InvalidTask: an argument makes no sense, limits with an insertion, tolerance without
-            limits, or a motion of more than 20000 steps; the message names it
+            limits, or a motion of more than 20000 instants; the message names it
         DeadlineExceeded: as asked for
+
+    A motion that cannot be made calm is reported as it is within limits alone, and is not `safe`.
     """
     clamping('simulator', simulator)
     if not len(instance('plan', plan, Plan)):
@@ -115,25 +134,65 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
     obstacles = items('obstacles', obstacles, OBSTACLES)
     instance('limits', limits, Limits, optional=True)
     instance('initial', initial, Shape, optional=True)
-    if tolerance is not None:
-        tolerance = number('tolerance', tolerance, above=0)
-        if limits is None:
-            raise InvalidTask(f'tolerance = {tolerance!r}: expected limits with it, whose pace it '
-                              'is about')
+    instance('trajectory', trajectory, Trajectory, optional=True)
+    instance('workspace', workspace, Workspace, optional=True)
+    if tolerance is not None and limits is None:
+        raise InvalidTask(f'tolerance = {tolerance!r}: expected limits with it, within which the '
+                          'motion is made')
     whole = all(shape.s[-1] == simulator.rod.length for shape in plan.shapes)
-    if limits is not None and not whole:
+    if (limits is not None or trajectory is not None) and not whole:
         raise InvalidTask('limits: expected None for an insertion; it is not run dynamically')
-    progress = Progress(progress, deadline)
+    steps = Progress(progress, deadline)
     if initial is None and plan.shapes[0].contacts:
         initial = plan.shapes[0]
-    shapes = simulator.track(plan.grippers, progress.done, initial) if whole else _parts(
-        simulator, plan, progress)
+    shapes = simulator.track(plan.grippers, steps.done, initial) if whole else _parts(
+        simulator, plan, steps)
     figures = _at_rest(simulator, plan, shapes, obstacles)
-    if limits is not None:
-        figures |= _in_motion(InMotion(simulator, plan, Trajectory(plan, limits), shapes[0],
-                                       obstacles, progress), tolerance)
+    if workspace is not None:
+        figures['workspace_margin'] = float(min(workspace.least_room(gripper)[1]
+                                                for gripper in plan.grippers))
+    if limits is not None and trajectory is None:
+        try:
+            trajectory = Trajectory(plan, limits, tolerance=tolerance, simulator=simulator,
+                                    initial=shapes[0], obstacles=obstacles, progress=steps.done)
+        except Infeasible as error:
+            figures['reason'] = str(error)
+            trajectory = Trajectory(plan, limits, tolerance=np.inf)
+    if trajectory is not None:
+        motion = trajectory.motion
+        if motion is None:
+            motion = in_motion(simulator, plan, trajectory, shapes[0], obstacles, steps)
+        figures |= {'trajectory': trajectory, 'tolerance': trajectory.tolerance,
+                    'mode_margin': trajectory.mode_margin, 'dynamic_miss': motion.miss,
+                    'dynamic_clearance': motion.clearance,
+                    'dynamic_contact_force': motion.contact_force,
+                    **{name: getattr(motion, name) for name in (
+                        'swing', 'arrival', 'departure', 'duration', 'step')}}
+        figures['reason'] = _reason(figures, motion, any(shape.contacts for shape in plan.shapes))
     return Report(**figures, not_looked_at=tuple(
         name for name in _MAY_BE_LEFT_OUT if np.isnan(figures.get(name, np.nan))))
+
+
+def _reason(figures, motion, touching):
+    """Return why a motion must not be executed, '' if it may be."""
+    if not figures['converged']:
+        return 'the DLO does not follow the poses, even slowly'
+    if not motion.converged:
+        return 'the motion could not be simulated to its end'
+    if 'reason' in figures:
+        return figures['reason']
+    if figures.get('workspace_margin', 0.0) < 0:
+        return f'the gripper is {-figures["workspace_margin"]:.3g} m beyond its workspace'
+    if motion.clearance < 0:
+        return f'in motion the DLO is {-motion.clearance:.3g} m in the sheet or an obstacle'
+    if motion.contact_force > 0 and not touching:
+        return f'in motion the DLO touches something, with {motion.contact_force:.3g} N'
+    if motion.miss > figures['tolerance']:
+        return (f'in motion the DLO misses by {motion.miss:.3g} m: expected at most '
+                f'{figures["tolerance"]:.3g} m')
+    if not np.isfinite(figures['tolerance']):
+        return 'its trajectory has no tolerance, nothing was made calm'
+    return ''
 
 
 def _parts(simulator, plan, progress):
@@ -168,20 +227,6 @@ def _at_rest(simulator, plan, shapes, obstacles):
                              default=0.0),
         'clearance': least_clearance(plan, obstacles, Surface.of(simulator.rod), shapes),
         'deviation': deviation}
-
-
-def _in_motion(motion, tolerance):
-    """Return the figures of the dynamic replay."""
-    figures = motion.figures(1.0)
-    if tolerance is None:
-        return figures
-    judged = 'swing' if np.isnan(figures['dynamic_miss']) else 'dynamic_miss'
-    try:
-        scale = fastest_scale(lambda scale: motion.figures(scale, judged)[judged] <= tolerance,
-                              bool(figures[judged] <= tolerance))
-    except TooLong:  # so slow a motion is not looked at
-        return figures
-    return figures | {'fastest': float(figures['duration'] * scale)}
 
 
 def _worst(values):

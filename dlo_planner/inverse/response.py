@@ -91,23 +91,18 @@ class Response:
     def excited(self, law, off=1.0):
         """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
 
-        And (t, m) what of y is no vibration: what the force of the instant would do, held for long.
-
         Args:
             off: factor of all frequencies, as if the DLO was stiffer or softer
         """
         fastest = min(off * self.rates.max(), 2 * np.pi / _SHORTEST)
         count = int(np.clip(law.duration * fastest / (2 * np.pi) * _PER_PERIOD, 200, _MOST))
         times = np.linspace(0, law.duration, count + 1)
-        u, rate, change, _ = law.at(np.concatenate([0.5 * (times[1:] + times[:-1]), times]))
+        u, rate, change, _ = law.at(0.5 * (times[1:] + times[:-1]))
         rates, damping, slopes, bends = (
             np.stack([np.interp(u, self.parameters, column) for column in what.T], axis=1)
             for what in (self.rates, self.damping, self.slopes, self.bends))
         force = -(slopes * change[:, None] + bends * (rate**2)[:, None])
-        rates = off * rates
-        moved = _vibrated(times[1], rates[:count].copy(), damping[:count].copy(),
-                          force[:count].copy())
-        return times, u[count:], moved, force[count:] / rates[count:] ** 2
+        return times, law.at(times)[0], _vibrated(times[1], off * rates, damping, force)
 
     def sideways(self, s):
         """Return (n, m, 3) the displacements at arc lengths s (n,), across the DLO there, m."""

@@ -1,15 +1,232 @@
-"""A plan as the smooth motion that is executed: timed so that the DLO arrives calm, and verified."""
+"""A plan as the motion that is executed: timed so that the DLO arrives calm, and verified."""
 
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator, clamping
+from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.inverse.calm import LegTask, calm_law, margin, predicted
+from dlo_planner.inverse.in_motion import in_motion
 from dlo_planner.inverse.limits import Limits
+from dlo_planner.inverse.passing import holes_passed
 from dlo_planner.inverse.path import GripperPath
 from dlo_planner.inverse.plan import Plan
+from dlo_planner.inverse.response import Response
 from dlo_planner.inverse.timed_path import TimedPath, fastest_law
-from dlo_planner.model.checks import instance
+from dlo_planner.model.checks import instance, items, number
+from dlo_planner.model.obstacles import OBSTACLES
+from dlo_planner.model.value import brief, put
+from dlo_planner.progress import OnProgress, Progress
+
+_ROOM = 0.25        # part of the room in a hole that the default tolerance is
+_TOLERANCE = 1e-3   # m, where no hole has a size
+_SLOWEST = 16.0     # times as long as the limits ask for: slower is no motion any more
+_ROUNDS = 7         # of aiming lower
+_SPARE = 0.9        # part of the tolerance that is aimed at again
+_ELEMENTS = 32      # of the DLO whose modes are looked at
 
 
 class Trajectory(TimedPath):
-    def __init__(self, plan: Plan, limits: Limits | None = None):
+    """A Plan as the gripper's motion in time: what is checked, proved, published and executed.
+
+    The path runs through the plan's poses (`inverse.path`), with stops at its corners and dwells. On
+    each leg between stops it is the fastest motion found that keeps the limits and leaves the DLO
+    calm: the rates are shaped by the DLO's natural periods (`inverse.calm`), and the whole is
+    run through `DirectSimulator.simulate`, with the damping that the rod has and with none. If the DLO
+    then misses by more than the tolerance, the laws are made calmer.
+
+    Args:
+        plan: Plan with two poses at least
+        limits: Limits; None: the default ones
+        tolerance: m, by which the DLO in motion may miss the centres of its cut-outs, come nearer to
+            a rim than the plan says, or still vibrate when the gripper has stopped. None: a quarter
+            of the least room at the rims, 1 mm where no cut-out has a size. Infinite: the fastest
+            motion within limits, nothing is simulated.
+        simulator: DirectSimulator that verifies; None: one of the plan's shapes' DLO, with its load,
+            without obstacles
+        initial: Shape at the first pose, at rest; None: the plan's first
+        obstacles: from which the DLO has to stay away in motion, besides the sheets of the plan
+        progress, deadline: as for `InverseSimulator.thread`
+
+    Attributes:
+        path: GripperPath; laws: TimeLaw of each leg, None for a dwell; limits: Limits
+        duration: s
+        tolerance: m
+        motion: InMotion, the worse of both runs; None with an infinite tolerance
+        mode_margin: part by which all natural frequencies may be off, up or down, until the miss is
+            twice the tolerance, as far as the modes tell; nan where that is not known
+
+    Raises:
+        InvalidTask: naming the argument
+        Infeasible: the DLO cannot be made calm within 16 times the fastest duration; the constraint
+            is 'miss', 'clearance', 'departure' or 'motion', the amount is in m
+        DeadlineExceeded: as asked for
+    """
+
+    PARTS = ('path', 'laws', 'limits', 'tolerance', 'motion', 'mode_margin')
+
+    def __init__(self, plan: Plan, limits: Limits | None = None, *,
+                 tolerance: float | None = None, simulator: DirectSimulator | None = None,
+                 initial: Shape | None = None, obstacles: Iterable = (),
+                 progress: OnProgress = None, deadline: float | None = None):
         instance('plan', plan, Plan)
         limits = Limits() if limits is None else instance('limits', limits, Limits)
+        instance('initial', initial, Shape, optional=True)
         path = GripperPath.of(plan)
-        super().__init__(path, tuple(fastest_law(leg, limits) for leg in path.legs), limits)
+        tolerance = _tolerance(tolerance, plan)
+        laws = tuple(fastest_law(leg, limits) for leg in path.legs)
+        super().__init__(path, laws, limits)
+        put(self, tolerance=tolerance, motion=None, mode_margin=np.nan)
+        if tolerance == np.inf:
+            return
+        search = _Search(plan, TimedPath(path, laws, limits), tolerance,
+                         _simulator(simulator, plan), initial or plan.shapes[0],
+                         items('obstacles', obstacles, OBSTACLES), Progress(progress, deadline))
+        way, motion, spare = search.found()
+        put(self, motion=motion, mode_margin=spare,
+            **{name: getattr(way, name) for name in ('laws', 'starts', 'duration')})
+
+    def __repr__(self):
+        said = '' if self.motion is None else f'miss {self.motion.miss:.2g} m'
+        return brief(self, f'{self.duration:.4g} s', f'{len(self.path.legs)} legs', said)
+
+
+class _Search:
+    """Looks for the fastest laws with which a plan's DLO stays calm.
+
+    Args:
+        plan: Plan; fastest: TimedPath within limits alone; tolerance: m
+        simulator: DirectSimulator that verifies
+        first: Shape at the beginning
+        obstacles: tuple; progress: Progress
+    """
+
+    def __init__(self, plan, fastest, tolerance, simulator, first, obstacles, progress):
+        self._plan, self._fastest, self._tolerance = plan, fastest, tolerance
+        self._obstacles, self._progress = obstacles, progress
+        rod = simulator.rod
+        self._simulators = [simulator] + [simulator.with_rod(replace(rod, damping=0.0))] * any(
+            rod.damping)
+        self._first = simulator.solve(first.gripper, first)
+        self._tasks = self._leg_tasks(simulator)
+        self._room = np.nan  # at the rims, as planned
+        if plan.sheets:
+            self._room = float(plan.clearances[:, :, 0].min())
+
+    def found(self):
+        """Return the TimedPath, its InMotion, and the part by which frequencies may be off."""
+        aim, slower, best = self._tolerance, 1.0, None
+        for _ in range(_ROUNDS):
+            way = self._way(aim, slower)
+            motion = self._moved(way)
+            what, used = self._used(motion)
+            if used <= 1:
+                return way, motion, self._margin(way, motion)
+            if best is None or used < best[1]:
+                best = what, used, way.duration
+            if way.duration > _SLOWEST * self._fastest.duration:
+                break
+            aim *= max(min(_SPARE / used, _SPARE), 0.25)
+            slower *= np.sqrt(2) if used < 4 else 2.0
+        what, used, duration = best
+        raise Infeasible(
+            f'limits: the DLO is not calm: {what} in motion, {used * self._tolerance:.3g} m at best, '
+            f'in {duration:.3g} s: expected at most {self._tolerance:.3g} m', len(self._plan) - 1,
+            what, float((used - 1) * self._tolerance), self._plan)
+
+    def _leg_tasks(self, simulator):
+        """Return a LegTask for each leg; None for a dwell, or where modes are not known."""
+        quick, shape, tasks = _quick(simulator), None, []
+        legs = self._fastest.path.legs
+        for leg in legs:
+            self._progress.check()
+            task = None
+            try:
+                if not leg.still:
+                    shape = quick.solve(self._first.gripper, self._first) if shape is None else shape
+                    response = Response.of(quick, leg, shape)
+                    shape = response.shapes[-1]
+                    task = LegTask(leg, response, self._fastest.limits,
+                                   holes_passed(self._plan, response.parameters), leg is legs[-1])
+            except InvalidTask:  # a shape without modes: neutral, or in contact with friction
+                return [None] * len(legs)
+            tasks.append(task)
+        return tasks
+
+    def _way(self, aim, slower):
+        laws = []
+        for task, law in zip(self._tasks, self._fastest.laws, strict=True):
+            self._progress.check()
+            laws.append(calm_law(task, aim) if task is not None else
+                        law if law is None else law.slower(slower))
+        return TimedPath(self._fastest.path, tuple(laws), self._fastest.limits)
+
+    def _moved(self, way):
+        found = [in_motion(simulator, self._plan, way, self._first, self._obstacles, self._progress)
+                 for simulator in self._simulators]
+        return found[0] if len(found) == 1 else found[0].worse(found[1])
+
+    def _used(self, motion):
+        """Return the name of what uses most of the tolerance, and which part of it."""
+        if not motion.converged:
+            return 'motion', np.inf
+        used = {'miss': motion.miss / self._tolerance,
+                'departure': motion.departure / self._tolerance}
+        if not np.isnan(motion.clearance):
+            used['clearance'] = (self._room - motion.clearance) / self._tolerance
+            if motion.clearance <= 0:
+                used['clearance'] = max(used['clearance'], 1 - motion.clearance / self._tolerance)
+        return max(((name, part) for name, part in used.items() if not np.isnan(part)),
+                   key=lambda one: one[1])
+
+    def _margin(self, way, motion):
+        """Return the part by which frequencies may be off before the miss is twice the tolerance."""
+        known = [(task, law) for task, law in zip(self._tasks, way.laws, strict=True)
+                 if task is not None]
+        if not known:
+            return np.nan
+        worst = max(motion.departure, np.nan_to_num(motion.miss))
+        return min(margin(task, law, 2 * self._tolerance * max(
+            1.0, predicted(task, law) / worst)) for task, law in known)
+
+
+def _simulator(simulator, plan):
+    """Return the DirectSimulator that verifies a Plan; raise InvalidTask if there is none."""
+    length = plan.shapes[0].s[-1]
+    if any(shape.parts is not None or abs(shape.s[-1] - length) > 1e-9 * length
+           for shape in plan.shapes):
+        raise InvalidTask('tolerance: expected infinity for an insertion, whose DLO is held at the '
+                          'mouth as well')
+    if simulator is not None:
+        return clamping('simulator', simulator)
+    return simulator_of(plan.shapes[0])
+
+
+def simulator_of(shape):
+    """Return a DirectSimulator of the DLO that a Shape is of, with its load, without obstacles."""
+    if shape._discretisation is None:
+        raise InvalidTask('simulator = None: expected a DirectSimulator, the shapes of this plan do '
+                          'not know of theirs')
+    around = shape._discretisation.surroundings
+    return DirectSimulator(around.rod, gravity=around.gravity, load=around.load,
+                           point_loads=around.point_loads)
+
+
+def _quick(simulator):
+    """Return a DirectSimulator of the same DLO on a fixed, coarse mesh, whose modes are looked at."""
+    around = simulator.surroundings
+    return DirectSimulator(around.rod, n_elements=_ELEMENTS, basis='local', gravity=around.gravity,
+                           load=around.load, point_loads=around.point_loads,
+                           obstacles=around.obstacles)
+
+
+def _tolerance(tolerance, plan):
+    if tolerance is not None:
+        endless = isinstance(tolerance, float) and tolerance == np.inf
+        return tolerance if endless else number('tolerance', tolerance, above=0)
+    rooms = plan.clearances[:, :, 0]
+    rooms = rooms[np.isfinite(rooms) & (rooms > 0)]
+    return float(_ROOM * rooms.min()) if rooms.size else _TOLERANCE
