@@ -9,11 +9,12 @@ the residual with these limits: friction has no potential.
 
 import numpy as np
 
-from dlo_planner.energy.contact import nearest_inside, next_touching
+from dlo_planner.energy.contact import next_touching
 from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.hold import violation as hold_violation
 from dlo_planner.energy.outline import is_face, longest_stretch, node_gap, nodes_of
 from dlo_planner.energy.potential import hinged
+from dlo_planner.energy.rolling import rolled
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import move_multipliers
 from dlo_planner.minimize.friction import with_friction
@@ -180,8 +181,8 @@ def _keep_forces(system, state, more):
     for c in range(contacts.element.size):
         e = contacts.element[c]
         if contacts.obstacle[c] >= 0:
-            gap, _ = nearest_inside(scene, contacts.obstacle[c], e, system.lengths, state.strains,
-                                    state.rotations, state.positions, normal, bend)
+            gap, _, _ = rolled(scene, contacts.obstacle[c], e, system.lengths, state.strains,
+                               state.rotations, state.positions, normal, bend)
             if contacts.multiplier[c] > k * gap:
                 contacts.multiplier[c] += more * gap
             continue

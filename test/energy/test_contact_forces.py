@@ -5,8 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, Plane, Rod, Sphere
-from dlo_planner.energy.contact import Contacts, nearest_inside
+from dlo_planner.energy.contact import Contacts
 from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.rolling import nearest_inside
 
 RADIUS, HEIGHT, STIFF, GRIP = 0.01, 0.3, 50.0, 20.0
 ROD = Rod(1.0, 0.0, 1.0, 0.7, radius=RADIUS)
