@@ -81,8 +81,8 @@ def _touching_newton(system, q, tolerance, max_iterations, check, exact, previou
         system = system._replace(contacts=contacts)
         state, residual, table, violation = truth(system, q)
         violation = max(violation, _off_its_grip(system, state))
-        enough = residual < max(tolerance, gradient_noise(system, state)) * (
-            _COARSER if made else _STALLED)
+        enough = residual < max(tolerance * (_COARSER if made else _STALLED),
+                                gradient_noise(system, state))
         good = violation < exact and enough
         if iterations >= max_iterations or good and not check:
             break
@@ -108,7 +108,7 @@ def _touching_newton(system, q, tolerance, max_iterations, check, exact, previou
             stiffer *= _STIFFER
             system = system._replace(contacts=system.contacts._replace(
                 stiffness=_STIFFER * system.contacts.stiffness))
-        before = violation
+        before = violation if not solved and news == 0 else np.inf
     if check and not judged:
         stability, _ = _judged(system, state, tolerance, exact)
     final, residual, _, inside = truth(system, state.q)
