@@ -28,7 +28,8 @@ def watching(system, state):
     """Return the Contacts that watch the points inside elements which matter now.
 
     Points of friction are kept; multipliers go to the nearest new point on the same obstacle, from
-    where the old one has rolled to. Also returned is whether there is a point where none was.
+    where the old one has rolled to, and from the nodes beside it. Also returned is whether there is
+    a point where none was.
     """
     old = system.contacts
     inside = _points_inside(system, state)
@@ -48,6 +49,7 @@ def watching(system, state):
             taken[best] = True
             multiplier[c] = old.multiplier[best]
         news = news or best < 0 or at[best] != inside[c, 0]
+        multiplier[c] += _taken_from_nodes(system, inside[c, 0], inside[c, 1])
     rubs = old.obstacle < 0
     nothing = np.zeros((count, 3))
     return with_contacts_of(
@@ -57,6 +59,21 @@ def watching(system, state):
         np.concatenate((np.zeros(count), old.fraction[rubs])),
         np.concatenate((nothing, old.anchor[rubs])), np.concatenate((nothing, old.normal[rubs])),
         np.concatenate((nothing, old.shear[rubs]))), news
+
+
+@kernel
+def _taken_from_nodes(system, e, o):
+    """Return the multipliers of both nodes of element e, N, which are zero from now on.
+
+    They are farther from the obstacle than the point between them. As contacts of their own they
+    would share its force in a way that nothing decides, where it is hardly beside one of them.
+    """
+    if system.scene.feature[o] == NODE_FACE:
+        return 0.0
+    node = system.contacts.node[o]
+    taken = node[e] + node[e + 1]
+    node[e] = node[e + 1] = 0.0
+    return taken
 
 
 @kernel
