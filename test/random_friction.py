@@ -85,7 +85,7 @@ def _obstacle(rng, place, normal, tangent):
     return Box(Pose(place - frame.apply([0, 0, 0.05]), frame.as_quat()), size, mu)
 
 
-def outcome(shape, before, mu):
+def outcome(shape, mu):
     """Return what is wrong with a step, or 'converged'."""
     if not shape.converged:
         return f'not converged: {shape.status}'
@@ -106,7 +106,7 @@ def steps(number, seed):
         obstacle = simulator.obstacles[0]
         for k, pose in enumerate(poses):
             after, seconds = timed(lambda pose=pose, last=shape: simulator.solve(pose, last))
-            what = outcome(after, shape, obstacle.friction)
+            what = outcome(after, obstacle.friction)
             kind = 'away' if what == 'converged' and not after.contacts else what
             yield (kind if kind in ('converged', 'away') else
                    f'{kind} (scene {index}, {type(obstacle).__name__}, step {k})'), seconds

@@ -76,7 +76,8 @@ def _touching_newton(system, q, tolerance, max_iterations, check, exact, previou
         q = state.q
         contacts, new = watching(system, state)
         news = news + 1 if new or short else 0
-        if len(previous):  # without a past it has slid to where it needs no friction
+        # Without a past it has slid to where it needs no friction; on its way it keeps what it has.
+        if len(previous) and not short:
             contacts = with_friction(system, contacts, state, previous)
         system = system._replace(contacts=contacts)
         state, residual, table, violation = truth(system, q)

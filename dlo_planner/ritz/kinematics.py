@@ -64,9 +64,9 @@ def nothing_attached(nodes, element, beside=False):
     """
     c = element.size
     d, n = (c, nodes) if beside else (0, 0)
-    return Attached(element.copy(), np.zeros(c), np.arange(c), np.zeros((c, 3)), np.zeros((c, 6, 6)),
-                    np.zeros((nodes, 3, 3)), np.zeros(nodes, dtype=np.bool_), np.zeros((d, 3)),
-                    np.zeros((d, 3, 3)), np.zeros((d, 3, 9)), np.zeros((n, 3)),
+    return Attached(element.copy(), np.zeros(c), np.arange(c), np.zeros((c, 3)),
+                    np.zeros((c, 6, 6)), np.zeros((nodes, 3, 3)), np.zeros(nodes, dtype=np.bool_),
+                    np.zeros((d, 3)), np.zeros((d, 3, 3)), np.zeros((d, 3, 9)), np.zeros((n, 3)),
                     np.zeros((n, 3, 3)), np.zeros((n, 6, 6)), np.zeros(3), np.zeros(3),
                     np.zeros((3, 3)), np.zeros((6, 6)))
 
