@@ -7,6 +7,7 @@ lies across the normal, is not above mu N, and what slides is held back against 
 """
 
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -98,20 +99,26 @@ def outcome(shape, mu):
     return 'converged'
 
 
+def steps_of(simulator, shape, poses, name):
+    """Yield outcome and CPU time of every step through the poses of a scene."""
+    obstacle = simulator.obstacles[0]
+    for k, pose in enumerate(poses):
+        after, seconds = timed(partial(simulator.solve, pose, shape))
+        kind = outcome(after, obstacle.friction)
+        if kind != 'converged':
+            kind += f' ({name}, {type(obstacle).__name__}, step {k})'
+        elif not after.contacts:
+            kind = 'away'
+        yield kind, seconds
+        if after.converged:
+            shape = after
+
+
 def steps(number, seed):
     """Yield outcome and CPU time of every step of a number of scenes."""
-    rng = np.random.default_rng(seed)
     for index in range(number):
-        simulator, shape, poses = random_scene(rng, HOW[index % len(HOW)])
-        obstacle = simulator.obstacles[0]
-        for k, pose in enumerate(poses):
-            after, seconds = timed(lambda pose=pose, last=shape: simulator.solve(pose, last))
-            what = outcome(after, obstacle.friction)
-            kind = 'away' if what == 'converged' and not after.contacts else what
-            yield (kind if kind in ('converged', 'away') else
-                   f'{kind} (scene {index}, {type(obstacle).__name__}, step {k})'), seconds
-            if after.converged:
-                shape = after
+        scene = random_scene(np.random.default_rng((seed, index)), HOW[index % len(HOW)])
+        yield from steps_of(*scene, f'scene {index}')
 
 
 def main():

@@ -1,7 +1,7 @@
 """The point of a DLO that is nearest to an obstacle: inside one element, or wherever it rolls to.
 
 The curve and its tangent are continuous, so the nearest point passes from an element to the next
-one as the shape changes. A contact that stopped at a node would come free of the obstacle there, or be
+as the shape changes. A contact that stopped at a node would come free of the obstacle there, or be
 pressed into it by the sag of the element beside.
 """
 
