@@ -8,7 +8,7 @@ import numpy as np
 
 from dlo_planner import Infeasible
 
-_GOOD = 'replayed', 'confirmed', 'held', 'inserted'
+_GOOD = 'replayed', 'confirmed', 'held', 'inserted', 'converged', 'away'
 
 
 def arguments(*defaults):

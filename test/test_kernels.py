@@ -24,11 +24,11 @@ from dlo_planner import (
     fit_rod,
 )
 from dlo_planner.direct.sensitivity import Sensitivity, gripper_answers
-from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.plastic import settled
 from dlo_planner.energy.potential import evaluate, unknowns_of
+from dlo_planner.energy.rolling import nearest_inside
 from dlo_planner.inverse import between, workspace
 from dlo_planner.inverse.aligned import aligned_newton
 from dlo_planner.inverse.marching import march_from_end

@@ -21,17 +21,13 @@ from dlo_planner.energy.outline import (
     is_face,
     longest_stretch,
     nodes_of,
-    radius_at,
     radius_at_node,
     sliding,
-    slope_along,
-    taper,
 )
+from dlo_planner.energy.rolling import along_the_dlo, rolled
 from dlo_planner.kernels import kernel
-from dlo_planner.ritz.kinematics import point_inside
+from dlo_planner.ritz.kinematics import point_inside, sort_points
 from dlo_planner.ritz.record import Record, makes
-
-_END = 1e-12  # of an element: nearer to its end a point is the end
 
 
 class Contacts(Record):
@@ -112,11 +108,11 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
             attached.first[c] = 0.0
             attached.own[c] = 0.0
         if o < 0:
+            attached.element[c] = e
             energy += add_friction(contacts, c, lengths, strains, rotations, positions, attached)
             continue
-        gap, fraction = nearest_inside(scene, o, e, lengths, strains, rotations, positions,
-                                       normal, bend)
-        attached.fraction[c] = fraction
+        gap, e, fraction = rolled(scene, o, e, lengths, strains, rotations, positions, normal, bend)
+        attached.element[c], attached.fraction[c] = e, fraction
         point_inside(lengths, strains, rotations, positions, e, fraction, frame, x)
         force = contacts.multiplier[c] - k * gap
         if force > 0.0:
@@ -128,6 +124,7 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
                 _push_beside(scene, o, c, force, k, strains[e], frame, offset, normal, bend,
                              second, attached)
         energy -= 0.5 * contacts.multiplier[c] ** 2 / k
+    sort_points(attached)
     return energy
 
 
@@ -259,64 +256,6 @@ def next_touching(lengths, multiplier, node, gap):
         if way >= gap or node <= last and multiplier[node] > 0.0:
             break
     return node
-
-
-@kernel
-def nearest_inside(scene, o, e, lengths, strains, rotations, positions, normal, bend):
-    """Return gap and fraction of the point of element e that is nearest to obstacle o.
-
-    Fills normal (3,) and bend (3, 3) of the distance there. A safeguarded Newton iteration for
-    the zero of dg/ds; the nearest end of the element if there is none inside.
-    """
-    rotation, x = np.empty((3, 3)), np.empty(3)
-    offset, point = np.zeros(2), np.empty(3)
-    axial, grows = scene.feature[o] == AXIS, taper(scene, o, e) / lengths[e]
-    low, high, fraction = 0.0, 1.0, 0.5
-    if scene.feature[o] == NODE_FACE:
-        low = fraction = 1.0
-    for iteration in range(60):
-        point_inside(lengths, strains, rotations, positions, e, fraction, rotation, x)
-        radius = radius_at(scene, o, e, fraction)
-        if axial:
-            for i in range(3):
-                x[i] += scene.origin[i]
-            gap = signed_distance(scene, o, x, normal, bend) - radius
-            slope, curve = along_the_dlo(normal, bend, rotation, strains[e])
-            slope -= grows
-        else:
-            gap = gap_at(scene, o, rotation, x, radius, offset, point, normal, bend)
-            slope, curve = slope_along(scene, o, rotation, strains[e], offset, normal, bend)
-        if slope > 0.0:
-            high = fraction
-        else:
-            low = fraction
-        if high - low < 1e-15:
-            break
-        target = fraction - slope / (curve * lengths[e]) if curve > 0.0 else -1.0
-        if iteration == 0 and curve > 0.0 and not 0.0 < target < 1.0:
-            target = 0.0 if target <= 0.0 else 1.0  # look at the end itself
-        elif not low < target < high:
-            target = 0.5 * (low + high)
-        if abs(target - fraction) < 1e-15:
-            break
-        fraction = target
-    if fraction < _END or fraction > 1.0 - _END:
-        fraction = 0.0 if fraction < _END else 1.0
-    return gap, fraction
-
-
-@kernel
-def along_the_dlo(normal, bend, rotation, strain):
-    """Return dg/ds and d2g/ds2 of the gap along the DLO, where its frame is `rotation`."""
-    slope = curve = 0.0
-    for i in range(3):
-        # t' = kappa_b n - kappa_n b
-        change = strain[2] * rotation[i, 1] - strain[1] * rotation[i, 2]
-        slope += normal[i] * rotation[i, 0]
-        curve += normal[i] * change
-        for j in range(3):
-            curve += rotation[i, 0] * bend[i, j] * rotation[j, 0]
-    return slope, curve
 
 
 @kernel

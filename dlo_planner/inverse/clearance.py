@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from dlo_planner.energy.contact import nearest_inside
 from dlo_planner.energy.distance import AXIS, FACE, NODE_FACE, build_scene, in_plane
 from dlo_planner.energy.outline import (
     gap_at,
@@ -13,6 +12,7 @@ from dlo_planner.energy.outline import (
     stretch,
     taper,
 )
+from dlo_planner.energy.rolling import nearest_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose

@@ -9,11 +9,12 @@ the residual with these limits: friction has no potential.
 
 import numpy as np
 
-from dlo_planner.energy.contact import nearest_inside, next_touching
+from dlo_planner.energy.contact import next_touching
 from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.hold import violation as hold_violation
 from dlo_planner.energy.outline import is_face, longest_stretch, node_gap, nodes_of
 from dlo_planner.energy.potential import hinged
+from dlo_planner.energy.rolling import rolled
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import move_multipliers
 from dlo_planner.minimize.friction import with_friction
@@ -75,13 +76,14 @@ def _touching_newton(system, q, tolerance, max_iterations, check, exact, previou
         q = state.q
         contacts, new = watching(system, state)
         news = news + 1 if new or short else 0
-        if len(previous):  # without a past it has slid to where it needs no friction
+        # Without a past it has slid to where it needs no friction; on its way it keeps what it has.
+        if len(previous) and not short:
             contacts = with_friction(system, contacts, state, previous)
         system = system._replace(contacts=contacts)
         state, residual, table, violation = truth(system, q)
         violation = max(violation, _off_its_grip(system, state))
-        enough = residual < max(tolerance, gradient_noise(system, state)) * (
-            _COARSER if made else _STALLED)
+        enough = residual < max(tolerance * (_COARSER if made else _STALLED),
+                                gradient_noise(system, state))
         good = violation < exact and enough
         if iterations >= max_iterations or good and not check:
             break
@@ -107,7 +109,7 @@ def _touching_newton(system, q, tolerance, max_iterations, check, exact, previou
             stiffer *= _STIFFER
             system = system._replace(contacts=system.contacts._replace(
                 stiffness=_STIFFER * system.contacts.stiffness))
-        before = violation
+        before = violation if not solved and news == 0 else np.inf
     if check and not judged:
         stability, _ = _judged(system, state, tolerance, exact)
     final, residual, _, inside = truth(system, state.q)
@@ -180,8 +182,8 @@ def _keep_forces(system, state, more):
     for c in range(contacts.element.size):
         e = contacts.element[c]
         if contacts.obstacle[c] >= 0:
-            gap, _ = nearest_inside(scene, contacts.obstacle[c], e, system.lengths, state.strains,
-                                    state.rotations, state.positions, normal, bend)
+            gap, _, _ = rolled(scene, contacts.obstacle[c], e, system.lengths, state.strains,
+                               state.rotations, state.positions, normal, bend)
             if contacts.multiplier[c] > k * gap:
                 contacts.multiplier[c] += more * gap
             continue

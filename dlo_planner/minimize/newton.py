@@ -33,7 +33,8 @@ _ALIKE = 0.5        # of the lower side's fall: a side that falls by more is as 
 NEUTRAL = 1e-7      # eigenvalues nearer to zero than this count as zero
 _NEARLY = 10 * NEUTRAL  # the same where the gradient has not vanished yet
 MOST_KICKS = 10
-_OFTEN = 3
+_OFTEN = 3           # steps in a row that an obstacle cuts
+_CLOSER = 4          # halvings of the way that is left to it
 _UNTOLD = 100.0      # rounding errors of the energy: a gain below these is not told by it
 _EPS = 2.2e-16
 _HARDLY = 1e-4       # rad: a step that changes the Hessian by about as little
@@ -181,7 +182,7 @@ def _descend(system, q, tolerance, max_iterations, check):
             step *= LARGEST_TURN / turn
         energy, noise, moved, blocked = _fall(system, state, trial, step, energy, noise)
         iterations += 1
-        obstructed += blocked
+        obstructed = obstructed + 1 if blocked else 0
         if moved:
             state, trial = trial, state
             shift = 0.0 if shift < 1e-3 else 0.1 * shift
@@ -234,17 +235,20 @@ def _fall(system, state, trial, step, energy, noise):
     """
     slope = np.sum(state.gradient * step)
     size = np.sum(state.gradient**2)
-    fraction = 1.0
+    fraction, farther = 1.0, 0.0
     blocked = False
     for _ in range(30):
         trial.q[:] = state.q + fraction * step
         new, new_noise = evaluate(system, trial)
-        if system.scene.kind.size and passes_through(
-                system.scene, system.lengths, state.strains, state.rotations, state.positions,
-                trial.rotations, trial.positions):
+        if system.scene.kind.size and _passes(system, state, trial):
+            farther = fraction
             fraction *= 0.5
             blocked = True
             continue
+        if farther > 0.0:
+            fraction = _closer(system, state, trial, step, fraction, farther)
+            farther = 0.0
+            new, new_noise = evaluate(system, trial)
         # Where the gain drowns in rounding errors the gradient has to tell.
         within_noise = abs(fraction * slope) < _UNTOLD * noise
         if (new <= energy + 1e-4 * fraction * slope
@@ -254,6 +258,34 @@ def _fall(system, state, trial, step, energy, noise):
             break
         fraction *= 0.5
     return energy, noise, False, blocked
+
+
+@kernel
+def _closer(system, state, trial, step, clear, blocked):
+    """Fill the unknowns of `trial` nearer to what is in the way; return the part of the step.
+
+    Springs are felt only where the DLO touches: half the way at a time it would hardly get there.
+
+    Args:
+        clear, blocked: parts of the step of which one meets no obstacle, the other one does
+    """
+    for _ in range(_CLOSER):
+        middle = 0.5 * (clear + blocked)
+        trial.q[:] = state.q + middle * step
+        evaluate(system, trial)
+        if _passes(system, state, trial):
+            blocked = middle
+        else:
+            clear = middle
+    trial.q[:] = state.q + clear * step
+    return clear
+
+
+@kernel
+def _passes(system, state, trial):
+    """Whether the motion from `state` to `trial` crosses an obstacle."""
+    return passes_through(system.scene, system.lengths, state.strains, state.rotations,
+                          state.positions, trial.rotations, trial.positions)
 
 
 def kick(system, state, mode):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dlo_planner.energy.contact import Contacts, nearest_inside, next_touching
+from dlo_planner.energy.contact import Contacts, next_touching
 from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.outline import (
     gap_at,
@@ -12,6 +12,7 @@ from dlo_planner.energy.outline import (
     nodes_of,
 )
 from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.rolling import rolled
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.newton import residual_of
 from dlo_planner.ritz.kinematics import point_inside
@@ -76,8 +77,8 @@ def touching(scene, contacts, lengths, state):
         o, e = contacts.obstacle[c], contacts.element[c]
         if o < 0:
             continue
-        gap, fraction = nearest_inside(scene, o, e, lengths, state.strains, state.rotations,
-                                       state.positions, normal, bend)
+        gap, e, fraction = rolled(scene, o, e, lengths, state.strains, state.rotations,
+                                  state.positions, normal, bend)
         force = contacts.multiplier[c] - k * gap
         if force > 0.0:
             index[0, count], index[1, count], index[2, count] = o, e, c

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dlo_planner.energy.contact import nearest_inside, next_touching
+from dlo_planner.energy.contact import next_touching
 from dlo_planner.energy.distance import FACE, NODE_FACE
 from dlo_planner.energy.outline import (
     gap_at,
@@ -13,6 +13,7 @@ from dlo_planner.energy.outline import (
     slope_along,
     taper,
 )
+from dlo_planner.energy.rolling import nearest_inside, rolled
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import with_contacts_of
 from dlo_planner.ritz.kinematics import point_inside
@@ -26,8 +27,9 @@ _NEARBY = 5     # elements: a DLO that bears within so many as well lies along t
 def watching(system, state):
     """Return the Contacts that watch the points inside elements which matter now.
 
-    Points of friction are kept; multipliers go to the nearest new point on the same obstacle. Also
-    returned is whether there is a point in an element that had none.
+    Points of friction are kept; multipliers go to the nearest new point on the same obstacle, from
+    where the old one has rolled to, and from the nodes beside it. Also returned is whether there is
+    a point where none was.
     """
     old = system.contacts
     inside = _points_inside(system, state)
@@ -35,17 +37,19 @@ def watching(system, state):
     multiplier = np.zeros(count)
     news = False
     taken = np.zeros(old.element.size, dtype=np.bool_)
+    at = _rolled_to(system, state)
     for c in range(count):
         best = -1
         for b in range(old.element.size):
             if (old.obstacle[b] == inside[c, 1] and not taken[b]
-                    and abs(old.element[b] - inside[c, 0]) <= 1
-                    and (best < 0 or old.element[b] == inside[c, 0])):
+                    and abs(at[b] - inside[c, 0]) <= 1
+                    and (best < 0 or at[b] == inside[c, 0])):
                 best = b
         if best >= 0:
             taken[best] = True
             multiplier[c] = old.multiplier[best]
-        news = news or best < 0 or old.element[best] != inside[c, 0]
+        news = news or best < 0 or at[best] != inside[c, 0]
+        multiplier[c] += _taken_from_nodes(system, inside[c, 0], inside[c, 1])
     rubs = old.obstacle < 0
     nothing = np.zeros((count, 3))
     return with_contacts_of(
@@ -55,6 +59,33 @@ def watching(system, state):
         np.concatenate((np.zeros(count), old.fraction[rubs])),
         np.concatenate((nothing, old.anchor[rubs])), np.concatenate((nothing, old.normal[rubs])),
         np.concatenate((nothing, old.shear[rubs]))), news
+
+
+@kernel
+def _taken_from_nodes(system, e, o):
+    """Return the multipliers of both nodes of element e, N, which are zero from now on.
+
+    They are farther from the obstacle than the point between them. As contacts of their own they
+    would share its force in a way that nothing decides, where it is hardly beside one of them.
+    """
+    if system.scene.feature[o] == NODE_FACE:
+        return 0.0
+    node = system.contacts.node[o]
+    taken = node[e] + node[e + 1]
+    node[e] = node[e + 1] = 0.0
+    return taken
+
+
+@kernel
+def _rolled_to(system, state):
+    """Return the elements (C,) in which the points of the Contacts are at `state`."""
+    contacts = system.contacts
+    at, normal, bend = contacts.element.copy(), np.empty(3), np.empty((3, 3))
+    for c in range(at.size):
+        if contacts.obstacle[c] >= 0:
+            _, at[c], _ = rolled(system.scene, contacts.obstacle[c], at[c], system.lengths,
+                                 state.strains, state.rotations, state.positions, normal, bend)
+    return at
 
 
 @kernel

@@ -19,7 +19,7 @@ class Attached(Record):
     """What acts on the DLO elsewhere than as a force on a node: C points inside elements, the tip.
 
     Attributes:
-        element: (C,) ascending; fraction: (C,) of its length
+        element: (C,) and fraction: (C,) of its length; order: (C,) the points by their elements
         force: (C, 3) derivative of the potential by the point's position, N
         matrix: (C, 6, 6) its second derivative by the twist (rotation, displacement) of the frame
             there, the part that is not due to `force` being carried along
@@ -36,6 +36,7 @@ class Attached(Record):
 
     element: np.ndarray
     fraction: np.ndarray
+    order: np.ndarray
     force: np.ndarray
     matrix: np.ndarray
     spring: np.ndarray
@@ -57,16 +58,29 @@ def nothing_attached(nodes, element, beside=False):
     """Return an empty Attached for points in the given elements (C,).
 
     Args:
+        element: (C,) ascending
         nodes: how many may be sprung, N + 1 or 0
         beside: whether forces may act beside the axis
     """
     c = element.size
     d, n = (c, nodes) if beside else (0, 0)
-    return Attached(element, np.zeros(c), np.zeros((c, 3)), np.zeros((c, 6, 6)),
-                    np.zeros((nodes, 3, 3)), np.zeros(nodes, dtype=np.bool_), np.zeros((d, 3)),
-                    np.zeros((d, 3, 3)), np.zeros((d, 3, 9)), np.zeros((n, 3)),
+    return Attached(element.copy(), np.zeros(c), np.arange(c), np.zeros((c, 3)),
+                    np.zeros((c, 6, 6)), np.zeros((nodes, 3, 3)), np.zeros(nodes, dtype=np.bool_),
+                    np.zeros((d, 3)), np.zeros((d, 3, 3)), np.zeros((d, 3, 9)), np.zeros((n, 3)),
                     np.zeros((n, 3, 3)), np.zeros((n, 6, 6)), np.zeros(3), np.zeros(3),
                     np.zeros((3, 3)), np.zeros((6, 6)))
+
+
+@kernel
+def sort_points(attached):
+    """Put the points of an Attached in the order of their elements; few are ever out of it."""
+    order, element = attached.order, attached.element
+    for p in range(1, order.size):
+        c, k = order[p], p
+        while k > 0 and element[order[k - 1]] > element[c]:
+            order[k] = order[k - 1]
+            k -= 1
+        order[k] = c
 
 
 @kernel
@@ -113,7 +127,7 @@ def add_gradient(lengths, strains, rotations, positions, pull, attached, gradien
     near_force = np.empty(3)
     near_moment = np.empty(3)
     n = lengths.size
-    c = attached.element.size - 1
+    place = attached.element.size - 1
     beside, beside_node = attached.moment.shape[0] > 0, attached.node_moment.shape[0] > 0
     part = np.empty((6, 3))
     arm = np.empty(3)
@@ -144,7 +158,8 @@ def add_gradient(lengths, strains, rotations, positions, pull, attached, gradien
         moment[0] += d1 * force[2] - d2 * force[1]
         moment[1] += d2 * force[0] - d0 * force[2]
         moment[2] += d0 * force[1] - d1 * force[0]
-        while c >= 0 and attached.element[c] == e:
+        while place >= 0 and attached.element[attached.order[place]] == e:
+            c = attached.order[place]
             own = attached.force[c]
             part_of_element(h, attached.fraction[c], strains[e], _UNSCALED, rotations[e], part,
                              arm)
@@ -160,7 +175,7 @@ def add_gradient(lengths, strains, rotations, positions, pull, attached, gradien
             moment[2] += arm[0] * own[1] - arm[1] * own[0]
             for i in range(3):
                 force[i] += own[i]
-            c -= 1
+            place -= 1
     return force + pull[0], moment
 
 

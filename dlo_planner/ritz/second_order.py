@@ -39,7 +39,7 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
     near_force = np.empty(3)
     near_moment = np.empty(3)
     n = lengths.size
-    c = attached.element.size - 1
+    place = attached.element.size - 1
     beside, beside_node = attached.moment.shape[0] > 0, attached.node_moment.shape[0] > 0
     part = np.empty((6, 3))
     arm = np.empty(3)
@@ -120,7 +120,8 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
         m0 += d1 * f2 - d2 * f1
         m1 += d2 * f0 - d0 * f2
         m2 += d0 * f1 - d1 * f0
-        while c >= 0 and attached.element[c] == e:
+        while place >= 0 and attached.element[attached.order[place]] == e:
+            c = attached.order[place]
             own_force = attached.force[c]
             g0, g1, g2 = own_force
             length = attached.fraction[c] * h
@@ -155,7 +156,7 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
             f0 += g0
             f1 += g1
             f2 += g2
-            c -= 1
+            place -= 1
     trace = first[0, 0] + first[1, 1] + first[2, 2]
     for i in range(3):
         first[i, i] -= trace
@@ -203,7 +204,7 @@ def add_stiffness(lengths, strains, scale, rotations, positions, weight, attache
     phi = np.empty(3)
     beyond = np.zeros((6, 6))  # of all nodes beyond: their springs as seen by a twist
     rolled = np.empty((3, 6))
-    c = attached.element.size - 1
+    place = attached.element.size - 1
     part = np.empty((6, 3))
     arm = np.empty(3)
     beside, beside_node = attached.moment.shape[0] > 0, attached.node_moment.shape[0] > 0
@@ -256,7 +257,8 @@ def add_stiffness(lengths, strains, scale, rotations, positions, weight, attache
                 for k in range(6):
                     total += rolled[i, k] * twist[k, j]
                 diagonal[e, i, j] += total
-        while c >= 0 and attached.element[c] == e:
+        while place >= 0 and attached.element[attached.order[place]] == e:
+            c = attached.order[place]
             part_of_element(h, attached.fraction[c], strains[e], scale[e], rot, part, arm)
             for i in range(3):
                 arm[i] += positions[e, i]
@@ -273,7 +275,7 @@ def add_stiffness(lengths, strains, scale, rotations, positions, weight, attache
             if beside:
                 _add_own(attached.own[c], scale[e], rigid, part, cross[e], diagonal[e])
             _add_transposed(rigid, local, beyond)
-            c -= 1
+            place -= 1
 
 
 @kernel

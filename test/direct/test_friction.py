@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from random_friction import HOW, random_scene, steps_of
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 from scipy.spatial.transform import Rotation
@@ -143,6 +144,15 @@ def test_each_contact_of_a_groove_has_its_own_friction(wire, basis):
     for contact in shape.contacts:  # all of it slides now
         mu = groove[contact.obstacle].friction
         assert np.linalg.norm(contact.friction) == pytest.approx(mu * contact.force, rel=1e-5)
+
+
+@pytest.mark.parametrize('scene', [67, 69, 112])
+def test_contacts_that_pass_from_element_to_element_keep_the_law(scene):
+    # drawn over thin bars and balls: most steps carry the contact past nodes, all with friction
+    rng = np.random.default_rng((0, scene))
+    found = [kind for kind, _ in steps_of(*random_scene(rng, HOW[scene % len(HOW)]), '')]
+    assert found.count('converged') > 4
+    assert set(found) <= {'converged', 'away'}
 
 
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])

@@ -5,8 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, Plane, Rod, Sphere
-from dlo_planner.energy.contact import Contacts, nearest_inside
+from dlo_planner.energy.contact import Contacts
 from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.rolling import nearest_inside
+from dlo_planner.minimize.linear import assemble, multiply, new_hessian
 
 RADIUS, HEIGHT, STIFF, GRIP = 0.01, 0.3, 50.0, 20.0
 ROD = Rod(1.0, 0.0, 1.0, 0.7, radius=RADIUS)
@@ -45,19 +47,48 @@ def test_a_node_is_pushed_by_its_multiplier_less_the_gap():
     assert energy == pytest.approx(np.sum(pushed**2 - forces**2) / (2 * STIFF))
 
 
-def test_a_point_inside_an_element_is_pushed_likewise():
+@pytest.mark.parametrize('begun', [0, 1, 2, 3])
+def test_a_point_is_pushed_likewise_wherever_it_rolls_to(begun):
     ball = Sphere((0.55, 0, 0), 0.1)
-    system = straight(element=[1, 2], obstacle=[0, 0], multiplier=[2.0, 12.0], fraction=[0, 0],
-                      anchor=np.zeros((2, 3)), obstacles=[ball])
+    system = straight(element=[begun], obstacle=[0], multiplier=[12.0], fraction=[0],
+                      anchor=np.zeros((1, 3)), obstacles=[ball])
     energy, state = at_rest(system)
     gap = HEIGHT - 0.1 - RADIUS  # of the point above the ball, 0.2 of element 2
-    assert state.attached.fraction[1] == pytest.approx(0.2)
-    far = np.hypot(HEIGHT, 0.05) - 0.1 - RADIUS  # of the end of element 1, which is nearest
-    assert state.attached.fraction[0] == 1.0
-    pushed = np.maximum(np.array([2.0, 12.0]) - STIFF * np.array([far, gap]), 0)
-    assert pushed[0] == 0 < pushed[1]
-    np.testing.assert_allclose(state.attached.force, [[0, 0, 0], [0, 0, -pushed[1]]], atol=1e-12)
-    assert energy == pytest.approx((pushed[1] ** 2 - 2.0**2 - 12.0**2) / (2 * STIFF))
+    assert state.attached.element[0] == 2
+    assert state.attached.fraction[0] == pytest.approx(0.2)
+    pushed = 12.0 - STIFF * gap
+    assert pushed > 0
+    np.testing.assert_allclose(state.attached.force, [[0, 0, -pushed]], atol=1e-12)
+    assert energy == pytest.approx((pushed**2 - 12.0**2) / (2 * STIFF))
+
+
+def test_forces_of_points_that_have_rolled_past_each_other_are_the_potentials_slope():
+    # listed in elements 0 and 3, at last in 2 and 0; a point of friction stays in element 1
+    balls = [Sphere((0.55, 0, 0), 0.1), Sphere((0.1, 0, 0), 0.1)]
+    system = straight(element=[0, 1, 3], obstacle=[0, -1, 1], multiplier=[12.0, 0.4, 15.0],
+                      fraction=[0, 0.3, 0], anchor=[[0, 0, 0], [0.3, 0.1, 0.6], [0, 0, 0]],
+                      obstacles=balls)
+    state = new_state(system)
+    q = np.random.default_rng(0).normal(size=(4, 3)) * 1e-2
+    state.q[:] = q
+    evaluate(system, state)
+    assert state.attached.element.tolist() == [2, 1, 0]
+    assert state.attached.order.tolist() == [2, 1, 0]
+    assert (np.linalg.norm(state.attached.force, axis=1) > 0).all()
+    gradient, hessian = state.gradient.copy(), new_hessian(system)
+    assemble(system, state, hessian)
+    direction = np.random.default_rng(1).normal(size=(4, 3))
+    product, step = np.empty((4, 3)), 1e-6
+    multiply(system, hessian, direction, product)
+    slopes, energies = [], []
+    for sign in (1, -1):
+        state.q[:] = q + sign * step * direction
+        energies.append(evaluate(system, state)[0])
+        slopes.append(state.gradient.copy())
+    assert np.sum(gradient * direction) == pytest.approx(
+        (energies[0] - energies[1]) / (2 * step), rel=1e-6)
+    np.testing.assert_allclose(product, (slopes[0] - slopes[1]) / (2 * step),
+                               atol=1e-5 * np.abs(product).max())
 
 
 def test_friction_sticks_up_to_its_limit_and_then_pulls_evenly():

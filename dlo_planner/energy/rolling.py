@@ -1,0 +1,95 @@
+"""The point of a DLO that is nearest to an obstacle: inside one element, or wherever it rolls to.
+
+The curve and its tangent are continuous, so the nearest point passes from an element to the next
+as the shape changes. A contact that stopped at a node would come free of the obstacle there, or be
+pressed into it by the sag of the element beside.
+"""
+
+import numpy as np
+
+from dlo_planner.energy.distance import AXIS, NODE_FACE, signed_distance
+from dlo_planner.energy.outline import gap_at, nodes_of, radius_at, slope_along, taper
+from dlo_planner.kernels import kernel
+from dlo_planner.ritz.kinematics import point_inside
+
+_END = 1e-12  # of an element: nearer to its end a point is the end
+
+
+@kernel
+def rolled(scene, o, e, lengths, strains, rotations, positions, normal, bend):
+    """Return gap, element and fraction of the point that is nearest to obstacle o, from element e.
+
+    Where the distance still falls at an end of the element, it is followed into the next ones, to
+    its first minimum. Fills normal (3,) and bend (3, 3) of the distance there.
+    """
+    gap, fraction = nearest_inside(scene, o, e, lengths, strains, rotations, positions, normal,
+                                   bend)
+    if scene.feature[o] == NODE_FACE or 0.0 < fraction < 1.0:
+        return gap, e, fraction
+    way = -1 if fraction == 0.0 else 1
+    begin, end = nodes_of(scene, o, lengths.size)
+    while begin <= e + way < end and fraction == max(way, 0):
+        near, there = nearest_inside(scene, o, e + way, lengths, strains, rotations, positions,
+                                     normal, bend)
+        if there == max(-way, 0):  # it rises again: the minimum is the node between
+            break
+        e, gap, fraction = e + way, near, there
+    return gap, e, fraction
+
+
+@kernel
+def nearest_inside(scene, o, e, lengths, strains, rotations, positions, normal, bend):
+    """Return gap and fraction of the point of element e that is nearest to obstacle o.
+
+    Fills normal (3,) and bend (3, 3) of the distance there. A safeguarded Newton iteration for
+    the zero of dg/ds; the nearest end of the element if there is none inside.
+    """
+    rotation, x = np.empty((3, 3)), np.empty(3)
+    offset, point = np.zeros(2), np.empty(3)
+    axial, grows = scene.feature[o] == AXIS, taper(scene, o, e) / lengths[e]
+    low, high, fraction = 0.0, 1.0, 0.5
+    if scene.feature[o] == NODE_FACE:
+        low = fraction = 1.0
+    for iteration in range(60):
+        point_inside(lengths, strains, rotations, positions, e, fraction, rotation, x)
+        radius = radius_at(scene, o, e, fraction)
+        if axial:
+            for i in range(3):
+                x[i] += scene.origin[i]
+            gap = signed_distance(scene, o, x, normal, bend) - radius
+            slope, curve = along_the_dlo(normal, bend, rotation, strains[e])
+            slope -= grows
+        else:
+            gap = gap_at(scene, o, rotation, x, radius, offset, point, normal, bend)
+            slope, curve = slope_along(scene, o, rotation, strains[e], offset, normal, bend)
+        if slope > 0.0:
+            high = fraction
+        else:
+            low = fraction
+        if high - low < 1e-15:
+            break
+        target = fraction - slope / (curve * lengths[e]) if curve > 0.0 else -1.0
+        if iteration == 0 and curve > 0.0 and not 0.0 < target < 1.0:
+            target = 0.0 if target <= 0.0 else 1.0  # look at the end itself
+        elif not low < target < high:
+            target = 0.5 * (low + high)
+        if abs(target - fraction) < 1e-15:
+            break
+        fraction = target
+    if fraction < _END or fraction > 1.0 - _END:
+        fraction = 0.0 if fraction < _END else 1.0
+    return gap, fraction
+
+
+@kernel
+def along_the_dlo(normal, bend, rotation, strain):
+    """Return dg/ds and d2g/ds2 of the gap along the DLO, where its frame is `rotation`."""
+    slope = curve = 0.0
+    for i in range(3):
+        # t' = kappa_b n - kappa_n b
+        change = strain[2] * rotation[i, 1] - strain[1] * rotation[i, 2]
+        slope += normal[i] * rotation[i, 0]
+        curve += normal[i] * change
+        for j in range(3):
+            curve += rotation[i, 0] * bend[i, j] * rotation[j, 0]
+    return slope, curve
