@@ -203,6 +203,12 @@ class Discretisation(Value):
         s[1::2] = 0.5 * (self.s[1:] + self.s[:-1])
         return Discretisation(self.surroundings, s, 'local', 0)
 
+    @cached_property
+    def alone(self):
+        """The same rod on the same mesh, without obstacles."""
+        return Discretisation(replace(self.surroundings, obstacles=()), self.s, self.basis,
+                              self.n_terms)
+
     def of(self, rod):
         """Return the Discretisation of another Rod (as long or not) with the same elements."""
         s = np.append(self.s[:-1] * (rod.length / self.s[-1]), rod.length)
