@@ -48,7 +48,7 @@ def brought(discretisation, previous, strains, gripper, far_end, history):
     parts = parts_between(begin, gripper, held, far_end, discretisation.s[-1])
     if parts == 0:
         return gripper, strains, history, True
-    if obstacles and previous is None:  # set down in its grips, wherever obstacles are
+    if previous is None:
         return *set_down(discretisation, gripper, strains, far_end, history), True
     if not obstacles:
         return *lead(discretisation, strains, (begin, gripper), (held, far_end), history,

@@ -1,19 +1,25 @@
-"""A DLO with both ends held, set down where obstacles may be: they come to it.
+"""A DLO with both ends held, set down in its grips, wherever obstacles may be.
 
-It hangs in its grips without obstacles first. Where it would lie in one, it is made thinner, by
-one and the same amount everywhere, until it just touches; then it grows to its thickness, and
-what it touches pushes it aside. Deep in an obstacle each point would be pushed its own way.
+Where its torsion is soft it is led there as if it were not, and softens in its grips: torsion that
+is soft is twisted far by little, on a long and winding way. It hangs without obstacles first. Where
+it would lie in one, it is made thinner, by one and the same amount everywhere, until it just
+touches; then it grows to its thickness, and what it touches pushes it aside. Deep in an obstacle
+each point would be pushed its own way.
 """
 
 from dataclasses import replace
+
+import numpy as np
 
 from dlo_planner.direct.contacts import points_of
 from dlo_planner.direct.leading import grip_before, lead, parts_between
 from dlo_planner.direct.statics import equilibrium, solve
 from dlo_planner.energy.depth import depth
 from dlo_planner.energy.potential import placed
+from dlo_planner.model.along import scaled
 from dlo_planner.model.pose import Pose
 
+_SOFT = 0.1       # of the stiffness of bending: torsion that is softer
 _STEPS = 100      # Newton steps in which the DLO has to follow its growth
 _ROUGHLY = 1e-5   # of the length: how well it has to keep clear of obstacles on the way
 _LEFT = 1e-4      # residual on the way
@@ -21,21 +27,40 @@ _FINEST = 2.0**-10  # of the growth: what it does not follow in smaller parts is
 
 
 def set_down(discretisation, gripper, strains, far_end, history):
-    """Return gripper, strains (N, 3) and the past of a DLO that hangs in its grips.
+    """Return gripper, strains (N, 3) and the past of a DLO that is in its grips.
 
     Args:
         strains: (N, 3) to begin with, the gripper being where it ends
         far_end: FarEnd
         history: History on this mesh
     """
-    alone = discretisation.alone
-    past = alone.past(history)
-    held = grip_before(alone, None, strains, gripper, far_end)
-    parts = parts_between(gripper, gripper, held, far_end, alone.s[-1])
-    there, strains, past = lead(alone, strains, (gripper, gripper), (held, far_end), past, parts)
-    shape, _ = equilibrium(alone, there, strains, 'newton', past, far_end)
-    history = replace(history, hold=shape._history.hold)
-    return grown(discretisation, shape.gripper, shape.element_strains.copy(), far_end, history)
+    alone = discretisation.alone if discretisation.surroundings.obstacles else discretisation
+    firm = _resisting_twist(alone)
+    past = firm.past(history)
+    held = grip_before(firm, None, strains, gripper, far_end)
+    parts = parts_between(gripper, gripper, held, far_end, firm.s[-1])
+    gripper, strains, past = lead(firm, strains, (gripper, gripper), (held, far_end), past, parts)
+    for mesh in (firm, alone):
+        if mesh is not discretisation:
+            past = replace(mesh.past(history), hold=past.hold)
+            shape, _ = equilibrium(mesh, gripper, strains, 'newton', past, far_end)
+            gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape._history
+        if firm is alone:
+            break
+    history = replace(history, hold=past.hold)
+    if alone is discretisation:
+        return gripper, strains, history
+    return grown(discretisation, gripper, strains, far_end, history)
+
+
+def _resisting_twist(discretisation):
+    """Return a Discretisation whose torsion is no softer than its bending; itself if it is not."""
+    rod = discretisation.rod
+    twist, bend = rod.stiffness[0], min(rod.stiffness[1:])
+    if rod.yields or twist > _SOFT * bend:
+        return discretisation
+    return discretisation.of(replace(rod, torsional_stiffness=scaled(rod.torsional_stiffness,
+                                                                     float(bend / twist))))
 
 
 def grown(discretisation, gripper, strains, far_end, history):
