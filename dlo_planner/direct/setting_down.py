@@ -34,23 +34,23 @@ def set_down(discretisation, gripper, strains, far_end, history):
         far_end: FarEnd
         history: History on this mesh
     """
-    alone = discretisation.alone if discretisation.surroundings.obstacles else discretisation
-    firm = _resisting_twist(alone)
-    past = firm.past(history)
-    held = grip_before(firm, None, strains, gripper, far_end)
-    parts = parts_between(gripper, gripper, held, far_end, firm.s[-1])
-    gripper, strains, past = lead(firm, strains, (gripper, gripper), (held, far_end), past, parts)
-    for mesh in (firm, alone):
-        if mesh is not discretisation:
-            past = replace(mesh.past(history), hold=past.hold)
-            shape, _ = equilibrium(mesh, gripper, strains, 'newton', past, far_end)
-            gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape._history
-        if firm is alone:
-            break
-    history = replace(history, hold=past.hold)
-    if alone is discretisation:
-        return gripper, strains, history
-    return grown(discretisation, gripper, strains, far_end, history)
+    firm = _resisting_twist(discretisation)
+    amid = bool(discretisation.surroundings.obstacles)
+    alone = firm.alone if amid else firm
+    past = alone.past(history)
+    held = grip_before(alone, None, strains, gripper, far_end)
+    parts = parts_between(gripper, gripper, held, far_end, alone.s[-1])
+    gripper, strains, past = lead(alone, strains, (gripper, gripper), (held, far_end), past, parts)
+    if amid:
+        shape, _ = equilibrium(alone, gripper, strains, 'newton', past, far_end)
+        past = replace(firm.past(history), hold=shape._history.hold)
+        gripper, strains, past = grown(firm, shape.gripper, np.array(shape.element_strains),
+                                       far_end, past)
+    if firm is not discretisation:
+        shape, _ = equilibrium(firm, gripper, strains, 'newton', past, far_end)
+        gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape._history
+    return gripper, strains, replace(history, hold=past.hold, node_force=past.node_force,
+                                     points=past.points)
 
 
 def _resisting_twist(discretisation):
