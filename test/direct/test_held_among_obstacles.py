@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_held import HERE, cable, poses
 
-from dlo_planner import Box, Capsule, DirectSimulator, Plane, Pose, Sphere
+from dlo_planner import Capsule, DirectSimulator, Pose, Sphere
 from dlo_planner.energy.depth import depth
 from dlo_planner.energy.potential import placed
 
@@ -56,9 +56,8 @@ def test_a_cable_that_would_hang_through_a_peg_lies_on_it(load, basis):
 
 
 @pytest.mark.parametrize('obstacle', [
-    Sphere((0.35, 0, -0.25), 0.1), Box(Pose((0.4, 0, -0.3), (0, 0, 0, 1)), (0.2, 0.5, 0.2)),
-    Plane((0, 0, -0.2), (0, 0, 1)), Capsule((0.3, -1, -0.24), (0.5, 1, -0.2), 2e-3)],
-    ids=['sphere', 'box', 'plane', 'wire'])
+    Sphere((0.35, 0, -0.25), 0.1), Capsule((0.35, -1, -0.25), (0.35, 1, -0.25), 0.045)],
+    ids=['sphere', 'bar'])
 def test_a_cable_is_set_down_on(obstacle):
     rod = cable(1e3)
     direct = DirectSimulator(rod, basis='local', obstacles=(obstacle,))
