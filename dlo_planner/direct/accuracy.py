@@ -16,6 +16,7 @@ from dlo_planner.model.value import same
 _FIRST_ELEMENTS, _MOST_ELEMENTS = 48, 8192
 _MANY = 512  # elements: a DLO whose error is not known with so many is given up
 _FIRST_TERMS, _MOST_TERMS = 12, 48
+_PER_BEND = 2.5  # elements on (EI / weight per length)^(1/3), over which a soft DLO bends
 _ENOUGH, _MARGIN = 0.75, 0.5  # parts of the accuracy: what is good, and what is aimed at
 
 
@@ -77,6 +78,11 @@ def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_e
     """
     discretisation = _to_begin_with(first, fine, accuracy, initial, history)
     around, kicks = first.surroundings, 0
+    if far_end is not None and around.obstacles and initial is None:
+        discretisation = _fine_enough(discretisation, fine)
+    anyhow = not around.rod.yields and (
+        not around.obstacles and far_end is None
+        or initial is None and not any(one.friction for one in around.obstacles))
     while True:
         shape, kicked = step(discretisation, gripper, initial, history, far_end)
         kicks += kicked
@@ -86,8 +92,21 @@ def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_e
         if better is None:
             return replace(shape, converged=shape.error_estimate <= accuracy), kicks
         discretisation = better
-        if not around.rod.yields and not around.obstacles and far_end is None:
+        if anyhow:
             initial = shape  # a better start; where the way counts, the step is made again
+
+
+def _fine_enough(discretisation, fine):
+    """Return a Discretisation whose elements can bend round obstacles under the DLO's weight."""
+    weight = np.linalg.norm(discretisation.load)
+    length, around = discretisation.s[-1], discretisation.surroundings
+    if weight == 0.0:
+        return discretisation
+    bent = (min(around.rod.stiffness[1:]) * length / weight) ** (1 / 3)
+    wanted = min(int(np.ceil(_PER_BEND * length / bent)), _MANY)
+    if wanted < discretisation.s.size:
+        return discretisation
+    return Discretisation(around, even_mesh(length, wanted, around.breaks), fine, _FIRST_TERMS)
 
 
 def within(shape, accuracy):

@@ -6,8 +6,8 @@ import numpy as np
 
 from dlo_planner.direct.contacts import points_of
 from dlo_planner.direct.continuation import between
-from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.leading import grip_at, grip_before, lead, parts_between
+from dlo_planner.direct.setting_down import set_down
 from dlo_planner.direct.statics import solve
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import placed
@@ -48,13 +48,8 @@ def brought(discretisation, previous, strains, gripper, far_end, history):
     parts = parts_between(begin, gripper, held, far_end, discretisation.s[-1])
     if parts == 0:
         return gripper, strains, history, True
-    if obstacles and previous is None:
-        # set down wherever obstacles are: it is brought to its grips without them
-        alone = Discretisation(replace(discretisation.surroundings, obstacles=()),
-                               discretisation.s, discretisation.basis, discretisation.n_terms)
-        gripper, strains, led, _ = brought(alone, None, strains, gripper, far_end,
-                                           alone.past(history))
-        return gripper, strains, replace(history, hold=led.hold), True
+    if previous is None:
+        return *set_down(discretisation, gripper, strains, far_end, history), True
     if not obstacles:
         return *lead(discretisation, strains, (begin, gripper), (held, far_end), history,
                      parts), True

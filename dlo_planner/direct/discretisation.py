@@ -21,6 +21,7 @@ from dlo_planner.ritz.series import orthonormal_basis
 # Springs of constraints yield by 1 / these of the length under the DLO's own forces. Those of
 # contacts cost iterations the stiffer they are; those of a grip only help the search.
 _STIFF_CONTACT, _STIFF_HOLD = 1e5, 1e2
+_SOFTER = 1e-2  # part of the former where both ends are held: tension multiplies what they round
 _LEVER = 0.1  # of the length
 
 
@@ -79,12 +80,13 @@ class Discretisation(Value):
         """A grip that is turned by 1 rad is missed by so much, m."""
         return _LEVER * self.s[-1]
 
-    def _contacts(self, history, origin):
+    def _contacts(self, history, origin, softer=1.0):
         points = {name: values.copy() for name, values in history.points.items()}
         points['anchor'] -= origin
-        return Contacts(self.spring, history.node_force.copy(), points['element'],
+        spring = softer * self.spring
+        return Contacts(spring, history.node_force.copy(), points['element'],
                         points['obstacle'], points['multiplier'], points['fraction'],
-                        points['anchor'], points['normal'], points['shear'], self.spring)
+                        points['anchor'], points['normal'], points['shear'], spring)
 
     def system(self, rotation, origin=None, history=None, far_end=None):
         """Return the kernel's System, its multipliers fresh copies.
@@ -103,7 +105,8 @@ class Discretisation(Value):
         origin = np.array(origin, dtype=float)
         return system._replace(
             scene=system.scene._replace(origin=origin),
-            contacts=self._contacts(history or self._start, origin),
+            contacts=self._contacts(history or self._start, origin,
+                                    1.0 if far_end is None else _SOFTER),
             hold=self._free if far_end is None else self._hold(far_end, origin, history))
 
     def _hold(self, far_end, origin, history):
@@ -202,6 +205,12 @@ class Discretisation(Value):
         s[::2] = self.s
         s[1::2] = 0.5 * (self.s[1:] + self.s[:-1])
         return Discretisation(self.surroundings, s, 'local', 0)
+
+    @cached_property
+    def alone(self):
+        """The same rod on the same mesh, without obstacles."""
+        return Discretisation(replace(self.surroundings, obstacles=()), self.s, self.basis,
+                              self.n_terms)
 
     def of(self, rod):
         """Return the Discretisation of another Rod (as long or not) with the same elements."""

@@ -50,6 +50,9 @@ def watching(system, state):
             multiplier[c] = old.multiplier[best]
         news = news or best < 0 or at[best] != inside[c, 0]
         multiplier[c] += _taken_from_nodes(system, inside[c, 0], inside[c, 1])
+    for b in range(old.element.size):
+        if old.obstacle[b] >= 0 and not taken[b]:
+            _hand_over(old, b, state.attached.element[b], state.attached.fraction[b])
     rubs = old.obstacle < 0
     nothing = np.zeros((count, 3))
     return with_contacts_of(
@@ -149,12 +152,27 @@ def _points_inside(system, state):
 
 
 @kernel
+def _hand_over(contacts, c, e, fraction):
+    """Move the force of a point that is not watched any more to the nodes beside it that bear.
+
+    Args:
+        c: index of the point; e: element in which it is now; fraction: of the element
+    """
+    node = contacts.node[contacts.obstacle[c]]
+    if node[e] > 0.0 and node[e + 1] > 0.0:
+        node[e] += (1.0 - fraction) * contacts.multiplier[c]
+        node[e + 1] += fraction * contacts.multiplier[c]
+
+
+@kernel
 def _lies(node, gaps, e):
-    """Whether the DLO bears on an obstacle nearby, but not at or next to element e.
+    """Whether the DLO bears on an obstacle at both ends of element e, or nearby but not next to it.
 
     Args:
         node: (N + 1,) multipliers; gaps: (N + 1,) m
     """
+    if node[e] > 0.0 and node[e + 1] > 0.0:
+        return True
     for k in range(max(1, e - _NEARBY), min(node.size, e + 2 + _NEARBY)):
         if (node[k] > 0.0 or gaps[k] < 0.0) and not e - 1 <= k <= e + 2:
             return True

@@ -1,0 +1,36 @@
+"""How deep a DLO lies in obstacles."""
+
+import numpy as np
+
+from dlo_planner.energy.contact import nearest_inside
+from dlo_planner.energy.distance import NODE_FACE
+from dlo_planner.energy.outline import node_gap, nodes_of, stretch
+from dlo_planner.kernels import kernel
+
+
+@kernel
+def depth(scene, lengths, strains, rotations, positions):
+    """Return how deep in m the surface of a DLO lies in an obstacle, at most; 0 if it is clear.
+
+    Args:
+        strains: (N, 3), 1/m; rotations: (N + 1, 3, 3); positions: (N + 1, 3), m, relative to
+            `scene.origin`
+    """
+    deepest = 0.0
+    normal, bend, offset, point = np.empty(3), np.empty((3, 3)), np.zeros(2), np.empty(3)
+    for o in range(scene.kind.size):
+        begin, end = nodes_of(scene, o, lengths.size)
+        last = np.inf
+        for k in range(begin, end + 1):
+            gap = node_gap(scene, o, k, rotations, positions, offset, point, normal, bend)
+            if k > 0:
+                deepest = max(deepest, -gap)
+            e = k - 1
+            # no point of an element is farther than half its length from one of its nodes
+            if k > begin and scene.feature[o] != NODE_FACE and (
+                    min(gap, last) - 0.5 * lengths[e] * stretch(scene, o, strains[e]) < -deepest):
+                inside, _ = nearest_inside(scene, o, e, lengths, strains, rotations, positions,
+                                           normal, bend)
+                deepest = max(deepest, -inside)
+            last = gap
+    return deepest
