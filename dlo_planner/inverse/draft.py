@@ -107,10 +107,11 @@ class Draft:
         brief: Brief
         what: how a waypoint is called in a refusal
         initial: Shape before the first waypoint, or None
+        stops: indices of waypoints at which the gripper stops
     """
 
-    def __init__(self, depths, brief, what='waypoint', initial=None):
-        self.waypoints, self._initial = [], initial
+    def __init__(self, depths, brief, what='waypoint', initial=None, stops=()):
+        self.waypoints, self._initial, self._stops = [], initial, stops
         self._depths, self._brief, self._what = depths, brief, what
 
     @property
@@ -148,7 +149,8 @@ class Draft:
         return self._plan(PlanStatus.PARTIAL)
 
     def _plan(self, status):
-        return build_plan(self.waypoints, self._depths, self._brief.speeds, status)
+        stops = tuple(stop for stop in self._stops if stop < len(self.waypoints))
+        return build_plan(self.waypoints, self._depths, self._brief.speeds, status, stops)
 
 
 def kept_between(plan, brief, what='waypoint', known=None):

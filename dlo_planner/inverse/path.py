@@ -159,14 +159,16 @@ class GripperPath(Value):
         """
         if len(plan) < 2:
             raise InvalidTask(f'plan has {len(plan)} poses: expected two or more')
-        return cls.through(plan.grippers, plan.times, max(shape.s[-1] for shape in plan.shapes))
+        return cls.through(plan.grippers, plan.times, max(shape.s[-1] for shape in plan.shapes),
+                           plan.stops)
 
     @classmethod
-    def through(cls, grippers, times, length):
+    def through(cls, grippers, times, length, stops=()):
         """Return the path through n Poses at parameters `times` (n,).
 
         Args:
             length: of the DLO, m: what a turn of the gripper by 1 rad counts as
+            stops: indices of poses at which the gripper stops as at a corner
         """
         times = array('plan.times', times, (len(grippers),))
         if (np.diff(times) < 0).any():
@@ -186,10 +188,10 @@ class GripperPath(Value):
                                       f'{times[k - 1]:g} s of the pose before, which is another')
                 knots.append(k)
             elif span > _WAITING * (times[-1] - times[0]):
-                legs += _between_corners(knots, grippers, times, length)
+                legs += _between_corners(knots, grippers, times, length, stops)
                 legs.append(_leg(times[[knots[-1], k]], [grippers[knots[-1]]] * 2))
                 knots = [k]
-        return cls(times, tuple(legs + _between_corners(knots, grippers, times, length)))
+        return cls(times, tuple(legs + _between_corners(knots, grippers, times, length, stops)))
 
     def at(self, u):
         """Return the Poses' positions (n, 3) and rotations (n, 3, 3) at parameters `u` (n,)."""
@@ -215,15 +217,20 @@ def _ways(grippers, length):
                       length * (turns[1:] * turns[:-1].inv()).as_rotvec()])
 
 
-def _between_corners(knots, grippers, times, length):
-    """Return the Legs through those of n Poses with the indices `knots`, which all differ."""
+def _between_corners(knots, grippers, times, length, stopped):
+    """Return the Legs through those of n Poses with the indices `knots`, which all differ.
+
+    Args:
+        stopped: indices of poses at which the gripper stops
+    """
     if len(knots) < 2:
         return []
+    stopped = [index for index, k in enumerate(knots) if k in stopped and 0 < index]
     grippers, times = [grippers[k] for k in knots], times[knots]
     ways = _ways(grippers, length)
     ways /= np.linalg.norm(ways, axis=1)[:, None]
     corners = np.flatnonzero((ways[1:] * ways[:-1]).sum(axis=1) < _CORNER) + 1
-    stops = [0, *corners, len(knots) - 1]
+    stops = np.unique([0, *corners, *stopped, len(knots) - 1])
     return [_leg(times[a:b + 1], grippers[a:b + 1]) for a, b in zip(stops, stops[1:], strict=False)]
 
 

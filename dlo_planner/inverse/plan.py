@@ -11,11 +11,13 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import room_in
 from dlo_planner.inverse.timing import times_at_speed
-from dlo_planner.model.checks import choice, instance, items, number, results, shown
+from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 
 _FREE = (np.inf,) * 3
+_SAME = 1e-6      # of the length, or of unit vectors: poses that are nearer are one
+_STRAIGHT = np.cos(np.deg2rad(15))
 
 
 class PlanStatus(Enum):
@@ -47,6 +49,7 @@ class Plan(Value):
         sheets: (Sheet, normal (3,)) around each cut-out that has a size
         fraction: part of the requested waypoints that is reached, 1 for a complete plan
         status: PlanStatus
+        stops: indices of waypoints at which the gripper stops, besides sharp corners and dwells
     """
 
     depths: np.ndarray
@@ -60,6 +63,7 @@ class Plan(Value):
     sheets: tuple
     fraction: float
     status: PlanStatus
+    stops: tuple[int, ...] = ()
 
     def __post_init__(self):
         grippers = items('Plan.grippers', self.grippers, Pose)
@@ -75,6 +79,8 @@ class Plan(Value):
             sheets=items('Plan.sheets', self.sheets, tuple),
             fraction=number('Plan.fraction', self.fraction, minimum=0, maximum=1),
             status=instance('Plan.status', self.status, PlanStatus),
+            stops=tuple(integer('Plan.stops', stop, minimum=0, maximum=max(n - 1, 0))
+                        for stop in items('Plan.stops', self.stops, object)),
             **{name: results(f'Plan.{name}', getattr(self, name), (n,))
                for name in ('depths', 'misalignment', 'miss', 'times')})
         super().__post_init__()
@@ -206,7 +212,7 @@ def waypoint_at(shape, centre, s, normal):
                     ((centre, s, normal),))
 
 
-def build_plan(waypoints, depths, speeds, status):
+def build_plan(waypoints, depths, speeds, status, stops=()):
     """Return the Plan of Waypoints at the first of the `depths`; speeds: m/s, rad/s."""
     grippers = [waypoint.shape.gripper for waypoint in waypoints]
     return Plan(np.array(depths[:len(waypoints)]), grippers,
@@ -217,24 +223,52 @@ def build_plan(waypoints, depths, speeds, status):
                 [waypoint.passes for waypoint in waypoints],
                 _padded([waypoint.clearances for waypoint in waypoints]),
                 waypoints[-1].sheets if waypoints else (),
-                len(waypoints) / len(depths), status)
+                len(waypoints) / len(depths), status, stops)
 
 
 def first_part(plan, count, status):
     """Return the first `count` waypoints of a Plan, as a plan with another PlanStatus."""
     part = {name: getattr(plan, name)[:count] for name in _PER_WAYPOINT}
     return replace(plan, **part, fraction=1.0 if status is PlanStatus.COMPLETE
-                   else plan.fraction * count / len(plan), status=status)
+                   else plan.fraction * count / len(plan), status=status,
+                   stops=tuple(stop for stop in plan.stops if stop < count))
 
 
-def joined(one, other):
-    """Return one Plan that does a Plan and then another, which begins where the first ends."""
+def joined(one: Plan, other: Plan) -> Plan:
+    """Return one Plan that does a Plan and then another, which begins where the first ends.
+
+    The gripper stops between them, unless it goes on in the same direction (within 15 degrees).
+
+    Raises:
+        InvalidTask: the second begins elsewhere than the first ends
+    """
+    for name, plan in (('one', one), ('other', other)):
+        if not len(instance(name, plan, Plan)):
+            raise InvalidTask(f'{name} = {plan!r}: expected a Plan with a waypoint')
+    apart = np.abs(one.grippers[-1].matrix - other.grippers[0].matrix).max()
+    if apart > _SAME * max(1.0, one.shapes[-1].s[-1]):
+        raise InvalidTask(f'other begins at {other.grippers[0]!r}: expected the end of one, '
+                          f'{one.grippers[-1]!r}')
     depths, grippers, shapes, misalignment, miss, times, passes, clearances = (
         [*getattr(one, name), *getattr(other, name)[1:]] for name in _PER_WAYPOINT)
-    times[len(one):] = one.times[-1] + other.times[1:] - other.times[0]
+    end = len(one) - 1
+    times[end + 1:] = one.times[-1] + other.times[1:] - other.times[0]
+    stops = [*one.stops, *(stop + end for stop in other.stops if stop)]
+    if _turns(grippers[max(end - 1, 0):end + 2], shapes[0].s[-1]):
+        stops.append(end)
     return Plan(np.array(depths), grippers, shapes, np.array(misalignment), np.array(miss),
-                np.array(times), passes, _padded(clearances), other.sheets,
-                min(one.fraction, other.fraction), other.status)
+                np.array(times), passes, _padded(clearances), other.sheets or one.sheets,
+                min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))))
+
+
+def _turns(grippers, length):
+    """Whether the way through three Poses bends in the middle; a turn by 1 rad counts as `length`."""
+    ways = [np.concatenate([after.position - before.position, length * Rotation.from_matrix(
+        after.rotation @ before.rotation.T).as_rotvec()])
+        for before, after in zip(grippers, grippers[1:], strict=False)]
+    sizes = [np.linalg.norm(way) for way in ways]
+    return len(ways) == 2 and min(sizes) > 0 and (
+        ways[0] @ ways[1] < _STRAIGHT * sizes[0] * sizes[1])
 
 
 _PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'miss', 'times', 'passes',

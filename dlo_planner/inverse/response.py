@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from dlo_planner.direct.mode_tracking import modes_along
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.inverse.fastest import Bearing
-from dlo_planner.kernels import kernel
+from dlo_planner.inverse.oscillators import vibrated
 from dlo_planner.model.pose import Pose
 
 _PLACES = 17      # on a leg, at least, where modes are known
@@ -102,7 +102,7 @@ class Response:
             np.stack([np.interp(u, self.parameters, column) for column in what.T], axis=1)
             for what in (self.rates, self.damping, self.slopes, self.bends))
         force = -(slopes * change[:, None] + bends * (rate**2)[:, None])
-        return times, law.at(times)[0], _vibrated(times[1], off * rates, damping, force)
+        return times, law.at(times)[0], vibrated(times[1], off * rates, damping, force)
 
     def sideways(self, s):
         """Return (n, m, 3) the displacements at arc lengths s (n,), across the DLO there, m."""
@@ -130,30 +130,3 @@ def _spread(modes, s):
     flat = np.moveaxis(modes.displacements, 2, 1).reshape(-1, modes.s.size)
     at = np.array([np.interp(s, modes.s, one) for one in flat])
     return np.moveaxis(at.reshape(len(modes), 3, s.size), 1, 2)
-
-
-@kernel
-def _vibrated(step, rates, damping, force):
-    """Return y and y'/w (2, t + 1, m) of oscillators from rest, exact for steady force in a step.
-
-    Args:
-        step: s; rates, damping, force: (t, m) in each step
-    """
-    count, modes = rates.shape
-    out = np.zeros((2, count + 1, modes))
-    for m in range(modes):
-        place = speed = 0.0
-        for k in range(count):
-            w = rates[k, m]
-            zeta = min(damping[k, m], 0.99)
-            free = np.sqrt(1.0 - zeta * zeta)
-            still = force[k, m] / (w * w)
-            decay = np.exp(-zeta * w * step)
-            cosine, sine = np.cos(free * w * step), np.sin(free * w * step)
-            away = place - still
-            turned = (speed / w + zeta * away) / free
-            place = still + decay * (away * cosine + turned * sine)
-            speed = w * decay * (speed / w * cosine - (away + zeta * speed / w) / free * sine)
-            out[0, k + 1, m] = place
-            out[1, k + 1, m] = speed / w
-    return out

@@ -1,10 +1,11 @@
 """From where the gripper is to where a threading begins, without touching the sheet.
 
-The gripper backs off along the normal, turns, and goes straight to where the free end is `standoff`
-before the centre, and then in it. While it only translates, a DLO that is behind the sheet at both
-ends of the way is behind it all along; where it turns, it has to keep away by as much as may happen
-between two poses. The shortest way back that allows that is taken; from farther than its length the
-DLO cannot reach the sheet at all.
+The gripper goes straight, turning evenly, to where the free end is `standoff` before the centre, stops
+there, and goes in along the normal: few corners set the DLO swinging least. Where the DLO would come
+too near to the sheet on that way, the gripper backs off along the normal first, turns, and comes
+straight. While it only translates, a DLO that is behind the sheet at both ends of the way is behind it
+all along; where it turns, it has to keep away by as much as may happen between two poses. The shortest
+way back that allows that is taken; from farther than its length the DLO cannot reach the sheet at all.
 """
 
 import numpy as np
@@ -22,6 +23,7 @@ _MARGIN = 0.02        # of the length
 _LONGEST = 0.1        # of the length, and
 _SHARPEST = 0.15      # rad: between two waypoints
 _SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way back that is safe in any case
+_STRAIGHT = None      # instead of a way back: translation and rotation at once
 
 
 def start_phase(simulator, cutout, start, first, standoff, initial, brief):
@@ -42,26 +44,41 @@ def start_phase(simulator, cutout, start, first, standoff, initial, brief):
     brief = brief.made_with(simulator)
     end = first if own else quick.solve(first.gripper, first)
     refused = None
-    for share in _SHARES if back else (0.0,):
+    asked = cutout, start, standoff, initial
+    for share in (_STRAIGHT, *(_SHARES if back else (0.0,))):
+        away = share if share is _STRAIGHT else share * back
         try:
-            plan = _from_behind(quick, cutout, start, end, standoff, initial,
-                                brief if own else brief.silent(quick), share * back)
+            plan = _from_behind(quick, end, asked, brief if own else brief.silent(quick), away)
         except Infeasible as error:
             if refused is None or error.waypoint >= refused.waypoint:
                 refused = error
             continue
-        return plan if own else _from_behind(simulator, cutout, start, first, standoff, initial,
-                                             brief, share * back)
+        return plan if own else _from_behind(simulator, first, asked, brief, away)
     raise refused
 
 
-def _from_behind(simulator, cutout, start, first, standoff, initial, brief, back):
-    """Return the Plan that goes `back` (m) before it turns."""
-    normal = cutout.normal
-    way = _stations(cutout, start, first.gripper, standoff, brief.surface.bound,
-                    simulator.rod.length, back)
-    draft = Draft(np.zeros(len(way)), brief, 'start phase, waypoint')
-    sheet = sheet_of(cutout, simulator.rod.length, brief.obstacles)
+def _from_behind(simulator, first, asked, brief, back):
+    """Return the Plan to the Shape `first` that goes `back` (m) before it turns, or _STRAIGHT.
+
+    Args:
+        asked: cutout, start, standoff, initial of `start_phase`
+    """
+    cutout, start, standoff, initial = asked
+    normal, length, radius = cutout.normal, simulator.rod.length, brief.surface.bound
+    entering = _entering(first.gripper, normal, standoff, length)
+    before = entering[0]
+    coming = (_blended(start, before, standoff, radius, length) if back is _STRAIGHT else
+              _cornered(cutout, start, before, radius, length, back))
+    # the free end may wait in the hole, and comes to be there
+    hole = -(1 + _MARGIN) * radius - _MARGIN**2 * length
+    way = [(start, hole), *coming]
+    stop = len(way) - 1
+    if standoff <= radius:
+        way[-1] = (way[-1][0], hole)
+    way += [(pose, 0.0) for pose in entering[1:]]
+    way[-1] = (way[-1][0], hole)
+    draft = Draft(np.zeros(len(way)), brief, 'start phase, waypoint', stops=(stop,))
+    sheet = sheet_of(cutout, length, brief.obstacles)
     sheets = () if sheet is None else ((sheet, normal),)
     for gripper, wanted in way:
         brief.progress.check()
@@ -84,24 +101,27 @@ def _from_behind(simulator, cutout, start, first, standoff, initial, brief, back
     return draft.finished()
 
 
-def _stations(cutout, start, first, standoff, radius, length, back):
-    """Return [(Pose, least distance of the DLO's surface from the sheet, m)]."""
+def _entering(first, normal, standoff, length):
+    """Return the Poses from where the free end is `standoff` before the centre to `first`."""
+    before = Pose.from_rotation(first.position - standoff * normal, first.rotation)
+    return [before, *_way(before, first, length)]
+
+
+def _blended(start, before, standoff, radius, length):
+    """Return [(Pose, least distance of the DLO's surface from the sheet, m)] of the straight way."""
+    margin = min(_MARGIN * length, 0.5 * max(standoff - radius, 0.0))
+    return [(pose, margin) for pose in _way(start, before, length)]
+
+
+def _cornered(cutout, start, before, radius, length, back):
+    """Return the same of a way back along the normal by `back` (m), a turn, and a way there."""
     safe = (cutout.centre - start.position) @ cutout.normal + back >= length + radius
     away = start.position - back * cutout.normal
-    lifted, turned = (Pose.from_rotation(away, pose.rotation) for pose in (start, first))
-    before = Pose.from_rotation(first.position - standoff * cutout.normal, first.rotation)
-    # the free end may wait in the hole, and comes to be there
-    hole = -(1 + _MARGIN) * radius - _MARGIN**2 * length
-    stations = [(start, hole)]
-    stations += [(pose, 0.0) for pose in _way(start, lifted, length)]
-    stations += [(pose, 0.0 if safe else _SHARPEST * length)
-                 for pose in _way(lifted, turned, length)]
-    stations += [(pose, 0.0) for pose in _way(turned, before, length)]
-    if standoff <= radius:
-        stations[-1] = (stations[-1][0], hole)
-    entering = [(pose, 0.0) for pose in _way(before, first, length)] or [stations.pop()]
-    entering[-1] = (entering[-1][0], hole)
-    return stations + entering
+    lifted, turned = (Pose.from_rotation(away, pose.rotation) for pose in (start, before))
+    return ([(pose, 0.0) for pose in _way(start, lifted, length)]
+            + [(pose, 0.0 if safe else _SHARPEST * length)
+               for pose in _way(lifted, turned, length)]
+            + [(pose, 0.0) for pose in _way(turned, before, length)])
 
 
 def _way_left(stations):
