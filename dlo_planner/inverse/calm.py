@@ -6,15 +6,17 @@ its end, smooth them: such a window leaves no vibration of its period. Which win
 the quickest is tried; each trial is judged with the frequencies as they are, and off by 5 %.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from dlo_planner.inverse.compensation import compensated
 from dlo_planner.inverse.fastest import fastest_rates
+from dlo_planner.inverse.kept_limits import most_used
 from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.path import Leg
-from dlo_planner.inverse.response import Response
+from dlo_planner.inverse.leg_response import Response
 from dlo_planner.inverse.time_law import TimeLaw
 from dlo_planner.inverse.timed_path import smoothed
 
@@ -23,7 +25,9 @@ _OFF = (0.95, 1.05)  # frequencies, as if the stiffness was wrong by 10 %, and
 _WORSE = 2.0         # times the tolerance are allowed then
 _ARRIVING = 0.5      # part of the tolerance that may be left of a vibration where a leg ends
 _MOST_OFF, _TRIED = 0.3, 30  # part of the frequencies; how many such are tried
-_TUNED = (0.8, 0.9, 0.95, 1.05)  # times a window
+_MUCH = 0.3          # of the tolerance: calmer laws are not looked for
+_FAR = 30.0          # times the tolerance: beyond help by a shift
+_TRIALS, _ROUNDS = 30, 4  # laws that are given a shift; slowing down to make room for one
 
 
 @dataclass(frozen=True)
@@ -70,17 +74,43 @@ def calm_law(task: LegTask, tolerance: float) -> TimeLaw:
     """
     found = []
     for parameters, rates in _rates(task):
-        for windows in _windows(task.response):
-            law = TimeLaw(parameters, rates, windows)
-            found.append((law, predicted(task, law) / tolerance))
-        if min(part for _, part in found[-len(_windows(task.response)):]) < 0.5:
+        laws = [TimeLaw(parameters, rates, windows) for windows in _windows(task.response)]
+        found += [(law, predicted(task, law) / tolerance) for law in laws]
+        if min(part for _, part in found[-len(laws):]) < _MUCH:
             break  # slower ones only take longer
-    good = [law for law, part in found if part <= 1]
-    if not good:
+    found.sort(key=lambda one: one[0].duration)
+    best, tried = None, 0
+    for law, part in found:
+        if part > _FAR or best is not None and law.duration > best[0].duration and best[1] <= 1:
+            continue
+        if part > 1 and tried >= _TRIALS:
+            continue
+        tried += part > 1
+        law = _within_limits(task, law, part > 1)
+        part = predicted(task, law) / tolerance
+        if best is None or part < best[1]:
+            best = law, part
+        if part <= 1:
+            break
+    if best is None:
         law = min(found, key=lambda one: one[1])[0]
-    else:
-        law = _tuned(task, min(good, key=lambda law: law.duration), tolerance)
-    return smoothed(task.leg, task.limits, law.parameters, law.rates, law.windows)
+        return _within_limits(task, law, True)
+    return best[0]
+
+
+def _within_limits(task, law, shifted):
+    """Return a TimeLaw that keeps the limits, with the shift that helps most if it is `shifted`."""
+    law = smoothed(task.leg, task.limits, law.parameters, law.rates, law.windows)
+    for _ in range(_ROUNDS if shifted else 0):
+        shift = compensated(task, law)
+        if shift is None:
+            break
+        used = (shift.most[1:] / task.limits.sizes[:, 0]).max() + most_used(
+            task.leg, law, task.limits)
+        if used <= 1:
+            return replace(law, shift=shift)
+        law = law.slower(used)
+    return law
 
 
 def predicted(task: LegTask, law: TimeLaw) -> float:
@@ -106,23 +136,17 @@ def margin(task: LegTask, law: TimeLaw, allowed: float) -> float:
 
 def _predicted(task, law, off):
     response = task.response
-    _, u, (place, speed) = response.excited(law, off)
+    times, u, (place, speed) = response.excited(law, off)
     left = float((response.sizes[-1] * np.hypot(place[-1], speed[-1])).sum())
     worst = left if task.last else left / _ARRIVING
     for begin, sideways in task.passed:
         counts = u >= begin
-        away = np.einsum('tmi,tm->ti', _between(response.parameters, sideways, u[counts]),
+        away = np.einsum('tmi,tm->ti', response.between(sideways, u[counts]),
                          place[counts])
+        if law.shift is not None:
+            away += law.shift.at(times[counts])
         worst = max(worst, float(np.linalg.norm(away, axis=1).max(initial=0.0)))
     return worst
-
-
-def _between(parameters, known, u):
-    """Return what is `known` (n, ...) at n parameters, at parameters u (t,)."""
-    after = np.clip(np.searchsorted(parameters, u), 1, parameters.size - 1)
-    share = (u - parameters[after - 1]) / (parameters[after] - parameters[after - 1])
-    share = np.clip(share, 0, 1).reshape(-1, *np.ones(known.ndim - 1, dtype=int))
-    return (1 - share) * known[after - 1] + share * known[after]
 
 
 def _rates(task):
@@ -145,16 +169,3 @@ def _windows(response):
     (one, two), (end, other), (long, next_) = periods[0], periods[-1], periods.max(axis=0)
     return [[end], [end, other], [one, two], [one, end], [long, next_], [long, long],
             [one, end, next_], [one, end, two, other], [long, long, next_, next_]]
-
-
-def _tuned(task, law, tolerance):
-    """Return a quicker law with narrower windows that still keeps the tolerance."""
-    for k in range(len(law.windows)):
-        for factor in _TUNED:
-            windows = law.windows.copy()
-            windows[k] *= factor
-            other = TimeLaw(law.parameters, law.rates, windows)
-            if other.duration < law.duration and predicted(task, other) <= tolerance:
-                law = other
-                break
-    return law

@@ -17,7 +17,7 @@ from dlo_planner.model.value import Value, brief, put
 
 _FREE = (np.inf,) * 3
 _SAME = 1e-6      # of the length, or of unit vectors: poses that are nearer are one
-_STRAIGHT = np.cos(np.deg2rad(15))
+_STRAIGHT = np.cos(np.deg2rad(5))
 
 
 class PlanStatus(Enum):
@@ -237,7 +237,7 @@ def first_part(plan, count, status):
 def joined(one: Plan, other: Plan) -> Plan:
     """Return one Plan that does a Plan and then another, which begins where the first ends.
 
-    The gripper stops between them, unless it goes on in the same direction (within 15 degrees).
+    The gripper stops between them, unless it goes on in the same direction (within 5 degrees).
 
     Raises:
         InvalidTask: the second begins elsewhere than the first ends

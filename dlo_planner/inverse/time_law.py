@@ -12,6 +12,7 @@ from math import comb, factorial
 import numpy as np
 from scipy.interpolate import PPoly
 
+from dlo_planner.inverse.shift import Shift
 from dlo_planner.model.checks import results
 from dlo_planner.model.value import Value, put
 
@@ -27,11 +28,13 @@ class TimeLaw(Value):
         parameters: (m,) u, increasing
         rates: (m,) du/dt there before smoothing, u'' is constant between; zero at rest
         windows: (k,) widths of the moving averages, s, k >= 1
+        shift: Shift of the gripper beside the leg, or None
     """
 
     parameters: np.ndarray
     rates: np.ndarray
     windows: np.ndarray
+    shift: Shift | None = None
     _progress: PPoly = field(init=False, repr=False, compare=False)
 
     def __post_init__(self):
@@ -59,7 +62,7 @@ class TimeLaw(Value):
         return out
 
     def slower(self, factor):
-        """Return the law whose speeds before smoothing are divided by `factor`."""
+        """Return the law whose speeds before smoothing are divided by `factor`, without shift."""
         return TimeLaw(self.parameters, self.rates / factor, self.windows)
 
     @property

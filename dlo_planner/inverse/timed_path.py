@@ -60,6 +60,11 @@ class TimedPath(Value):
             done, rate, change, _ = self._progress(k, since[here])[:, :, None]
             position, turns, first, second = leg.at(done[:, 0])
             speeds[here], accelerations[here] = rate * first, change * first + rate**2 * second
+            shift = None if self.laws[k] is None else self.laws[k].shift
+            if shift is not None:
+                position = position + shift.at(since[here])
+                speeds[here, :3] += shift.at(since[here], 1)
+                accelerations[here, :3] += shift.at(since[here], 2)
             for index, *pose in zip(here, position, turns, strict=True):
                 poses[index] = Pose.from_rotation(*pose)
         return poses, speeds, accelerations

@@ -38,6 +38,7 @@ class Response:
         rates: (n, m) angular frequencies, 1/s; damping: (n, m) ratios
         displacements: (n, m, N + 1, 3) m, of generalized mass 1 kg
         slopes, bends: (n, m), see above
+        pulls: (n, m, 3) the same products with a shift of the gripper, of the DLO as it is
     """
 
     parameters: np.ndarray
@@ -47,6 +48,7 @@ class Response:
     displacements: np.ndarray
     slopes: np.ndarray
     bends: np.ndarray
+    pulls: np.ndarray
 
     @classmethod
     def of(cls, simulator, leg, first):
@@ -71,7 +73,8 @@ class Response:
         slopes, bends = (np.einsum('k,umki,uki->um', masses, displacements, positions(u, order))
                          for order in (1, 2))
         return cls(u, tuple(shapes), 2 * np.pi * np.array([one.frequencies for one in modes]),
-                   np.array([one.damping_ratios for one in modes]), displacements, slopes, bends)
+                   np.array([one.damping_ratios for one in modes]), displacements, slopes, bends,
+                   np.einsum('k,umki->umi', masses, displacements))
 
     @property
     def sizes(self):
@@ -88,21 +91,44 @@ class Response:
         return Bearing(self.parameters, self.slopes * stiff, self.bends * stiff,
                        np.full(self.slopes.shape, deviation))
 
-    def excited(self, law, off=1.0):
-        """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
+    def oscillators(self, law, off=1.0):
+        """Return times (t + 1,), parameters (t + 1,), and in between rates and damping (t, m).
 
         Args:
+            law: TimeLaw
             off: factor of all frequencies, as if the DLO was stiffer or softer
         """
         fastest = min(off * self.rates.max(), 2 * np.pi / _SHORTEST)
         count = int(np.clip(law.duration * fastest / (2 * np.pi) * _PER_PERIOD, 200, _MOST))
         times = np.linspace(0, law.duration, count + 1)
-        u, rate, change, _ = law.at(0.5 * (times[1:] + times[:-1]))
-        rates, damping, slopes, bends = (
-            np.stack([np.interp(u, self.parameters, column) for column in what.T], axis=1)
-            for what in (self.rates, self.damping, self.slopes, self.bends))
-        force = -(slopes * change[:, None] + bends * (rate**2)[:, None])
-        return times, law.at(times)[0], vibrated(times[1], off * rates, damping, force)
+        u = law.at(0.5 * (times[1:] + times[:-1]))[0]
+        return (times, law.at(times)[0], off * self.between(self.rates, u),
+                self.between(self.damping, u))
+
+    def excited(self, law, off=1.0):
+        """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
+
+        Args:
+            law: TimeLaw, with its shift
+            off: factor of all frequencies
+        """
+        times, u, rates, damping = self.oscillators(law, off)
+        middle = 0.5 * (times[1:] + times[:-1])
+        places, rate, change, _ = law.at(middle)
+        force = -(self.between(self.slopes, places) * change[:, None]
+                  + self.between(self.bends, places) * (rate**2)[:, None])
+        if law.shift is not None:
+            force -= np.einsum('tmi,ti->tm', self.between(self.pulls, places),
+                               law.shift.at(middle, 2))
+        return times, u, vibrated(times[1], rates, damping, force)
+
+    def between(self, known, u):
+        """Return what is `known` (n, ...) at the parameters, at others u (t,)."""
+        n = self.parameters
+        after = np.clip(np.searchsorted(n, u), 1, n.size - 1)
+        share = np.clip((u - n[after - 1]) / (n[after] - n[after - 1]), 0, 1)
+        share = share.reshape(-1, *np.ones(known.ndim - 1, dtype=int))
+        return (1 - share) * known[after - 1] + share * known[after]
 
     def sideways(self, s):
         """Return (n, m, 3) the displacements at arc lengths s (n,), across the DLO there, m."""

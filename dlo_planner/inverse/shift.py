@@ -1,0 +1,47 @@
+"""A small shift of the gripper beside its path, as a spline in time."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from dlo_planner.model.checks import results
+from dlo_planner.model.value import Value, put
+
+DEGREE = 4  # jerks are continuous
+
+
+@dataclass(frozen=True, eq=False)
+class Shift(Value):
+    """Shifts (3,) m, world axes, over the time of a leg; zero, at rest, at both ends.
+
+    Attributes:
+        knots: (k,) s, of a BSpline of degree 4, clamped at both ends
+        coefficients: (k - 5, 3) m; the first and the last four are zero
+    """
+
+    knots: np.ndarray
+    coefficients: np.ndarray
+    _spline: BSpline = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self):
+        knots = results('Shift.knots', self.knots, (None,))
+        coefficients = results('Shift.coefficients', self.coefficients,
+                               (knots.size - DEGREE - 1, 3))
+        put(self, knots=knots, coefficients=coefficients,
+            _spline=BSpline(knots, coefficients, DEGREE))
+        super().__post_init__()
+
+    def at(self, times: np.ndarray, order: int = 0) -> np.ndarray:
+        """Return (n, 3) shifts, or derivatives by time, at times (n,) s within the leg."""
+        return self._spline(np.clip(times, self.knots[0], self.knots[-1]), order)
+
+    @property
+    def most(self) -> np.ndarray:
+        """(4,) bounds of the sizes of the shift and of its first three derivatives."""
+        found, spline = [], self._spline
+        for _ in range(4):
+            # a spline lies in the convex hull of its coefficients
+            found.append(np.linalg.norm(spline.c[:spline.t.size - spline.k - 1], axis=1).max())
+            spline = spline.derivative()
+        return np.array(found)
