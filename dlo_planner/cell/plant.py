@@ -1,0 +1,298 @@
+"""The plant: a DLO in a gripper that moves, in a physics engine.
+
+It stands for the real cell. Of the planner it knows the data types (`dlo_planner.model`) alone.
+
+    plant = Plant(rod, poses[0], [Sheet.around(hole)], damping=0.005)    # hangs at rest
+    for pose in poses[1:]:
+        plant.move(pose, period)
+    print(plant.passage(hole), plant.largest_forces)
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import eigh
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.cell.chain import add_chain, add_gripper, chain_of, set_springs
+from dlo_planner.cell.engine import mujoco
+from dlo_planner.cell.scenery import add_obstacle
+from dlo_planner.cell.truth import Truth, held_at
+from dlo_planner.errors import NotConverged
+from dlo_planner.model.checks import instance, integer, items, number, row, vector
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.obstacles import OBSTACLES
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
+from dlo_planner.model.value import Value
+
+_GRAVITY = (0.0, 0.0, -9.81)
+_STILL = 1e-6     # of the length per `Chain.slowness`
+_SETTLING = 0.02  # step, of the same
+_DRAG = 0.05      # part of all velocities that is taken away in each step while it settles
+_LONGEST = 20_000  # steps until it is at rest
+_DIFFERENCE = 1e-5  # rad
+_STIFF_CONTACT = (0.004, 1.0), (0.95, 0.99, 1e-4, 0.5, 2.0)  # solref, solimp of the engine
+_FINE = 4         # points of a piece where the DLO is sought in a hole
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Passage(Value):
+    """Where a DLO pierces the plane of a cut-out.
+
+    Attributes:
+        depth: arc length beyond the plane, m; 0: none of it
+        miss: largest distance of the DLO from the centre there, m; nan if it does not pierce it
+        y, z: of the place that is farthest, in the axes of the cut-out, m
+    """
+
+    depth: float
+    miss: float
+    y: float
+    z: float
+
+
+class Plant:
+    """A DLO that hangs at rest in a gripper at first.
+
+    Args:
+        rod: Rod as the planner knows it
+        gripper: Pose to which the gripper is commanded
+        obstacles: of `dlo_planner.model.obstacles`; a Sheet has one cut-out at most
+        truth: Truth, by how much things are not as the planner knows them
+        cells: into how many the DLO is cut
+        step: s, of time
+        damping: ratio, of the slowest vibration about the shape at the beginning; damping grows
+            with the stiffness. The engine's own (`least_damping`) is the least there is.
+        gravity: (3,) m/s^2
+
+    Attributes:
+        time: s
+        commanded: Pose of the gripper as commanded
+        forces, largest_forces: (n,) N, sum of the sizes of the contact forces on the DLO of each
+            obstacle, in the last step and the largest so far
+        frequencies: (3,) Hz, slowest vibrations about the shape at the beginning
+        damping, least_damping: ratio of the slowest one: as it is; the least there is
+
+    Raises:
+        InvalidTask: an argument makes no sense
+        NotConverged: the DLO does not come to rest
+    """
+
+    def __init__(self, rod: Rod, gripper: Pose, obstacles: Iterable = (), *,
+                 truth: Truth | None = None, cells: int = 40, step: float = 5e-4,
+                 damping: float = 0.005, gravity: ArrayLike = _GRAVITY):
+        instance('rod', rod, Rod)
+        instance('gripper', gripper, Pose)
+        self.truth = Truth() if truth is None else instance('truth', truth, Truth)
+        self._chain = chain_of(rod, self.truth, integer('cells', cells, minimum=4, maximum=200))
+        self._build(items('obstacles', obstacles, OBSTACLES), vector('gravity', gravity, 3))
+        self._step = number('step', step, above=0, maximum=0.01)
+        self.time, self.commanded = 0.0, gripper
+        self._settle(held_at(gripper, self.truth))
+        self._damp(number('damping', damping, minimum=0))
+        self.forces = np.zeros(len(self._obstacles))
+        self.largest_forces = self.forces.copy()
+
+    def move(self, gripper: Pose, seconds: float) -> None:
+        """Move the gripper to a Pose in a time in s, evenly; the next call goes on from there."""
+        instance('gripper', gripper, Pose)
+        seconds = number('seconds', seconds, above=0)
+        begin, end = (held_at(pose, self.truth) for pose in (self.commanded, gripper))
+        velocity = (end.position - begin.position) / seconds
+        turn = Rotation.from_matrix(begin.rotation.T @ end.rotation).as_rotvec()
+        steps = max(1, round(seconds / self._step))
+        self._model.opt.timestep = seconds / steps
+        ways = begin.position + np.arange(1, steps + 1)[:, None] / steps * (
+            end.position - begin.position)
+        turns = Rotation.from_matrix(begin.rotation.copy()) * Rotation.from_rotvec(
+            np.arange(1, steps + 1)[:, None] / steps * turn)
+        twist = np.concatenate([velocity, turn / seconds])  # world axes, gripper axes: the engine's
+        for place, quaternion in zip(ways, np.roll(turns.as_quat(), 1, axis=1), strict=True):
+            self._advance(place, quaternion, twist)
+        self.time += seconds
+        self.commanded = gripper
+
+    def points(self, s: ArrayLike) -> np.ndarray:
+        """Return the places (n, 3) in m of the DLO at true arc lengths s (n,) in m."""
+        return self._curve(row('s', s, minimum=0, maximum=self._chain.length))
+
+    @property
+    def length(self) -> float:
+        """The true length of the DLO, m."""
+        return self._chain.length
+
+    @property
+    def tip(self) -> Pose:
+        """Pose of the free end, x axis = tangent."""
+        rotation = self._data.xmat[-1].reshape(3, 3)
+        return Pose.from_rotation(self._nodes()[0][-1], rotation)
+
+    def passage(self, cutout: CutOut) -> Passage:
+        """Return the Passage of a cut-out, which stands where the Truth has shifted it."""
+        instance('cutout', cutout, CutOut)
+        s = np.linspace(0, self._chain.length, _FINE * len(self._chain.masses) + 1)
+        local = ((self._curve(s) - cutout.centre - self.truth.hole_shift)
+                 @ cutout.pose.rotation)
+        before, after = local[:-1], local[1:]
+        pierced = np.flatnonzero((before[:, 0] < 0) != (after[:, 0] < 0))
+        if not pierced.size:
+            return Passage(0.0, np.nan, np.nan, np.nan)
+        before, after = before[pierced], after[pierced]
+        part = (before[:, 0] / (before[:, 0] - after[:, 0]))[:, None]
+        places = (before + part * (after - before))[:, 1:]
+        misses = np.linalg.norm(places, axis=1)
+        first = s[pierced[0]] + part[0, 0] * (s[1] - s[0])
+        worst = misses.argmax()
+        return Passage(self._chain.length - first, misses[worst], *places[worst])
+
+    def modes(self, count: int = 3) -> tuple[np.ndarray, np.ndarray]:
+        """Return frequencies (count,) in Hz and shapes (count, n + 1, 3) of small vibrations.
+
+        About the shape as it is, the gripper at rest, contacts left out. Of each joint in turn the
+        force is differentiated. The largest displacement of a shape is 1; its n + 1 points are
+        evenly spaced along the DLO.
+        """
+        model, saved = self._model, self._data
+        data = mujoco.MjData(model)
+        data.qpos[:] = saved.qpos
+        stiffness, mass = self._linear(data)
+        count = integer('count', count, minimum=1, maximum=len(mass))
+        squares, vectors = eigh(stiffness, mass, subset_by_index=(0, count - 1))
+        shapes = np.array([self._displacement(data, saved.qpos, vector) for vector in vectors.T])
+        return np.sqrt(np.maximum(squares, 0)) / (2 * np.pi), shapes
+
+    def _build(self, obstacles, gravity):
+        spec = mujoco.MjSpec()
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+        spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        spec.option.gravity = gravity
+        add_chain(add_gripper(spec, self._chain), self._chain)
+        for k, obstacle in enumerate(obstacles):
+            add_obstacle(spec, obstacle, k)
+        self._obstacles = obstacles
+        self._model = model = spec.compile()
+        self._stiffness = set_springs(model, self._chain)
+        model.geom_solref[:], model.geom_solimp[:] = _STIFF_CONTACT
+        names = [model.geom(k).name.split('/')[0] for k in range(model.ngeom)]
+        self._owner = [int(name) if name else None for name in names]
+        self._shift_sheets()
+        self._data = mujoco.MjData(model)
+        self._heavy = np.append(np.full(3, model.body_mass[1]), model.body_inertia[1])
+
+    def _shift_sheets(self):
+        for geom, owner in enumerate(self._owner):
+            if owner is not None and hasattr(self._obstacles[owner], 'cutouts'):
+                self._model.geom_pos[geom] += self.truth.hole_shift
+
+    def _place(self, position, quaternion):
+        self._data.qpos[:3], self._data.qpos[3:7] = position, quaternion
+
+    def _settle(self, held):
+        """Let the DLO come to rest from its natural shape, with much damping."""
+        model, data = self._model, self._data
+        position, quaternion = held.position, np.roll(held.quaternion, 1)
+        data.qpos[7:] = model.qpos_spring[7:]
+        slowness = self._chain.slowness
+        model.opt.timestep = _SETTLING * slowness
+        model.dof_damping[6:] = slowness * self._stiffness
+        for _ in range(_LONGEST):
+            self._place(position, quaternion)
+            data.qvel[:6] = 0
+            mujoco.mj_step(model, data)
+            speed = np.abs(data.qvel[6:]).max() * slowness
+            data.qvel *= 1 - _DRAG
+            if speed < _STILL:
+                break
+        else:
+            raise NotConverged(f'gripper = {held!r}: the DLO does not come to rest in it')
+        self._place(position, quaternion)
+        data.qvel[:] = 0
+        mujoco.mj_kinematics(model, data)
+
+    def _damp(self, ratio):
+        """Set the damping; the engine's own stands for as much of it as a step is long."""
+        self.frequencies = self.modes(3)[0]
+        rate = np.pi * self.frequencies[0]
+        self.least_damping = rate * 0.5 * self._step
+        self.damping = max(ratio, self.least_damping)
+        self._model.dof_damping[6:] = (self.damping / rate - self._step) * self._stiffness
+
+    def _advance(self, place, quaternion, twist):
+        """Make one step; the gripper comes to a place and has a twist (6,) on the way there."""
+        data = self._data
+        data.qfrc_applied[:6] = self._heavy * (twist - data.qvel[:6]) / self._model.opt.timestep
+        mujoco.mj_step(self._model, data)
+        self._place(place, quaternion)
+        data.qvel[:6] = twist
+        if data.ncon:
+            self._feel()
+        elif self._touched:
+            self.forces[:], self._touched = 0, False
+
+    _touched = False
+
+    def _feel(self):
+        """Add up the contact forces."""
+        data, wrench = self._data, np.zeros(6)
+        self.forces[:], self._touched = 0, True
+        for k, contact in enumerate(data.contact):
+            mujoco.mj_contactForce(self._model, data, k, wrench)
+            one, other = (self._owner[geom] for geom in contact.geom)
+            self.forces[other if one is None else one] += np.linalg.norm(wrench[:3])
+        np.maximum(self.largest_forces, self.forces, out=self.largest_forces)
+
+    def _nodes(self):
+        """Return places (n + 1, 3) and tangents (n + 1, 3) at the ends of the cells."""
+        model, data = self._model, self._data
+        mujoco.mj_kinematics(model, data)
+        tangents = data.xmat[1:].reshape(-1, 3, 3)[:, :, 0].copy()
+        places = data.xpos[1:].copy()
+        places[1:] += 0.5 * self._chain.cell * tangents[1:]
+        return places, tangents
+
+    def _curve(self, s):
+        """Return places (n, 3) at arc lengths (n,), cubic between the nodes."""
+        places, tangents = self._nodes()
+        cells = len(places) - 1
+        scaled = np.asarray(s) / self._chain.cell
+        k = np.minimum(scaled.astype(int), cells - 1)
+        x = (scaled - k)[:, None]
+        return (places[k] * (1 - x) ** 2 * (1 + 2 * x) + places[k + 1] * x**2 * (3 - 2 * x)
+                + self._chain.cell * x * (1 - x) * (tangents[k] * (1 - x) - tangents[k + 1] * x))
+
+    def _linear(self, data):
+        """Return stiffness and mass matrices (3 n, 3 n) of the joints about a state at rest."""
+        model, size = self._model, self._model.nv - 6
+        mujoco.mj_forward(model, data)
+        mass = np.zeros((size, model.nv))
+        for k in range(size):
+            unit = np.zeros(model.nv)
+            unit[6 + k] = 1
+            mujoco.mj_mulM(model, data, mass[k], unit)
+        rest, stiffness = data.qpos.copy(), np.zeros((size, size))
+        for k in range(size):
+            forces = []
+            for sign in (1, -1):
+                data.qpos[:] = rest
+                data.qpos[7 + k] += sign * _DIFFERENCE
+                mujoco.mj_fwdPosition(model, data)
+                mujoco.mj_fwdVelocity(model, data)
+                forces.append(data.qfrc_bias[6:] - data.qfrc_passive[6:])
+            stiffness[k] = (forces[0] - forces[1]) / (2 * _DIFFERENCE)
+        return 0.5 * (stiffness + stiffness.T), mass[:, 6:]
+
+    def _displacement(self, data, rest, vector):
+        """Return how the nodes (n + 1, 3) move with a vector of the joints, 1 at most."""
+        small = 1e-4 / np.abs(vector).max()
+        ends = []
+        for sign in (1, -1):
+            data.qpos[:] = rest
+            data.qpos[7:] += sign * small * vector
+            self._data, kept = data, self._data
+            ends.append(self._nodes()[0])
+            self._data = kept
+        moved = ends[0] - ends[1]
+        return moved / np.linalg.norm(moved, axis=1).max()
