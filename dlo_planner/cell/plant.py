@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.cell.chain import add_chain, add_gripper, chain_of, set_springs
 from dlo_planner.cell.engine import mujoco
 from dlo_planner.cell.scenery import add_obstacle
-from dlo_planner.cell.truth import Truth, held_at
+from dlo_planner.cell.truth import Truth
 from dlo_planner.errors import NotConverged
 from dlo_planner.model.checks import instance, integer, items, number, row, vector
 from dlo_planner.model.cutout import CutOut
@@ -82,7 +82,7 @@ class Plant:
     """
 
     def __init__(self, rod: Rod, gripper: Pose, obstacles: Iterable = (), *,
-                 truth: Truth | None = None, cells: int = 40, step: float = 5e-4,
+                 truth: Truth | None = None, cells: int = 40, step: float = 1e-3,
                  damping: float = 0.005, gravity: ArrayLike = _GRAVITY):
         instance('rod', rod, Rod)
         instance('gripper', gripper, Pose)
@@ -91,7 +91,8 @@ class Plant:
         self._build(items('obstacles', obstacles, OBSTACLES), vector('gravity', gravity, 3))
         self._step = number('step', step, above=0, maximum=0.01)
         self.time, self.commanded = 0.0, gripper
-        self._settle(held_at(gripper, self.truth))
+        self._held = self._holding(gripper)
+        self._settle()
         self._damp(number('damping', damping, minimum=0))
         self.forces = np.zeros(len(self._obstacles))
         self.largest_forces = self.forces.copy()
@@ -100,18 +101,18 @@ class Plant:
         """Move the gripper to a Pose in a time in s, evenly; the next call goes on from there."""
         instance('gripper', gripper, Pose)
         seconds = number('seconds', seconds, above=0)
-        begin, end = (held_at(pose, self.truth) for pose in (self.commanded, gripper))
-        velocity = (end.position - begin.position) / seconds
-        turn = Rotation.from_matrix(begin.rotation.T @ end.rotation).as_rotvec()
+        begin, end = self._held, self._holding(gripper)
+        turn = np.zeros(3)
+        mujoco.mju_subQuat(turn, end[1], begin[1])
         steps = max(1, round(seconds / self._step))
         self._model.opt.timestep = seconds / steps
-        ways = begin.position + np.arange(1, steps + 1)[:, None] / steps * (
-            end.position - begin.position)
-        turns = Rotation.from_matrix(begin.rotation.copy()) * Rotation.from_rotvec(
-            np.arange(1, steps + 1)[:, None] / steps * turn)
-        twist = np.concatenate([velocity, turn / seconds])  # world axes, gripper axes: the engine's
-        for place, quaternion in zip(ways, np.roll(turns.as_quat(), 1, axis=1), strict=True):
-            self._advance(place, quaternion, twist)
+        # in world axes and gripper axes, as the engine has it
+        twist = np.concatenate([end[0] - begin[0], turn]) / seconds
+        quaternion = begin[1].copy()
+        for k in range(1, steps + 1):
+            mujoco.mju_quatIntegrate(quaternion, twist[3:], seconds / steps)
+            self._advance(begin[0] + k / steps * (end[0] - begin[0]), quaternion, twist)
+        self._held = end
         self.time += seconds
         self.commanded = gripper
 
@@ -187,19 +188,25 @@ class Plant:
             if owner is not None and hasattr(self._obstacles[owner], 'cutouts'):
                 self._model.geom_pos[geom] += self.truth.hole_shift
 
-    def _place(self, position, quaternion):
-        self._data.qpos[:3], self._data.qpos[3:7] = position, quaternion
+    def _holding(self, gripper):
+        """Return where (3,) a gripper truly is, and its quaternion w, x, y, z."""
+        turn = Rotation.from_rotvec(self.truth.gripper_turn.copy()).as_matrix()
+        quaternion = np.zeros(4)
+        mujoco.mju_mat2Quat(quaternion, (gripper.rotation @ turn).ravel())
+        return gripper.position + gripper.rotation @ self.truth.gripper_shift, quaternion
 
-    def _settle(self, held):
+    def _place(self, place, quaternion):
+        self._data.qpos[:3], self._data.qpos[3:7] = place, quaternion
+
+    def _settle(self):
         """Let the DLO come to rest from its natural shape, with much damping."""
         model, data = self._model, self._data
-        position, quaternion = held.position, np.roll(held.quaternion, 1)
         data.qpos[7:] = model.qpos_spring[7:]
         slowness = self._chain.slowness
         model.opt.timestep = _SETTLING * slowness
         model.dof_damping[6:] = slowness * self._stiffness
         for _ in range(_LONGEST):
-            self._place(position, quaternion)
+            self._place(*self._held)
             data.qvel[:6] = 0
             mujoco.mj_step(model, data)
             speed = np.abs(data.qvel[6:]).max() * slowness
@@ -207,8 +214,8 @@ class Plant:
             if speed < _STILL:
                 break
         else:
-            raise NotConverged(f'gripper = {held!r}: the DLO does not come to rest in it')
-        self._place(position, quaternion)
+            raise NotConverged(f'gripper = {self.commanded!r}: the DLO does not come to rest in it')
+        self._place(*self._held)
         data.qvel[:] = 0
         mujoco.mj_kinematics(model, data)
 

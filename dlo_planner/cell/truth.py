@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import array, instance, number, vector
-from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
 
@@ -127,14 +126,3 @@ NOTHING_UNKNOWN = Unknowns()
 UNCERTAIN = Unknowns(0.05, 0.02, natural_curvature=(0.05,), gripper_position=0.5e-3,
                      gripper_rotation=_TILT)
 VERY_UNCERTAIN = Unknowns(0.05, 0.02, 0.03, (0.05, 0.03, 0.03), 1e-3, 0.5e-3, _TILT, 0.5e-3)
-
-
-def held_at(gripper: Pose, truth: Truth) -> Pose:
-    """Return where a gripper truly is that is commanded to a Pose."""
-    return gripper.compose(Pose(truth.gripper_shift, _quaternion(truth.gripper_turn)))
-
-
-def _quaternion(turn):
-    """Return the quaternion x, y, z, w (4,) of a rotation vector (3,)."""
-    angle = np.linalg.norm(turn)
-    return np.append(0.5 * np.sinc(angle / (2 * np.pi)) * turn, np.cos(0.5 * angle))
