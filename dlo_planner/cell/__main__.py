@@ -34,7 +34,8 @@ def main(args: list[str] | None = None) -> int:
     print(table(tasks, outcomes))
     print(summary(outcomes))
     write_csv(options.output / 'cell.csv', tasks, outcomes)
-    shown = next((k for k, one in enumerate(outcomes) if not one.refused), None)
+    shown = max((k for k, one in enumerate(outcomes) if not one.refused), default=None,
+                key=lambda k: outcomes[k].threaded)
     if shown is not None and options.film:
         from dlo_planner.cell.film import Film  # noqa: PLC0415  matplotlib is for the film alone
         film = Film()

@@ -85,10 +85,12 @@ class Viewer:
         self._camera, self._rng = camera, rng
         self._bias = camera.bias * rng.standard_normal(3)
         self._from = rng.uniform(0, 2 / 3 - camera.hidden)
-        self._next, self._coming = 0.0, []
+        self._next, self._coming = None, []  # the first image is taken at once
 
     def images(self, plant: Plant, cutout: CutOut) -> tuple[Image, ...]:
         """Return the Images that came since the last call, which was not long ago."""
+        if self._next is None:
+            self._next = plant.time
         if plant.time >= self._next - 1e-9:
             self._next += 1 / self._camera.rate
             self._coming.append((plant.time + self._camera.latency, self._image(plant, cutout)))

@@ -17,7 +17,8 @@ from dlo_planner.model.rod import Rod
 
 _GAUSS = np.polynomial.legendre.leggauss(5)
 _ORDERS = (1, 0, 2), (2, 0, 1)  # axes of the hinges in the order of the strains
-_HEAVY = 1e6   # mass of the gripper over that of the DLO: what moves it is not felt
+_THIN = 1e-4    # of a piece's mass and length: the least inertia about its axis, to be above 0
+_HEAVY = 1e6    # mass of the gripper over that of the DLO: what moves it is not felt
 DLO, SCENE = 1, 2  # bits of what collides with what
 
 
@@ -93,19 +94,21 @@ def _masses(rod, truth, joints, ends):
         center = s @ lumps / mass
         along = lumps @ (s - center) ** 2
         across = 0.25 * mass * rod.radii(np.array([min(center, rod.length)]))[0] ** 2
-        across += 1e-9 * mass * (end - begin) ** 2  # a thin line has none, the engine wants some
+        across = max(across, _THIN * mass * (end - begin) ** 2)
         found.append((mass, center - begin, (2 * across, along + across, along + across)))
     return map(np.array, zip(*found, strict=True))
 
 
 def add_gripper(spec, chain):
-    """Add the gripper to an MjSpec, so heavy that it goes where it is told; return it."""
+    """Add the gripper to an MjSpec, so heavy that it goes where it is told; return it.
+
+    What it holds touches nothing: between a gripper and an obstacle there is no way out.
+    """
     gripper = spec.worldbody.add_body(name='gripper', gravcomp=1)
     mass = _HEAVY * chain.masses.sum()
     gripper.explicitinertial = True
     gripper.mass, gripper.inertia = mass, np.full(3, mass * chain.length**2)
     gripper.add_freejoint()
-    _add_geom(gripper, chain, 0, 0.5 * chain.cell)
     return gripper
 
 

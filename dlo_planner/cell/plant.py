@@ -29,12 +29,14 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value
 
 _GRAVITY = (0.0, 0.0, -9.81)
-_STILL = 1e-6     # of the length per `Chain.slowness`
+_STILL = 1e-8     # rad per `Chain.slowness`
 _SETTLING = 0.02  # step, of the same
 _DRAG = 0.05      # part of all velocities that is taken away in each step while it settles
 _LONGEST = 20_000  # steps until it is at rest
 _DIFFERENCE = 1e-5  # rad
-_STIFF_CONTACT = (0.004, 1.0), (0.95, 0.99, 1e-4, 0.5, 2.0)  # solref, solimp of the engine
+# solref, solimp of the engine: as stiff as a step of time allows, penetration well below 0.1 mm
+_STIFF_CONTACT = (2e-4, 1.0), (0.95, 0.99, 1e-4, 0.5, 2.0)
+_WILD = 1e6       # rad/s
 _FINE = 4         # points of a piece where the DLO is sought in a hole
 
 
@@ -72,7 +74,8 @@ class Plant:
         time: s
         commanded: Pose of the gripper as commanded
         forces, largest_forces: (n,) N, sum of the sizes of the contact forces on the DLO of each
-            obstacle, in the last step and the largest so far
+            obstacle, mean of the last `move` and the largest of these so far: of an impact, what
+            a sensor as fast as that shows
         frequencies: (3,) Hz, slowest vibrations about the shape at the beginning
         damping, least_damping: ratio of the slowest one: as it is; the least there is
 
@@ -98,7 +101,12 @@ class Plant:
         self.largest_forces = self.forces.copy()
 
     def move(self, gripper: Pose, seconds: float) -> None:
-        """Move the gripper to a Pose in a time in s, evenly; the next call goes on from there."""
+        """Move the gripper to a Pose in a time in s, evenly; the next call goes on from there.
+
+        Raises:
+            InvalidTask: naming the argument
+            NotConverged: the engine cannot follow, as where it is pushed with all might
+        """
         instance('gripper', gripper, Pose)
         seconds = number('seconds', seconds, above=0)
         begin, end = self._held, self._holding(gripper)
@@ -106,12 +114,17 @@ class Plant:
         mujoco.mju_subQuat(turn, end[1], begin[1])
         steps = max(1, round(seconds / self._step))
         self._model.opt.timestep = seconds / steps
+        self.forces[:] = 0
         # in world axes and gripper axes, as the engine has it
         twist = np.concatenate([end[0] - begin[0], turn]) / seconds
         quaternion = begin[1].copy()
         for k in range(1, steps + 1):
             mujoco.mju_quatIntegrate(quaternion, twist[3:], seconds / steps)
             self._advance(begin[0] + k / steps * (end[0] - begin[0]), quaternion, twist)
+        if not np.abs(self._data.qvel).max() < _WILD:
+            raise NotConverged(f'the motion of the DLO became unstable at {self.time:.3g} s')
+        self.forces /= steps
+        np.maximum(self.largest_forces, self.forces, out=self.largest_forces)
         self._held = end
         self.time += seconds
         self.commanded = gripper
@@ -169,6 +182,7 @@ class Plant:
         spec = mujoco.MjSpec()
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         spec.option.gravity = gravity
         add_chain(add_gripper(spec, self._chain), self._chain)
         for k, obstacle in enumerate(obstacles):
@@ -236,20 +250,14 @@ class Plant:
         data.qvel[:6] = twist
         if data.ncon:
             self._feel()
-        elif self._touched:
-            self.forces[:], self._touched = 0, False
-
-    _touched = False
 
     def _feel(self):
         """Add up the contact forces."""
         data, wrench = self._data, np.zeros(6)
-        self.forces[:], self._touched = 0, True
         for k, contact in enumerate(data.contact):
             mujoco.mj_contactForce(self._model, data, k, wrench)
             one, other = (self._owner[geom] for geom in contact.geom)
             self.forces[other if one is None else one] += np.linalg.norm(wrench[:3])
-        np.maximum(self.largest_forces, self.forces, out=self.largest_forces)
 
     def _nodes(self):
         """Return places (n + 1, 3) and tangents (n + 1, 3) at the ends of the cells."""

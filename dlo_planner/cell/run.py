@@ -19,6 +19,7 @@ _STEP = 2e-3      # s, of the plant
 _LOOKED_AT = 5    # periods between two looks at the hole
 _SHORT = 0.005    # of the length, by which the depth may be missed
 _LONGEST = 300.0  # s, of a run
+_STOP = 5.0       # N, at which a robot stops
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,7 +29,8 @@ class Outcome(Value):
     Attributes:
         seed: of what is unknown
         refused: why the driver did not begin or go on; empty: it came to its end
-        threaded: whether the DLO is in the hole as deep as it should be
+        threaded: whether the DLO is in the hole as deep as it should be; a force of more than 5 N
+            ends a run
         depth: m, beyond the sheet, at the end
         miss: m, largest distance from the centre of the hole while the DLO was in its plane; nan if
             it never was
@@ -93,6 +95,8 @@ def _drive(plant, command, task, viewer, watch):
         plant.move(pose, PERIOD)
         if watch is not None:
             watch(plant)
+        if plant.largest_forces.max() > _STOP:
+            break
         if count % _LOOKED_AT == 0:
             passage = plant.passage(task.cutout)
             if passage.depth > 0:

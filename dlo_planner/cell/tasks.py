@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlo_planner.model.checks import instance, integer, number
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import choice, instance, integer, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose
@@ -47,6 +48,12 @@ class Task(Value):
         instance('Task.rod', self.rod, Rod)
         instance('Task.cutout', self.cutout, CutOut)
         instance('Task.start', self.start, Pose)
+        if self.cutout.radius is None or self.rod.radius is None or callable(self.rod.radius):
+            raise InvalidTask(f'Task.cutout = {self.cutout!r}, Task.rod = {self.rod!r}: expected '
+                              'both with a radius')
+        if self.room <= 0:
+            raise InvalidTask(f'Task.cutout.radius = {self.cutout.radius:g}: expected more than '
+                              f"the DLO's {self.rod.radius:g} m")
         put(self, depth=number('Task.depth', self.depth, above=0, maximum=self.rod.length))
         super().__post_init__()
 
@@ -70,7 +77,7 @@ def draw_task(seed: int, name: str | None = None, radius: float | None = None) -
         radius: of the hole, m; None: in the range RADII, with 2.5 mm of room at least
     """
     rng = np.random.default_rng([integer('seed', seed, minimum=0, maximum=2**31), 77])
-    name = list(RODS)[seed % len(RODS)] if name is None else name
+    name = list(RODS)[seed % len(RODS)] if name is None else choice('name', name, list(RODS))
     rod = RODS[name]
     smallest = max(RADII[0], rod.radius + _LEAST_ROOM)
     drawn = rng.uniform(smallest, RADII[1])
