@@ -20,7 +20,7 @@ from dlo_planner.cell.chain import add_chain, add_gripper, chain_of, set_springs
 from dlo_planner.cell.engine import mujoco
 from dlo_planner.cell.scenery import add_obstacle
 from dlo_planner.cell.truth import Truth
-from dlo_planner.errors import NotConverged
+from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.model.checks import instance, integer, items, number, row, vector
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import OBSTACLES
@@ -57,7 +57,7 @@ class Passage(Value):
 
 
 class Plant:
-    """A DLO that hangs at rest in a gripper at first.
+    """A DLO that hangs at rest in a gripper at first, freely, as it falls from its natural shape.
 
     Args:
         rod: Rod as the planner knows it
@@ -80,7 +80,7 @@ class Plant:
         damping, least_damping: ratio of the slowest one: as it is; the least there is
 
     Raises:
-        InvalidTask: an argument makes no sense
+        InvalidTask: an argument makes no sense, or the DLO touches an obstacle at first
         NotConverged: the DLO does not come to rest
     """
 
@@ -213,8 +213,9 @@ class Plant:
         self._data.qpos[:3], self._data.qpos[3:7] = place, quaternion
 
     def _settle(self):
-        """Let the DLO come to rest from its natural shape, with much damping."""
+        """Let the DLO come to rest from its natural shape, with much damping and no obstacles."""
         model, data = self._model, self._data
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
         data.qpos[7:] = model.qpos_spring[7:]
         slowness = self._chain.slowness
         model.opt.timestep = _SETTLING * slowness
@@ -231,7 +232,11 @@ class Plant:
             raise NotConverged(f'gripper = {self.commanded!r}: the DLO does not come to rest in it')
         self._place(*self._held)
         data.qvel[:] = 0
-        mujoco.mj_kinematics(model, data)
+        model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        mujoco.mj_forward(model, data)
+        if data.ncon:
+            raise InvalidTask(f'gripper = {self.commanded!r}: expected a DLO that hangs freely, it '
+                              'touches an obstacle there')
 
     def _damp(self, ratio):
         """Set the damping; the engine's own stands for as much of it as a step is long."""
