@@ -179,25 +179,28 @@ def test_it_cannot_be_pushed_through_the_sheet():
     assert plant.largest_forces[0] > 0.1
 
 
+def hung(gravity=FLOATING, **truth):
+    """Return a Plant of a thin straight rod, held level."""
+    return Plant(beam(radius=None), at(), gravity=gravity, cells=20, truth=Truth(**truth))
+
+
 def test_truth():
-    straight = beam(radius=None)
-    bent = Plant(straight, at(), gravity=FLOATING, truth=Truth(natural_curvature=(
-        (0.0,), (0.5,)), length=0.1))
+    bent = hung(natural_curvature=((0.0,), (0.5,)), length=0.1)
     assert bent.length == 1.1
     assert bent.tip.position == pytest.approx(
-        (2 * np.sin(0.55), 2 * (1 - np.cos(0.55)), 1), abs=1e-4)
-    softer = Plant(straight, at(), truth=Truth(bending_stiffness=0.5, mass=0.5, mass_gradient=0.0))
-    assert softer.tip.position == pytest.approx(Plant(straight, at()).tip.position, abs=1e-5)
-    heavier = Plant(straight, at(), truth=Truth(mass_gradient=0.1))
-    # of a weight w (0.95 + 0.1 s) on a cantilever: w (0.95 / 8 + 0.1 * 11 / 120)
-    small = Plant(straight, at(), gravity=(0, 0, -0.01), truth=Truth(mass_gradient=0.1))
-    assert 1 - small.tip.position[2] == pytest.approx(1e-3 * (0.95 / 8 + 1.1 / 120), rel=2e-3)
-    assert heavier.tip.position[2] < Plant(straight, at()).tip.position[2]
-    held = Plant(straight, at(), gravity=FLOATING, truth=Truth(gripper_shift=(0, 0, 0.01),
-                                                               gripper_turn=(0, 0, 0.1)))
+        (2 * np.sin(0.55), 2 * (1 - np.cos(0.55)), 1), abs=4e-4)
+    held = hung(gripper_shift=(0, 0, 0.01), gripper_turn=(0, 0, 0.1))
     assert held.tip.position == pytest.approx((np.cos(0.1), np.sin(0.1), 1.01), abs=1e-9)
-    shifted = Plant(straight, at(), gravity=FLOATING, truth=Truth(hole_shift=(0, 0.003, 0)))
-    assert shifted.passage(HOLE).y == pytest.approx(-0.003, abs=1e-9)
+    assert hung(hole_shift=(0, 0.003, 0)).passage(HOLE).y == pytest.approx(-0.003, abs=1e-9)
+
+
+def test_true_masses():
+    down = (0, 0, -0.1)
+    both = hung(down, bending_stiffness=0.5, torsional_stiffness=0.5, mass=0.5)
+    assert both.tip.position == pytest.approx(hung(down).tip.position, abs=1e-7)
+    # the weight w (0.95 + 0.1 s) on a cantilever: w (0.95 / 8 + 0.1 * 11 / 120)
+    uneven = hung(down, mass_gradient=0.1)
+    assert 1 - uneven.tip.position[2] == pytest.approx(1e-2 * (0.95 / 8 + 1.1 / 120), rel=3e-3)
 
 
 def test_a_sheet_is_where_the_truth_has_it():
