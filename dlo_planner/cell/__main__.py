@@ -12,7 +12,7 @@ from pathlib import Path
 
 from dlo_planner.cell.bench import bench, summary, table, write_csv
 from dlo_planner.cell.drivers import OpenLoop, planned
-from dlo_planner.cell.run import run
+from dlo_planner.cell.run import STEP, run
 from dlo_planner.cell.tasks import RODS, draw_task
 from dlo_planner.cell.truth import NOTHING_UNKNOWN, UNCERTAIN, VERY_UNCERTAIN
 
@@ -25,7 +25,8 @@ def main(args: list[str] | None = None) -> int:
     options.output.mkdir(parents=True, exist_ok=True)
     radius = None if options.radius is None else 1e-3 * options.radius
     tasks = [draw_task(options.seed + k, options.dlo, radius) for k in range(options.tasks)]
-    settings = {'unknowns': _UNKNOWNS[options.unknown], 'damping': options.damping}
+    settings = {'unknowns': _UNKNOWNS[options.unknown], 'damping': options.damping,
+                'step': options.step}
     driver = OpenLoop(planned)
     # a fresh start: a fork could take over locks of threads that it has not
     with ProcessPoolExecutor(options.workers, get_context('spawn')) as executor:
@@ -55,6 +56,9 @@ def _parser():
     parser.add_argument('--unknown', choices=list(_UNKNOWNS), default='nothing',
                         help='how much the planner does not know (default: %(default)s)')
     parser.add_argument('--damping', type=float, default=0.005, help='ratio (default: %(default)s)')
+    parser.add_argument('--step', type=float, default=STEP,
+                        help='of the plant in s; shorter ones allow less damping (default: '
+                             '%(default)s)')
     parser.add_argument('--workers', type=int, default=2, help='processes (default: %(default)s)')
     parser.add_argument('--no-film', dest='film', action='store_false')
     parser.add_argument('--output', type=Path, default=Path('cell_output'),

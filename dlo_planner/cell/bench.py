@@ -9,7 +9,7 @@ import numpy as np
 
 from dlo_planner.cell.camera import Camera
 from dlo_planner.cell.drivers import Driver
-from dlo_planner.cell.run import Outcome, run
+from dlo_planner.cell.run import STEP, Outcome, run
 from dlo_planner.cell.tasks import Task
 from dlo_planner.cell.truth import NOTHING_UNKNOWN, Unknowns
 from dlo_planner.errors import InvalidTask
@@ -21,18 +21,18 @@ HEAD = ('task', 'hole radius [mm]', 'room [mm]', 'threaded', 'depth [m]', 'of [m
 
 
 def bench(tasks: Sequence[Task], driver: Driver, *, unknowns: Unknowns = NOTHING_UNKNOWN,
-          camera: Camera | None = None, damping: float = 0.005, executor: Executor | None = None,
-          progress: OnProgress = None) -> list[Outcome]:
+          camera: Camera | None = None, damping: float = 0.005, step: float = STEP,
+          executor: Executor | None = None, progress: OnProgress = None) -> list[Outcome]:
     """Return the Outcomes of Tasks; the k-th has the seed k.
 
     Args:
-        tasks, driver, unknowns, camera, damping: see `run`
+        tasks, driver, unknowns, camera, damping, step: see `run`
         executor: of concurrent.futures, or one that works alike; None: one after the other
         progress: called as progress(done, total)
     """
     tasks = items('tasks', tasks, Task)
     report = callback('progress', progress) or _silent
-    options = {'unknowns': unknowns, 'camera': camera, 'damping': damping}
+    options = {'unknowns': unknowns, 'camera': camera, 'damping': damping, 'step': step}
     if executor is None:
         outcomes = []
         for seed, task in enumerate(tasks):

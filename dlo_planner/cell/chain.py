@@ -64,18 +64,21 @@ def chain_of(rod: Rod, truth: Truth, cells: int) -> Chain:
     edges = np.linspace(0, length, cells + 1)
     places = 0.5 * (1 + _GAUSS[0]) * cell
     inside = (edges[:-1, None] + places).ravel()
-    mean = lambda values: np.einsum(  # noqa: E731  over each cell
-        'cgk,g->ck', values.reshape(cells, len(places), -1), 0.5 * _GAUSS[1])
-    stiffness = 1 / mean(1 / truth.stiffnesses(rod, inside))
+    stiffness = 1 / _means(1 / truth.stiffnesses(rod, inside), cells)
     joints = 0.5 * (edges[:-1] + edges[1:])
     ends = np.append(joints[1:], length)
     masses, centers, inertias = _masses(rod, truth, joints, ends)
     section = rod.section
     flat = section is not None and section.kind == 'rectangular'
-    return Chain(length, stiffness / cell, mean(truth.natural_strains(rod, inside)) * cell,
+    return Chain(length, stiffness / cell, _means(truth.natural_strains(rod, inside), cells) * cell,
                  masses, centers, inertias,
                  rod.radii(np.minimum(0.5 * (joints + ends), rod.length)),
                  (section.half_n, section.half_b) if flat else None)
+
+
+def _means(values, cells):
+    """Return the means (cells, k) of values at Gauss points (cells * 5, k)."""
+    return np.einsum('cgk,g->ck', values.reshape(cells, _GAUSS[1].size, -1), 0.5 * _GAUSS[1])
 
 
 def _masses(rod, truth, joints, ends):

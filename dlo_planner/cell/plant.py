@@ -141,8 +141,8 @@ class Plant:
     @property
     def tip(self) -> Pose:
         """Pose of the free end, x axis = tangent."""
-        rotation = self._data.xmat[-1].reshape(3, 3)
-        return Pose.from_rotation(self._nodes()[0][-1], rotation)
+        place = self._nodes(self._data)[0][-1]
+        return Pose.from_rotation(place, self._data.xmat[-1].reshape(3, 3))
 
     def passage(self, cutout: CutOut) -> Passage:
         """Return the Passage of a cut-out, which stands where the Truth has shifted it."""
@@ -169,13 +169,11 @@ class Plant:
         force is differentiated. The largest displacement of a shape is 1; its n + 1 points are
         evenly spaced along the DLO.
         """
-        model, saved = self._model, self._data
-        data = mujoco.MjData(model)
-        data.qpos[:] = saved.qpos
-        stiffness, mass = self._linear(data)
-        count = integer('count', count, minimum=1, maximum=len(mass))
-        squares, vectors = eigh(stiffness, mass, subset_by_index=(0, count - 1))
-        shapes = np.array([self._displacement(data, saved.qpos, vector) for vector in vectors.T])
+        count = integer('count', count, minimum=1, maximum=self._model.nv - 6)
+        data, here = mujoco.MjData(self._model), self._data.qpos
+        data.qpos[:] = here
+        squares, vectors = eigh(*self._linear(data), subset_by_index=(0, count - 1))
+        shapes = np.array([self._displacement(data, here, vector) for vector in vectors.T])
         return np.sqrt(np.maximum(squares, 0)) / (2 * np.pi), shapes
 
     def _build(self, obstacles, gravity):
@@ -264,10 +262,9 @@ class Plant:
             one, other = (self._owner[geom] for geom in contact.geom)
             self.forces[other if one is None else one] += np.linalg.norm(wrench[:3])
 
-    def _nodes(self):
+    def _nodes(self, data):
         """Return places (n + 1, 3) and tangents (n + 1, 3) at the ends of the cells."""
-        model, data = self._model, self._data
-        mujoco.mj_kinematics(model, data)
+        mujoco.mj_kinematics(self._model, data)
         tangents = data.xmat[1:].reshape(-1, 3, 3)[:, :, 0].copy()
         places = data.xpos[1:].copy()
         places[1:] += 0.5 * self._chain.cell * tangents[1:]
@@ -275,7 +272,7 @@ class Plant:
 
     def _curve(self, s):
         """Return places (n, 3) at arc lengths (n,), cubic between the nodes."""
-        places, tangents = self._nodes()
+        places, tangents = self._nodes(self._data)
         cells = len(places) - 1
         scaled = np.asarray(s) / self._chain.cell
         k = np.minimum(scaled.astype(int), cells - 1)
@@ -311,8 +308,6 @@ class Plant:
         for sign in (1, -1):
             data.qpos[:] = rest
             data.qpos[7:] += sign * small * vector
-            self._data, kept = data, self._data
-            ends.append(self._nodes()[0])
-            self._data = kept
+            ends.append(self._nodes(data)[0])
         moved = ends[0] - ends[1]
         return moved / np.linalg.norm(moved, axis=1).max()

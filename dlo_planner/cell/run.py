@@ -15,7 +15,7 @@ from dlo_planner.model.checks import instance, integer, number
 from dlo_planner.model.value import Value
 
 TOUCH = 0.05      # N, below which nobody minds
-_STEP = 2e-3      # s, of the plant
+STEP = 2e-3       # s, of the plant
 _LOOKED_AT = 5    # periods between two looks at the hole
 _SHORT = 0.005    # of the length, by which the depth may be missed
 _LONGEST = 300.0  # s, of a run
@@ -53,7 +53,7 @@ class Outcome(Value):
 
 
 def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHING_UNKNOWN,
-        camera: Camera | None = None, damping: float = 0.005,
+        camera: Camera | None = None, damping: float = 0.005, step: float = STEP,
         watch: Callable | None = None) -> Outcome:
     """Return the Outcome of a Task.
 
@@ -63,7 +63,7 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
         seed: of what is unknown and of the camera's errors
         unknowns: Unknowns, of which one Truth is drawn
         camera: Camera; None: there is none
-        damping: ratio, see `Plant`
+        damping, step: ratio and s, see `Plant`: shorter steps allow less damping
         watch: called as watch(plant) after each period
     """
     instance('task', task, Task)
@@ -72,7 +72,7 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
     viewer = None if camera is None else Viewer(instance('camera', camera, Camera), rng)
     try:
         command = driver(task)
-        plant = Plant(task.rod, task.start, [task.sheet], truth=truth, step=_STEP,
+        plant = Plant(task.rod, task.start, [task.sheet], truth=truth, step=step,
                       damping=number('damping', damping, minimum=0))
         misses = _drive(plant, command, task, viewer, watch)
     except DloPlannerError as error:
