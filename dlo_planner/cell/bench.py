@@ -69,11 +69,11 @@ def table(tasks: Sequence[Task], outcomes: Sequence[Outcome], longest: int = 60)
 
 def summary(outcomes: Sequence[Outcome]) -> str:
     """Return the sums of a table in a sentence."""
-    tried = [one for one in outcomes if not one.refused]
-    clean = sum(one.threaded and not one.touched for one in tried)
-    return (f'{len(outcomes)} tasks: {len(outcomes) - len(tried)} refused, '
-            f'{sum(one.threaded for one in tried)} threaded, {clean} of them without a touch; '
-            f'largest force {max((one.force for one in tried), default=0.0):.3g} N')
+    refused = sum(bool(one.refused) for one in outcomes)
+    clean = sum(one.threaded and not one.touched for one in outcomes)
+    return (f'{len(outcomes)} tasks: {refused} refused, '
+            f'{sum(one.threaded for one in outcomes)} threaded, {clean} of them without a touch; '
+            f'largest force {max((one.force for one in outcomes), default=0.0):.3g} N')
 
 
 def write_csv(path: str | PathLike, tasks: Sequence[Task], outcomes: Sequence[Outcome]) -> None:

@@ -10,8 +10,8 @@ from dlo_planner.cell.drivers import PERIOD, Driver
 from dlo_planner.cell.plant import Plant
 from dlo_planner.cell.tasks import Task
 from dlo_planner.cell.truth import NOTHING_UNKNOWN, Unknowns
-from dlo_planner.errors import DloPlannerError
-from dlo_planner.model.checks import instance, integer, number
+from dlo_planner.errors import DeadlineExceeded, Infeasible, NotConverged
+from dlo_planner.model.checks import instance, integer
 from dlo_planner.model.value import Value
 
 TOUCH = 0.05      # N, below which nobody minds
@@ -20,6 +20,7 @@ _LOOKED_AT = 5    # periods between two looks at the hole
 _SHORT = 0.005    # of the length, by which the depth may be missed
 _LONGEST = 300.0  # s, of a run
 _STOP = 5.0       # N, at which a robot stops
+_REFUSALS = Infeasible, NotConverged, DeadlineExceeded
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,7 +29,7 @@ class Outcome(Value):
 
     Attributes:
         seed: of what is unknown
-        refused: why the driver did not begin or go on; empty: it came to its end
+        refused: why the driver did not begin, or did not go on; empty: it came to its end
         threaded: whether the DLO is in the hole as deep as it should be; a force of more than 5 N
             ends a run
         depth: m, beyond the sheet, at the end
@@ -65,6 +66,9 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
         camera: Camera; None: there is none
         damping, step: ratio and s, see `Plant`: shorter steps allow less damping
         watch: called as watch(plant) after each period
+
+    Raises:
+        InvalidTask: an argument makes no sense, or the driver asks for what makes none
     """
     instance('task', task, Task)
     rng = np.random.default_rng([integer('seed', seed, minimum=0, maximum=2**31), 78])
@@ -72,27 +76,29 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
     viewer = None if camera is None else Viewer(instance('camera', camera, Camera), rng)
     try:
         command = driver(task)
-        plant = Plant(task.rod, task.start, [task.sheet], truth=truth, step=step,
-                      damping=number('damping', damping, minimum=0))
-        misses = _drive(plant, command, task, viewer, watch)
-    except DloPlannerError as error:
-        return Outcome(seed, f'{type(error).__name__}: {error}')
+        plant = Plant(task.rod, task.start, [task.sheet], truth=truth, step=step, damping=damping)
+    except _REFUSALS as error:
+        return Outcome(seed, _reason(error))
+    misses, refused = _drive(plant, command, task, viewer, watch)
     passage, miss = plant.passage(task.cutout), max(misses, default=np.nan)
     threaded = (passage.depth > task.depth - _SHORT * task.rod.length
-                and miss < task.cutout.radius)
-    return Outcome(seed, '', bool(threaded), passage.depth, float(miss),
+                and miss < task.cutout.radius and not refused)
+    return Outcome(seed, refused, bool(threaded), passage.depth, float(miss),
                    float(plant.largest_forces[0]), plant.time)
 
 
 def _drive(plant, command, task, viewer, watch):
-    """Move the gripper until the command is done; return the misses."""
+    """Move the gripper until the command is done; return the misses, and why it was broken off."""
     misses = []
     for count in range(int(_LONGEST / PERIOD)):
         images = () if viewer is None else viewer.images(plant, task.cutout)
-        pose = command(images, plant.time)
-        if pose is None:
-            break
-        plant.move(pose, PERIOD)
+        try:
+            pose = command(images, plant.time)
+            if pose is None:
+                break
+            plant.move(pose, PERIOD)
+        except _REFUSALS as error:
+            return misses, _reason(error)
         if watch is not None:
             watch(plant)
         if plant.largest_forces.max() > _STOP:
@@ -101,4 +107,8 @@ def _drive(plant, command, task, viewer, watch):
             passage = plant.passage(task.cutout)
             if passage.depth > 0:
                 misses.append(passage.miss)
-    return misses
+    return misses, ''
+
+
+def _reason(error):
+    return f'{type(error).__name__}: {error}'

@@ -107,6 +107,17 @@ def test_a_refusal_is_an_outcome():
         rows([bar_task()], [])
 
 
+def test_a_driver_that_gives_up_on_the_way():
+    def driver(task):
+        def command(images, time):
+            return refuses(task) if time > 0.4 else Pose(task.start.position, (0, 0, 0, 1))
+        return command
+
+    outcome = run(bar_task(), driver)
+    assert outcome.refused
+    assert outcome.time == pytest.approx(0.4, abs=2 * PERIOD)
+
+
 @pytest.mark.parametrize('seed', range(12))
 def test_tasks_are_drawn(seed):
     task = draw_task(seed)
@@ -144,7 +155,8 @@ def test_nothing_to_run(tmp_path, capsys):
     (lambda: draw_task(-1), 'seed'), (lambda: replace(bar_task(), depth=0.5), 'Task.depth'),
     (lambda: replace(bar_task(), cutout=CutOut(HOLE.pose)), 'Task.cutout'),
     (lambda: draw_task(0, 'rope'), 'name'), (lambda: draw_task(0, radius=5e-4), 'radius'),
-    (lambda: run(1, refuses), 'task'), (lambda: bench([1], refuses), r'tasks\[0\]')])
+    (lambda: run(1, refuses), 'task'), (lambda: run(bar_task(), OpenLoop(pushed), damping=-1.0),
+                                        'damping'), (lambda: bench([1], refuses), r'tasks\[0\]')])
 def test_what_makes_no_sense_is_refused(make, named):
     with pytest.raises(InvalidTask, match=named):
         make()
