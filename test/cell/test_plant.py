@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 pytest.importorskip('mujoco', reason='extra [cell] is not installed')
 
@@ -201,6 +202,27 @@ def test_true_masses():
     # the weight w (0.95 + 0.1 s) on a cantilever: w (0.95 / 8 + 0.1 * 11 / 120)
     uneven = hung(down, mass_gradient=0.1)
     assert 1 - uneven.tip.position[2] == pytest.approx(1e-2 * (0.95 / 8 + 1.1 / 120), rel=3e-3)
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_a_drawn_truth_hangs_as_the_package_says(wire, seed):
+    truth = VERY_UNCERTAIN.draw(np.random.default_rng(seed))
+    length = 1 + truth.length
+    true = Rod(
+        length,
+        lambda s: truth.mass * wire.mass_per_length * (1 + truth.mass_gradient * (s / length - .5)),
+        truth.bending_stiffness * wire.stiffness[1],
+        truth.torsional_stiffness * wire.stiffness[0],
+        natural_curvature=lambda s: tuple(
+            a + b * (2 * s / length - 1) + c * (1.5 * (2 * s / length - 1) ** 2 - 0.5)
+            for a, b, c in truth.natural_curvature))
+    held = Pose.from_rotation(at().position + truth.gripper_shift,
+                              Rotation.from_rotvec(np.array(truth.gripper_turn)).as_matrix())
+    plant = Plant(wire, at(), truth=truth, cells=40)
+    s = np.linspace(0, plant.length, 11)
+    off = plant.points(s) - DirectSimulator(true, accuracy=1e-5).solve(held).positions_at(s)
+    assert np.linalg.norm(off, axis=1).max() < 6e-4
+    assert np.linalg.norm(plant.points([plant.length]) - Plant(wire, at()).tip.position) > 0.01
 
 
 def test_a_sheet_is_where_the_truth_has_it():
