@@ -10,6 +10,7 @@ It stands for the real cell. Of the planner it knows the data types (`dlo_planne
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,6 +37,7 @@ _LONGEST = 20_000  # steps until it is at rest
 _DIFFERENCE = 1e-5  # rad
 # solref, solimp of the engine: as stiff as a step of time allows, penetration well below 0.1 mm
 _STIFF_CONTACT = (2e-4, 1.0), (0.95, 0.99, 1e-4, 0.5, 2.0)
+_ROUNDING = 1e-9
 _WILD = 1e6       # rad/s
 _FINE = 4         # points of a piece where the DLO is sought in a hole
 
@@ -112,8 +114,8 @@ class Plant:
         begin, end = self._held, self._holding(gripper)
         turn = np.zeros(3)
         mujoco.mju_subQuat(turn, end[1], begin[1])
-        steps = max(1, round(seconds / self._step))
-        self._model.opt.timestep = seconds / steps
+        steps = ceil(seconds / self._step * (1 - _ROUNDING))
+        self._step_is(seconds / steps)
         self.forces[:] = 0
         # in world axes and gripper axes, as the engine has it
         twist = np.concatenate([end[0] - begin[0], turn]) / seconds
@@ -237,12 +239,20 @@ class Plant:
                               'touches an obstacle there')
 
     def _damp(self, ratio):
-        """Set the damping; the engine's own stands for as much of it as a step is long."""
+        """Find the damping that the stiffness brings along, in s."""
         self.frequencies = self.modes(3)[0]
         rate = np.pi * self.frequencies[0]
         self.least_damping = rate * 0.5 * self._step
         self.damping = max(ratio, self.least_damping)
-        self._model.dof_damping[6:] = (self.damping / rate - self._step) * self._stiffness
+        self._lag = self.damping / rate
+
+    def _step_is(self, seconds):
+        """Set the step of time. The engine's own damping, of a whole step, is part of the damping.
+
+        What is left may be negative: stable while both together are half a step at least.
+        """
+        self._model.opt.timestep = seconds
+        self._model.dof_damping[6:] = (self._lag - seconds) * self._stiffness
 
     def _advance(self, place, quaternion, twist):
         """Make one step; the gripper comes to a place and has a twist (6,) on the way there."""

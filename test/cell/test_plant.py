@@ -73,9 +73,10 @@ def test_frequencies_of_a_cantilever():
     assert plant.frequencies == pytest.approx(frequencies[:3])
 
 
-@pytest.mark.parametrize('ratio', [0.005, 0.02])
-def test_a_swing_has_the_frequency_and_the_damping(ratio):
-    plant = Plant(beam(), at(), cells=16, damping=ratio)
+@pytest.mark.parametrize(('ratio', 'step'), [(0.005, 1e-3), (0.02, 1e-3), (0.0, 2e-3)])
+def test_a_swing_has_the_frequency_and_the_damping(ratio, step):
+    plant = Plant(beam(), at(), cells=16, damping=ratio, step=step)
+    ratio = max(ratio, plant.least_damping)
     rest = plant.tip.position[1]
     for k in range(1, 51):
         plant.move(at(y=2e-4 * k), 0.002)
@@ -99,6 +100,16 @@ def test_what_is_damped_least():
     plant = Plant(beam(), at(), cells=8, step=2e-3, damping=0)
     assert plant.damping == plant.least_damping == pytest.approx(
         np.pi * plant.frequencies[0] * 1e-3)
+
+
+def test_the_period_of_control_does_not_matter():
+    ends = []
+    for periods in ([0.02] * 50, [0.0001] * 10 + [0.02] * 49 + [0.019], [0.0123] * 81 + [0.0037]):
+        plant = Plant(beam(), at(), cells=8, step=2e-3, damping=0)
+        for period in periods:
+            plant.move(at(y=0.2 * min(1, plant.time + period)), period)
+        ends.append(plant.tip.position)
+    assert np.ptp(ends, axis=0).max() < 2e-4
 
 
 def test_a_fast_motion_agrees_with_the_package():
