@@ -9,4 +9,7 @@ if not hasattr(mujoco.mjtIntegrator, 'mjINT_DISCRETE'):
     raise ImportError(f'dlo_planner.cell needs mujoco >= 3.13, this is {mujoco.__version__}: its '
                       'older integrators do not take stiff springs into account in contacts')
 
+# It would write a file wherever it is; the plant sees by itself what goes wrong.
+mujoco.set_mju_user_warning(lambda message: None)
+
 __all__ = ['mujoco']

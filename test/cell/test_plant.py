@@ -15,6 +15,7 @@ from dlo_planner import (  # noqa: E402  mujoco may be missing
     CutOut,
     DirectSimulator,
     InvalidTask,
+    NotConverged,
     Plane,
     Pose,
     Rod,
@@ -110,6 +111,14 @@ def test_the_period_of_control_does_not_matter():
             plant.move(at(y=0.2 * min(1, plant.time + period)), period)
         ends.append(plant.tip.position)
     assert np.ptp(ends, axis=0).max() < 2e-4
+
+
+def test_what_cannot_be_followed_is_said(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # the engine would leave a file
+    plant = Plant(beam(), at(), cells=4)
+    with pytest.raises(NotConverged, match='unstable at 0 s'):
+        plant.move(at(x=1e9), 0.001)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_fast_motion_agrees_with_the_package():
