@@ -1,6 +1,7 @@
 # make demo   the main job, done by real ROS 2 processes; pictures in demo_output/
 # make test   the tests
 # make bench  timings of the core
+# make cell   20 tasks in a physics engine; table and film in cell_output/
 # make lint   style
 # make lock   newest versions that requirements.txt allows, into requirements.lock
 # Each sets up what it needs in .venv (Python 3.11 or 3.12) and is quick the second time.
@@ -9,7 +10,7 @@ PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/python
 
-.PHONY: demo test bench lint lock clean
+.PHONY: demo test bench cell lint lock clean
 demo: $(VENV)/ready
 	$(RUN) -m dlo_planner.ros.demo
 
@@ -18,6 +19,9 @@ test: $(VENV)/ready
 
 bench: $(VENV)/ready
 	$(RUN) benchmarks/run.py
+
+cell: $(VENV)/ready
+	$(RUN) -m dlo_planner.cell
 
 lint: $(VENV)/ready
 	$(RUN) -m ruff check .
@@ -38,5 +42,5 @@ lock:
 	build/lock/bin/python .ci/pins.py > requirements.lock
 
 clean:
-	rm -rf $(VENV) demo_output build install log .pytest_cache .hypothesis
+	rm -rf $(VENV) demo_output cell_output build install log .pytest_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -1,0 +1,96 @@
+"""Many tasks, one after the other or at once, and a table of what came of them."""
+
+import csv
+from collections.abc import Sequence
+from concurrent.futures import Executor, as_completed
+from os import PathLike
+
+import numpy as np
+
+from dlo_planner.cell.camera import Camera
+from dlo_planner.cell.drivers import Driver
+from dlo_planner.cell.run import STEP, Outcome, run
+from dlo_planner.cell.tasks import Task
+from dlo_planner.cell.truth import NOTHING_UNKNOWN, Unknowns
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import callback, items
+from dlo_planner.progress import OnProgress
+
+HEAD = ('task', 'hole radius [mm]', 'room [mm]', 'threaded', 'depth [m]', 'of [m]',
+        'largest miss [mm]', 'touched', 'largest force [N]', 'time [s]', 'refused')
+
+
+def bench(tasks: Sequence[Task], driver: Driver, *, unknowns: Unknowns = NOTHING_UNKNOWN,
+          camera: Camera | None = None, damping: float = 0.005, step: float = STEP,
+          executor: Executor | None = None, progress: OnProgress = None) -> list[Outcome]:
+    """Return the Outcomes of Tasks; the k-th has the seed k.
+
+    Args:
+        tasks, driver, unknowns, camera, damping, step: see `run`
+        executor: of concurrent.futures, or one that works alike; None: one after the other
+        progress: called as progress(done, total)
+    """
+    tasks = items('tasks', tasks, Task)
+    report = callback('progress', progress) or _silent
+    options = {'unknowns': unknowns, 'camera': camera, 'damping': damping, 'step': step}
+    if executor is None:
+        outcomes = []
+        for seed, task in enumerate(tasks):
+            outcomes.append(run(task, driver, seed=seed, **options))
+            report(len(outcomes), len(tasks))
+        return outcomes
+    futures = [executor.submit(run, task, driver, seed=seed, **options)
+               for seed, task in enumerate(tasks)]
+    for done, _ in enumerate(as_completed(futures), 1):
+        report(done, len(tasks))
+    return [future.result() for future in futures]
+
+
+def rows(tasks: Sequence[Task], outcomes: Sequence[Outcome]) -> list[tuple]:
+    """Return the rows of the table, for HEAD."""
+    if len(tasks) != len(outcomes):
+        raise InvalidTask(f'outcomes: expected one for each of {len(tasks)} tasks, got '
+                          f'{len(outcomes)}')
+    return [(task.name, _round(1e3 * task.cutout.radius), _round(1e3 * task.room),
+             _answer(outcome.threaded), _round(outcome.depth), _round(task.depth),
+             _round(1e3 * outcome.miss), _answer(outcome.touched), _round(outcome.force),
+             _round(outcome.time), outcome.refused)
+            for task, outcome in zip(tasks, outcomes, strict=True)]
+
+
+def table(tasks: Sequence[Task], outcomes: Sequence[Outcome], longest: int = 60) -> str:
+    """Return the table as text; reasons are cut to `longest` characters."""
+    lines = [HEAD] + [tuple(str(value).replace('nan', '-')[:longest] for value in row)
+                      for row in rows(tasks, outcomes)]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(HEAD))]
+    return '\n'.join('  '.join(value.ljust(width) for value, width in zip(
+        line, widths, strict=True)).rstrip() for line in lines)
+
+
+def summary(outcomes: Sequence[Outcome]) -> str:
+    """Return the sums of a table in a sentence."""
+    refused = sum(bool(one.refused) for one in outcomes)
+    clean = sum(one.threaded and not one.touched for one in outcomes)
+    return (f'{len(outcomes)} tasks: {refused} refused, '
+            f'{sum(one.threaded for one in outcomes)} threaded, {clean} of them without a touch; '
+            f'largest force {max((one.force for one in outcomes), default=0.0):.3g} N')
+
+
+def write_csv(path: str | PathLike, tasks: Sequence[Task], outcomes: Sequence[Outcome]) -> None:
+    """Write the table to a file."""
+    with open(path, 'w', newline='', encoding='utf-8') as file:
+        writer = csv.writer(file)
+        writer.writerow(HEAD)
+        writer.writerows(rows(tasks, outcomes))
+
+
+def _silent(*_):
+    pass
+
+
+def _answer(yes):
+    return 'yes' if yes else 'no'
+
+
+def _round(value):
+    return float(f'{value:.4g}') if np.isfinite(value) else value

@@ -1,0 +1,113 @@
+"""A camera that sees points on the DLO, late, with errors, and not all of them."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from dlo_planner.cell.plant import Plant
+from dlo_planner.model.checks import flag, integer, number, vector
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.value import Value, put
+
+_FAR = 0.1  # of the length: how far from the DLO outliers are
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Image(Value):
+    """What the camera saw.
+
+    Attributes:
+        stamp: s, when it was taken, as the camera says
+        points: (n, 3) m, world axes, in no order
+        hole: (3,) m, the center of the hole as seen; None: not looked at
+    """
+
+    stamp: float
+    points: np.ndarray
+    hole: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Camera(Value):
+    """How well a camera sees.
+
+    Attributes:
+        rate: images per s
+        latency: s, from when an image is taken to when it is there
+        noise: m, standard deviation of each coordinate of each point
+        bias: m, the same of an error that is constant during a run
+        points: in each image, of those on the DLO that are not hidden
+        outliers: share of the points that lie anywhere near the DLO
+        hidden: share of the length, in one part of its first two thirds, that is never seen:
+            without the free third nothing can be told
+        stamp_error: s, by how much stamps are too late
+        sees_hole: whether it looks at the hole, too: with the same noise and bias
+
+    Raises:
+        InvalidTask: naming the argument
+    """
+
+    rate: float = 15.0
+    latency: float = 0.06
+    noise: float = 1e-3
+    bias: float = 0.0
+    points: int = 20
+    outliers: float = 0.0
+    hidden: float = 0.0
+    stamp_error: float = 0.0
+    sees_hole: bool = False
+
+    def __post_init__(self):
+        limits = {'rate': {'above': 0}, 'outliers': {'minimum': 0, 'maximum': 1},
+                  'hidden': {'minimum': 0, 'maximum': 2 / 3}, 'stamp_error': {}}
+        for item in fields(self):
+            if item.type is float:
+                put(self, **{item.name: number(f'Camera.{item.name}', getattr(self, item.name),
+                                               **limits.get(item.name, {'minimum': 0}))})
+        put(self, points=integer('Camera.points', self.points, minimum=1, maximum=10_000),
+            sees_hole=flag('Camera.sees_hole', self.sees_hole))
+        super().__post_init__()
+
+
+GOOD = Camera()
+BAD = Camera(bias=0.5e-3, outliers=0.1, hidden=1 / 3, stamp_error=0.06)
+
+
+class Viewer:
+    """A Camera during one run: hands out its images when they are there.
+
+    Args:
+        camera: Camera
+        rng: of its errors
+    """
+
+    def __init__(self, camera: Camera, rng: np.random.Generator):
+        self._camera, self._rng = camera, rng
+        self._bias = camera.bias * rng.standard_normal(3)
+        self._from = rng.uniform(0, 2 / 3 - camera.hidden)
+        self._next, self._coming = None, []  # the first image is taken at once
+
+    def images(self, plant: Plant, cutout: CutOut) -> tuple[Image, ...]:
+        """Return the Images that came since the last call, which was not long ago."""
+        if self._next is None:
+            self._next = plant.time
+        if plant.time >= self._next - 1e-9:
+            self._next += 1 / self._camera.rate
+            self._coming.append((plant.time + self._camera.latency, self._image(plant, cutout)))
+        there = [image for time, image in self._coming if time <= plant.time + 1e-9]
+        self._coming = self._coming[len(there):]
+        return tuple(there)
+
+    def _image(self, plant, cutout):
+        camera, rng = self._camera, self._rng
+        visible = rng.uniform(0, 1 - camera.hidden, camera.points)
+        visible[visible > self._from] += camera.hidden
+        points = plant.points(plant.length * visible)
+        wild = rng.random(camera.points) < camera.outliers
+        points[wild] += rng.uniform(-_FAR, _FAR, (wild.sum(), 3)) * plant.length
+        points += self._bias + camera.noise * rng.standard_normal(points.shape)
+        hole = None
+        if camera.sees_hole:
+            hole = vector('hole', cutout.centre + plant.truth.hole_shift + self._bias
+                          + camera.noise * rng.standard_normal(3), 3)
+        return Image(plant.time + camera.stamp_error, points, hole)

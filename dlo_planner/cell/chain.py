@@ -1,0 +1,155 @@
+"""A DLO as a chain of rigid pieces that are joined by springs.
+
+The DLO is cut into cells of equal length. The springs in the middle of a cell bend and twist as
+much as the whole cell does, so the first joint is half a piece from the gripper. Pieces have the
+tangents of the DLO at their middles: positions and tangents there are right to second order in the
+length of a cell. Each joint is three hinges, about n, t, b or b, t, n by turns: what the order of
+rotations adds to the torsion cancels between neighbors.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlo_planner.cell.engine import mujoco
+from dlo_planner.cell.truth import Truth
+from dlo_planner.model.rod import Rod
+
+_GAUSS = np.polynomial.legendre.leggauss(5)
+_ORDERS = (1, 0, 2), (2, 0, 1)  # axes of the hinges in the order of the strains
+_THIN = 1e-4    # of a piece's mass and length: the least inertia about its axis, to be above 0
+_HEAVY = 1e6    # mass of the gripper over that of the DLO: what moves it is not felt
+DLO, SCENE = 1, 2  # bits of what collides with what
+
+
+@dataclass(frozen=True)
+class Chain:
+    """What a chain of n cells is made of; the gripper holds the first half of the first cell.
+
+    Attributes:
+        length: m
+        stiffness: (n, 3) N m per rad of each joint, torsion, about n, about b
+        rest: (n, 3) rad, its angles without stress
+        masses, centers: (n,) kg; (n,) m from the joint before it, of each piece
+        inertias: (n, 3) kg m^2, about the center
+        radii: (n,) m
+        box: half sizes along n and b of a rectangular section, m; None: round
+    """
+
+    length: float
+    stiffness: np.ndarray
+    rest: np.ndarray
+    masses: np.ndarray
+    centers: np.ndarray
+    inertias: np.ndarray
+    radii: np.ndarray
+    box: tuple[float, float] | None
+
+    @property
+    def cell(self):
+        """Length of a cell, m."""
+        return self.length / len(self.masses)
+
+    @property
+    def slowness(self):
+        """sqrt(m L^3 / EI), in s: a straight DLO swings with 3.5 rad in this time."""
+        softest = self.stiffness[:, 1:].min() * self.cell
+        return float(np.sqrt(self.masses.sum() * self.length**3 / softest))
+
+
+def chain_of(rod: Rod, truth: Truth, cells: int) -> Chain:
+    """Return the Chain of a Rod as it is in truth."""
+    length = truth.length_of(rod)
+    cell = length / cells
+    edges = np.linspace(0, length, cells + 1)
+    places = 0.5 * (1 + _GAUSS[0]) * cell
+    inside = (edges[:-1, None] + places).ravel()
+    stiffness = 1 / _means(1 / truth.stiffnesses(rod, inside), cells)
+    joints = 0.5 * (edges[:-1] + edges[1:])
+    ends = np.append(joints[1:], length)
+    masses, centers, inertias = _masses(rod, truth, joints, ends)
+    section = rod.section
+    flat = section is not None and section.kind == 'rectangular'
+    return Chain(length, stiffness / cell, _means(truth.natural_strains(rod, inside), cells) * cell,
+                 masses, centers, inertias,
+                 rod.radii(np.minimum(0.5 * (joints + ends), rod.length)),
+                 (section.half_n, section.half_b) if flat else None)
+
+
+def _means(values, cells):
+    """Return the means (cells, k) of values at Gauss points (cells * 5, k)."""
+    return np.einsum('cgk,g->ck', values.reshape(cells, _GAUSS[1].size, -1), 0.5 * _GAUSS[1])
+
+
+def _masses(rod, truth, joints, ends):
+    """Return masses (n,), centers (n,) from the joint, inertias (n, 3) of the pieces."""
+    points = [(min(s, ends[-1]), truth.mass * m) for s, m in rod.point_masses]
+    points.append((ends[-1], truth.mass * rod.tip_mass))
+    found = []
+    for k, (begin, end) in enumerate(zip(joints, ends, strict=True)):
+        s = begin + 0.5 * (end - begin) * (1 + _GAUSS[0])
+        lumps = 0.5 * (end - begin) * _GAUSS[1] * truth.masses_per_length(rod, s)
+        last = k == len(joints) - 1
+        for at, mass in points:
+            if begin <= at and (at < end or last):
+                s, lumps = np.append(s, at), np.append(lumps, mass)
+        mass = lumps.sum()
+        center = s @ lumps / mass
+        along = lumps @ (s - center) ** 2
+        across = 0.25 * mass * rod.radii(np.array([min(center, rod.length)]))[0] ** 2
+        across = max(across, _THIN * mass * (end - begin) ** 2)
+        found.append((mass, center - begin, (2 * across, along + across, along + across)))
+    return map(np.array, zip(*found, strict=True))
+
+
+def add_gripper(spec, chain):
+    """Add the gripper to an MjSpec, so heavy that it goes where it is told; return it.
+
+    What it holds touches nothing: between a gripper and an obstacle there is no way out.
+    """
+    gripper = spec.worldbody.add_body(name='gripper', gravcomp=1)
+    mass = _HEAVY * chain.masses.sum()
+    gripper.explicitinertial = True
+    gripper.mass, gripper.inertia = mass, np.full(3, mass * chain.length**2)
+    gripper.add_freejoint()
+    return gripper
+
+
+def add_chain(gripper, chain):
+    """Add the pieces of a Chain to a gripper of MjSpec."""
+    parent, at = gripper, 0.5 * chain.cell
+    for k in range(len(chain.masses)):
+        piece = parent.add_body(name=f'piece {k}', pos=(at, 0, 0))
+        piece.explicitinertial = True
+        piece.mass, piece.inertia = chain.masses[k], chain.inertias[k]
+        piece.ipos = (chain.centers[k], 0, 0)
+        for axis in _ORDERS[k % 2]:
+            piece.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=np.eye(3)[axis])
+        last = k == len(chain.masses) - 1
+        _add_geom(piece, chain, k, (0.5 if last else 1) * chain.cell)
+        parent, at = piece, chain.cell
+
+
+def set_springs(model, chain):
+    """Give the joints of an MjModel their stiffness and rest; return the stiffness (3 n,)."""
+    orders = np.array([_ORDERS[k % 2] for k in range(len(chain.masses))])
+    stiffness = np.take_along_axis(chain.stiffness, orders, axis=1).ravel()
+    model.jnt_stiffness[1:] = stiffness
+    model.qpos_spring[7:] = np.take_along_axis(chain.rest, orders, axis=1).ravel()
+    # The solver's tolerance is relative to this mean, which should not be that of the gripper.
+    model.stat.meaninertia = chain.masses.mean() * chain.length**2 / 3
+    return stiffness
+
+
+def _add_geom(body, chain, k, length):
+    """Add the outside of a piece of a length in m to its body."""
+    half = 0.5 * length
+    if chain.box is None:
+        if not chain.radii[k]:
+            return  # a thin line touches nothing
+        shape, size = mujoco.mjtGeom.mjGEOM_CAPSULE, (chain.radii[k], half, 0)
+        turn = (np.sqrt(0.5), 0, np.sqrt(0.5), 0)  # its axis from z to x
+    else:
+        shape, size, turn = mujoco.mjtGeom.mjGEOM_BOX, (half, *chain.box), (1, 0, 0, 0)
+    body.add_geom(type=shape, size=size, quat=turn, pos=(half, 0, 0), contype=DLO,
+                  conaffinity=SCENE)

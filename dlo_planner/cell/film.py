@@ -1,0 +1,82 @@
+"""A film of a run, as a GIF. Drawn by matplotlib: a cell may have no graphics."""
+
+from os import PathLike
+
+import matplotlib
+import numpy as np
+from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.figure import Figure
+
+from dlo_planner.cell.plant import Plant
+from dlo_planner.cell.tasks import Task
+
+_POINTS = 81     # on the DLO
+_EVERY = 0.1     # s between two pictures
+_SPEED = 2       # times as fast as it was
+_JAW = 0.04      # m, size of the gripper in the picture
+_MARGIN = 0.1
+
+
+class Film:
+    """Takes pictures of a Plant; give it to `run` as `watch`."""
+
+    def __init__(self):
+        self._times, self._curves, self._grippers, self._forces = [], [], [], []
+
+    def __call__(self, plant: Plant) -> None:
+        """Take a picture if it is time."""
+        if self._times and plant.time < self._times[-1] + _EVERY - 1e-9:
+            return
+        self._times.append(plant.time)
+        self._curves.append(plant.points(np.linspace(0, plant.length, _POINTS)))
+        self._grippers.append(plant.commanded.matrix)
+        self._forces.append(plant.largest_forces.max(initial=0.0))
+
+    def save(self, path: str | PathLike, task: Task) -> None:
+        """Write the GIF: the run from the side and from above, along the way through the hole."""
+        axes = self._axes(task)
+        curves = (np.array(self._curves) - task.cutout.centre) @ axes.T
+        figure = Figure(figsize=(7.2, 6.4), dpi=70, layout='constrained')
+        panels = figure.subplots(2, 1)
+        lines = [self._panel(panel, task, curves, k) for k, panel in zip((2, 1), panels,
+                                                                        strict=True)]
+
+        def draw(number):
+            for k, (line, jaw) in zip((2, 1), lines, strict=True):
+                line.set_data(curves[number][:, 0], curves[number][:, k])
+                matrix = self._grippers[number]
+                jaws = matrix[:3, 3] + _JAW * np.array([-1, 0])[:, None] * matrix[:3, 0]
+                jaw.set_data(*((jaws - task.cutout.centre) @ axes[[0, k]].T).T)
+            panels[0].set_title(f'{task.name}, hole of {2e3 * task.cutout.radius:.1f} mm: '
+                                f'{self._times[number]:.1f} s, force so far '
+                                f'{self._forces[number]:.2g} N', fontsize=10)
+
+        with matplotlib.rc_context({'animation.embed_limit': 100}):
+            FuncAnimation(figure, draw, len(curves)).save(
+                path, PillowWriter(fps=round(_SPEED / _EVERY)))
+
+    @staticmethod
+    def _axes(task):
+        """Return rows: along the normal in the plane, across it, up (3, 3)."""
+        along = task.cutout.normal * (1, 1, 0)
+        along = along / np.linalg.norm(along)
+        return np.array([along, np.cross((0, 0, 1), along), (0, 0, 1)])
+
+    def _panel(self, panel, task, curves, k):
+        """Draw what stands still; return the lines of the DLO and of the gripper."""
+        axes = self._axes(task)
+        sheet = task.sheet
+        # as the axes of the hole that is best seen in this view
+        across = task.cutout.pose.rotation[:, 2 if k == 2 else 1]
+        for side in (-1, 1):
+            ends = side * np.array([task.cutout.radius, 0.5 * sheet.height])[:, None] * across
+            panel.plot(*(ends @ axes[[0, k]].T).T, color='k', lw=3)
+        low, high = curves.min(axis=(0, 1)), curves.max(axis=(0, 1))
+        panel.set(aspect='equal', xlim=(low[0] - _MARGIN, high[0] + _MARGIN),
+                  ylim=(min(low[k], -0.2) - _MARGIN, max(high[k], 0.2) + _MARGIN),
+                  xlabel='along the way through the hole [m]',
+                  ylabel='up [m]' if k == 2 else 'across [m]')
+        panel.grid(alpha=0.3)
+        jaw, = panel.plot([], [], color='tab:red', lw=5, solid_capstyle='butt')
+        line, = panel.plot([], [], color='tab:blue', lw=2)
+        return line, jaw

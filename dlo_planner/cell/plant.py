@@ -1,0 +1,323 @@
+"""The plant: a DLO in a gripper that moves, in a physics engine.
+
+It stands for the real cell. Of the planner it knows the data types (`dlo_planner.model`) alone.
+
+    plant = Plant(rod, poses[0], [Sheet.around(hole)], damping=0.005)    # hangs at rest
+    for pose in poses[1:]:
+        plant.move(pose, period)
+    print(plant.passage(hole), plant.largest_forces)
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import eigh
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.cell.chain import add_chain, add_gripper, chain_of, set_springs
+from dlo_planner.cell.engine import mujoco
+from dlo_planner.cell.scenery import add_obstacle
+from dlo_planner.cell.truth import Truth
+from dlo_planner.errors import InvalidTask, NotConverged
+from dlo_planner.model.checks import instance, integer, items, number, row, vector
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.obstacles import OBSTACLES
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
+from dlo_planner.model.value import Value
+
+_GRAVITY = (0.0, 0.0, -9.81)
+_STILL = 1e-8     # rad per `Chain.slowness`
+_SETTLING = 0.02  # step, of the same
+_DRAG = 0.05      # part of all velocities that is taken away in each step while it settles
+_LONGEST = 20_000  # steps until it is at rest
+_DIFFERENCE = 1e-5  # rad
+# solref, solimp of the engine: as stiff as a step of time allows, penetration well below 0.1 mm
+_STIFF_CONTACT = (2e-4, 1.0), (0.95, 0.99, 1e-4, 0.5, 2.0)
+_ROUNDING = 1e-9
+_WILD = 1e6       # rad/s
+_FINE = 4         # points of a piece where the DLO is sought in a hole
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Passage(Value):
+    """Where a DLO pierces the plane of a cut-out.
+
+    Attributes:
+        depth: arc length beyond the plane, m; 0: none of it
+        miss: largest distance of the DLO from the centre there, m; nan if it does not pierce it
+        y, z: of the place that is farthest, in the axes of the cut-out, m
+    """
+
+    depth: float
+    miss: float
+    y: float
+    z: float
+
+
+class Plant:
+    """A DLO that hangs at rest in a gripper at first, freely, as it falls from its natural shape.
+
+    Args:
+        rod: Rod as the planner knows it
+        gripper: Pose to which the gripper is commanded
+        obstacles: of `dlo_planner.model.obstacles`; a Sheet has one cut-out at most
+        truth: Truth, by how much things are not as the planner knows them
+        cells: into how many the DLO is cut
+        step: s, of time
+        damping: ratio, of the slowest vibration about the shape at the beginning; damping grows
+            with the stiffness. The engine's own (`least_damping`) is the least there is.
+        gravity: (3,) m/s^2
+
+    Attributes:
+        time: s
+        commanded: Pose of the gripper as commanded
+        forces, largest_forces: (n,) N, sum of the sizes of the contact forces on the DLO of each
+            obstacle, mean of the last `move` and the largest of these so far: of an impact, what
+            a sensor as fast as that shows
+        frequencies: (3,) Hz, slowest vibrations about the shape at the beginning
+        damping, least_damping: ratio of the slowest one: as it is; the least there is
+
+    Raises:
+        InvalidTask: an argument makes no sense, or the DLO touches an obstacle at first
+        NotConverged: the DLO does not come to rest
+    """
+
+    def __init__(self, rod: Rod, gripper: Pose, obstacles: Iterable = (), *,
+                 truth: Truth | None = None, cells: int = 40, step: float = 1e-3,
+                 damping: float = 0.005, gravity: ArrayLike = _GRAVITY):
+        instance('rod', rod, Rod)
+        instance('gripper', gripper, Pose)
+        self.truth = Truth() if truth is None else instance('truth', truth, Truth)
+        self._chain = chain_of(rod, self.truth, integer('cells', cells, minimum=4, maximum=200))
+        self._build(items('obstacles', obstacles, OBSTACLES), vector('gravity', gravity, 3))
+        self._step = number('step', step, above=0, maximum=0.01)
+        self.time, self.commanded = 0.0, gripper
+        self._held = self._holding(gripper)
+        self._settle()
+        self._damp(number('damping', damping, minimum=0))
+        self.forces = np.zeros(len(self._obstacles))
+        self.largest_forces = self.forces.copy()
+
+    def move(self, gripper: Pose, seconds: float) -> None:
+        """Move the gripper to a Pose in a time in s, evenly; the next call goes on from there.
+
+        Raises:
+            InvalidTask: naming the argument
+            NotConverged: the engine cannot follow, as where it is pushed with all might
+        """
+        instance('gripper', gripper, Pose)
+        seconds = number('seconds', seconds, above=0)
+        begin, end = self._held, self._holding(gripper)
+        turn = np.zeros(3)
+        mujoco.mju_subQuat(turn, end[1], begin[1])
+        steps = ceil(seconds / self._step * (1 - _ROUNDING))
+        self._step_is(seconds / steps)
+        self.forces[:] = 0
+        # in world axes and gripper axes, as the engine has it
+        twist = np.concatenate([end[0] - begin[0], turn]) / seconds
+        quaternion = begin[1].copy()
+        for k in range(1, steps + 1):
+            mujoco.mju_quatIntegrate(quaternion, twist[3:], seconds / steps)
+            self._advance(begin[0] + k / steps * (end[0] - begin[0]), quaternion, twist)
+        if not np.abs(self._data.qvel).max() < _WILD:
+            raise NotConverged(f'the motion of the DLO became unstable at {self.time:.3g} s')
+        self.forces /= steps
+        np.maximum(self.largest_forces, self.forces, out=self.largest_forces)
+        self._held = end
+        self.time += seconds
+        self.commanded = gripper
+
+    def points(self, s: ArrayLike) -> np.ndarray:
+        """Return the places (n, 3) in m of the DLO at true arc lengths s (n,) in m."""
+        return self._curve(row('s', s, minimum=0, maximum=self._chain.length))
+
+    @property
+    def length(self) -> float:
+        """The true length of the DLO, m."""
+        return self._chain.length
+
+    @property
+    def tip(self) -> Pose:
+        """Pose of the free end, x axis = tangent."""
+        place = self._nodes(self._data)[0][-1]
+        return Pose.from_rotation(place, self._data.xmat[-1].reshape(3, 3))
+
+    def passage(self, cutout: CutOut) -> Passage:
+        """Return the Passage of a cut-out, which stands where the Truth has shifted it."""
+        instance('cutout', cutout, CutOut)
+        s = np.linspace(0, self._chain.length, _FINE * len(self._chain.masses) + 1)
+        local = ((self._curve(s) - cutout.centre - self.truth.hole_shift)
+                 @ cutout.pose.rotation)
+        before, after = local[:-1], local[1:]
+        pierced = np.flatnonzero((before[:, 0] < 0) != (after[:, 0] < 0))
+        if not pierced.size:
+            return Passage(0.0, np.nan, np.nan, np.nan)
+        before, after = before[pierced], after[pierced]
+        part = (before[:, 0] / (before[:, 0] - after[:, 0]))[:, None]
+        places = (before + part * (after - before))[:, 1:]
+        misses = np.linalg.norm(places, axis=1)
+        first = s[pierced[0]] + part[0, 0] * (s[1] - s[0])
+        worst = misses.argmax()
+        return Passage(self._chain.length - first, misses[worst], *places[worst])
+
+    def modes(self, count: int = 3) -> tuple[np.ndarray, np.ndarray]:
+        """Return frequencies (count,) in Hz and shapes (count, n + 1, 3) of small vibrations.
+
+        About the shape as it is, the gripper at rest, contacts left out. Of each joint in turn the
+        force is differentiated. The largest displacement of a shape is 1; its n + 1 points are
+        evenly spaced along the DLO.
+        """
+        count = integer('count', count, minimum=1, maximum=self._model.nv - 6)
+        data, here = mujoco.MjData(self._model), self._data.qpos
+        data.qpos[:] = here
+        squares, vectors = eigh(*self._linear(data), subset_by_index=(0, count - 1))
+        shapes = np.array([self._displacement(data, here, vector) for vector in vectors.T])
+        return np.sqrt(np.maximum(squares, 0)) / (2 * np.pi), shapes
+
+    def _build(self, obstacles, gravity):
+        spec = mujoco.MjSpec()
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+        spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        spec.option.gravity = gravity
+        add_chain(add_gripper(spec, self._chain), self._chain)
+        for k, obstacle in enumerate(obstacles):
+            add_obstacle(spec, obstacle, k)
+        self._obstacles = obstacles
+        self._model = model = spec.compile()
+        self._stiffness = set_springs(model, self._chain)
+        model.geom_solref[:], model.geom_solimp[:] = _STIFF_CONTACT
+        names = [model.geom(k).name.split('/')[0] for k in range(model.ngeom)]
+        self._owner = [int(name) if name else None for name in names]
+        self._shift_sheets()
+        self._data = mujoco.MjData(model)
+        self._heavy = np.append(np.full(3, model.body_mass[1]), model.body_inertia[1])
+
+    def _shift_sheets(self):
+        for geom, owner in enumerate(self._owner):
+            if owner is not None and hasattr(self._obstacles[owner], 'cutouts'):
+                self._model.geom_pos[geom] += self.truth.hole_shift
+
+    def _holding(self, gripper):
+        """Return where (3,) a gripper truly is, and its quaternion w, x, y, z."""
+        turn = Rotation.from_rotvec(self.truth.gripper_turn.copy()).as_matrix()
+        quaternion = np.zeros(4)
+        mujoco.mju_mat2Quat(quaternion, (gripper.rotation @ turn).ravel())
+        return gripper.position + gripper.rotation @ self.truth.gripper_shift, quaternion
+
+    def _place(self, place, quaternion):
+        self._data.qpos[:3], self._data.qpos[3:7] = place, quaternion
+
+    def _settle(self):
+        """Let the DLO come to rest from its natural shape, with much damping and no obstacles."""
+        model, data = self._model, self._data
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        data.qpos[7:] = model.qpos_spring[7:]
+        slowness = self._chain.slowness
+        model.opt.timestep = _SETTLING * slowness
+        model.dof_damping[6:] = slowness * self._stiffness
+        for _ in range(_LONGEST):
+            self._place(*self._held)
+            data.qvel[:6] = 0
+            mujoco.mj_step(model, data)
+            speed = np.abs(data.qvel[6:]).max() * slowness
+            data.qvel *= 1 - _DRAG
+            if speed < _STILL:
+                break
+        else:
+            raise NotConverged(f'gripper = {self.commanded!r}: the DLO does not come to rest in it')
+        self._place(*self._held)
+        data.qvel[:] = 0
+        model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        mujoco.mj_forward(model, data)
+        if data.ncon:
+            raise InvalidTask(f'gripper = {self.commanded!r}: expected a DLO that hangs freely, it '
+                              'touches an obstacle there')
+
+    def _damp(self, ratio):
+        """Find the damping that the stiffness brings along, in s."""
+        self.frequencies = self.modes(3)[0]
+        rate = np.pi * self.frequencies[0]
+        self.least_damping = rate * 0.5 * self._step
+        self.damping = max(ratio, self.least_damping)
+        self._lag = self.damping / rate
+
+    def _step_is(self, seconds):
+        """Set the step of time. The engine's own damping, of a whole step, is part of the damping.
+
+        What is left may be negative: stable while both together are half a step at least.
+        """
+        self._model.opt.timestep = seconds
+        self._model.dof_damping[6:] = (self._lag - seconds) * self._stiffness
+
+    def _advance(self, place, quaternion, twist):
+        """Make one step; the gripper comes to a place and has a twist (6,) on the way there."""
+        data = self._data
+        data.qfrc_applied[:6] = self._heavy * (twist - data.qvel[:6]) / self._model.opt.timestep
+        mujoco.mj_step(self._model, data)
+        self._place(place, quaternion)
+        data.qvel[:6] = twist
+        if data.ncon:
+            self._feel()
+
+    def _feel(self):
+        """Add up the contact forces."""
+        data, wrench = self._data, np.zeros(6)
+        for k, contact in enumerate(data.contact):
+            mujoco.mj_contactForce(self._model, data, k, wrench)
+            one, other = (self._owner[geom] for geom in contact.geom)
+            self.forces[other if one is None else one] += np.linalg.norm(wrench[:3])
+
+    def _nodes(self, data):
+        """Return places (n + 1, 3) and tangents (n + 1, 3) at the ends of the cells."""
+        mujoco.mj_kinematics(self._model, data)
+        tangents = data.xmat[1:].reshape(-1, 3, 3)[:, :, 0].copy()
+        places = data.xpos[1:].copy()
+        places[1:] += 0.5 * self._chain.cell * tangents[1:]
+        return places, tangents
+
+    def _curve(self, s):
+        """Return places (n, 3) at arc lengths (n,), cubic between the nodes."""
+        places, tangents = self._nodes(self._data)
+        cells = len(places) - 1
+        scaled = np.asarray(s) / self._chain.cell
+        k = np.minimum(scaled.astype(int), cells - 1)
+        x = (scaled - k)[:, None]
+        return (places[k] * (1 - x) ** 2 * (1 + 2 * x) + places[k + 1] * x**2 * (3 - 2 * x)
+                + self._chain.cell * x * (1 - x) * (tangents[k] * (1 - x) - tangents[k + 1] * x))
+
+    def _linear(self, data):
+        """Return stiffness and mass matrices (3 n, 3 n) of the joints about a state at rest."""
+        model, size = self._model, self._model.nv - 6
+        mujoco.mj_forward(model, data)
+        mass = np.zeros((size, model.nv))
+        for k in range(size):
+            unit = np.zeros(model.nv)
+            unit[6 + k] = 1
+            mujoco.mj_mulM(model, data, mass[k], unit)
+        rest, stiffness = data.qpos.copy(), np.zeros((size, size))
+        for k in range(size):
+            forces = []
+            for sign in (1, -1):
+                data.qpos[:] = rest
+                data.qpos[7 + k] += sign * _DIFFERENCE
+                mujoco.mj_fwdPosition(model, data)
+                mujoco.mj_fwdVelocity(model, data)
+                forces.append(data.qfrc_bias[6:] - data.qfrc_passive[6:])
+            stiffness[k] = (forces[0] - forces[1]) / (2 * _DIFFERENCE)
+        return 0.5 * (stiffness + stiffness.T), mass[:, 6:]
+
+    def _displacement(self, data, rest, vector):
+        """Return how the nodes (n + 1, 3) move with a vector of the joints, 1 at most."""
+        small = 1e-4 / np.abs(vector).max()
+        ends = []
+        for sign in (1, -1):
+            data.qpos[:] = rest
+            data.qpos[7:] += sign * small * vector
+            ends.append(self._nodes(data)[0])
+        moved = ends[0] - ends[1]
+        return moved / np.linalg.norm(moved, axis=1).max()

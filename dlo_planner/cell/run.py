@@ -1,0 +1,114 @@
+"""One run of a driver in the plant, and what came of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlo_planner.cell.camera import Camera, Viewer
+from dlo_planner.cell.drivers import PERIOD, Driver
+from dlo_planner.cell.plant import Plant
+from dlo_planner.cell.tasks import Task
+from dlo_planner.cell.truth import NOTHING_UNKNOWN, Unknowns
+from dlo_planner.errors import DeadlineExceeded, Infeasible, NotConverged
+from dlo_planner.model.checks import instance, integer
+from dlo_planner.model.value import Value
+
+TOUCH = 0.05      # N, below which nobody minds
+STEP = 2e-3       # s, of the plant
+_LOOKED_AT = 5    # periods between two looks at the hole
+_SHORT = 0.005    # of the length, by which the depth may be missed
+_LONGEST = 300.0  # s, of a run
+_STOP = 5.0       # N, at which a robot stops
+_REFUSALS = Infeasible, NotConverged, DeadlineExceeded
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Outcome(Value):
+    """What came of a Task.
+
+    Attributes:
+        seed: of what is unknown
+        refused: why the driver did not begin, or did not go on; empty: it came to its end
+        threaded: whether the DLO is in the hole as deep as it should be; a force of more than 5 N
+            ends a run
+        depth: m, beyond the sheet, at the end
+        miss: m, largest distance from the centre of the hole while the DLO was in its plane; nan if
+            it never was
+        force: N, largest contact force on the DLO
+        time: s, of the motion
+    """
+
+    seed: int
+    refused: str
+    threaded: bool = False
+    depth: float = 0.0
+    miss: float = np.nan
+    force: float = 0.0
+    time: float = 0.0
+
+    @property
+    def touched(self) -> bool:
+        """Whether the DLO touched anything with more than TOUCH."""
+        return self.force > TOUCH
+
+
+def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHING_UNKNOWN,
+        camera: Camera | None = None, damping: float = 0.005, step: float = STEP,
+        watch: Callable | None = None) -> Outcome:
+    """Return the Outcome of a Task.
+
+    Args:
+        task: Task
+        driver: see `drivers`
+        seed: of what is unknown and of the camera's errors
+        unknowns: Unknowns, of which one Truth is drawn
+        camera: Camera; None: there is none
+        damping, step: ratio and s, see `Plant`: shorter steps allow less damping
+        watch: called as watch(plant) after each period
+
+    Raises:
+        InvalidTask: an argument makes no sense, or the driver asks for what makes none
+    """
+    instance('task', task, Task)
+    rng = np.random.default_rng([integer('seed', seed, minimum=0, maximum=2**31), 78])
+    truth = instance('unknowns', unknowns, Unknowns).draw(rng)
+    viewer = None if camera is None else Viewer(instance('camera', camera, Camera), rng)
+    try:
+        command = driver(task)
+        plant = Plant(task.rod, task.start, [task.sheet], truth=truth, step=step, damping=damping)
+    except _REFUSALS as error:
+        return Outcome(seed, _reason(error))
+    misses, refused = _drive(plant, command, task, viewer, watch)
+    passage, miss = plant.passage(task.cutout), max(misses, default=np.nan)
+    threaded = (passage.depth > task.depth - _SHORT * task.rod.length
+                and miss < task.cutout.radius and not refused)
+    return Outcome(seed, refused, bool(threaded), passage.depth, float(miss),
+                   float(plant.largest_forces[0]), plant.time)
+
+
+def _drive(plant, command, task, viewer, watch):
+    """Move the gripper until the command is done; return the misses, and why it was broken off."""
+    misses = []
+    for count in range(int(_LONGEST / PERIOD)):
+        images = () if viewer is None else viewer.images(plant, task.cutout)
+        try:
+            pose = command(images, plant.time)
+            if pose is None:
+                break
+            plant.move(pose, PERIOD)
+        except _REFUSALS as error:
+            return misses, _reason(error)
+        if watch is not None:
+            watch(plant)
+        if plant.largest_forces.max() > _STOP:
+            break
+        if count % _LOOKED_AT == 0:
+            passage = plant.passage(task.cutout)
+            if passage.depth > 0:
+                misses.append(passage.miss)
+    return misses, ''
+
+
+def _reason(error):
+    return f'{type(error).__name__}: {error}'

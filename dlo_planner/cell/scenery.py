@@ -1,0 +1,76 @@
+"""Sheets and obstacles as bodies of the physics engine."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.cell.chain import DLO, SCENE
+from dlo_planner.cell.engine import mujoco
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.obstacles import Box, Capsule, Plane, Sheet, Sphere
+
+_SIDES = 24         # of the polygon around a round hole, which is up to 0.9 % wider than the hole
+_THINNEST = 1e-3    # m: a thinner sheet could be tunnelled through
+_HALF_PLANE = 10.0  # m
+
+
+def add_obstacle(spec, obstacle, number):
+    """Add an obstacle to an MjSpec; its parts are called 'number/part'.
+
+    A sheet has one cut-out at most.
+    """
+    for part, (kind, size, center, rotation) in enumerate(_parts(obstacle)):
+        spec.worldbody.add_geom(
+            name=f'{number}/{part}', type=getattr(mujoco.mjtGeom, f'mjGEOM_{kind}'), size=size,
+            pos=center, quat=np.roll(Rotation.from_matrix(rotation).as_quat(), 1),
+            contype=SCENE, conaffinity=DLO, condim=3 if obstacle.friction else 1,
+            friction=(obstacle.friction, 0, 0))
+
+
+def _parts(obstacle):
+    """Return [(kind, size (3,), center (3,), rotation (3, 3))] of an obstacle."""
+    if isinstance(obstacle, Plane):
+        return [('PLANE', (_HALF_PLANE, _HALF_PLANE, 1), obstacle.point, _z_along(obstacle.normal))]
+    if isinstance(obstacle, Sphere):
+        return [('SPHERE', (obstacle.radius, 0, 0), obstacle.centre, np.eye(3))]
+    if isinstance(obstacle, Capsule):
+        axis = obstacle.end - obstacle.start
+        return [('CAPSULE', (obstacle.radius, 0.5 * np.linalg.norm(axis), 0),
+                 0.5 * (obstacle.start + obstacle.end), _z_along(axis))]
+    if isinstance(obstacle, Box):
+        return [('BOX', 0.5 * obstacle.size, obstacle.pose.position, np.array(
+            obstacle.pose.rotation))]
+    if isinstance(obstacle, Sheet):
+        return _around_hole(obstacle)
+    raise InvalidTask(f'obstacles: expected Plane, Sphere, Capsule, Box, Sheet, got {obstacle!r}')
+
+
+def _around_hole(sheet):
+    """Return the boxes of a Sheet."""
+    half = 0.5 * np.array([max(sheet.thickness, _THINNEST), sheet.width, sheet.height])
+    if not sheet.cutouts:
+        return [('BOX', half, sheet.pose.position, np.array(sheet.pose.rotation))]
+    if len(sheet.cutouts) > 1:
+        raise InvalidTask(f'{sheet!r}: expected one cut-out at most, in the cell each has a sheet')
+    hole = sheet.cutouts[0]
+    rotation = np.array(hole.pose.rotation)
+    reach = half[1:].min()  # the sheet is as wide in all directions
+    if hole.radius is not None:
+        turns = 2 * np.pi * np.arange(_SIDES) / _SIDES
+        sides = [(angle, hole.radius, reach * np.tan(np.pi / _SIDES)) for angle in turns]
+    else:
+        y, z = 0.5 * hole.width, 0.5 * hole.height
+        sides = [(0, y, reach), (np.pi / 2, z, y), (np.pi, y, reach), (1.5 * np.pi, z, y)]
+    parts = []
+    for angle, inner, wide in sides:
+        turned = rotation @ Rotation.from_euler('x', angle).as_matrix()
+        center = hole.centre + 0.5 * (inner + reach) * turned[:, 1]
+        parts.append(('BOX', (half[0], 0.5 * (reach - inner), wide), center, turned))
+    return parts
+
+
+def _z_along(direction):
+    """Return a rotation (3, 3) whose z axis is along a direction."""
+    z = direction / np.linalg.norm(direction)
+    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])

@@ -1,0 +1,128 @@
+"""What is true in the cell and not known to the planner."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import ArrayLike
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import array, instance, number, vector
+from dlo_planner.model.rod import Rod
+from dlo_planner.model.value import Value, put
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Truth(Value):
+    """By how much a DLO, its gripper and its sheet are not what the planner assumes.
+
+    Attributes:
+        bending_stiffness: factor of EI_n and EI_b
+        torsional_stiffness: factor of GJ
+        mass: factor of all masses
+        mass_gradient: the mass per length grows by this part of it from s = 0 to the free end,
+            about its mean
+        natural_curvature: (2, k) in 1/m, about n and about b: coefficients of Legendre polynomials
+            of 2 s / L - 1, added to the rod's own
+        length: m, added at the free end
+        gripper_shift: (3,) m, from where the gripper is commanded to where it holds, gripper axes
+        gripper_turn: (3,) rotation vector of the same, rad
+        hole_shift: (3,) m, by which all sheets and cut-outs stand elsewhere, world axes
+
+    Raises:
+        InvalidTask: naming the argument
+    """
+
+    bending_stiffness: float = 1.0
+    torsional_stiffness: float = 1.0
+    mass: float = 1.0
+    mass_gradient: float = 0.0
+    natural_curvature: np.ndarray = ((0.0,), (0.0,))
+    length: float = 0.0
+    gripper_shift: np.ndarray = (0.0, 0.0, 0.0)
+    gripper_turn: np.ndarray = (0.0, 0.0, 0.0)
+    hole_shift: np.ndarray = (0.0, 0.0, 0.0)
+
+    def __post_init__(self):
+        for name in ('bending_stiffness', 'torsional_stiffness', 'mass'):
+            put(self, **{name: number(f'Truth.{name}', getattr(self, name), above=0)})
+        for name in ('gripper_shift', 'gripper_turn', 'hole_shift'):
+            put(self, **{name: vector(f'Truth.{name}', getattr(self, name), 3)})
+        put(self, length=number('Truth.length', self.length),
+            mass_gradient=number('Truth.mass_gradient', self.mass_gradient, minimum=-2, maximum=2),
+            natural_curvature=array('Truth.natural_curvature', self.natural_curvature, (2, None)))
+        super().__post_init__()
+
+    def length_of(self, rod: Rod) -> float:
+        """Return the true length in m."""
+        if rod.length + self.length <= 0:
+            raise InvalidTask(f'Truth.length = {self.length:g}: expected more than minus the '
+                              f"DLO's length of {rod.length:g} m")
+        return rod.length + self.length
+
+    def stiffnesses(self, rod: Rod, s: ArrayLike) -> np.ndarray:
+        """Return the true GJ, EI_n, EI_b (n, 3) in N m^2 at true arc lengths s (n,)."""
+        return rod.stiffnesses(np.minimum(s, rod.length)) * (
+            self.torsional_stiffness, self.bending_stiffness, self.bending_stiffness)
+
+    def natural_strains(self, rod: Rod, s: ArrayLike) -> np.ndarray:
+        """Return the true natural torsion and curvatures (n, 3) in 1/m at arc lengths s (n,)."""
+        strains = rod.natural_strains(np.minimum(s, rod.length))
+        strains[:, 1:] += legendre.legval(2 * np.asarray(s) / self.length_of(rod) - 1,
+                                          self.natural_curvature.T).T
+        return strains
+
+    def masses_per_length(self, rod: Rod, s: ArrayLike) -> np.ndarray:
+        """Return the true mass per length (n,) in kg/m at arc lengths s (n,)."""
+        gradient = 1 + self.mass_gradient * (np.asarray(s) / self.length_of(rod) - 0.5)
+        return self.mass * gradient * rod.masses_per_length(np.minimum(s, rod.length))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Unknowns(Value):
+    """Standard deviations of what is not known exactly; independent and normal, see `Truth`.
+
+    Attributes:
+        stiffness: relative, of EI and GJ alike
+        mass, mass_gradient: relative
+        natural_curvature: (k,) 1/m, of the Legendre coefficients of each plane
+        length: m
+        gripper_position: m, along each axis; gripper_rotation: rad, about each axis
+        hole_position: m, along each axis
+    """
+
+    stiffness: float = 0.0
+    mass: float = 0.0
+    mass_gradient: float = 0.0
+    natural_curvature: np.ndarray = (0.0,)
+    length: float = 0.0
+    gripper_position: float = 0.0
+    gripper_rotation: float = 0.0
+    hole_position: float = 0.0
+
+    def __post_init__(self):
+        put(self, natural_curvature=array('Unknowns.natural_curvature', self.natural_curvature,
+                                          (None,)))
+        put(self, **{item.name: number(f'Unknowns.{item.name}', getattr(self, item.name), minimum=0)
+                     for item in fields(self) if item.name != 'natural_curvature'})
+        super().__post_init__()
+
+    def draw(self, rng: np.random.Generator) -> Truth:
+        """Return one Truth."""
+        instance('rng', rng, np.random.Generator)
+        stiffness = np.exp(self.stiffness * rng.standard_normal())
+        return Truth(stiffness, stiffness, np.exp(self.mass * rng.standard_normal()),
+                     np.clip(self.mass_gradient * rng.standard_normal(), -1, 1),
+                     rng.standard_normal((2, self.natural_curvature.size)) * self.natural_curvature,
+                     self.length * rng.standard_normal(),
+                     self.gripper_position * rng.standard_normal(3),
+                     self.gripper_rotation * rng.standard_normal(3),
+                     self.hole_position * rng.standard_normal(3))
+
+
+_TILT = np.radians(0.2)
+NOTHING_UNKNOWN = Unknowns()
+# two cells: a careful one, and one where all else is uncertain too
+UNCERTAIN = Unknowns(0.05, 0.02, natural_curvature=(0.05,), gripper_position=0.5e-3,
+                     gripper_rotation=_TILT)
+VERY_UNCERTAIN = Unknowns(0.05, 0.02, 0.03, (0.05, 0.03, 0.03), 1e-3, 0.5e-3, _TILT, 0.5e-3)

@@ -1,0 +1,83 @@
+"""The camera: what it sees, when, and how wrong."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip('mujoco', reason='extra [cell] is not installed')
+
+from dlo_planner import CutOut, InvalidTask, Pose, Rod  # noqa: E402  mujoco may be missing
+from dlo_planner.cell.camera import BAD, Camera, Viewer  # noqa: E402
+from dlo_planner.cell.plant import Plant  # noqa: E402
+from dlo_planner.cell.truth import Truth  # noqa: E402
+
+LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
+HOLE = CutOut(Pose.looking_along((0.8, 0, 1), (1, 0, 0)), radius=0.01)
+
+
+@pytest.fixture
+def plant():
+    """Return a weightless straight DLO along x."""
+    return Plant(Rod(1.0, 0.1, 1.0, 0.75), LEVEL, gravity=(0, 0, 0), cells=8,
+                 truth=Truth(hole_shift=(0, 0.002, 0)))
+
+
+def seen(plant, camera, seconds, rng, period=0.01):
+    """Return [(time, Image)] of a DLO at rest."""
+    viewer, images = Viewer(camera, rng), []
+    for _ in range(round(seconds / period)):
+        images += [(plant.time, image) for image in viewer.images(plant, HOLE)]
+        plant.move(LEVEL, period)
+    return images
+
+
+def test_rate_latency_and_stamps(plant, rng):
+    images = seen(plant, Camera(rate=10.0, latency=0.06, stamp_error=0.03), 2.0, rng)
+    times, stamps = np.array([(time, image.stamp) for time, image in images]).T
+    assert stamps == pytest.approx(0.03 + 0.1 * np.arange(20))
+    assert times == pytest.approx(stamps + 0.03, abs=1e-6)
+
+
+def test_noise_and_bias(plant, rng):
+    images = seen(plant, Camera(rate=100.0, noise=1e-3, bias=5e-3, points=40), 0.5, rng)
+    points = np.concatenate([image.points for _, image in images])
+    assert points[:, 1:].std(axis=0) == pytest.approx(1e-3, rel=0.1)
+    assert np.abs(points.mean(axis=0)[1:] - (0, 1)).max() > 1e-3
+    assert all(image.hole is None for _, image in images)
+
+
+def test_outliers_are_as_many_as_asked_for(plant, rng):
+    images = seen(plant, Camera(rate=100.0, noise=1e-5, outliers=0.1, points=40), 0.5, rng)
+    off = np.linalg.norm(np.concatenate([i.points for _, i in images])[:, 1:] - (0, 1), axis=1)
+    assert (off > 1e-4).mean() == pytest.approx(0.1, abs=0.03)
+
+
+def test_a_third_is_never_seen_but_the_free_end_is(plant, rng):
+    for _ in range(5):
+        images = seen(plant, Camera(rate=50.0, noise=0.0, hidden=1 / 3, points=60), 0.2, rng)
+        along = np.sort(np.concatenate([image.points for _, image in images])[:, 0])
+        gaps = np.diff(np.concatenate([[0], along, [1]]))
+        assert gaps.max() == pytest.approx(1 / 3, abs=0.03)
+        assert np.sort(gaps)[-2] < 0.05
+        assert along[along > 2 / 3].size > 100
+
+
+def test_the_hole_is_seen_with_the_same_bias(plant, rng):
+    camera = Camera(rate=100.0, noise=1e-4, bias=5e-3, points=40, sees_hole=True)
+    images = seen(plant, camera, 0.3, rng)
+    hole = np.mean([image.hole for _, image in images], axis=0)
+    points = np.concatenate([image.points for _, image in images]).mean(axis=0)
+    assert hole[1:] - points[1:] == pytest.approx((0.002, 0), abs=1e-4)
+
+
+def test_the_same_seed_sees_the_same(plant):
+    one, other = (seen(plant, BAD, 0.2, np.random.default_rng(3)) for _ in range(2))
+    assert len(one) == len(other) == 2
+    assert np.array([i.points for _, i in one]) == pytest.approx(
+        np.array([i.points for _, i in other]), abs=1e-6)
+
+
+@pytest.mark.parametrize('given', [{'rate': 0}, {'latency': -1}, {'outliers': 1.1}, {'points': 0},
+                                   {'hidden': 0.7}, {'noise': np.nan}, {'sees_hole': 1}])
+def test_what_makes_no_sense_is_refused(given):
+    with pytest.raises(InvalidTask, match=f'Camera.{next(iter(given))}'):
+        Camera(**given)

@@ -1,0 +1,162 @@
+"""Tasks, drivers, runs, the table and the film."""
+
+import csv
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip('mujoco', reason='extra [cell] is not installed')
+
+from dlo_planner import CutOut, Infeasible, InvalidTask, Limits, Pose, Rod  # noqa: E402
+from dlo_planner.cell.__main__ import main  # noqa: E402
+from dlo_planner.cell.bench import HEAD, bench, rows, summary, table, write_csv  # noqa: E402
+from dlo_planner.cell.camera import Camera  # noqa: E402
+from dlo_planner.cell.drivers import PERIOD, OpenLoop, planned  # noqa: E402
+from dlo_planner.cell.film import Film  # noqa: E402
+from dlo_planner.cell.run import run  # noqa: E402
+from dlo_planner.cell.tasks import RODS, Task, draw_task  # noqa: E402
+from dlo_planner.cell.truth import Unknowns  # noqa: E402
+
+BAR = Rod(0.4, 0.05, 20.0, 15.0, radius=3e-3)  # so stiff that it goes where the gripper goes
+HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=0.01)
+PUSHED = 0.3
+
+
+def bar_task(aside=0.0):
+    return Task('bar', BAR, HOLE, Pose((-0.45, aside, 1), (0, 0, 0, 1)), 0.2)
+
+
+def pushed(task):
+    """Return poses that go straight on."""
+    steps = np.linspace(0, 1, 151)[1:]
+    way = PUSHED * steps**3 * (10 - 15 * steps + 6 * steps**2)
+    start = task.start.position
+    return [Pose(start + (x, 0, 0), (0, 0, 0, 1)) for x in way]
+
+
+def refuses(task):
+    raise Infeasible('nothing is possible', 0, 'stability', 1.0)
+
+
+def test_a_bar_goes_through_the_hole():
+    outcome = run(bar_task(0.003), OpenLoop(pushed))
+    assert outcome.threaded
+    assert not outcome.touched
+    assert outcome.force == 0
+    assert outcome.depth == pytest.approx(0.25, abs=1e-4)
+    assert outcome.miss == pytest.approx(0.003, abs=2e-4)
+    assert outcome.time == pytest.approx(150 * PERIOD)
+
+
+def test_a_bar_aside_is_stopped_by_the_sheet():
+    outcome = run(bar_task(0.03), OpenLoop(pushed))
+    assert not outcome.threaded
+    assert outcome.touched
+    assert outcome.time < 150 * PERIOD
+
+
+def test_not_deep_enough_is_not_threaded():
+    assert not run(replace(bar_task(), depth=0.26), OpenLoop(pushed)).threaded
+
+
+def test_what_is_unknown_counts():
+    shifted = [run(bar_task(), OpenLoop(pushed), seed=seed, unknowns=Unknowns(
+        gripper_position=1e-3)) for seed in (1, 1, 2)]
+    assert shifted[0] == shifted[1]
+    assert 1e-4 < shifted[0].miss != shifted[2].miss
+
+
+def test_a_closed_loop_sees_and_moves():
+    def driver(task):
+        def command(images, time):
+            seen.extend(images)
+            return Pose(task.start.position, (0, 0, 0, 1)) if time < 0.5 else None
+        return command
+
+    seen = []
+    outcome = run(bar_task(), driver, camera=Camera(rate=20.0, latency=0.1))
+    assert outcome.time == pytest.approx(0.5, abs=2 * PERIOD)
+    assert [image.stamp for image in seen] == pytest.approx(0.05 * np.arange(9), abs=2 * PERIOD)
+
+
+def test_bench_on_an_executor_and_without(tmp_path):
+    tasks, done = [bar_task(), bar_task(0.03)], []
+    alone = bench(tasks, OpenLoop(pushed), progress=lambda *at: done.append(at))
+    with ThreadPoolExecutor(2) as executor:
+        assert bench(tasks, OpenLoop(pushed), executor=executor) == alone
+    assert done == [(1, 2), (2, 2)]
+    assert summary(alone) == ('2 tasks: 0 refused, 1 threaded, 1 of them without a touch; largest '
+                              f'force {alone[1].force:.3g} N')
+    write_csv(tmp_path / 'table.csv', tasks, alone)
+    with open(tmp_path / 'table.csv', encoding='utf-8') as file:
+        read = list(csv.reader(file))
+    assert tuple(read[0]) == HEAD
+    assert [line[3] for line in read[1:]] == ['yes', 'no']
+    assert len(table(tasks, alone).splitlines()) == 3
+
+
+def test_a_refusal_is_an_outcome():
+    outcome, = bench([bar_task()], refuses)
+    assert outcome.refused == 'Infeasible: nothing is possible'
+    assert not outcome.threaded
+    assert rows([bar_task()], [outcome])[0][-1] == outcome.refused
+    with pytest.raises(InvalidTask, match='outcomes'):
+        rows([bar_task()], [])
+
+
+def test_a_driver_that_gives_up_on_the_way():
+    def driver(task):
+        def command(images, time):
+            return refuses(task) if time > 0.4 else Pose(task.start.position, (0, 0, 0, 1))
+        return command
+
+    outcome = run(bar_task(), driver)
+    assert outcome.refused
+    assert outcome.time == pytest.approx(0.4, abs=2 * PERIOD)
+
+
+@pytest.mark.parametrize('seed', range(12))
+def test_tasks_are_drawn(seed):
+    task = draw_task(seed)
+    assert task == draw_task(seed) == pickle.loads(pickle.dumps(task))
+    assert task.name == list(RODS)[seed % 4]
+    assert 0.004 <= task.cutout.radius <= 0.02
+    assert task.room >= 0.0025
+    behind = (task.cutout.centre - task.start.position) @ task.cutout.normal
+    assert 1.04 <= behind / task.rod.length <= 1.41
+    assert draw_task(seed, 'hose', 0.0105).room == pytest.approx(0.0025)
+
+
+def test_the_planner_drives():
+    task = draw_task(1)
+    poses = planned(task, Limits(linear_speed=0.05))
+    assert len(poses) > len(planned(task))
+    gaps = [np.linalg.norm(b.position - a.position)
+            for a, b in zip([task.start, *poses], poses, strict=False)]
+    assert max(gaps) < 0.05 * PERIOD * 1.001
+
+
+def test_film(tmp_path):
+    film = Film()
+    run(bar_task(), OpenLoop(pushed), watch=film)
+    film.save(tmp_path / 'film.gif', bar_task())
+    assert (tmp_path / 'film.gif').read_bytes().startswith(b'GIF89a')
+
+
+def test_nothing_to_run(tmp_path, capsys):
+    assert main(['--tasks', '0', '--workers', '1', '--output', str(tmp_path)]) == 0
+    assert '0 tasks' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(('make', 'named'), [
+    (lambda: draw_task(-1), 'seed'), (lambda: replace(bar_task(), depth=0.5), 'Task.depth'),
+    (lambda: replace(bar_task(), cutout=CutOut(HOLE.pose)), 'Task.cutout'),
+    (lambda: draw_task(0, 'rope'), 'name'), (lambda: draw_task(0, radius=5e-4), 'radius'),
+    (lambda: run(1, refuses), 'task'), (lambda: run(bar_task(), OpenLoop(pushed), damping=-1.0),
+                                        'damping'), (lambda: bench([1], refuses), r'tasks\[0\]')])
+def test_what_makes_no_sense_is_refused(make, named):
+    with pytest.raises(InvalidTask, match=named):
+        make()
