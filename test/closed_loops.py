@@ -1,0 +1,90 @@
+"""Threadings of DLOs that are not as stated, with the direct simulator as the truth.
+
+`python test/closed_loops.py` prints how far off the entry is in open and in closed loop, and whether
+the estimates are as good as they say. What is true has more in it than what is estimated: natural
+curvature by twelve Legendre polynomials, where the observer has six.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Observation, Pose, Rod, Spread
+from dlo_planner.inverse.observer import Observer
+from dlo_planner.inverse.predicted_miss import crossing
+from dlo_planner.inverse.tolerance import variation_deviations
+from dlo_planner.model.along import Expanded
+
+SPREAD = Spread(bending_stiffness=0.05, torsional_stiffness=0.05, mass=0.02, length=1e-3,
+                natural_curvature=0.05, curvature_variation=0.03, gripper_position=0.5e-3,
+                gripper_rotation=np.radians(0.2))
+WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+HOLE = CutOut(Pose.looking_along((0.4, 0, 1), (1, 0.2, 0)), radius=5e-3)
+DEPTHS = np.linspace(0, 0.3, 13)
+NOISE = 1e-3
+_TERMS = 12
+
+
+@dataclass
+class Truth:
+    """A DLO, a gripper and a camera as they are."""
+
+    simulator: DirectSimulator
+    offset: Pose
+    bias: np.ndarray
+    hole: np.ndarray
+
+    @classmethod
+    def drawn(cls, rng, rod=WIRE, spread=SPREAD, bias=0.0, cutout=0.0):
+        """Return one of those that a Spread stands for."""
+        bend, twist, mass = np.exp(rng.normal(size=3) * (
+            spread.bending_stiffness, spread.torsional_stiffness, spread.mass))
+        length = rod.length + spread.length * rng.normal()
+        terms = np.append(spread.natural_curvature,
+                          spread.curvature_variation * variation_deviations(_TERMS - 1))
+        natural = Expanded(rod.natural_curvature, terms[:, None] * rng.normal(size=(_TERMS, 2)),
+                           length)
+        true = replace(rod, length=length, mass_per_length=mass * rod.mass_per_length, section=None,
+                       section_model='ideal',
+                       bending_stiffness=tuple(bend * np.array(rod.bending_stiffness)),
+                       torsional_stiffness=twist * rod.torsional_stiffness,
+                       natural_curvature=natural)
+        offset = Pose(spread.gripper_position * rng.normal(size=3), Rotation.from_rotvec(
+            spread.gripper_rotation * rng.normal(size=3)).as_quat())
+        return cls(DirectSimulator(true), offset, bias * rng.normal(size=3),
+                   cutout * rng.normal(size=3))
+
+    def shape(self, gripper):
+        """Return the Shape where the gripper is said to be at a Pose."""
+        return self.simulator.solve(gripper.compose(self.offset))
+
+    def seen(self, rng, gripper, count=24, hidden=1 / 3, outliers=0.1, known=False, shape=None):
+        """Return an Observation: noise, outliers, a part of the DLO hidden, in any order."""
+        shape = self.shape(gripper) if shape is None else shape
+        begin = rng.uniform(0.05, 0.95 - hidden)  # of what is hidden
+        s = rng.uniform(0, 1 - hidden, size=count)
+        s = np.where(s > begin, s + hidden, s) * shape.s[-1]
+        points = shape.positions_at(s) + NOISE * rng.normal(size=(count, 3)) + self.bias
+        wild = rng.uniform(size=count) < outliers
+        points[wild] += rng.uniform(-0.15, 0.15, size=(wild.sum(), 3))
+        return Observation(gripper, points, s if known else None)
+
+    def miss(self, plan_pass, gripper):
+        """Return (3,) from the hole to where the DLO passes its plane."""
+        centre, s, normal = plan_pass
+        return crossing(self.shape(gripper), centre + self.hole, normal, s)[0]
+
+
+def looked(truth, observer, rng, gripper, looks=30, estimate=None, **how):
+    """Return the Estimate after some looks at rest."""
+    estimate = observer.begin() if estimate is None else estimate
+    shape = truth.shape(gripper)
+    for _ in range(looks):
+        estimate = observer.update(estimate, truth.seen(rng, gripper, shape=shape, **how))
+    return estimate
+
+
+def plan_of(rod=WIRE, hole=HOLE, start=None):
+    """Return the Plan of a threading."""
+    return InverseSimulator(DirectSimulator(rod)).thread(hole, depths=DEPTHS, start=start)
