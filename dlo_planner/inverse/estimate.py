@@ -42,6 +42,7 @@ class Estimate(Value):
     misfit: float = np.nan
     outliers: float = np.nan
     _shape: Shape | None = field(default=None, compare=False)
+    _memory: object = field(default=None, compare=False)  # of the looks, see `inverse.smoothing`
 
     def __post_init__(self):
         n = instance('Estimate.uncertain', self.uncertain, Uncertain).size

@@ -12,6 +12,8 @@ import numpy as np
 
 from dlo_planner.inverse.misfit import nearest
 from dlo_planner.inverse.predicted_miss import at_arc_lengths
+from dlo_planner.kernels import kernel
+from dlo_planner.ritz.kinematics import point_inside
 
 _ABOUT = 0.1          # of the length: about the DLO, where outliers are
 _MEDIAN = {2: 1.3862943611198906, 3: 2.3659738843753377}  # of a chi-square, by degrees of freedom
@@ -35,59 +37,112 @@ class Look:
     sway: np.ndarray
     square: np.ndarray
 
-    def scale(self, noise):
-        """Return the noise (m) to weigh with: as stated, or more while the shape fits badly."""
-        left = float(np.median(self.square)) / _MEDIAN[self.away.shape[1]]
-        return noise if left <= _BADLY * noise**2 else float(np.sqrt(left))
-
-    def weights(self, scale, outliers, length):
-        """Return (m,) how likely each point is one of the DLO.
+    def information(self, noise, outliers, sway, length):
+        """Return what the look tells of the state, to first order, as a Told.
 
         Args:
-            scale: m, of the noise; outliers: part of the points that are none; length: of the DLO
+            noise: m; outliers: part of the points that are none of the DLO's
+            sway: standard deviation of the free end's sway, m; length: of the DLO, m
         """
-        if outliers == 0:
-            return np.ones(len(self.away))
-        d = self.away.shape[1]
-        own = (1 - outliers) * np.exp(-0.5 * self.square / scale**2) * (
-            2 * np.pi * scale**2) ** (-0.5 * d)
-        return own / (own + outliers * (2 * _ABOUT * length) ** -d)
+        square = self.square
+        for _ in range(2 if sway else 1):
+            scale = _scale(square, self.away.shape[1], noise)
+            weights = _weights(square, self.away.shape[1], scale, outliers, length)
+            root = (np.sqrt(weights) / scale)[:, None]
+            rows = (self.slopes * root[:, :, None]).reshape(-1, self.slopes.shape[2])
+            right = (self.away * root).ravel()
+            if not sway:
+                break
+            swaying = (self.sway * root[:, :, None]).reshape(-1, 3)
+            inner = np.linalg.inv(swaying.T @ swaying + np.eye(3) / sway**2)
+            most_likely = inner @ (swaying.T @ right)
+            square = np.sum((self.away - self.sway @ most_likely) ** 2, axis=1)
+        matrix, vector = rows.T @ rows, rows.T @ right
+        if sway:  # it is another one in each look: what is left without it (Schur)
+            across = rows.T @ swaying
+            matrix = matrix - across @ inner @ across.T
+            vector = vector - across @ most_likely
+        own = max(float(weights.sum()), 1e-300)
+        return Told(matrix, vector, float(np.sqrt(weights @ square / own)),
+                    float(1 - weights.mean()), scale)
 
 
-def looked_at(shape, slopes, points, s, sway):
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What a look tells: (x - here)^T matrix (x - here) / 2 - vector^T (x - here), m points.
+
+    Attributes:
+        matrix: (n, n); vector: (n,)
+        misfit: root mean square distance of what is taken to be the DLO's, m
+        outliers: part of the points that are taken to be none of the DLO's
+        scale: m, of the noise with which it was weighed
+    """
+
+    matrix: np.ndarray
+    vector: np.ndarray
+    misfit: float
+    outliers: float
+    scale: float
+
+
+def _scale(square, d, noise):
+    """Return the noise (m) to weigh with: as stated, or more while the shape fits badly."""
+    left = float(np.median(square)) / _MEDIAN[d]
+    return noise if left <= _BADLY * noise**2 else float(np.sqrt(left))
+
+
+def _weights(square, d, scale, outliers, length):
+    """Return (m,) how likely each point, at a squared distance `square` (m,), is one of the DLO."""
+    if outliers == 0:
+        return np.ones(len(square))
+    own = (1 - outliers) * np.exp(-0.5 * square / scale**2) / (
+        2 * np.pi * scale**2) ** (0.5 * d)
+    return own / (own + outliers * (2 * _ABOUT * length) ** -d)
+
+
+def looked_at(varied, shape, slopes, points, s, bias):
     """Return the Look at points (m, 3).
 
     Args:
-        shape: Shape; slopes: (N + 1, 3, n) of its nodes by the state
-        points: m, the camera's bias taken off
+        varied: Varied; shape: Shape; slopes: (N + 1, 3, n) of its nodes by the state
+        points: m, as they are seen; bias: (3,) m, the camera's
         s: (m,) arc lengths, or None
-        sway: (3,) of the free end, m: the DLO is off by (s / L)^2 of it
     """
-    known = s is not None
-    length = shape.s[-1]
-    share = np.ones(1)
-    if not known:
-        # copies: the kernel is compiled for arrays that may be written
-        s, _ = nearest(*map(np.array, (shape.s, np.diff(shape.s), shape.element_strains,
-                                       shape.frames, shape.positions,
-                                       points - _swaying(shape, points, sway))))
-    s = np.clip(s, 0.0, length)
-    share = (s / length) ** 2
-    axes, positions = (np.array(part) for part in zip(*map(shape.frame_at, s.tolist()),
-                                                      strict=True))
-    off = points - positions - share[:, None] * sway
-    axes = np.tile(np.eye(3), (len(s), 1, 1)) if known else axes[:, :, 1:]
+    known, length, uncertain = s is not None, shape.s[-1], varied.uncertain
+    # copies: kernels are compiled for arrays that may be written
+    nodes, kernels, points = np.array(shape.s), shape.for_kernels, points - bias
+    if known:
+        s = np.clip(s, 0.0, length)
+    else:
+        lengths, strains, frames, positions = kernels
+        s, _ = nearest(nodes, lengths, strains, frames, positions, points)
+    axes, places = _points_at(nodes, *kernels, s)
     by_state = at_arc_lengths(slopes, shape.s, s)
-    return Look(np.einsum('mij,mi->mj', axes, off), np.einsum('mij,mik->mjk', axes, by_state),
-                np.swapaxes(axes, 1, 2) * share[:, None, None], np.sum(off**2, axis=1))
+    columns, numbers = uncertain.columns('camera')
+    by_state[:, numbers, columns] += 1.0
+    off = points - places
+    if known:  # nodes move along with the length, but for the end what is marked does not
+        inside = s < length
+        for column in uncertain.columns('length')[0]:
+            by_state[inside, :, column] -= axes[inside, :, 0] * (s[inside] / length)[:, None]
+        axes = np.tile(np.eye(3), (len(s), 1, 1))
+    else:
+        axes = axes[:, :, 1:]
+    return Look(np.einsum('mij,mi->mj', axes, off), axes.transpose(0, 2, 1) @ by_state,
+                axes.transpose(0, 2, 1) * ((s / length) ** 2)[:, None, None],
+                np.sum(off**2, axis=1))
 
 
-def _swaying(shape, points, sway):
-    """Return (m, 3) how far the DLO sways about where each point is, roughly."""
-    if not np.any(sway):
-        return np.zeros_like(points)
-    node = np.argmin(((points[:, None] - shape.positions[None]) ** 2).sum(axis=2), axis=1)
-    return (shape.s[node] / shape.s[-1])[:, None] ** 2 * sway
+@kernel
+def _points_at(nodes, lengths, strains, rotations, positions, s):
+    """Return axes (m, 3, 3) and positions (m, 3) at arc lengths s (m,)."""
+    m, n = s.size, lengths.size
+    axes, places = np.empty((m, 3, 3)), np.empty((m, 3))
+    for j in range(m):
+        e = min(max(np.searchsorted(nodes, s[j], side='right') - 1, 0), n - 1)
+        point_inside(lengths, strains, rotations, positions, e, (s[j] - nodes[e]) / lengths[e],
+                     axes[j], places[j])
+    return axes, places
 
 
 def from_either_end(shape, points, s):
