@@ -3,8 +3,8 @@
 An iterated extended Kalman filter (Bell and Cathey 1993: each update is a Gauss-Newton search) in
 information form. A filter that keeps each look linearised where it was taken in becomes too sure
 of itself: what no look can tell, such as stiffness against weight, seems to be told by the
-difference of two linearisations. So the last looks are remembered, and linearised anew at the
-present state once it has moved (a smoother with a fixed lag); older ones stay as they are.
+difference of two linearisations. So the looks from the last few poses of the gripper are remembered
+and searched together (a smoother with a fixed lag); older ones stay as they are.
 """
 
 from dataclasses import dataclass, replace
@@ -13,65 +13,73 @@ import numpy as np
 
 from dlo_planner.direct.indicator import surely_within
 from dlo_planner.direct.shape import Shape
-from dlo_planner.inverse.looking import Told, from_either_end, looked_at
-from dlo_planner.inverse.observation import Observation
+from dlo_planner.inverse.looking import from_either_end, looked_at, squares, told
 from dlo_planner.inverse.response import node_slopes
 from dlo_planner.inverse.settling import settled
+from dlo_planner.model.pose import Pose
 
 _ITERATIONS = 30
-_HALVINGS = 6
+_HALVINGS = 8
 _SETTLED = 1e-3   # mean square of a step in standard deviations of what is known: the last one
 _STEADY = 1.05    # ratio of two scales of what is left that are the same
 _FARTHEST = 0.15  # of the length: by which one step may move a node
-_MOVED = 0.1      # of the prior's standard deviations: a look is linearised anew
-_REMEMBERED = 64  # looks
+_ENOUGH = 1e-4    # of the decrease that a step promises, and has to give (Armijo)
+_POSES = 3        # of the gripper, remembered
+_LOOKS = 64       # remembered at each
 
 
 @dataclass(frozen=True, eq=False)
-class Taken:
-    """A look as it was taken in.
+class Group:
+    """Looks at one pose of the gripper, oldest first.
 
     Attributes:
-        observation: Observation; s: (m,) its arc lengths from the gripper, or None
-        x: (n,) state, in standard deviations of the prior, at which it was linearised
-        shape: Shape there; told: Told
+        gripper: Pose as it is said to be
+        looks: tuple of (points (m, 3), arc lengths from the gripper (m,) or None)
+        shape: Shape from which the next search begins
     """
 
-    observation: Observation
-    s: np.ndarray | None
-    x: np.ndarray
+    gripper: Pose
+    looks: tuple
     shape: Shape
-    told: Told
+
+    def stacked(self, apart):
+        """Yield points and arc lengths, look by look if `apart`, else in as few pieces as can be."""
+        if apart:
+            yield from self.looks
+            return
+        for known in (True, False):
+            some = [look for look in self.looks if (look[1] is not None) == known]
+            if some:
+                points, s = zip(*some, strict=True)
+                yield np.concatenate(points), np.concatenate(s) if known else None
 
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """What the estimate is made of; all in standard deviations of the prior.
+    """What an estimate is made of; the state in standard deviations of the prior.
 
     Attributes:
-        x: (n,), matrix: (n, n): mean and information of all that is not remembered look by look
-        taken: tuple of Taken
+        x: (n,), matrix: (n, n): mean and information of what is not remembered look by look
+        groups: tuple of Group
     """
 
     x: np.ndarray
     matrix: np.ndarray
-    taken: tuple
+    groups: tuple
 
-    def total(self, more=()):
-        """Return the information (n, n) and its product with the mean (n,), `more` Taken added."""
-        matrix, vector = self.matrix.copy(), self.matrix @ self.x
-        for one in (*self.taken, *more):
-            matrix += one.told.matrix
-            vector += one.told.matrix @ one.x + one.told.vector
-        return matrix, vector
-
-    def with_look(self, one):
-        """Return the Memory with one more Taken; the oldest is no longer remembered by itself."""
-        taken = (*self.taken, one)
-        if len(taken) <= _REMEMBERED:
-            return replace(self, taken=taken)
-        matrix, vector = replace(self, taken=taken[:1]).total()
-        return Memory(np.linalg.solve(matrix, vector), matrix, taken[1:])
+    def with_look(self, gripper, look, shape):
+        """Return the Memory with a look more, and the Groups that are to be forgotten or None."""
+        old = self.groups
+        if old and old[-1].gripper == gripper:
+            last = replace(old[-1], looks=(*old[-1].looks, look), shape=shape)
+            if len(last.looks) <= _LOOKS:
+                return replace(self, groups=(*old[:-1], last)), None
+            first = replace(last, looks=last.looks[:1])
+            return replace(self, groups=(*old[:-1], replace(last, looks=last.looks[1:]))), first
+        groups = (*old, Group(gripper, (look,), shape))
+        if len(groups) <= _POSES:
+            return replace(self, groups=groups), None
+        return replace(self, groups=groups[1:]), groups[0]
 
 
 class Search:
@@ -84,100 +92,137 @@ class Search:
 
     def __init__(self, observer, estimate, observation, wandered):
         self._observer, self._estimate, self._seen = observer, estimate, observation
-        self._unit = observer.uncertain.deviations
+        self._uncertain, self._unit = observer.uncertain, observer.uncertain.deviations
         memory = estimate._memory
         if memory is None or wandered:
             covariance = estimate.covariance / np.outer(self._unit, self._unit)
             memory = Memory(estimate.mean / self._unit,
                             np.linalg.inv(covariance + wandered * np.eye(self._unit.size)), ())
-        self._memory, self._s = memory, observation.s
+        self._memory = memory
 
     def found(self):
         """Return the Estimate, or None if no equilibrium explains the look."""
-        x = self._estimate.mean / self._unit
-        shape, last = self._first(), np.inf
-        if shape.converged and self._s is not None:
-            self._s = from_either_end(shape, self._seen.points, self._s)
-        for _ in range(_ITERATIONS):
-            if not shape.converged:
+        x, last = self._estimate.mean / self._unit, np.inf
+        shape = self._first()
+        if not shape.converged:
+            return None
+        s, points = self._seen.s, self._seen.points
+        if s is not None:
+            s = from_either_end(shape, points, s)
+        memory, forgotten = self._memory.with_look(self._seen.gripper, (points, s), shape)
+        if forgotten is not None:
+            memory = self._folded(memory, forgotten, x)
+            if memory is None:
                 return None
-            slopes = node_slopes(self._varied, x * self._unit, shape)
-            new = self._taken(self._seen, self._s, x, shape, slopes)
-            matrix, vector = self._memory.total((new,))
-            step = np.linalg.solve(matrix, vector) - x
-            still = float(step @ matrix @ step) < _SETTLED * step.size
-            stale = still and self._refreshed(x, shape, slopes)
-            if not stale:
-                before = x
-                x, shape = self._moved(x, step, shape, slopes)
-                if still and last <= _STEADY * new.told.scale and shape.converged:
-                    return self._result(before, step, shape, matrix, new)
-            last = new.told.scale
+        self._memory = memory
+        shapes = self._shapes(x, [group.shape for group in memory.groups])
+        for _ in range(_ITERATIONS):
+            if shapes is None:
+                return None
+            matrix, down, scales, seen = self._told(x, shapes)
+            step = np.linalg.solve(matrix, down)
+            still = float(step @ down) < _SETTLED * step.size
+            before = x
+            x, shapes = self._moved(x, step, float(step @ down), shapes, scales)
+            if still and last <= _STEADY * scales[-1] and shapes is not None:
+                return self._result(before + step, shapes, matrix, seen)
+            last = scales[-1]
         return None
 
     def _first(self):
         """Return the Shape in the gripper of this look, at the state before it."""
         estimate = self._estimate
-        simulator, known = estimate.uncertain.simulator, estimate._shape
+        simulator, known = self._uncertain.simulator, estimate._shape
         gripper = estimate.actual(self._seen.gripper)
         good = known is not None and (simulator.accuracy is None
                                       or surely_within(known, simulator.accuracy))
         mesh = known._discretisation if good else simulator.discretisation(gripper, None)
-        self._varied = estimate.uncertain.varied(mesh)
+        self._varied = self._uncertain.varied(mesh)
         return settled(self._varied, estimate.mean, gripper, known)
 
-    def _taken(self, observation, s, x, shape, slopes):
-        """Return the Taken of a look at x; its slopes by standard deviations of the prior."""
-        observer = self._observer
-        look = looked_at(self._varied, shape, slopes, observation.points, s,
-                         observer.uncertain.camera(x * self._unit))
-        look = replace(look, slopes=look.slopes * self._unit)
-        return Taken(observation, s, x, shape, look.information(
-            observer.noise, observer.outliers, observer.sway, shape.s[-1]))
+    def _shapes(self, x, before):
+        """Return the Shapes of all groups at x, or None where one is not found."""
+        z, shapes = x * self._unit, []
+        offset = self._uncertain.offset(z)
+        for group, known in zip(self._memory.groups, before, strict=True):
+            shapes.append(settled(self._varied, z, group.gripper.compose(offset), known,
+                                  followed=False))
+            if not shapes[-1].converged:
+                return None
+        return shapes
 
-    def _refreshed(self, x, shape, slopes):
-        """Linearise remembered looks anew where the state has moved; return whether it had."""
-        old = [one for one in self._memory.taken if np.abs(x - one.x).max() > _MOVED]
-        if not old:
-            return False
-        known = {self._seen.gripper: (shape, slopes)}
-        taken = []
-        for one in self._memory.taken:
-            gripper = one.observation.gripper
-            if gripper not in known:
-                known[gripper] = self._shape_and_slopes(x, gripper, one.shape)
-            here, by_state = known[gripper]
-            taken.append(one if by_state is None else self._taken(
-                one.observation, one.s, x, here, by_state))
-        self._memory = replace(self._memory, taken=tuple(taken))
-        return True
+    def _told(self, x, shapes):
+        """Return the information (n, n) at x, the way down (n,), the groups' scales, what is seen.
 
-    def _shape_and_slopes(self, x, gripper, before):
-        """Return the Shape in another gripper and its slopes; None where there is none."""
-        z = x * self._unit
-        offset = self._estimate.uncertain.offset(z)
-        shape = settled(self._varied, z, gripper.compose(offset), before, followed=False)
-        return shape, node_slopes(self._varied, z, shape) if shape.converged else None
+        What is seen: misfit, m, and part of outliers, of the last look.
+        """
+        memory, scales = self._memory, []
+        matrix, down = memory.matrix.copy(), memory.matrix @ (memory.x - x)
+        for group, shape in zip(memory.groups, shapes, strict=True):
+            for one in self._told_by(group, x, shape):
+                matrix += one.matrix
+                down += one.vector
+            scales.append(one.scale)
+        return matrix, down, scales, (one.misfit, one.outliers)
 
-    def _moved(self, x, step, shape, slopes):
-        """Return state and Shape after a step, or after as much of it as can be made."""
-        way = np.linalg.norm(slopes @ (step * self._unit), axis=1).max()
-        part = min(1.0, _FARTHEST * shape.s[-1] / way) if way > 0 else 1.0
+    def _told_by(self, group, x, shape):
+        """Yield the Told of a group's looks."""
+        observer, z = self._observer, x * self._unit
+        slopes = node_slopes(self._varied, z, shape)
+        for points, s in group.stacked(observer.sway > 0):
+            look = looked_at(self._varied, shape, slopes, points, s, self._uncertain.camera(z))
+            yield told(replace(look, slopes=look.slopes * self._unit), observer.noise,
+                       observer.outliers, observer.sway, shape.s[-1])
+
+    def _moved(self, x, step, slope, shapes, scales):
+        """Return state and Shapes after a step, or after as much of it as makes things better."""
+        part, cost = 1.0, self._cost(x, shapes, scales)
         for _ in range(_HALVINGS):
-            z = (x + part * step) * self._unit
-            gripper = self._seen.gripper.compose(self._estimate.uncertain.offset(z))
-            trial = settled(self._varied, z, gripper, shape, followed=False)
-            if trial.converged:
-                break
+            trial = self._shapes(x + part * step, shapes)
+            if trial is not None and self._near(shapes, trial) and self._cost(
+                    x + part * step, trial, scales) <= cost - _ENOUGH * part * slope + 1e-9 * abs(
+                        cost):
+                return x + part * step, trial
             part *= 0.5
-        return x + part * step, trial
+        return x, shapes if slope < _SETTLED * step.size else None
 
-    def _result(self, x, step, shape, matrix, new):
+    def _near(self, shapes, trial):
+        return all(np.abs(one.positions - other.positions).max() <= _FARTHEST * one.s[-1]
+                   for one, other in zip(shapes, trial, strict=True))
+
+    def _cost(self, x, shapes, scales):
+        """Return what is minimised: minus the logarithm of the likelihood, but for a constant."""
+        memory, observer = self._memory, self._observer
+        off = x - memory.x
+        cost = 0.5 * float(off @ memory.matrix @ off)
+        bias = self._uncertain.camera(x * self._unit)
+        for group, shape, scale in zip(memory.groups, shapes, scales, strict=True):
+            for points, s in group.stacked(observer.sway > 0):
+                cost += squares(shape, points - bias, s).cost(scale, observer.outliers,
+                                                              observer.sway, shape.s[-1])
+        return cost
+
+    def _folded(self, memory, group, x):
+        """Return the Memory with a Group that is not remembered any longer, linearised at x."""
+        offset = self._uncertain.offset(x * self._unit)
+        shape = settled(self._varied, x * self._unit, group.gripper.compose(offset), group.shape,
+                        followed=False)
+        if not shape.converged:
+            return None
+        matrix, vector = memory.matrix.copy(), memory.matrix @ memory.x
+        for one in self._told_by(group, x, shape):
+            matrix += one.matrix
+            vector += one.matrix @ x + one.vector
+        return replace(memory, x=np.linalg.solve(matrix, vector), matrix=matrix)
+
+    def _result(self, x, shapes, matrix, seen):
         covariance = np.linalg.inv(matrix) * np.outer(self._unit, self._unit)
-        return replace(self._estimate, mean=(x + step) * self._unit,
-                       covariance=symmetric(covariance), looks=self._estimate.looks + 1,
-                       converged=True, misfit=new.told.misfit, outliers=new.told.outliers,
-                       _shape=shape, _memory=self._memory.with_look(new))
+        groups = tuple(replace(group, shape=shape)
+                       for group, shape in zip(self._memory.groups, shapes, strict=True))
+        return replace(self._estimate, mean=x * self._unit, covariance=symmetric(covariance),
+                       looks=self._estimate.looks + 1, converged=True, misfit=seen[0],
+                       outliers=seen[1], _shape=shapes[-1],
+                       _memory=replace(self._memory, groups=groups))
 
 
 def symmetric(matrix):
