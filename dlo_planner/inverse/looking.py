@@ -71,8 +71,13 @@ class Distances:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """Distances with slopes: (m, d, n) derivatives of where the points are expected, by the state;
-    swaying: (m, d, 3) by the sway of the free end."""
+    """Distances with slopes.
+
+    Attributes:
+        distances: Distances
+        slopes: (m, d, n) derivatives of where the points are expected, by the state
+        swaying: (m, d, 3) the same by the sway of the free end
+    """
 
     distances: Distances
     slopes: np.ndarray
@@ -112,16 +117,14 @@ def squares(shape, points, s):
     return Distances(np.einsum('mij,mj->mi', axes, off), axes, frames, s, np.sum(off**2, axis=1))
 
 
-def looked_at(varied, shape, slopes, points, s, bias):
-    """Return the Look at points (m, 3).
+def looked_at(uncertain, shape, slopes, off, known):
+    """Return the Look that Distances and slopes make.
 
     Args:
-        varied: Varied; shape: Shape; slopes: (N + 1, 3, n) of its nodes by the state
-        points: m, as they are seen; bias: (3,) m, the camera's
-        s: (m,) arc lengths, m, or None
+        uncertain: Uncertain; shape: Shape; slopes: (N + 1, 3, n) of its nodes by the state
+        off: Distances from it; known: whether arc lengths were seen
     """
-    known, length, uncertain = s is not None, shape.s[-1], varied.uncertain
-    off = squares(shape, points - bias, s)
+    length = shape.s[-1]
     by_state = at_arc_lengths(slopes, shape.s, off.s)
     columns, numbers = uncertain.columns('camera')
     by_state[:, numbers, columns] += 1.0

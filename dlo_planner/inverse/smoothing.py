@@ -8,6 +8,7 @@ and searched together (a smoother with a fixed lag); older ones stay as they are
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +26,7 @@ _STEADY = 1.05    # ratio of two scales of what is left that are the same
 _FARTHEST = 0.15  # of the length: by which one step may move a node
 _ENOUGH = 1e-4    # of the decrease that a step promises, and has to give (Armijo)
 _POSES = 3        # of the gripper, remembered
-_LOOKS = 64       # remembered at each
+_LOOKS = 32       # remembered at each
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,12 +75,21 @@ class Memory:
             last = replace(old[-1], looks=(*old[-1].looks, look), shape=shape)
             if len(last.looks) <= _LOOKS:
                 return replace(self, groups=(*old[:-1], last)), None
-            first = replace(last, looks=last.looks[:1])
-            return replace(self, groups=(*old[:-1], replace(last, looks=last.looks[1:]))), first
+            half = _LOOKS // 2
+            first = replace(last, looks=last.looks[:half])
+            return replace(self, groups=(*old[:-1], replace(last, looks=last.looks[half:]))), first
         groups = (*old, Group(gripper, (look,), shape))
         if len(groups) <= _POSES:
             return replace(self, groups=groups), None
         return replace(self, groups=groups[1:]), groups[0]
+
+
+class Evaluated(NamedTuple):
+    """A state x (n,), the Shapes of the groups there, and the points' distances from each."""
+
+    x: np.ndarray
+    shapes: list
+    distances: list
 
 
 class Search:
@@ -115,18 +125,17 @@ class Search:
             if memory is None:
                 return None
         self._memory = memory
-        shapes = self._shapes(x, [group.shape for group in memory.groups])
+        here = self._at(x, [group.shape for group in memory.groups])
         for _ in range(_ITERATIONS):
-            if shapes is None:
+            if here is None:
                 return None
-            matrix, down, scales, seen = self._told(x, shapes)
+            matrix, down, scales, seen = self._told(here)
             step = np.linalg.solve(matrix, down)
-            still = float(step @ down) < _SETTLED * step.size
-            before = x
-            x, shapes = self._moved(x, step, float(step @ down), shapes, scales)
-            if still and last <= _STEADY * scales[-1] and shapes is not None:
-                return self._result(before + step, shapes, matrix, seen)
-            last = scales[-1]
+            slope = float(step @ down)
+            steady = last <= _STEADY * scales[-1] or scales[-1] == self._observer.noise
+            if slope < _SETTLED * step.size and steady:
+                return self._result(here, step, matrix, seen)
+            here, last = self._moved(here, step, slope, scales), scales[-1]
         return None
 
     def _first(self):
@@ -140,66 +149,68 @@ class Search:
         self._varied = self._uncertain.varied(mesh)
         return settled(self._varied, estimate.mean, gripper, known)
 
-    def _shapes(self, x, before):
-        """Return the Shapes of all groups at x, or None where one is not found."""
-        z, shapes = x * self._unit, []
-        offset = self._uncertain.offset(z)
+    def _at(self, x, before):
+        """Return the Evaluated at x, from Shapes `before` on, or None where one is not found."""
+        z, shapes, distances = x * self._unit, [], []
+        offset, bias = self._uncertain.offset(z), self._uncertain.camera(z)
         for group, known in zip(self._memory.groups, before, strict=True):
-            shapes.append(settled(self._varied, z, group.gripper.compose(offset), known,
-                                  followed=False))
-            if not shapes[-1].converged:
+            shape = settled(self._varied, z, group.gripper.compose(offset), known, followed=False)
+            if not shape.converged:
                 return None
-        return shapes
+            shapes.append(shape)
+            distances.append(self._distances(group, shape, bias))
+        return Evaluated(x, shapes, distances)
 
-    def _told(self, x, shapes):
-        """Return the information (n, n) at x, the way down (n,), the groups' scales, what is seen.
+    def _distances(self, group, shape, bias):
+        """Return (Distances, whether arc lengths were seen) of a group's looks."""
+        return [(squares(shape, points - bias, s), s is not None)
+                for points, s in group.stacked(self._observer.sway > 0)]
+
+    def _told(self, here):
+        """Return the information (n, n), the way down (n,), the groups' scales, what is seen.
 
         What is seen: misfit, m, and part of outliers, of the last look.
         """
         memory, scales = self._memory, []
-        matrix, down = memory.matrix.copy(), memory.matrix @ (memory.x - x)
-        for group, shape in zip(memory.groups, shapes, strict=True):
-            for one in self._told_by(group, x, shape):
+        matrix, down = memory.matrix.copy(), memory.matrix @ (memory.x - here.x)
+        for shape, distances in zip(here.shapes, here.distances, strict=True):
+            for one in self._told_by(here.x, shape, distances):
                 matrix += one.matrix
                 down += one.vector
             scales.append(one.scale)
         return matrix, down, scales, (one.misfit, one.outliers)
 
-    def _told_by(self, group, x, shape):
+    def _told_by(self, x, shape, distances):
         """Yield the Told of a group's looks."""
-        observer, z = self._observer, x * self._unit
-        slopes = node_slopes(self._varied, z, shape)
-        for points, s in group.stacked(observer.sway > 0):
-            look = looked_at(self._varied, shape, slopes, points, s, self._uncertain.camera(z))
-            yield told(replace(look, slopes=look.slopes * self._unit), observer.noise,
+        observer = self._observer
+        slopes = node_slopes(self._varied, x * self._unit, shape) * self._unit
+        for off, known in distances:
+            yield told(looked_at(self._uncertain, shape, slopes, off, known), observer.noise,
                        observer.outliers, observer.sway, shape.s[-1])
 
-    def _moved(self, x, step, slope, shapes, scales):
-        """Return state and Shapes after a step, or after as much of it as makes things better."""
-        part, cost = 1.0, self._cost(x, shapes, scales)
+    def _moved(self, here, step, slope, scales):
+        """Return the Evaluated after a step, or after as much of it as makes things better."""
+        part, cost = 1.0, self._cost(here, scales)
         for _ in range(_HALVINGS):
-            trial = self._shapes(x + part * step, shapes)
-            if trial is not None and self._near(shapes, trial) and self._cost(
-                    x + part * step, trial, scales) <= cost - _ENOUGH * part * slope + 1e-9 * abs(
-                        cost):
-                return x + part * step, trial
+            trial = self._at(here.x + part * step, here.shapes)
+            if trial is not None and self._near(here.shapes, trial.shapes) and self._cost(
+                    trial, scales) <= cost - _ENOUGH * part * slope:
+                return trial
             part *= 0.5
-        return x, shapes if slope < _SETTLED * step.size else None
+        return None
 
     def _near(self, shapes, trial):
         return all(np.abs(one.positions - other.positions).max() <= _FARTHEST * one.s[-1]
                    for one, other in zip(shapes, trial, strict=True))
 
-    def _cost(self, x, shapes, scales):
+    def _cost(self, here, scales):
         """Return what is minimised: minus the logarithm of the likelihood, but for a constant."""
         memory, observer = self._memory, self._observer
-        off = x - memory.x
+        off = here.x - memory.x
         cost = 0.5 * float(off @ memory.matrix @ off)
-        bias = self._uncertain.camera(x * self._unit)
-        for group, shape, scale in zip(memory.groups, shapes, scales, strict=True):
-            for points, s in group.stacked(observer.sway > 0):
-                cost += squares(shape, points - bias, s).cost(scale, observer.outliers,
-                                                              observer.sway, shape.s[-1])
+        for shape, distances, scale in zip(here.shapes, here.distances, scales, strict=True):
+            cost += sum(one.cost(scale, observer.outliers, observer.sway, shape.s[-1])
+                        for one, _ in distances)
         return cost
 
     def _folded(self, memory, group, x):
@@ -210,18 +221,19 @@ class Search:
         if not shape.converged:
             return None
         matrix, vector = memory.matrix.copy(), memory.matrix @ memory.x
-        for one in self._told_by(group, x, shape):
+        bias = self._uncertain.camera(x * self._unit)
+        for one in self._told_by(x, shape, self._distances(group, shape, bias)):
             matrix += one.matrix
             vector += one.matrix @ x + one.vector
         return replace(memory, x=np.linalg.solve(matrix, vector), matrix=matrix)
 
-    def _result(self, x, shapes, matrix, seen):
+    def _result(self, here, step, matrix, seen):
         covariance = np.linalg.inv(matrix) * np.outer(self._unit, self._unit)
         groups = tuple(replace(group, shape=shape)
-                       for group, shape in zip(self._memory.groups, shapes, strict=True))
-        return replace(self._estimate, mean=x * self._unit, covariance=symmetric(covariance),
-                       looks=self._estimate.looks + 1, converged=True, misfit=seen[0],
-                       outliers=seen[1], _shape=shapes[-1],
+                       for group, shape in zip(self._memory.groups, here.shapes, strict=True))
+        return replace(self._estimate, mean=(here.x + step) * self._unit,
+                       covariance=symmetric(covariance), looks=self._estimate.looks + 1,
+                       converged=True, misfit=seen[0], outliers=seen[1], _shape=here.shapes[-1],
                        _memory=replace(self._memory, groups=groups))
 
 

@@ -65,6 +65,8 @@ class Uncertain(Value):
         put(self, _meshes=[], deviations=deviations[known], _each=each[known], _number=number[known],
             names=tuple(f'{name}[{k}]' if len(every[name]) > 1 else str(name)
                         for name, k in zip(each[known], number[known], strict=True)))
+        put(self, _columns={name: (np.flatnonzero(self._each == name),
+                                   self._number[self._each == name]) for name in every})
         super().__post_init__()
 
     def __reduce__(self):
@@ -92,8 +94,7 @@ class Uncertain(Value):
 
     def columns(self, name):
         """Return the indices in the state, and those in the quantity `name`: (k,) each."""
-        where = np.flatnonzero(self._each == name)
-        return where, self._number[where]
+        return self._columns[name]
 
     def part(self, z, name, size):
         """Return the numbers (size,) of one quantity; 0 where they are not in the state."""
