@@ -1,17 +1,27 @@
 """Threadings of DLOs that are not as stated, with the direct simulator as the truth.
 
-`python test/closed_loops.py` prints how far off the entry is in open and in closed loop, and whether
-the estimates are as good as they say. What is true has more in it than what is estimated: natural
-curvature by twelve Legendre polynomials, where the observer has six.
+`python test/closed_loops.py [seeds]` prints how far off the entry is in open and in closed loop,
+and whether the estimates are as good as they say. What is true has more in it than what is
+estimated: natural curvature by twelve Legendre polynomials, where the observer has six.
 """
 
+import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Observation, Pose, Rod, Spread
-from dlo_planner.inverse.observer import Observer
+from dlo_planner import (
+    CutOut,
+    DirectSimulator,
+    InverseSimulator,
+    Observation,
+    Observer,
+    Pose,
+    Rod,
+    Spread,
+    correct,
+)
 from dlo_planner.inverse.predicted_miss import crossing
 from dlo_planner.inverse.tolerance import variation_deviations
 from dlo_planner.model.along import Expanded
@@ -88,3 +98,63 @@ def looked(truth, observer, rng, gripper, looks=30, estimate=None, **how):
 def plan_of(rod=WIRE, hole=HOLE, start=None):
     """Return the Plan of a threading."""
     return InverseSimulator(DirectSimulator(rod)).thread(hole, depths=DEPTHS, start=start)
+
+
+START = Pose.looking_along((-0.6, 0, 1.1), (1, 0, 0.2))
+
+
+def surprise(off, estimate):
+    """Return the squared error of a miss in units of its covariance: a chi-square of 2 on average.
+
+    Args:
+        off: (3,) the true miss; estimate: PredictedMiss, its first waypoint
+    """
+    across = np.linalg.svd(HOLE.normal[None])[2][1:]
+    error = across @ (off - estimate.off[0])
+    return float(error @ np.linalg.solve(across @ estimate.covariance[0] @ across.T, error))
+
+
+def threaded(seed, plan, observer, looks=30, again=15, **errors):
+    """Return the true misses at the entry, m, and the surprises: open, one look, a second one.
+
+    The second look is from the standoff, 0.1 m before the entry.
+    """
+    rng = np.random.default_rng(seed)
+    truth = Truth.drawn(rng, **errors)
+    passing, gripper = plan.passes[0][0], plan.grippers[0]
+    misses, surprises, bounds = [truth.miss(passing, gripper)], [], []
+    estimate = None
+    for count in (looks, again):
+        at = START if estimate is None else Pose(
+            gripper.position - 0.1 * HOLE.normal, gripper.quaternion)
+        estimate = looked(truth, observer, rng, at, count, estimate)
+        if observer.uncertain.cutout:
+            seen = HOLE.centre + truth.hole + truth.bias + NOISE / 4 * rng.normal(size=3)
+            estimate = observer.see_cutout(estimate, HOLE.centre, seen, NOISE / 4)
+        correction = correct(estimate, plan)
+        gripper = correction.grippers[0]
+        misses.append(truth.miss(passing, gripper))
+        surprises.append(surprise(misses[-1], correction.miss))
+        bounds.append(correction.miss.bound[0])
+    return np.linalg.norm(misses, axis=1), np.array(surprises), np.array(bounds)
+
+
+def main(seeds):
+    """Print a table."""
+    plan = plan_of()
+    for name, errors in (('DLO and gripper', {}),
+                         ('and camera, hole 0.5 mm each', {'bias': 0.5e-3, 'cutout': 0.5e-3})):
+        observer = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE, **errors)
+        misses, surprises, bounds = (np.array(part) for part in zip(*(
+            threaded(seed, plan, observer, **errors) for seed in range(seeds)), strict=True))
+        print(f'{name}, {seeds} seeds; median, 95 %, largest miss at the entry in mm')
+        for k, when in enumerate(('open loop', 'one look', 'and one at the standoff')):
+            print(f'  {when:24}', *(f'{1e3 * np.quantile(misses[:, k], q):8.2f}'
+                                    for q in (0.5, 0.95, 1.0)),
+                  *((f'  chi-square {surprises[:, k - 1].mean():.2f} of 2',
+                     f'within the bound {np.mean(misses[:, k] <= bounds[:, k - 1]):.0%}')
+                    if k else ()))
+
+
+if __name__ == '__main__':
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 40)

@@ -88,9 +88,9 @@ class Sensitivity:
         return _strains_by(self._system, self._hessian, slopes)
 
     def slope_of(self, **fields):
-        """Return the potential's slope (N, 3) by the strains, and where the nodes would be (N + 1, 3).
+        """Return the potential's slope (N, 3) by the strains, and the nodes' places (N + 1, 3).
 
-        Strains and gripper stay.
+        With the strains and the gripper of the shape.
 
         Args:
             fields: of the System that are others

@@ -21,7 +21,7 @@ from dlo_planner.model.checks import flag, instance, integer, items, results
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.value import Value, brief, put
 
-_LOOKED_AT = 5  # waypoints at which the miss that remains is predicted
+_LOOKED_AT = 3  # waypoints at which the miss that remains is predicted
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -91,17 +91,21 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0,
         raise InvalidTask('plan: expected one through one cut-out, along its normal')
     known = _known(plan, instance('before', before, Correction, optional=True))
     rest = range(first, len(plan))
-    shapes = {k: _aimed(estimate, plan, k, known[k]) for k in rest if plan.passes[k]}
+    aim = _Aim(estimate)
+    shapes = {k: aim.shape(plan, k, known[k]) for k in rest if plan.passes[k]}
     if any(shape is None for shape in shapes.values()):
         return _as_planned(estimate, plan, rest)
-    grippers = {k: estimate.commanded(shape.gripper) for k, shape in shapes.items()}
+    grippers = {k: aim.commanded(shape.gripper) for k, shape in shapes.items()}
+    known = dict(zip(grippers, _offsets([plan.grippers[k] for k in grippers],
+                                        list(grippers.values())), strict=True))
     offsets = np.zeros((len(rest), 6))
-    for k in reversed(rest):  # on the way to a passing waypoint: as there; behind the last: as it
-        source = next((j for j in rest if j >= k and j in grippers), None)
-        if source is not None:
-            offsets[k - first] = _offset(plan.grippers[source], grippers[source])
+    for k in rest:  # on the way to a waypoint that passes the centre: as there
+        source = next((j for j in known if j >= k), None)
+        offsets[k - first] = 0.0 if source is None else known[source]
+        if k not in grippers:
+            grippers[k] = displaced(plan.grippers[k], offsets[k - first])
     looked = _some([k for k in rest if k in shapes])
-    return Correction(first, tuple(displaced(plan.grippers[k], offsets[k - first]) for k in rest),
+    return Correction(first, tuple(grippers[k] for k in rest),
                       offsets, miss_of(estimate, plan, looked, [shapes[k] for k in looked]), True,
                       tuple(shapes.get(k, plan.shapes[k]) for k in rest))
 
@@ -116,18 +120,36 @@ def _known(plan, before):
     return shapes
 
 
-def _aimed(estimate, plan, index, guess):
-    """Return the Shape of the estimated DLO that passes the centre at a waypoint, or None."""
-    centre, s, normal = plan.passes[index][0]
-    varied = estimate.uncertain.varied(plan.shapes[index]._discretisation)
-    mesh = varied.at(estimate.mean)
-    inside = min(s, float(mesh.s[-1]))
-    shape = aligned_on(mesh, guess, inside, normal, plan.grippers[index].rotation)
-    if shape is None or shape.stability < -NEUTRAL:
-        return None
-    axes, position = shape.frame_at(inside)
-    position = position + (s - inside) * axes[:, 0]
-    return shape.moved(estimate.centre(centre) - position)
+class _Aim:
+    """Aims the DLO of an Estimate at a centre."""
+
+    def __init__(self, estimate):
+        self._estimate, self._offset = estimate, estimate.gripper_offset
+        self._meshes = {}
+
+    def shape(self, plan, index, guess):
+        """Return the Shape that passes the centre at a waypoint, or None."""
+        centre, s, normal = plan.passes[index][0]
+        mesh = self._mesh(plan.shapes[index]._discretisation)
+        inside = min(s, float(mesh.s[-1]))
+        shape = aligned_on(mesh, guess, inside, normal, plan.grippers[index].rotation)
+        if shape is None or shape.stability < -NEUTRAL:
+            return None
+        axes, position = shape.frame_at(inside)
+        position = position + (s - inside) * axes[:, 0]
+        return shape.moved(self._estimate.centre(centre) - position)
+
+    def commanded(self, gripper):
+        """Return `Estimate.commanded`, quickly."""
+        rotation = gripper.rotation @ self._offset.rotation.T
+        return Pose.from_rotation(gripper.position - rotation @ self._offset.position, rotation)
+
+    def _mesh(self, planned):
+        """Return the Discretisation of the estimated DLO on the mesh of a planned one."""
+        if id(planned) not in self._meshes:  # waypoints share them
+            varied = self._estimate.uncertain.varied(planned)
+            self._meshes[id(planned)] = varied.at(self._estimate.mean)
+        return self._meshes[id(planned)]
 
 
 def _as_planned(estimate, plan, rest):
@@ -137,10 +159,14 @@ def _as_planned(estimate, plan, rest):
                       tuple(plan.shapes[k] for k in rest))
 
 
-def _offset(planned, gripper):
-    """Return (6,) the rotation vector and the displacement from a Pose to another one."""
-    turn = Rotation.from_matrix(gripper.rotation @ planned.rotation.T).as_rotvec()
-    return np.concatenate([turn, gripper.position - planned.position])
+def _offsets(planned, grippers):
+    """Return (k, 6) the rotation vectors and displacements from k Poses to others."""
+    if not grippers:
+        return np.zeros((0, 6))
+    turns = Rotation.from_matrix(np.array([one.rotation @ other.rotation.T for other, one in zip(
+        planned, grippers, strict=True)])).as_rotvec()
+    return np.hstack([turns, [one.position - other.position for other, one in zip(
+        planned, grippers, strict=True)]])
 
 
 def _some(indices):

@@ -58,7 +58,8 @@ class Estimate(Value):
         super().__post_init__()
 
     def __repr__(self):
-        return brief(self, f'{self.looks} looks', '' if self.converged else 'last one not converged',
+        return brief(self, f'{self.looks} looks',
+                     '' if self.converged else 'last one not converged',
                      f'misfit {self.misfit:.2g} m' if self.looks else '',
                      f'{self.uncertain.size} numbers')
 

@@ -125,9 +125,12 @@ class Observer(Value):
         covariance = estimate.covariance
         gain = np.linalg.solve(rows @ covariance @ rows.T + noise**2 * np.eye(3),
                                rows @ covariance).T
+        memory = estimate._memory
+        if memory is not None:
+            memory = memory.with_linear(rows * self.uncertain.deviations / noise, off / noise)
         return replace(estimate, mean=estimate.mean + gain @ (off - rows @ estimate.mean),
                        covariance=symmetric(covariance - gain @ rows @ covariance),
-                       _memory=None)
+                       _memory=memory)
 
     def _own(self, estimate):
         if instance('estimate', estimate, Estimate).uncertain != self.uncertain:

@@ -144,7 +144,7 @@ def crossing(shape, centre, normal, s):
 
 
 def at_arc_lengths(nodes, s, wanted):
-    """Return (m, 3, n): slopes (N + 1, 3, n) at nodes `s` (N + 1,), straight between, at `wanted`."""
+    """Return (m, 3, n) at `wanted` (m,): slopes (N + 1, 3, n) at nodes `s`, straight between."""
     element = np.clip(np.searchsorted(s, wanted, side='right') - 1, 0, s.size - 2)
     share = ((wanted - s[element]) / (s[element + 1] - s[element]))[:, None, None]
     return (1 - share) * nodes[element] + share * nodes[element + 1]
@@ -162,7 +162,8 @@ def _plane():
     parts = (np.arange(_RINGS) + 0.5) / _RINGS
     radii = np.sqrt(-2 * np.log(1 - parts))
     angles = 2 * np.pi * (np.arange(_SPOKES) + 0.5) / _SPOKES
-    return (radii[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)).reshape(-1, 2)
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return (radii[:, None, None] * directions).reshape(-1, 2)
 
 
 _PLANE = _plane()

@@ -44,7 +44,7 @@ class Group:
     shape: Shape
 
     def stacked(self, apart):
-        """Yield points and arc lengths, look by look if `apart`, else in as few pieces as can be."""
+        """Yield points and arc lengths, look by look if `apart`, else in few pieces."""
         if apart:
             yield from self.looks
             return
@@ -67,6 +67,12 @@ class Memory:
     x: np.ndarray
     matrix: np.ndarray
     groups: tuple
+
+    def with_linear(self, rows, right):
+        """Return the Memory with what rows (k, n) of the state tell: right (k,), each within 1."""
+        matrix = self.matrix + rows.T @ rows
+        return replace(self, matrix=matrix,
+                       x=np.linalg.solve(matrix, self.matrix @ self.x + rows.T @ right))
 
     def with_look(self, gripper, look, shape):
         """Return the Memory with a look more, and the Groups that are to be forgotten or None."""
@@ -142,6 +148,10 @@ class Search:
         """Return the Shape in the gripper of this look, at the state before it."""
         estimate = self._estimate
         simulator, known = self._uncertain.simulator, estimate._shape
+        groups = self._memory.groups
+        if groups and groups[-1].gripper == self._seen.gripper:
+            self._varied = self._uncertain.varied(known._discretisation)
+            return known
         gripper = estimate.actual(self._seen.gripper)
         good = known is not None and (simulator.accuracy is None
                                       or surely_within(known, simulator.accuracy))

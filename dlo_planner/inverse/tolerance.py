@@ -35,11 +35,11 @@ class Spread(Value):
             of all masses alike
         length: m, of the part beyond the gripper
         natural_curvature: 1/m, of each of its two components, the same all along
-        curvature_variation: 1/m, of each of its two components about that mean, as root mean
-            square along the DLO: Legendre polynomials P_1, P_2, ..., the higher the less, see
-            `variation_deviations`
         gripper_position: m, along each axis; gripper_rotation: rad, about each axis; constant
             during a plan, as a calibration is
+        curvature_variation: 1/m, of each of the natural curvature's two components about its mean,
+            as root mean square along the DLO: Legendre polynomials P_1, P_2, ..., the higher the
+            less, see `variation_deviations`
     """
 
     bending_stiffness: float = 0.0
@@ -47,9 +47,9 @@ class Spread(Value):
     mass: float = 0.0
     length: float = 0.0
     natural_curvature: float = 0.0
-    curvature_variation: float = 0.0
     gripper_position: float = 0.0
     gripper_rotation: float = 0.0
+    curvature_variation: float = 0.0
 
     def __post_init__(self):
         put(self, **{name: number(f'Spread.{name}', getattr(self, name), minimum=0)

@@ -62,7 +62,8 @@ class Uncertain(Value):
         deviations = np.concatenate([np.asarray(values, dtype=float)
                                      for values in every.values()])
         known = deviations > 0
-        put(self, _meshes=[], deviations=deviations[known], _each=each[known], _number=number[known],
+        put(self, _meshes=[], deviations=deviations[known], _each=each[known],
+            _number=number[known],
             names=tuple(f'{name}[{k}]' if len(every[name]) > 1 else str(name)
                         for name, k in zip(each[known], number[known], strict=True)))
         put(self, _columns={name: (np.flatnonzero(self._each == name),
@@ -78,7 +79,7 @@ class Uncertain(Value):
         return self.deviations.size
 
     def varied(self, like):
-        """Return the Varied on the mesh of a Discretisation of this DLO, or of one much like it."""
+        """Return the Varied on the mesh of a Discretisation of this DLO or of one much like it."""
         length = self.simulator.rod.length
         s = np.append(like.s[:-1] * (length / like.s[-1]), length)
         for known in self._meshes:
