@@ -95,9 +95,9 @@ def looked(truth, observer, rng, gripper, looks=30, estimate=None, **how):
     return estimate
 
 
-def plan_of(rod=WIRE, hole=HOLE, start=None):
+def plan_of(rod=WIRE, hole=HOLE, start=None, depths=DEPTHS):
     """Return the Plan of a threading."""
-    return InverseSimulator(DirectSimulator(rod)).thread(hole, depths=DEPTHS, start=start)
+    return InverseSimulator(DirectSimulator(rod)).thread(hole, depths=depths, start=start)
 
 
 START = Pose.looking_along((-0.6, 0, 1.1), (1, 0, 0.2))
