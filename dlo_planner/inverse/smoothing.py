@@ -193,9 +193,10 @@ class Search:
     def _told_by(self, x, shape, distances):
         """Yield the Told of a group's looks."""
         observer = self._observer
-        slopes = node_slopes(self._varied, x * self._unit, shape) * self._unit
+        slopes = node_slopes(self._varied, x * self._unit, shape)
         for off, known in distances:
-            yield told(looked_at(self._uncertain, shape, slopes, off, known), observer.noise,
+            look = looked_at(self._uncertain, shape, slopes, off, known)
+            yield told(replace(look, slopes=look.slopes * self._unit), observer.noise,
                        observer.outliers, observer.sway, shape.s[-1])
 
     def _moved(self, here, step, slope, scales):

@@ -47,8 +47,9 @@ def test_slopes_against_shapes_of_other_rods(options, rng):
             continue
         step = 1e-3 * unit * np.eye(z.size)[k]
         differences = (nodes(z + step) - nodes(z - step)) / (2e-3 * unit)
-        # of what the whole state moves: natural strains are means over elements here and there
-        np.testing.assert_allclose(slopes[:, :, k] * unit, differences * unit, atol=3e-6,
+        # a series cannot tell all that a natural curvature does
+        small = 3e-6 + 1e-4 * np.abs(differences * unit).max()
+        np.testing.assert_allclose(slopes[:, :, k] * unit, differences * unit, rtol=0, atol=small,
                                    err_msg=name)
 
 
@@ -70,13 +71,13 @@ def test_looks_make_it_surer_and_the_order_of_points_does_not_matter(rng):
     truth = Truth.drawn(rng)
     seen = [truth.seen(rng, START) for _ in range(3)]
     one = two = OBSERVER.begin()
-    before = one.miss(PLAN, [0]).bound[0]
+    before = np.trace(one.miss(PLAN, [0]).covariance[0])
     for look in seen:
         one = OBSERVER.update(one, look)
         two = OBSERVER.update(two, Observation(START, look.points[::-1]))
-        bound = one.miss(PLAN, [0]).bound[0]
-        assert bound < before
-        before = bound
+        after = np.trace(one.miss(PLAN, [0]).covariance[0])
+        assert after < before
+        before = after
     np.testing.assert_allclose(one.mean, two.mean, atol=1e-3 * OBSERVER.uncertain.deviations.min())
 
 
