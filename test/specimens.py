@@ -173,6 +173,7 @@ def arguments():
         'InverseSimulator.thread_two.first': hole, 'Correction.miss': known['PredictedMiss'],
         'Correction.grippers': [LEVEL], 'stamps': [0.0, 1.0], 'time': 0.0,
         'gripper_at.stamp': 0.5, 'ClosedLoop.advanced.bound': 0.001, 'Observer.noise': 1e-3,
+        'Observer.cutout': 1e-3, 'bias': 1e-3, 'outliers': 0.1, 'sway': 1e-3, 'drift': 0.0,
     }
 
 

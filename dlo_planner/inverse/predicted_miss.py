@@ -7,11 +7,12 @@ import numpy as np
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.response import node_slopes
 from dlo_planner.inverse.settling import settled
-from dlo_planner.model.checks import integer, number, results, row
+from dlo_planner.model.checks import number, results, row, shown
 from dlo_planner.model.value import Value, brief, put
 
 _CROSSINGS = 20   # steps of Newton's method to a plane
 _STILL = 1e-12    # of the length
+_MOST = 1_000_000  # waypoints
 _SHARE = 0.95     # of what may be, by which a miss is bounded
 _RINGS, _SPOKES = 24, 32  # points that stand for a normal distribution in a plane
 
@@ -34,11 +35,15 @@ class PredictedMiss(Value):
     bound: np.ndarray
 
     def __post_init__(self):
-        waypoints = np.array(row('PredictedMiss.waypoints', self.waypoints, least=0, minimum=0))
-        put(self, waypoints=waypoints.astype(int),
-            **{name: results(f'PredictedMiss.{name}', getattr(self, name),
-                             (waypoints.size, *shape))
-               for name, shape in (('off', (3,)), ('covariance', (3, 3)), ('bound', ()))})
+        waypoints = row('PredictedMiss.waypoints', self.waypoints, least=0, minimum=0,
+                        maximum=_MOST)
+        parts = {name: results(f'PredictedMiss.{name}', getattr(self, name), (None, *shape))
+                 for name, shape in (('off', (3,)), ('covariance', (3, 3)), ('bound', ()))}
+        for name, part in parts.items():
+            if len(part) != waypoints.size:
+                raise InvalidTask(f'PredictedMiss.{name} has {len(part)} entries, '
+                                  f'PredictedMiss.waypoints {waypoints.size}: expected as many')
+        put(self, waypoints=waypoints.astype(int), **parts)
         super().__post_init__()
 
     def __repr__(self):
@@ -94,13 +99,11 @@ def judged_waypoints(plan, waypoints):
     known = passing(plan)
     if waypoints is None:
         return known
-    chosen = [integer('waypoints', int(k) if k == int(k) else k, minimum=0, maximum=len(plan) - 1)
-              for k in row('waypoints', waypoints, minimum=0, maximum=max(len(plan) - 1, 0))]
-    for k in chosen:
-        if k not in known:
-            raise InvalidTask(f'waypoints = {chosen}: expected waypoints that pass a centre, '
-                              f'{k} passes none')
-    return chosen
+    chosen = row('waypoints', waypoints, minimum=0, maximum=_MOST).tolist()
+    if len(chosen) > len(plan) or not {*chosen} <= {*known}:
+        raise InvalidTask(f'waypoints = {shown(chosen)}: expected indices of waypoints that pass a '
+                          f'centre, out of {shown(known)}')
+    return [int(k) for k in chosen]
 
 
 def _pass(estimate, plan, index):
