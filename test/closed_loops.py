@@ -69,10 +69,12 @@ class Truth:
         """Return the Shape where the gripper is said to be at a Pose."""
         return self.simulator.solve(gripper.compose(self.offset))
 
-    def seen(self, rng, gripper, count=24, hidden=1 / 3, outliers=0.1, known=False, shape=None):
+    def seen(self, rng, gripper, count=24, hidden=1 / 3, outliers=0.1, known=False, shape=None,
+             begin=None):
         """Return an Observation: noise, outliers, a part of the DLO hidden, in any order."""
         shape = self.shape(gripper) if shape is None else shape
-        begin = rng.uniform(0.05, 0.95 - hidden)  # of what is hidden
+        if begin is None:  # of what is hidden
+            begin = rng.uniform(0.05, 0.95 - hidden)
         s = rng.uniform(0, 1 - hidden, size=count)
         s = np.where(s > begin, s + hidden, s) * shape.s[-1]
         points = shape.positions_at(s) + NOISE * rng.normal(size=(count, 3)) + self.bias
@@ -87,11 +89,11 @@ class Truth:
 
 
 def looked(truth, observer, rng, gripper, looks=30, estimate=None, **how):
-    """Return the Estimate after some looks at rest."""
+    """Return the Estimate after some looks at rest; the same third of the DLO is hidden in all."""
     estimate = observer.begin() if estimate is None else estimate
-    shape = truth.shape(gripper)
+    how = {'shape': truth.shape(gripper), 'begin': rng.uniform(0.05, 0.6), **how}
     for _ in range(looks):
-        estimate = observer.update(estimate, truth.seen(rng, gripper, shape=shape, **how))
+        estimate = observer.update(estimate, truth.seen(rng, gripper, **how))
     return estimate
 
 

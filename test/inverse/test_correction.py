@@ -63,7 +63,7 @@ def test_closed_loop_against_open_loop():
 def test_the_way_to_the_hole_goes_along():
     start = Pose.looking_along((-1.5, 0, 1), (1, 0, 0))
     inverse = InverseSimulator(DirectSimulator(WIRE))
-    whole = joined(inverse.start_phase(HOLE, start, PLAN), PLAN)
+    whole = joined(inverse.start_phase(HOLE, PLAN, start), PLAN)
     estimate = OBSERVER.begin()
     estimate = type(estimate)(estimate.uncertain, 0.5 * OBSERVER.uncertain.deviations,
                               estimate.covariance)
