@@ -7,6 +7,7 @@ estimated: natural curvature by twelve Legendre polynomials, where the observer 
 
 import sys
 from dataclasses import dataclass, replace
+from time import perf_counter
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -141,8 +142,32 @@ def threaded(seed, plan, observer, looks=30, again=15, **errors):
     return np.linalg.norm(misses, axis=1), np.array(surprises), np.array(bounds)
 
 
+def best(function, times=10):
+    """Return the least time of some calls, ms."""
+    taken = []
+    for _ in range(times):
+        begin = perf_counter()
+        function()
+        taken.append(perf_counter() - begin)
+    return 1e3 * min(taken)
+
+
+def print_times(plan):
+    """Print how long a look and a correction take."""
+    rng = np.random.default_rng(0)
+    truth, observer = Truth.drawn(rng), Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE)
+    look = truth.seen(rng, START)
+    for looks in (1, 31):
+        estimate = looked(truth, observer, rng, START, looks - 1 or 1)
+        print(f'look {looks}: {best(lambda known=estimate: observer.update(known, look)):.1f} ms')
+    correction = correct(estimate, plan)
+    print(f'correction of {len(plan)} waypoints: {best(lambda: correct(estimate, plan)):.1f} ms, '
+          f'warm {best(lambda: correct(estimate, plan, 0, correction)):.1f} ms')
+
+
 def main(seeds):
     """Print a table."""
+    print_times(plan_of(depths=np.linspace(0, 0.3, 30)))
     plan = plan_of()
     for name, errors in (('DLO and gripper', {}),
                          ('and camera, hole 0.5 mm each', {'bias': 0.5e-3, 'cutout': 0.5e-3})):
