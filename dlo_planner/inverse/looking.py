@@ -114,7 +114,9 @@ def squares(shape, points, s):
     frames, places = _points_at(nodes, *kernels, s)
     off = points - places
     axes = np.tile(np.eye(3), (len(s), 1, 1)) if known else frames[:, :, 1:].transpose(0, 2, 1)
-    return Distances(np.einsum('mij,mj->mi', axes, off), axes, frames, s, np.sum(off**2, axis=1))
+    # beyond an end, how far beyond is not told: the DLO is seen to its end only by chance
+    away = np.einsum('mij,mj->mi', axes, off)
+    return Distances(away, axes, frames, s, np.sum(away**2, axis=1))
 
 
 def looked_at(uncertain, shape, slopes, off, known):
