@@ -15,9 +15,13 @@ from dlo_planner.errors import (
     InvalidTask,
     NotConverged,
 )
+from dlo_planner.inverse.closed_loop import ClosedLoop, Phase
+from dlo_planner.inverse.correction import Correction, correct
+from dlo_planner.inverse.estimate import Estimate
 from dlo_planner.inverse.fitting import Fit, fit_rod
 from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.observation import Observation, ObservedMotion
+from dlo_planner.inverse.observer import Observer
 from dlo_planner.inverse.penalties import (
     AwayFrom,
     BentAtMost,
@@ -26,10 +30,12 @@ from dlo_planner.inverse.penalties import (
     PositionAt,
     Through,
 )
-from dlo_planner.inverse.plan import Plan, PlanStatus
+from dlo_planner.inverse.plan import Plan, PlanStatus, joined
+from dlo_planner.inverse.predicted_miss import PredictedMiss
 from dlo_planner.inverse.replay import Report, replay
 from dlo_planner.inverse.search import Found, minimise_penalty
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.stamped import gripper_at
 from dlo_planner.inverse.tolerance import Spread, Tolerance, tolerance
 from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.inverse.workspace import Workspace
@@ -43,12 +49,13 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.section import Section
 
-__all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'Contact', 'CutOut', 'DeadlineExceeded',
-           'DirectSimulator', 'DirectionAt', 'DloPlannerError', 'FarEnd', 'Fit', 'Found',
-           'GraspedInside', 'GripperNear', 'Infeasible', 'InvalidRod', 'InvalidTask',
-           'InverseSimulator', 'Limits', 'Modes', 'Motion', 'NotConverged', 'Observation',
-           'ObservedMotion', 'Plan',
-           'Piecewise', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'Report', 'Rod',
-           'Section', 'Shape', 'Sheet', 'Sphere', 'Spread', 'Through', 'Tolerance', 'Trajectory',
-           'Workspace', 'fit_rod', 'minimise_penalty', 'modes_along', 'replay', 'tolerance',
+__all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact', 'Correction',
+           'CutOut', 'DeadlineExceeded', 'DirectSimulator', 'DirectionAt', 'DloPlannerError',
+           'Estimate', 'FarEnd', 'Fit', 'Found', 'GraspedInside', 'GripperNear', 'Infeasible',
+           'InvalidRod', 'InvalidTask', 'InverseSimulator', 'Limits', 'Modes', 'Motion', 'NotConverged',
+           'Observation', 'ObservedMotion', 'Observer', 'Phase', 'Piecewise', 'Plan', 'PlanStatus',
+           'Plane', 'PointLoad', 'Pose', 'PositionAt', 'PredictedMiss', 'Report', 'Rod', 'Section',
+           'Shape', 'Sheet', 'Sphere', 'Spread', 'Through', 'Tolerance', 'Trajectory', 'Workspace',
+           'correct', 'fit_rod', 'gripper_at', 'joined',
+           'minimise_penalty', 'modes_along', 'replay', 'tolerance',
            'with_plug']

@@ -13,6 +13,7 @@ from dlo_planner import (
     BentAtMost,
     Box,
     Capsule,
+    ClosedLoop,
     CutOut,
     DirectionAt,
     DirectSimulator,
@@ -23,6 +24,7 @@ from dlo_planner import (
     Limits,
     Observation,
     ObservedMotion,
+    Observer,
     Piecewise,
     Plane,
     PlanStatus,
@@ -37,6 +39,7 @@ from dlo_planner import (
     Through,
     Trajectory,
     Workspace,
+    correct,
     fit_rod,
     minimise_penalty,
     replay,
@@ -77,7 +80,11 @@ def values():
         Observation(LEVEL, shape.positions[1:], shape.s[1:]), Trajectory(plan),
         ObservedMotion([LEVEL] * 3, 0.01, [0.0, 0.02], np.ones((2, 1, 3)), [1.0]),
         minimise_penalty(simulator, PositionAt(1.0, (0.9, 0, 0.9)), LEVEL)]
-    examples.append(fit_rod(wire, [examples[-4]], n_elements=8, n_terms=4))
+    seen = examples[-4]
+    examples.append(fit_rod(wire, [seen], n_elements=8, n_terms=4))
+    observer = Observer(simulator, Spread(0.05, gripper_position=1e-3), cutout=1e-3)
+    estimate = observer.update(observer.begin(), seen)
+    examples += [observer, estimate, estimate.miss(plan), correct(estimate, plan), ClosedLoop(0.01)]
     return {type(one).__name__: one for one in examples} | {
         name: InverseSimulator(over_bar) for name in (
             'InverseSimulator.hold_contact', 'InverseSimulator.slide_contact')}
@@ -129,7 +136,7 @@ def arguments():
         'replay.tolerance': None,
         'Motion.status': 'complete', 'integrator': 'paper',
         # tasks
-        'bore': hole, 'first': hole, 'cutouts': [hole],
+        'bore': hole, 'cutouts': [hole],
         'second': CutOut(Pose.looking_along((0.6, 0, 1), (1, 0, 0)), radius=0.2),
         'plan': known['Plan'], 'depths': DEPTHS, 'contact': Pose((0.5, 0, 0.9), (0, 0, 0, 1)),
         'lengths': [0.5], 'forces': [1.0], 'deadline': 2.0, 'penalties': known['PositionAt'],
@@ -160,6 +167,17 @@ def arguments():
         'damping_ratios': [0.0], 'displacements': np.ones((1, 2, 3)),
         'participation': np.ones((1, 6)), 'overlap': [1.0], 'Trajectory.at.times': [0.0],
         'Trajectory.progress.times': [0.0],
+        # estimates
+        'uncertain': known['Estimate'].uncertain, 'mean': known['Estimate'].mean,
+        'covariance': known['Estimate'].covariance, 'looks': 0, 'estimate': known['Estimate'],
+        'observation': known['Observation'], 'elapsed': 0.0, 'stated': (0.4, 0.0, 1.0),
+        'seen': (0.4, 0.0, 1.0), 'waypoints': None, 'room': 0.01, 'first': 0,
+        'off': np.zeros((1, 3)), 'bound': np.zeros(1), 'PredictedMiss.waypoints': [0],
+        'PredictedMiss.covariance': np.zeros((1, 3, 3)), 'offsets': np.zeros((1, 6)),
+        'InverseSimulator.thread_two.first': hole, 'Correction.miss': known['PredictedMiss'],
+        'Correction.grippers': [LEVEL], 'stamps': [0.0, 1.0], 'time': 0.0,
+        'gripper_at.stamp': 0.5, 'ClosedLoop.advanced.bound': 0.001, 'Observer.noise': 1e-3,
+        'Observer.cutout': 1e-3, 'bias': 1e-3, 'outliers': 0.1, 'sway': 1e-3, 'drift': 0.0,
     }
 
 

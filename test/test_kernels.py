@@ -15,24 +15,28 @@ from dlo_planner import (
     DirectSimulator,
     InverseSimulator,
     Observation,
+    Observer,
     Plane,
     Pose,
     PositionAt,
     Rod,
     Sheet,
+    Spread,
     Workspace,
+    correct,
     fit_rod,
 )
-from dlo_planner.direct.sensitivity import Sensitivity, gripper_answers
+from dlo_planner.direct.sensitivity import Sensitivity, _strains_by, gripper_answers
 from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.plastic import settled
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.rolling import nearest_inside
-from dlo_planner.inverse import between, workspace
+from dlo_planner.inverse import between, looking, response, workspace
 from dlo_planner.inverse.aligned import aligned_newton
 from dlo_planner.inverse.marching import march_from_end
 from dlo_planner.inverse.misfit import nearest
+from dlo_planner.inverse.oscillators import vibrated
 from dlo_planner.minimize.contact_forces import add_sliding, move_multipliers
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import descend_held, led
@@ -45,7 +49,8 @@ KERNELS = [descend, unknowns_of, aligned_newton, march_from_end, point_inside, p
            evaluate, nearest_inside, nearest, signed_distance, settled, watching,
            with_friction, descend_held, led, gradient_noise, touching, truth, move_multipliers,
            add_sliding, gripper_answers, between._element_rooms,
-           between._distances, workspace._distances]
+           between._distances, workspace._distances, _strains_by, response._moved,
+           looking._points_at, vibrated]
 
 
 def use_everything():
@@ -71,6 +76,14 @@ def use_everything():
         for first in (None, start):
             InverseSimulator(direct).thread(goal, start=first, depths=[0, 0.5])
         fit_rod(rod, [Observation(start, shape.positions[::9])], **options)
+    plan = InverseSimulator(DirectSimulator(rod)).thread(goal, depths=[0, 0.5])
+    spread = Spread(0.05, 0.05, 0.05, 1e-3, 0.05, 1e-3, 1e-3, 0.05)
+    for options in ({}, {'basis': 'local', 'n_elements': 48}):
+        observer = Observer(DirectSimulator(rod, **options), spread, bias=1e-3)
+        estimate = observer.begin()
+        for s in (None, shape.s[::9]):
+            estimate = observer.update(estimate, Observation(start, shape.positions[::9], s))
+        correct(estimate, plan)
     touching = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, yield_curvature=0.2, hardening=0.1)
     hole = CutOut(Pose.looking_along((0.4, 0, 0), (1, 0, 0)), radius=0.2)
     direct = DirectSimulator(touching, obstacles=[Plane((0, 0, -0.2), (0, 0, 1), 0.2),

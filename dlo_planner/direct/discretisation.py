@@ -218,6 +218,22 @@ class Discretisation(Value):
         s = with_breaks(s, rod.breaks)
         return Discretisation(replace(self.surroundings, rod=rod), s, self.basis, self.n_terms)
 
+    def varied(self, **fields):
+        """Return the same discretisation with other `lengths`, `natural`, `stiffness`, `pull`.
+
+        For estimates, which vary a DLO many times a second: its Rod stays the nominal one, and so
+        do the scales of the unknowns, which only say how they are written.
+        """
+        other = object.__new__(type(self))
+        s = self.s
+        if 'lengths' in fields:
+            s = np.concatenate([[0.0], np.cumsum(fields['lengths'])])
+        put(other, surroundings=self.surroundings, s=s, basis=self.basis, n_terms=self.n_terms,
+            spring=self.spring, _hold_spring=self._hold_spring, _start=self._start,
+            _system=self._system._replace(**fields))
+        freeze(s)
+        return other
+
     def strains_from(self, s, strains):
         """Return (N, 3), new: strains given on a mesh `s`, averaged over this one's elements."""
         if s is self.s or np.array_equal(s, self.s):

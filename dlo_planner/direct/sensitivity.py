@@ -15,6 +15,7 @@ from dlo_planner.energy.potential import (
     evaluate,
     new_state,
     project,
+    unknown_count,
     unknowns_of,
 )
 from dlo_planner.errors import InvalidTask
@@ -78,6 +79,29 @@ class Sensitivity:
             values = np.einsum('em,mik->eik', self._system.basis, values)
         return self._system.scale[:, :, None] * values
 
+    def strains_by(self, slopes):
+        """Return (k, N, 3) the changes of the elements' strains under k changes of the potential.
+
+        Args:
+            slopes: (k, N, 3) of these changes, derivatives by the elements' strains, J m
+        """
+        return _strains_by(self._system, self._hessian, slopes)
+
+    def slope_of(self, **fields):
+        """Return the potential's slope (N, 3) by the strains, and the nodes' places (N + 1, 3).
+
+        With the strains and the gripper of the shape.
+
+        Args:
+            fields: of the System that are others
+        """
+        # one unknown strain an element: these strains, whatever the basis
+        system = self._system._replace(basis=np.zeros((self._system.lengths.size, 0)), **fields)
+        state = new_state(system)
+        state.q[:] = (self._state.strains - system.natural) / system.scale
+        evaluate(system, state)
+        return state.gradient / system.scale, state.positions
+
     def moved(self, twist):
         """Return the Shape predicted for a gripper moved by a small `twist` (6,).
 
@@ -130,6 +154,24 @@ def _one_step(system, known, at, hessian):
     state.q[:] += step
     evaluate(system, state)
     return state.strains, state.rotations, state.positions
+
+
+@kernel
+def _strains_by(system, hessian, slopes):
+    """Return (k, N, 3) the answers of the strains to slopes (k, N, 3) of the potential by them."""
+    out = np.empty_like(slopes)
+    m = unknown_count(system)
+    load, answer = np.empty((m, 3)), np.empty((m, 3))
+    held = system.hold.multiplier.size
+    miss, reaction = np.zeros(held), np.empty(held)
+    basis, scale = system.basis, system.scale
+    for k in range(slopes.shape[0]):
+        project(basis, -scale * slopes[k], load)
+        solve_held(system, hessian, load, miss, answer, reaction)
+        for e in range(slopes.shape[1]):
+            for i in range(3):
+                out[k, e, i] = scale[e, i] * at_element(basis, answer, e, i)
+    return out
 
 
 @kernel

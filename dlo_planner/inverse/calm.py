@@ -14,9 +14,9 @@ import numpy as np
 from dlo_planner.inverse.compensation import compensated
 from dlo_planner.inverse.fastest import fastest_rates
 from dlo_planner.inverse.kept_limits import most_used
+from dlo_planner.inverse.leg_response import Response
 from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.path import Leg
-from dlo_planner.inverse.leg_response import Response
 from dlo_planner.inverse.time_law import TimeLaw
 from dlo_planner.inverse.timed_path import smoothed
 

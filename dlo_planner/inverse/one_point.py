@@ -65,7 +65,7 @@ def aligned_shape(simulator, guess, s, normal, reference):
     """
     discretisation = guess._discretisation
     for _ in range(6):
-        shape = _aligned_on(discretisation, guess, s, normal, reference)
+        shape = aligned_on(discretisation, guess, s, normal, reference)
         if shape is None:
             return None
         better = simulator.discretisation(shape.gripper, shape)
@@ -75,7 +75,8 @@ def aligned_shape(simulator, guess, s, normal, reference):
     return shape
 
 
-def _aligned_on(discretisation, guess, s, normal, reference):
+def aligned_on(discretisation, guess, s, normal, reference):
+    """Return what `aligned_shape` returns, on a Discretisation."""
     system = discretisation.system(guess.gripper.rotation)
     q = np.empty((discretisation.n_unknowns, 3))
     unknowns_of(system, discretisation.strains_from(guess.s, guess.element_strains), q)

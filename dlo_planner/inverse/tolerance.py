@@ -15,7 +15,7 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.penalties import Through
 from dlo_planner.inverse.plan import Plan
-from dlo_planner.model.along import Shifted, scaled
+from dlo_planner.model.along import Expanded, Shifted, scaled
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
 from dlo_planner.model.pose import displaced
 from dlo_planner.model.value import Value, brief, put, same
@@ -37,6 +37,9 @@ class Spread(Value):
         natural_curvature: 1/m, of each of its two components, the same all along
         gripper_position: m, along each axis; gripper_rotation: rad, about each axis; constant
             during a plan, as a calibration is
+        curvature_variation: 1/m, of each of the natural curvature's two components about its mean,
+            as root mean square along the DLO: Legendre polynomials P_1, P_2, ..., the higher the
+            less, see `variation_deviations`
     """
 
     bending_stiffness: float = 0.0
@@ -46,6 +49,7 @@ class Spread(Value):
     natural_curvature: float = 0.0
     gripper_position: float = 0.0
     gripper_rotation: float = 0.0
+    curvature_variation: float = 0.0
 
     def __post_init__(self):
         put(self, **{name: number(f'Spread.{name}', getattr(self, name), minimum=0)
@@ -55,8 +59,20 @@ class Spread(Value):
 
 CAUSES = tuple(field.name for field in fields(Spread))
 # one number of a standard normal distribution for each, three or two for some
+_VARIATION = 5  # Legendre polynomials by which the natural curvature varies
 _DRAWN = tuple(name for name in CAUSES for _ in range(
-    {'natural_curvature': 2, 'gripper_position': 3, 'gripper_rotation': 3}.get(name, 1)))
+    {'natural_curvature': 2, 'curvature_variation': 2 * _VARIATION, 'gripper_position': 3,
+     'gripper_rotation': 3}.get(name, 1)))
+
+
+def variation_deviations(count: int) -> np.ndarray:
+    """Return (count,): standard deviations of the coefficients of P_1 ... P_count.
+
+    Of a variation whose mean square along the DLO is 1: P_j has the mean square 1 / (2 j + 1), and
+    its part of the whole falls like 1 / j^2, as in a curve whose slope is bounded.
+    """
+    j = np.arange(1, count + 1)
+    return np.sqrt((2 * j + 1) / j**2 / np.sum(1 / j**2)) if count else np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -250,13 +266,18 @@ def _varied(rod, spread, draw):
     length = rod.length + by['length'][0]
     known = rod.natural_curvature
     curve = np.array(by['natural_curvature'])
+    natural = Shifted(known, curve) if callable(known) else tuple(curve + known)
+    if spread.curvature_variation:
+        terms = np.reshape(by['curvature_variation'], (_VARIATION, 2))
+        terms = terms * variation_deviations(_VARIATION)[:, None]
+        natural = Expanded(natural, np.vstack([np.zeros(2), terms]), length)
     return replace(
         rod, length=length, bending_stiffness=scaled(rod.bending_stiffness, bend),
         torsional_stiffness=scaled(rod.torsional_stiffness, twist),
         mass_per_length=scaled(rod.mass_per_length, mass),
         tip_mass=mass * rod.tip_mass,
         point_masses=tuple((min(s, length), mass * m) for s, m in rod.point_masses),
-        natural_curvature=Shifted(known, curve) if callable(known) else tuple(curve + known))
+        natural_curvature=natural)
 
 
 def _twist(gripper, spread, draw):

@@ -10,11 +10,11 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.calm import LegTask, calm_law, margin, predicted
 from dlo_planner.inverse.in_motion import in_motion
+from dlo_planner.inverse.leg_response import Response
 from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.passing import holes_passed
 from dlo_planner.inverse.path import GripperPath
 from dlo_planner.inverse.plan import Plan
-from dlo_planner.inverse.leg_response import Response
 from dlo_planner.inverse.timed_path import TimedPath, fastest_law
 from dlo_planner.model.checks import instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES

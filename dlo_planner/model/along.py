@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.legendre import legval
 
 from dlo_planner.errors import InvalidRod
 from dlo_planner.model.checks import array, number, row, shown
@@ -182,6 +183,31 @@ class Shifted(Value):
     def __call__(self, s):
         """Return the sum at `s` (m)."""
         return np.asarray(self.known(s)) + self.shift
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Expanded(Value):
+    """A number, pair or function plus a series of Legendre polynomials on [0, length].
+
+    Attributes:
+        known: what the series is added to
+        coefficients: (m, k) of P_0 ... P_{m-1} in 2 s / length - 1
+        length: m
+    """
+
+    known: float | tuple | Callable
+    coefficients: np.ndarray
+    length: float
+
+    @property
+    def breaks(self):
+        """(n,) arc lengths where it is known to jump, m."""
+        return breaks_of(self.known)
+
+    def __call__(self, s):
+        """Return the sum (k,) at `s` (m)."""
+        known = self.known(s) if callable(self.known) else self.known
+        return np.asarray(known) + legval(2 * s / self.length - 1, self.coefficients)
 
 
 def breaks_of(content):

@@ -67,6 +67,27 @@ def test_causes_in_the_dlo_against_solving_again(cause):
         assert got.first_order[k] == pytest.approx(np.sqrt(squares), rel=1e-4)
 
 
+def wavy(j, change):
+    """Return a DirectSimulator with `change` (2,) times P_j more natural curvature."""
+    polynomial = np.polynomial.legendre.Legendre.basis(j, [0, 1])
+    return DirectSimulator(replace(ROD, natural_curvature=lambda s: (
+        0.4 + change[0] * polynomial(s), 0.2 + change[1] * polynomial(s))), n_elements=32)
+
+
+def test_a_curvature_that_varies_against_solving_again():
+    got = tolerance(DIRECT, PLAN, Spread(curvature_variation=SMALL))
+    shares = 1 / np.arange(1, 6) ** 2
+    shares = shares / shares.sum()  # of the mean square; that of P_j is 1 / (2 j + 1)
+    shape, squares = PLAN.shapes[1], 0.0
+    for j, share in enumerate(shares, 1):
+        for axis in SMALL * np.sqrt(share * (2 * j + 1)) * np.eye(2):
+            ahead, back = (across(wavy(j, change).solve(shape.gripper), HOLE.centre,
+                                  1 - PLAN.depths[1]) for change in (axis, -axis))
+            squares += np.sum((0.5 * (ahead - back)) ** 2)
+    assert got.first_order[1] == pytest.approx(np.sqrt(squares), rel=1e-3)
+    assert got.worst == 'curvature_variation'
+
+
 @pytest.mark.parametrize('cause', ['gripper_position', 'gripper_rotation'])
 def test_causes_in_the_robot_against_solving_again(cause):
     got = tolerance(DIRECT, PLAN, Spread(**{cause: SMALL}))
