@@ -90,11 +90,12 @@ def led(system, q, bases, targets, axes, rows):
         targets: (n, 3), axes: (n, 3, 3), rows: (n, K, 6) of the grip there, see `Hold`
     """
     length = np.sum(system.lengths)
+    most, never = int(_PER_PART), length < 0.0  # literals would be compiled for by themselves
     for part in range(bases.shape[0]):
         there = regripped_system(system, bases[part], moved_hold(
             system.hold, targets[part], axes[part], rows[part]))
         state, residual, _, _, _, missed = descend_held(there, q, _ROUGH, _ROUGH * length,
-                                                        _PER_PART, False)
+                                                        most, never)
         if not missed <= _LEFT * length:
             return q, part
         q = state.q

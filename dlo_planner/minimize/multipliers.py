@@ -66,7 +66,7 @@ def _touching_newton(system, q, tolerance, max_iterations, check, exact, previou
     """Do the same among obstacles."""
     vain = news = iterations = kicks = 0
     best = before = np.inf
-    stiffer = 1.0
+    stiffer, held = 1.0, _is_held(system)
     stability, judged = np.nan, False
     for _ in range(_ROUNDS):
         state, left, made = _descended(system, q, tolerance, exact,
@@ -103,8 +103,10 @@ def _touching_newton(system, q, tolerance, max_iterations, check, exact, previou
         best = min(wrong, best)
         solved = False
         if news % (_NEWS + 1) == 0:  # what is new has to bear before its force counts
-            solved = move_multipliers(system, state, table, _SHARES[min(vain, len(_SHARES) - 1)])
-        if (not solved and news == 0 and violation > max(exact, _SLOW * before)
+            # a grip may need full steps again, once its reaction has changed
+            share = vain % len(_SHARES) if held else min(vain, len(_SHARES) - 1)
+            solved = move_multipliers(system, state, table, _SHARES[share])
+        if (not solved and not held and news == 0 and violation > max(exact, _SLOW * before)
                 and stiffer < _MOST_STIFFER):
             stiffer *= _STIFFER
             system = system._replace(contacts=system.contacts._replace(
