@@ -24,30 +24,30 @@ def compensated(task, law):
         law: TimeLaw
     """
     response = task.response
-    times, u, rates, damping = response.oscillators(law)
+    times, u, *oscillators = response.oscillators(law)
     knots, inner = _knots(law.duration, 2 * np.pi / response.rates.min())
     if not inner.size:
         return None
     basis = BSpline(knots, np.eye(knots.size - DEGREE - 1)[:, inner], DEGREE)
     middle = 0.5 * (times[1:] + times[:-1])
     pulled = response.between(response.pulls, law.at(middle)[0])
-    bends, places = basis(middle, 2), basis(times)
+    # (3 k, t, m): the spline's pieces along x, then y, then z
+    force = -np.einsum('tmi,tk->iktm', pulled, basis(middle, 2)).reshape(-1, *pulled.shape[:2])
+    places = np.einsum('tk,ij->iktj', basis(times), np.eye(3)).reshape(len(force), -1, 3)
     own = response.excited(law)[2]
-    answers = [[vibrated(times[1], rates, damping, -pulled[:, :, axis] * bends[:, k:k + 1])
-                for k in range(inner.size)] for axis in range(3)]
+    answers = vibrated(times[1], *oscillators, force)
     rows, wanted = [_SMALL * np.eye(3 * inner.size)], [np.zeros(3 * inner.size)]
     for begin, sideways in task.passed:
         moved = response.between(sideways, u)
         weight = np.where(u >= begin, 1.0, _BEFORE)[:, None] / np.sqrt(len(times) / _PART)
         wanted.append(-(np.einsum('tmi,tm->ti', moved, own[0]) * weight).ravel())
-        rows.append(np.stack([((np.einsum('tmi,tm->ti', moved, answers[axis][k][0])
-                                + places[:, k:k + 1] * np.eye(3)[axis]) * weight).ravel()
-                              for axis in range(3) for k in range(inner.size)], axis=1))
+        away = np.einsum('tmi,ctm->cti', moved, answers[0]) + places
+        rows.append((away * weight).reshape(len(force), -1).T)
     sizes = response.sizes[-1]
     wanted.append(-(sizes * own[:, -1]).ravel())
-    rows.append(np.stack([(sizes * answer[:, -1]).ravel() for axis in answers for answer in axis],
-                         axis=1))
-    found = np.linalg.lstsq(np.vstack(rows), np.concatenate(wanted), rcond=None)[0]
+    rows.append(np.moveaxis(sizes * answers[:, :, -1], 1, 2).reshape(-1, len(force)))
+    rows, wanted = np.vstack(rows), np.concatenate(wanted)
+    found = np.linalg.solve(rows.T @ rows, rows.T @ wanted)  # the first rows keep that well posed
     coefficients = np.zeros((knots.size - DEGREE - 1, 3))
     coefficients[inner] = found.reshape(3, -1).T
     return Shift(knots, coefficients)

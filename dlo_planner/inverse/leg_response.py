@@ -5,9 +5,10 @@ is a sum of modes, displacement_i(u) y_i(t), with
 
     y_i'' + 2 zeta_i w_i y_i' + w_i^2 y_i = -(slope_i(u) u'' + bend_i(u) u'^2),
 
-slope_i and bend_i the products, weighted by mass, of the mode with dX/du and d^2X/du^2. That modes change
-along the way is in w_i, zeta_i, slope_i and bend_i, not in further forces: they change slowly. A time law
-is judged with it in microseconds; what it promises is verified by `DirectSimulator.simulate`.
+slope_i and bend_i the products, weighted by mass, of the mode with dX/du and d^2X/du^2. Along the
+way frequencies and modes change; where two come near to each other they turn into one another, so
+the coordinates turn with them. A time law is judged with it in milliseconds; what it promises is
+verified by `DirectSimulator.simulate`.
 """
 
 from dataclasses import dataclass
@@ -22,10 +23,9 @@ from dlo_planner.inverse.oscillators import vibrated
 from dlo_planner.model.pose import Pose
 
 _PLACES = 17      # on a leg, at least, where modes are known
-_MODES = 6
-_PER_PERIOD = 24  # instants in the shortest period looked at
-_SHORTEST = 0.05  # s: a period that is not looked at, its mode follows slowly
-_MOST = 40_000    # instants
+_MODES = 5
+_PER_PERIOD = 60  # instants in the slowest period: steps are exact, faster modes follow slowly
+_FEWEST, _MOST = 200, 20_000  # instants
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,7 @@ class Response:
         displacements: (n, m, N + 1, 3) m, of generalized mass 1 kg
         slopes, bends: (n, m), see above
         pulls: (n, m, 3) the same products with a shift of the gripper, of the DLO as it is
+        turning: (n - 1, m, m) skew: how fast the modes turn into one another between parameters
     """
 
     parameters: np.ndarray
@@ -49,6 +50,7 @@ class Response:
     slopes: np.ndarray
     bends: np.ndarray
     pulls: np.ndarray
+    turning: np.ndarray
 
     @classmethod
     def of(cls, simulator, leg, first):
@@ -74,7 +76,8 @@ class Response:
                          for order in (1, 2))
         return cls(u, tuple(shapes), 2 * np.pi * np.array([one.frequencies for one in modes]),
                    np.array([one.damping_ratios for one in modes]), displacements, slopes, bends,
-                   np.einsum('k,umki->umi', masses, displacements))
+                   np.einsum('k,umki->umi', masses, displacements),
+                   _turning(masses, displacements) / np.diff(u)[:, None, None])
 
     @property
     def sizes(self):
@@ -92,18 +95,23 @@ class Response:
                        np.full(self.slopes.shape, deviation))
 
     def oscillators(self, law, off=1.0):
-        """Return times (t + 1,), parameters (t + 1,), and in between rates and damping (t, m).
+        """Return times (t + 1,), parameters (t + 1,), rates and damping (t, m), turns (t, m, m).
+
+        The last three are those of `vibrated`.
 
         Args:
             law: TimeLaw
             off: factor of all frequencies, as if the DLO was stiffer or softer
         """
-        fastest = min(off * self.rates.max(), 2 * np.pi / _SHORTEST)
-        count = int(np.clip(law.duration * fastest / (2 * np.pi) * _PER_PERIOD, 200, _MOST))
+        periods = law.duration * self.rates.min() / (2 * np.pi)
+        count = int(np.clip(periods * _PER_PERIOD, _FEWEST, _MOST))
         times = np.linspace(0, law.duration, count + 1)
-        u = law.at(0.5 * (times[1:] + times[:-1]))[0]
-        return (times, law.at(times)[0], off * self.between(self.rates, u),
-                self.between(self.damping, u))
+        u, middle = (law.at(at)[0] for at in (times, 0.5 * (times[1:] + times[:-1])))
+        place = np.clip(np.searchsorted(self.parameters, middle) - 1, 0, len(self.turning) - 1)
+        half = 0.5 * np.diff(u)[:, None, None] * self.turning[place]
+        one = np.eye(half.shape[1])
+        return (times, u, off * self.between(self.rates, middle),
+                self.between(self.damping, middle), np.linalg.solve(one + half, one - half))
 
     def excited(self, law, off=1.0):
         """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
@@ -112,7 +120,7 @@ class Response:
             law: TimeLaw, with its shift
             off: factor of all frequencies
         """
-        times, u, rates, damping = self.oscillators(law, off)
+        times, u, *oscillators = self.oscillators(law, off)
         middle = 0.5 * (times[1:] + times[:-1])
         places, rate, change, _ = law.at(middle)
         force = -(self.between(self.slopes, places) * change[:, None]
@@ -120,7 +128,7 @@ class Response:
         if law.shift is not None:
             force -= np.einsum('tmi,ti->tm', self.between(self.pulls, places),
                                law.shift.at(middle, 2))
-        return times, u, vibrated(times[1], rates, damping, force)
+        return times, u, vibrated(times[1], *oscillators, force[None])[:, 0]
 
     def between(self, known, u):
         """Return what is `known` (n, ...) at the parameters, at others u (t,)."""
@@ -156,3 +164,16 @@ def _spread(modes, s):
     flat = np.moveaxis(modes.displacements, 2, 1).reshape(-1, modes.s.size)
     at = np.array([np.interp(s, modes.s, one) for one in flat])
     return np.moveaxis(at.reshape(len(modes), 3, s.size), 1, 2)
+
+
+def _turning(masses, displacements):
+    """Return (n - 1, m, m) skew matrices: by how much modes turn from one place to the next.
+
+    Products of the modes here with what those there differ from them by, weighted by mass.
+    """
+    products = np.einsum('k,umki,uvki->umv', masses, displacements[:-1], displacements[1:])
+    left, _, right = np.linalg.svd(products)
+    turn = left @ right  # the rotation nearest to it; (1 + A/2)^-1 (1 - A/2) of the skew A wanted
+    one = np.eye(turn.shape[1])
+    skew = 2 * np.linalg.solve(one + np.swapaxes(turn, 1, 2), one - np.swapaxes(turn, 1, 2))
+    return 0.5 * (skew - np.swapaxes(skew, 1, 2))
