@@ -17,7 +17,7 @@ from dlo_planner.model.checks import callback, items
 from dlo_planner.progress import OnProgress
 
 HEAD = ('task', 'hole radius [mm]', 'room [mm]', 'threaded', 'depth [m]', 'of [m]',
-        'largest miss [mm]', 'touched', 'largest force [N]', 'time [s]', 'refused')
+        'largest miss [mm]', 'promised [mm]', 'touched', 'largest force [N]', 'time [s]', 'refused')
 
 
 def bench(tasks: Sequence[Task], driver: Driver, *, unknowns: Unknowns = NOTHING_UNKNOWN,
@@ -53,8 +53,8 @@ def rows(tasks: Sequence[Task], outcomes: Sequence[Outcome]) -> list[tuple]:
                           f'{len(outcomes)}')
     return [(task.name, _round(1e3 * task.cutout.radius), _round(1e3 * task.room),
              _answer(outcome.threaded), _round(outcome.depth), _round(task.depth),
-             _round(1e3 * outcome.miss), _answer(outcome.touched), _round(outcome.force),
-             _round(outcome.time), outcome.refused)
+             _round(1e3 * outcome.miss), _round(1e3 * outcome.promised), _answer(outcome.touched),
+             _round(outcome.force), _round(outcome.time), outcome.refused)
             for task, outcome in zip(tasks, outcomes, strict=True)]
 
 

@@ -37,6 +37,7 @@ class Outcome(Value):
             it never was
         force: N, largest contact force on the DLO
         time: s, of the motion
+        promised: m, the largest miss that the driver expected; nan if it does not say
     """
 
     seed: int
@@ -46,6 +47,7 @@ class Outcome(Value):
     miss: float = np.nan
     force: float = 0.0
     time: float = 0.0
+    promised: float = np.nan
 
     @property
     def touched(self) -> bool:
@@ -84,7 +86,8 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
     threaded = (passage.depth > task.depth - _SHORT * task.rod.length
                 and miss < task.cutout.radius and not refused)
     return Outcome(seed, refused, bool(threaded), passage.depth, float(miss),
-                   float(plant.largest_forces[0]), plant.time)
+                   float(plant.largest_forces[0]), plant.time,
+                   float(getattr(command, 'promised', np.nan)))
 
 
 def _drive(plant, command, task, viewer, watch):

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.compensation import compensated
 from dlo_planner.inverse.fastest import fastest_rates
 from dlo_planner.inverse.kept_limits import most_used
@@ -158,7 +159,11 @@ def _rates(task):
     deviation = np.abs(response.bends * rate**2 * task.sizes / response.rates**2).max()
     for _ in range(_BOUNDS):
         deviation *= _CLOSER
-        yield fastest_rates(task.leg, task.limits, response.bearing(deviation, task.sizes))
+        try:
+            found = fastest_rates(task.leg, task.limits, response.bearing(deviation, task.sizes))
+        except InvalidTask:  # so slow that toppra loses its digits: no slower ones
+            return
+        yield found
 
 
 def _windows(response):

@@ -24,6 +24,7 @@ from dlo_planner.model.pose import Pose
 
 _PLACES = 17      # on a leg, at least, where modes are known
 _MODES = 5
+_SLOWEST, _CHANGE, _HALVINGS = 2, 0.06, 5  # modes; part by which they change between places
 _PER_PERIOD = 60  # instants in the slowest period: steps are exact, faster modes follow slowly
 _FEWEST, _MOST = 200, 20_000  # instants
 
@@ -62,12 +63,7 @@ class Response:
         Raises:
             InvalidTask: a shape on the way has no modes
         """
-        parts = max(1, -(-(_PLACES - 1) // (leg.knots.size - 1)))
-        u = np.append(leg.pieces(parts)[0], leg.knots[-1])
-        shapes = simulator.track([Pose.from_rotation(*pose) for pose in zip(*leg.poses(u),
-                                                                            strict=True)],
-                                 initial=first)
-        modes = modes_along(shapes, _MODES)
+        u, shapes, modes = _places(simulator, leg, first)
         s = shapes[0].s
         positions = CubicSpline(u, np.array([_on(shape, s) for shape in shapes]))
         masses = node_masses(simulator.rod, s)
@@ -148,6 +144,25 @@ class Response:
                               for one in self.displacements[k]])
             out[k] = moved - (moved @ along)[:, None] * along
         return out
+
+
+def _places(simulator, leg, first):
+    """Return parameters (n,), n Shapes and n Modes on a leg, denser where frequencies change fast.
+
+    There, as near the loss of stability, all else changes fast, too.
+    """
+    parts = max(1, -(-(_PLACES - 1) // (leg.knots.size - 1)))
+    u = np.append(leg.pieces(parts)[0], leg.knots[-1])
+    for left in reversed(range(_HALVINGS)):
+        poses = [Pose.from_rotation(*pose) for pose in zip(*leg.poses(u), strict=True)]
+        shapes = simulator.track(poses, initial=first)
+        modes = modes_along(shapes, _MODES)
+        rates = np.array([one.frequencies[:_SLOWEST] for one in modes])
+        change = np.abs(np.diff(rates, axis=0))
+        far = (change > _CHANGE * np.maximum(rates[1:], rates[:-1])).any(axis=1)
+        if not (left and far.any()):
+            return u, shapes, modes
+        u = np.sort(np.append(u, 0.5 * (u[:-1] + u[1:])[far]))
 
 
 def _on(shape, s):

@@ -112,9 +112,7 @@ class _Search:
             rod.damping)
         self._first = simulator.solve(first.gripper, first)
         self._tasks = self._leg_tasks(simulator)
-        self._room = np.nan  # at the rims, as planned
-        if plan.sheets:
-            self._room = float(plan.clearances[:, :, 0].min())
+        self._room = _least_room(plan)
 
     def found(self):
         """Return the TimedPath, its InMotion, and the part by which frequencies may be off."""
@@ -178,7 +176,8 @@ class _Search:
         if not np.isnan(motion.clearance):
             used['clearance'] = (self._room - motion.clearance) / self._tolerance
             if motion.clearance <= 0:
-                used['clearance'] = max(used['clearance'], 1 - motion.clearance / self._tolerance)
+                used['clearance'] = np.fmax(used['clearance'],
+                                            1 - motion.clearance / self._tolerance)
         return max(((name, part) for name, part in used.items() if not np.isnan(part)),
                    key=lambda one: one[1])
 
@@ -191,6 +190,12 @@ class _Search:
         worst = max(motion.departure, np.nan_to_num(motion.miss))
         return min(margin(task, law, 2 * self._tolerance * max(
             1.0, predicted(task, law) / worst)) for task, law in known)
+
+
+def _least_room(plan):
+    """Return the least room that a Plan has at the rims, m; nan where it comes to none."""
+    rims = plan.clearances[:, :, 0]
+    return float(rims[np.isfinite(rims)].min(initial=np.inf)) if np.isfinite(rims).any() else np.nan
 
 
 def _simulator(simulator, plan):
