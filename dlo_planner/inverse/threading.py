@@ -227,7 +227,9 @@ def _refusal(simulator, draft, before, found, wanted, reached, too_far):
 
 
 def _rolled(simulator, draft, task, here, depth, wanted, best):
-    """Return the most stable Passing that will do, the gripper rolled on the way to it, or `best`.
+    """Return a Passing that is stable enough, the gripper rolled as little as that takes.
+
+    If there is none, the most stable one, or `best`.
 
     Args:
         here: Passing of the waypoint before, at `depth`, m
@@ -239,4 +241,6 @@ def _rolled(simulator, draft, task, here, depth, wanted, best):
             continue
         if _refusal(simulator, draft, here, found, wanted, wanted, 0.0) is None:
             best = found
+            if found.shape.stability >= _DOUBTFUL:
+                break  # no larger roll than needed: the gripper's way stays smooth
     return best
