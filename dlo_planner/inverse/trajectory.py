@@ -128,7 +128,7 @@ class _Search:
             if way.duration > _SLOWEST * self._fastest.duration:
                 break
             # lower than what this way seemed to keep: else the same one would be found again
-            aim = min(aim, self._predicted(way)) * max(min(_SPARE / used, _SPARE), 0.25)
+            aim = self._predicted(way, aim) * max(min(_SPARE / used, _SPARE), 0.25)
             slower *= np.sqrt(2) if used < 4 else 2.0
         what, used, duration = best
         raise Infeasible(
@@ -163,10 +163,11 @@ class _Search:
                         law if law is None else law.slower(slower))
         return TimedPath(self._fastest.path, tuple(laws), self._fastest.limits)
 
-    def _predicted(self, way):
-        """Return the largest deviation of a way as far as the modes tell, m; infinite: nothing."""
-        return max((predicted(task, law) for task, law in zip(self._tasks, way.laws, strict=True)
-                    if task is not None), default=np.inf)
+    def _predicted(self, way, aim):
+        """Return the largest deviation of a leg that keeps the aim as far as the modes tell, m."""
+        known = [predicted(task, law) for task, law in zip(self._tasks, way.laws, strict=True)
+                 if task is not None]
+        return max((one for one in known if one <= aim), default=aim)
 
     def _moved(self, way):
         found = [in_motion(simulator, self._plan, way, self._first, self._obstacles, self._progress)
