@@ -11,12 +11,15 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from dlo_planner.cell.bench import bench, summary, table, write_csv
+from dlo_planner.cell.camera import BAD, GOOD
+from dlo_planner.cell.closed import Looking
 from dlo_planner.cell.drivers import OpenLoop, planned
 from dlo_planner.cell.run import STEP, run
 from dlo_planner.cell.tasks import RODS, draw_task
 from dlo_planner.cell.truth import NOTHING_UNKNOWN, UNCERTAIN, VERY_UNCERTAIN
 
-_UNKNOWNS = {'nothing': NOTHING_UNKNOWN, 'much': UNCERTAIN, 'more': VERY_UNCERTAIN}
+_UNKNOWNS = {'nothing': (NOTHING_UNKNOWN, GOOD), 'much': (UNCERTAIN, GOOD),
+             'more': (VERY_UNCERTAIN, BAD)}
 
 
 def main(args: list[str] | None = None) -> int:
@@ -25,9 +28,11 @@ def main(args: list[str] | None = None) -> int:
     options.output.mkdir(parents=True, exist_ok=True)
     radius = None if options.radius is None else 1e-3 * options.radius
     tasks = [draw_task(options.seed + k, options.dlo, radius) for k in range(options.tasks)]
-    settings = {'unknowns': _UNKNOWNS[options.unknown], 'damping': options.damping,
+    unknowns, camera = _UNKNOWNS[options.unknown]
+    settings = {'unknowns': unknowns, 'camera': camera, 'damping': options.damping,
                 'step': options.step}
-    driver = OpenLoop(planned)
+    open_loop = options.loop == 'open' or options.loop is None and options.unknown == 'nothing'
+    driver = OpenLoop(planned) if open_loop else Looking.knowing(unknowns, camera)
     # a fresh start: a fork could take over locks of threads that it has not
     with ProcessPoolExecutor(options.workers, get_context('spawn')) as executor:
         outcomes = bench(tasks, driver, executor=executor, progress=partial(_progress, 'tasks'),
@@ -55,6 +60,8 @@ def _parser():
     parser.add_argument('--radius', type=float, help='of the holes in mm; default: 4 to 20')
     parser.add_argument('--unknown', choices=list(_UNKNOWNS), default='nothing',
                         help='how much the planner does not know (default: %(default)s)')
+    parser.add_argument('--loop', choices=['open', 'closed'],
+                        help='whether the driver looks (default: where something is unknown)')
     parser.add_argument('--damping', type=float, default=0.005, help='ratio (default: %(default)s)')
     parser.add_argument('--step', type=float, default=STEP,
                         help='of the plant in s; shorter ones allow less damping (default: '

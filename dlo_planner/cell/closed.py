@@ -53,7 +53,7 @@ class Looking:
     look: float = 2.0
 
     @classmethod
-    def at(cls, unknowns: Unknowns, camera: Camera, **options) -> 'Looking':
+    def knowing(cls, unknowns: Unknowns, camera: Camera, **options) -> 'Looking':
         """Return the driver that knows how uncertain things are, but not what they are."""
         bent, *varying = unknowns.natural_curvature
         spread = Spread(unknowns.stiffness, unknowns.stiffness, unknowns.mass, unknowns.length,

@@ -127,7 +127,8 @@ class _Search:
                 best = what, used, way.duration
             if way.duration > _SLOWEST * self._fastest.duration:
                 break
-            aim *= max(min(_SPARE / used, _SPARE), 0.25)
+            # lower than what this way seemed to keep: else the same one would be found again
+            aim = self._predicted(way, aim) * max(min(_SPARE / used, _SPARE), 0.25)
             slower *= np.sqrt(2) if used < 4 else 2.0
         what, used, duration = best
         raise Infeasible(
@@ -161,6 +162,12 @@ class _Search:
             laws.append(calm_law(task, aim) if task is not None else
                         law if law is None else law.slower(slower))
         return TimedPath(self._fastest.path, tuple(laws), self._fastest.limits)
+
+    def _predicted(self, way, aim):
+        """Return the largest deviation of a leg that keeps the aim as far as the modes tell, m."""
+        known = [predicted(task, law) for task, law in zip(self._tasks, way.laws, strict=True)
+                 if task is not None]
+        return max((one for one in known if one <= aim), default=aim)
 
     def _moved(self, way):
         found = [in_motion(simulator, self._plan, way, self._first, self._obstacles, self._progress)

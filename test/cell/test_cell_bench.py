@@ -14,7 +14,7 @@ from dlo_planner import CutOut, Infeasible, InvalidTask, Limits, Pose, Rod  # no
 from dlo_planner.cell.__main__ import main  # noqa: E402
 from dlo_planner.cell.bench import HEAD, bench, rows, summary, table, write_csv  # noqa: E402
 from dlo_planner.cell.camera import Camera  # noqa: E402
-from dlo_planner.cell.drivers import PERIOD, OpenLoop, planned  # noqa: E402
+from dlo_planner.cell.drivers import PERIOD, OpenLoop, planned, sampled  # noqa: E402
 from dlo_planner.cell.film import Film  # noqa: E402
 from dlo_planner.cell.run import run  # noqa: E402
 from dlo_planner.cell.tasks import RODS, Task, draw_task  # noqa: E402
@@ -132,11 +132,13 @@ def test_tasks_are_drawn(seed):
 
 def test_the_planner_drives():
     task = draw_task(1)
-    poses = planned(task, Limits(linear_speed=0.05))
-    assert len(poses) > len(planned(task))
+    trajectory = planned(task, Limits(linear_speed=0.08))
+    assert trajectory.motion.miss < trajectory.tolerance
+    poses = sampled(trajectory)
     gaps = [np.linalg.norm(b.position - a.position)
             for a, b in zip([task.start, *poses], poses, strict=False)]
-    assert max(gaps) < 0.05 * PERIOD * 1.001
+    assert max(gaps) < 0.08 * PERIOD * 1.001
+    assert poses[-1].matrix == pytest.approx(trajectory.at([trajectory.duration])[0][0].matrix)
 
 
 def test_film(tmp_path):

@@ -1,0 +1,67 @@
+"""The driver that looks, and one motion in open loop."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip('mujoco', reason='extra [cell] is not installed')
+
+from dlo_planner import CutOut, Limits, Pose, Rod  # noqa: E402
+from dlo_planner.cell.camera import Camera, Image  # noqa: E402
+from dlo_planner.cell.closed import Looking  # noqa: E402
+from dlo_planner.cell.drivers import PERIOD, OpenLoop, planned  # noqa: E402
+from dlo_planner.cell.run import run  # noqa: E402
+from dlo_planner.cell.tasks import Task  # noqa: E402
+from dlo_planner.cell.truth import Unknowns  # noqa: E402
+
+# short and stiff: it is threaded within seconds
+WIRE = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)
+HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0.1)), radius=2.5e-3)
+TASK = Task('short wire', WIRE, HOLE, Pose.looking_along((-0.36, -0.1, 1.02), (1, 0, 0)), 0.1)
+UNKNOWN = Unknowns(0.05, 0.02, natural_curvature=(0.3,), gripper_position=0.5e-3,
+                   gripper_rotation=np.radians(0.2))
+CAMERA = Camera(noise=0.3e-3)
+FAST = Limits(0.2, 1.0)
+
+
+def looking(**options):
+    return replace(Looking.knowing(UNKNOWN, CAMERA, limits=FAST), look=0.6, **options)
+
+
+def test_what_is_promised_in_open_loop_is_observed():
+    outcome = run(TASK, OpenLoop(lambda task: planned(task, FAST)))
+    assert outcome.threaded
+    assert outcome.force == 0
+    assert outcome.miss == pytest.approx(outcome.promised, abs=2e-4)
+
+
+def test_looking_finds_the_hole_that_open_loop_misses():
+    outcome = run(TASK, looking(), seed=3, unknowns=UNKNOWN, camera=CAMERA)
+    assert outcome.threaded
+    assert outcome.force == 0
+    assert outcome.miss < outcome.promised < TASK.room
+    assert not run(TASK, OpenLoop(lambda task: planned(task, FAST)), seed=3,
+                   unknowns=UNKNOWN).threaded
+
+
+def test_a_hole_whose_place_is_not_known_is_not_entered():
+    outcome = run(TASK, looking(hole=3e-3), camera=CAMERA)
+    assert 'may miss by' in outcome.refused
+    assert outcome.depth == 0
+
+
+def test_what_was_seen_in_motion_is_left_out():
+    command = looking()(TASK)
+    command((), 0.0)
+    command._loop = replace(command._loop, at_standoff=True, since=5.0)
+    points = np.array([[-0.3, 0.0, 1.0], [-0.2, 0.0, 1.0]])
+    command((Image(5.05, points),), 5.1)  # its stamp may be late
+    assert command._estimate.looks == 0
+    command((Image(5.11, points),), 5.2)
+    assert command._estimate.looks == 1
+
+
+def test_it_stands_still_while_it_looks():
+    command = looking()(TASK)
+    assert {command((), PERIOD * k) for k in range(50)} == {TASK.start}
