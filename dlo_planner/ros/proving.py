@@ -8,10 +8,13 @@ import os
 import pickle
 import subprocess
 import sys
+from select import select
 from threading import Lock
 
 from dlo_planner.errors import DloPlannerError
 from dlo_planner.inverse.replay import replay
+
+_LOOK = 0.1  # s between looks whether an answer is still wanted
 
 
 class Prover:
@@ -22,10 +25,11 @@ class Prover:
         self._process = None
         self._closed = False
 
-    def report(self, **arguments):
+    def report(self, wanted=lambda: True, **arguments):
         """Return the Report of `replay(**arguments)`; blocks, but not the interpreter.
 
-        None if the Prover is closed meanwhile.
+        None if the Prover is closed meanwhile, or the Report is not `wanted()` any more: a search
+        for a calm motion may take long, and the next plan must not wait for it.
 
         Raises:
             DloPlannerError: it failed there, or the process ended
@@ -36,6 +40,10 @@ class Prover:
         try:
             pickle.dump(arguments, process.stdin)
             process.stdin.flush()
+            while not select([process.stdout], [], [], _LOOK)[0]:
+                if not wanted():
+                    self._end(process)
+                    return None
             report, error = pickle.load(process.stdout)
         except (OSError, EOFError, pickle.UnpicklingError) as lost:
             if self._closed:
@@ -54,16 +62,20 @@ class Prover:
                 self._process = subprocess.Popen(
                     [sys.executable, '-m', __name__], stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE, start_new_session=True,
-                    env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))})
+                    env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path)),
+                         'OMP_NUM_THREADS': '1'})  # the other cores are the node's
             return self._process
 
     def close(self):
         """End the process, whatever it does."""
         with self._lock:
             self._closed = True
-            if self._process is not None:
-                self._process.kill()
-                self._process.wait()
+        if self._process is not None:
+            self._end(self._process)
+
+    def _end(self, process):
+        process.kill()
+        process.wait()
 
 
 def main():
