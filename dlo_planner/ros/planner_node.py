@@ -30,7 +30,7 @@ from dlo_planner.ros.parameters import ENTRIES, build_scene, declare
 from dlo_planner.ros.planning import Made, make_plan
 from dlo_planner.ros.proof import Proof, proofs
 from dlo_planner.ros.proving import Prover
-from dlo_planner.ros.warm_up import warm_up
+from dlo_planner.ros.warm_up import warm_up, warm_up_proofs
 from msg_helpers.diagnostics import diagnostics_msg
 from msg_helpers.markers import obstacle_markers, plan_markers, shape_markers
 from msg_helpers.obstacles import obstacles_after
@@ -61,6 +61,7 @@ class PlannerNode(Node):
         super().__init__('dlo_planner', **options)
         declare(self)
         self._scene = build_scene(self._values())
+        self._prover = Prover()
         self._warm_up()  # before there is anything to be called: what can be seen is ready
         self._health = Health()
         self._warned = {}
@@ -69,7 +70,6 @@ class PlannerNode(Node):
         self._made = None     # Made, the last plan
         self._proving = None  # Made of which the proof has begun
         self._proof = None    # Proof of the last plan whose proof has begun, as far as it has come
-        self._prover = Prover()
         self._obstacles = {}      # (namespace, id) -> obstacle
         self._execution = Execution()
         self._drawn = {}      # name -> markers of the last shape, of the last plan
@@ -113,6 +113,7 @@ class PlannerNode(Node):
         self.get_logger().info('loading the solver; the very first start compiles it (minutes)')
         started = monotonic()
         warm_up()
+        warm_up_proofs(self._prover)
         self.get_logger().info(f'ready after {monotonic() - started:.1f} s: {self._scene.name}, '
                                f'{self._scene.direct.rod.length:g} m')
 

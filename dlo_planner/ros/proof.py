@@ -6,6 +6,7 @@ from dlo_planner.errors import DloPlannerError
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.replay import Report
 
+DONE = ('held', 'refused')  # states of a proof that has no step left
 _CHECKED = 'the plan is still being checked: ask again'
 _MOVED = 'the motion along the plan is still being made and checked: ask again'
 
@@ -33,9 +34,9 @@ class Proof:
 
     @property
     def state(self) -> str:
-        """One of 'not ready', 'held slowly', 'held', 'refused'."""
+        """One of 'not ready', 'held slowly', and those of DONE: 'held', 'refused'."""
         if self.done:
-            return 'held' if self.safe else 'refused'
+            return DONE[0] if self.safe else DONE[1]
         return 'not ready' if self.report is None else 'held slowly'
 
 

@@ -91,8 +91,11 @@ def main():
             answer = replay(**arguments), None
         except Exception as error:  # it has to be answered in any case
             answer = None, f'{type(error).__name__}: {error}'
-        pickle.dump(answer, answers)
-        answers.flush()
+        try:
+            pickle.dump(answer, answers)
+            answers.flush()
+        except BrokenPipeError:  # nobody is there to read it
+            return
 
 
 if __name__ == '__main__':

@@ -1,11 +1,9 @@
 """The steps of a proof, and what each of them allows: without a node."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from dlo_planner import DirectSimulator, InverseSimulator, Limits, Plane, Pose, Rod, replay
+from dlo_planner import Limits, Plane, Pose, replay
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.ros.parameters import ENTRIES, build_scene
 from dlo_planner.ros.planning import make_plan
@@ -23,7 +21,7 @@ def scene_with(obstacles=(), **values):
 
 def proved(scene, plan=None, replayed=replay):
     plan = plan or make_plan(scene, [GOAL], None, None)[0]
-    return plan, list(proofs(lambda **given: replayed(**given), scene, plan, None))
+    return plan, list(proofs(replayed, scene, plan, None))
 
 
 def test_slowly_first_and_then_the_motion_that_may_be_executed():
@@ -60,11 +58,12 @@ def test_absurd_tolerances_are_refused_by_name(value):
         scene_with(threading__tolerance=value)
 
 
-def test_a_motion_that_cannot_be_made_calm_is_refused_with_the_figure_that_fails():
-    _, (slowly, moving) = proved(scene_with(threading__tolerance=1e-7))
+def test_a_motion_that_cannot_be_made_calm_is_refused_with_the_figure_that_fails(monkeypatch):
+    monkeypatch.setattr('dlo_planner.inverse.trajectory._ROUNDS', 1)  # it does not try for long
+    _, (slowly, moving) = proved(scene_with(threading__tolerance=2e-5))
     assert slowly.state == 'held slowly'
     assert (moving.state, moving.done, moving.safe) == ('refused', True, False)
-    assert 'expected at most 1e-07 m' in moving.reason and 'm at best' in moving.reason
+    assert 'expected at most 2e-05 m' in moving.reason and 'm at best' in moving.reason
 
 
 def test_a_plan_that_the_dlo_does_not_follow_is_not_even_moved():
@@ -85,9 +84,12 @@ def test_what_goes_wrong_is_the_reason():
     _, (slowly, last) = proved(scene_with(), replayed=failing)
     assert (last.state, last.done, last.safe) == ('refused', True, False)
     assert 'has ended' in last.reason and last.report is slowly.report
-    _, (only,) = proved(scene_with(threading__deadline=0.1, threading__waypoints=200))[0], [
-        proved(scene_with(threading__deadline=0.1, threading__waypoints=200))[1][-1]]
-    assert not only.safe and 'deadline' in only.reason
+
+
+def test_a_search_that_takes_too_long_is_given_up():
+    _, (slowly, last) = proved(scene_with(threading__deadline=0.1))
+    assert (slowly.state, last.state) == ('held slowly', 'refused')
+    assert 'deadline = 0.1 s' in last.reason
 
 
 def test_what_is_not_wanted_any_more_ends_the_proof():
@@ -96,17 +98,17 @@ def test_what_is_not_wanted_any_more_ends_the_proof():
 
 def test_what_may_not_be_touched_counts_in_motion_as_well():
     plan = make_plan(scene_with(), [GOAL], None, None)[0]
-    lowest = min(shape.positions[:, 2].min() for shape in plan.shapes)
-    beside = Plane((0, 0, lowest - 5e-3), (0, 0, 1))
-    scene = scene_with([beside], cutouts__radius=0.02)
-    _, (_, moving) = proved(scene)
+    gripper = max(pose.position[2] for pose in plan.grippers)
+    highest = max(shape.positions[:, 2].max() for shape in plan.shapes) + 0.75e-3
+    # nearer than the rim of the hole, and planned to be so
+    beside = Plane((0, 0, highest + 4e-3), (0, 0, -1))
+    _, (_, moving) = proved(scene_with([beside], cutouts__radius=0.02))
     report = moving.report
-    assert moving.safe and 0 < report.dynamic_clearance < report.clearance < 5e-3
-    assert report.workspace_margin > 0.1
-    # the same, so near that the DLO in motion touches it
-    near = Plane((0, 0, lowest - 0.75e-3 - 1e-5), (0, 0, 1))
-    scene = scene_with([near])
-    _, (slowly, moving) = proved(scene, replace(plan))
+    assert moving.safe and 0 < report.dynamic_clearance < report.clearance < 4.1e-3
+    assert report.workspace_margin == pytest.approx(highest + 4e-3 - gripper, abs=1e-9)
+    # so near that the DLO touches it in motion
+    near = Plane((0, 0, highest + 1e-4), (0, 0, -1))
+    _, (slowly, moving) = proved(scene_with([near]))
     assert slowly.state == 'held slowly'
     assert moving.state == 'refused' and 'touches' in moving.reason
 
@@ -116,6 +118,4 @@ def test_two_cutouts_move_calmly():
     second = Pose.looking_along((0.25, 0.05, 0.97), (1.0, 0.0, 0.0))
     plan = make_plan(scene, [GOAL, second], None, None)[0]
     _, (_, moving) = proved(scene, plan)
-    assert moving.safe and moving.report.dynamic_miss < 1e-3
-    assert InverseSimulator(DirectSimulator(Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34))
-                            ).check(plan) is not None
+    assert moving.safe and 0 < moving.report.dynamic_miss < 1e-3
