@@ -160,7 +160,7 @@ class _Search:
         laws = []
         for task, law in zip(self._tasks, self._fastest.laws, strict=True):
             self._progress.check()
-            laws.append(calm_law(task, aim) if task is not None else
+            laws.append(calm_law(task, aim, self._progress.check) if task is not None else
                         law if law is None else law.slower(slower))
         return TimedPath(self._fastest.path, tuple(laws), self._fastest.limits)
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from dlo_planner.errors import DloPlannerError
+from dlo_planner.errors import DeadlineExceeded, DloPlannerError
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.replay import Report
 
@@ -58,6 +58,10 @@ def proofs(replayed, scene, plan, before):
     for step in (slowly, moving):
         try:
             report = replayed(**step)
+        except DeadlineExceeded:
+            yield Proof(plan, known, 'no calm motion was found in threading.deadline = '
+                        f'{scene.deadline:g} s of computing', True)
+            return
         except DloPlannerError as error:
             yield Proof(plan, known, str(error), True)
             return

@@ -1,7 +1,7 @@
 """Proof of plans in a process of its own, so that shapes and plans never wait for it.
 
-Messages are pickles on the pipes of the process: keyword arguments of `replay` in, a Report or the
-text of an error out. It ends with its input, so it never outlives the node.
+Messages are pickles on the pipes of the process: keyword arguments of `replay` in, a Report or an
+error out. It ends with its input, so it never outlives the node.
 """
 
 import os
@@ -11,7 +11,7 @@ import sys
 from select import select
 from threading import Lock
 
-from dlo_planner.errors import DloPlannerError
+from dlo_planner.errors import DeadlineExceeded, DloPlannerError
 from dlo_planner.inverse.replay import replay
 
 _LOOK = 0.1  # s between looks whether an answer is still wanted
@@ -32,6 +32,7 @@ class Prover:
         for a calm motion may take long, and the next plan must not wait for it.
 
         Raises:
+            DeadlineExceeded: of `replay`
             DloPlannerError: it failed there, or the process ended
         """
         process = self._running()
@@ -49,6 +50,8 @@ class Prover:
             if self._closed:
                 return None
             raise DloPlannerError(f'the process that proves plans has ended: {lost}') from None
+        if isinstance(error, DeadlineExceeded):
+            raise error
         if error is not None:
             raise DloPlannerError(f'the plan could not be replayed: {error}')
         return report
@@ -89,6 +92,8 @@ def main():
             return
         try:
             answer = replay(**arguments), None
+        except DeadlineExceeded as error:
+            answer = None, error
         except Exception as error:  # it has to be answered in any case
             answer = None, f'{type(error).__name__}: {error}'
         try:

@@ -171,7 +171,7 @@ def test_a_motion_that_cannot_be_made_calm_is_not_executed(client, begun):
         values = client.proof()
     finally:
         client.set_parameters(threading__tolerance=0.0, threading__deadline=60.0)
-    assert values['report'] == 'refused' and 'deadline = 1 s' in values['report reason']
+    assert values['report'] == 'refused' and 'threading.deadline' in values['report reason']
     answer = client.trigger('execute')
     assert not answer.success and values['report reason'] in answer.message
     assert 'not safe' in status(client, lambda _, m: 'not safe' in m)[1]

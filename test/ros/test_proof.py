@@ -89,14 +89,14 @@ def test_what_goes_wrong_is_the_reason():
 def test_a_search_that_takes_too_long_is_given_up():
     _, (slowly, last) = proved(scene_with(threading__deadline=0.1))
     assert (slowly.state, last.state) == ('held slowly', 'refused')
-    assert 'deadline = 0.1 s' in last.reason
+    assert 'threading.deadline = 0.1 s' in last.reason
 
 
 def test_what_is_not_wanted_any_more_ends_the_proof():
     assert proved(scene_with(), replayed=lambda **given: None)[1] == []
 
 
-def test_what_may_not_be_touched_counts_in_motion_as_well():
+def test_what_may_not_be_touched_counts_in_motion_as_well(monkeypatch):
     plan = make_plan(scene_with(), [GOAL], None, None)[0]
     gripper = max(pose.position[2] for pose in plan.grippers)
     highest = max(shape.positions[:, 2].max() for shape in plan.shapes) + 0.75e-3
@@ -107,10 +107,12 @@ def test_what_may_not_be_touched_counts_in_motion_as_well():
     assert moving.safe and 0 < report.dynamic_clearance < report.clearance < 4.1e-3
     assert report.workspace_margin == pytest.approx(highest + 4e-3 - gripper, abs=1e-9)
     # so near that the DLO touches it in motion
+    monkeypatch.setattr('dlo_planner.inverse.trajectory._ROUNDS', 1)
     near = Plane((0, 0, highest + 1e-4), (0, 0, -1))
     _, (slowly, moving) = proved(scene_with([near]))
     assert slowly.state == 'held slowly'
-    assert moving.state == 'refused' and 'touches' in moving.reason
+    assert moving.state == 'refused'
+    assert 'clearance in motion' in moving.reason or 'touches' in moving.reason
 
 
 def test_two_cutouts_move_calmly():
