@@ -233,11 +233,13 @@ def executed(client, seconds):
     """Have the last plan, which takes so long, executed; return the Poses that were commanded."""
     answer = client.trigger('execute')
     print(f'  execute: {answer.message}')
-    came, end = [], monotonic() + seconds + _PATIENCE
+    came, told, end = [], 0, monotonic() + seconds + _PATIENCE
     while answer.success and monotonic() < end:
         with suppress(queue.Empty):
             came.append(client.commands.get(timeout=0.5))
-            progress('seconds executed', min(int(spent(came)), int(seconds)), int(seconds))
+            if told < int(spent(came)) <= seconds:
+                told = int(spent(came))
+                progress('seconds executed', told, int(seconds))
             if spent(came) >= seconds:
                 break
     return [pose_from_msg(msg.pose) for msg in came]

@@ -62,8 +62,9 @@ def proofs(replayed, scene, plan, before):
             yield Proof(plan, known, 'no calm motion was found in threading.deadline = '
                         f'{scene.deadline:g} s of computing', True)
             return
-        except DloPlannerError as error:
-            yield Proof(plan, known, str(error), True)
+        except Exception as error:  # whatever it is: the plan must not wait for ever
+            name = '' if isinstance(error, DloPlannerError) else f'{type(error).__name__}: '
+            yield Proof(plan, known, f'{name}{error}', True)
             return
         if report is None:
             return

@@ -75,10 +75,11 @@ def test_a_plan_that_the_dlo_does_not_follow_is_not_even_moved():
     assert 'does not follow' in only.reason and len(asked) == 1
 
 
-def test_what_goes_wrong_is_the_reason():
+@pytest.mark.parametrize('kind', [DloPlannerError, RuntimeError])
+def test_what_goes_wrong_is_the_reason(kind):
     def failing(**given):
         if 'limits' in given:
-            raise DloPlannerError('the process that proves plans has ended')
+            raise kind('the process that proves plans has ended')
         return replay(**given)
 
     _, (slowly, last) = proved(scene_with(), replayed=failing)
