@@ -43,6 +43,11 @@ class Progress:
         other._seconds, other._begun = self._seconds, self._begun
         return other
 
+    def left(self) -> float | None:
+        """Return the seconds until the deadline, more than 0; None if there is none."""
+        return None if self._seconds is None else max(
+            self._seconds - (monotonic() - self._begun), 1e-9)
+
     def check(self) -> None:
         """Raise DeadlineExceeded if the time is over: called in loops that may be long."""
         if self._seconds is None:

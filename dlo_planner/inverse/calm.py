@@ -6,6 +6,7 @@ its end, smooth them: such a window leaves no vibration of its period. Which win
 the quickest is tried; each trial is judged with the frequencies as they are, and off by 5 %.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -68,13 +69,14 @@ class LegTask:
         return np.max([np.linalg.norm(sideways, axis=2) for _, sideways in self.passed], axis=0)
 
 
-def calm_law(task: LegTask, tolerance: float) -> TimeLaw:
+def calm_law(task: LegTask, tolerance: float, check: Callable[[], None]) -> TimeLaw:
     """Return the quickest TimeLaw found that keeps `tolerance` (m) as far as the response tells.
 
-    The one that comes nearest to that, if none does.
+    The one that comes nearest to that, if none does. `check` is called before each trial; it may raise.
     """
     found = []
     for parameters, rates in _rates(task):
+        check()
         laws = [TimeLaw(parameters, rates, windows) for windows in _windows(task.response)]
         found += [(law, predicted(task, law) / tolerance) for law in laws]
         if min(part for _, part in found[-len(laws):]) < _MUCH:
@@ -87,6 +89,7 @@ def calm_law(task: LegTask, tolerance: float) -> TimeLaw:
         if part > 1 and tried >= _TRIALS:
             continue
         tried += part > 1
+        check()
         law = _within_limits(task, law, part > 1)
         part = predicted(task, law) / tolerance
         if best is None or part < best[1]:

@@ -154,7 +154,8 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
     if limits is not None and trajectory is None:
         try:
             trajectory = Trajectory(plan, limits, tolerance=tolerance, simulator=simulator,
-                                    initial=shapes[0], obstacles=obstacles, progress=steps.done)
+                                    initial=shapes[0], obstacles=obstacles, progress=steps.done,
+                                    deadline=steps.left())
         except Infeasible as error:
             figures['reason'] = str(error)
             trajectory = Trajectory(plan, limits, tolerance=np.inf)

@@ -9,7 +9,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.calm import LegTask, calm_law, margin, predicted
-from dlo_planner.inverse.in_motion import in_motion
+from dlo_planner.inverse.in_motion import in_motion, least_clearance
 from dlo_planner.inverse.leg_response import Response
 from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.passing import holes_passed
@@ -18,6 +18,7 @@ from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.timed_path import TimedPath, fastest_law
 from dlo_planner.model.checks import instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES
+from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import brief, put
 from dlo_planner.progress import OnProgress, Progress
 
@@ -42,8 +43,8 @@ class Trajectory(TimedPath):
         plan: Plan with two poses at least
         limits: Limits; None: the default ones
         tolerance: m, by which the DLO in motion may miss the centres of its cut-outs, come nearer to
-            a rim than the plan says, or still vibrate when the gripper has stopped. None: a quarter
-            of the least room at the rims, 1 mm where no cut-out has a size. Infinite: the fastest
+            a rim or an obstacle than the plan says, or still vibrate when the gripper has stopped.
+            None: a quarter of the least room at the rims, 1 mm where no cut-out has a size. Infinite: the fastest
             motion within limits, nothing is simulated.
         simulator: DirectSimulator that verifies; None: one of the plan's shapes' DLO, with its load,
             without obstacles
@@ -112,7 +113,8 @@ class _Search:
             rod.damping)
         self._first = simulator.solve(first.gripper, first)
         self._tasks = self._leg_tasks(simulator)
-        self._room = _least_room(plan)
+        # as planned, nan if there is nothing to be near to
+        self._room = least_clearance(plan, obstacles, Surface.of(rod), plan.shapes)
 
     def found(self):
         """Return the TimedPath, its InMotion, and the part by which frequencies may be off."""
@@ -159,7 +161,7 @@ class _Search:
         laws = []
         for task, law in zip(self._tasks, self._fastest.laws, strict=True):
             self._progress.check()
-            laws.append(calm_law(task, aim) if task is not None else
+            laws.append(calm_law(task, aim, self._progress.check) if task is not None else
                         law if law is None else law.slower(slower))
         return TimedPath(self._fastest.path, tuple(laws), self._fastest.limits)
 
@@ -197,12 +199,6 @@ class _Search:
         worst = max(motion.departure, np.nan_to_num(motion.miss))
         return min(margin(task, law, 2 * self._tolerance * max(
             1.0, predicted(task, law) / worst)) for task, law in known)
-
-
-def _least_room(plan):
-    """Return the least room that a Plan has at the rims, m; nan where it comes to none."""
-    rims = plan.clearances[:, :, 0]
-    return float(rims[np.isfinite(rims)].min(initial=np.inf)) if np.isfinite(rims).any() else np.nan
 
 
 def _simulator(simulator, plan):

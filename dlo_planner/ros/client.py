@@ -16,9 +16,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.ros.planner_node import LATCHED, REQUEST
+from dlo_planner.ros.proof import DONE
 from msg_helpers.poses import header, pose_stamped_msg
 
 
@@ -36,11 +38,14 @@ class PlannerClient:
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
         self.node = Node('dlo_planner_client', context=self.context)
-        self.shapes, self.trajectories = queue.Queue(), queue.Queue()
+        self.shapes, self.trajectories, self.timed = queue.Queue(), queue.Queue(), queue.Queue()
         self.diagnostics, self.commands = queue.Queue(), queue.Queue()
         self.node.create_subscription(Path, f'{planner}/predicted_shape', self.shapes.put, LATCHED)
         self.node.create_subscription(Path, f'{planner}/gripper_trajectory',
                                       self.trajectories.put, LATCHED)
+        self.node.create_subscription(MultiDOFJointTrajectory,
+                                      f'{planner}/gripper_trajectory_timed', self.timed.put,
+                                      LATCHED)
         self.node.create_subscription(DiagnosticArray, '/diagnostics', self.diagnostics.put,
                                       REQUEST)
         self.node.create_subscription(PoseStamped, f'{planner}/gripper_command', self.commands.put,
@@ -159,19 +164,37 @@ class PlannerClient:
             for name, value in values.items()])
         return self._call(SetParameters, 'set_parameters', request)[0].results
 
-    def reported(self, name):
-        """Return a figure on /diagnostics, as soon as it is a number; nan if it is not."""
+    def proof(self, timeout=60.0):
+        """Return what /diagnostics says of the last plan, name -> text, once its proof is done.
+
+        Raises:
+            TimeoutError: it is not done within `timeout` s
+        """
         with suppress(queue.Empty):
             while True:  # what was said before does not count
                 self.diagnostics.get_nowait()
-        end = monotonic() + self.timeout
+        end = monotonic() + timeout
         while monotonic() < end:
             with suppress(queue.Empty):
                 status = self.diagnostics.get(timeout=0.1).status[0]
-                value = {item.key: item.value for item in status.values}.get(name, 'nan')
-                if value != 'nan':
-                    return float(value)
-        return float('nan')
+                values = {item.key: item.value for item in status.values}
+                if values.get('report') in DONE:
+                    return values
+        raise TimeoutError(f'the last plan was not proved within {timeout} s')
+
+    def timed_for(self, path):
+        """Return the timed trajectory (MultiDOFJointTrajectory) of a proved plan (Path).
+
+        Raises:
+            TimeoutError: none came; only a plan that may be executed has one
+        """
+        end = monotonic() + self.timeout
+        while monotonic() < end:
+            with suppress(queue.Empty):
+                timed = self.timed.get(timeout=0.1)
+                if timed.header.stamp == path.header.stamp:
+                    return timed
+        raise TimeoutError(f'no timed trajectory of this plan came within {self.timeout} s')
 
     def _client(self, kind, name):
         if name not in self._clients:

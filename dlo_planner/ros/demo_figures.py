@@ -100,6 +100,46 @@ def save_two(path, goals, grippers, shapes):
     plt.close(figure)
 
 
+def save_moving(path, times, grippers, goal, shapes, misses, tolerance):
+    """Save an executed motion: the wire from the side and from above, speed and miss in time.
+
+    Args:
+        times: (n,) s; grippers: n Pose
+        goal: Pose of the cut-out
+        shapes: n (N + 1, 3) positions, m
+        misses: n, m, nan before the free end is at the hole
+        tolerance: m
+    """
+    figure, axes = plt.subplots(2, 2, figsize=(12, 6.4), layout='constrained',
+                                width_ratios=(1.4, 1))
+    colours = plt.get_cmap('viridis')
+    way = np.array([pose.position for pose in grippers])
+    for axis, (across, name) in zip(axes[:, 0], ((2, 'z'), (1, 'y')), strict=True):
+        for number in np.linspace(0, len(shapes) - 1, 2 * _SHOWN).round().astype(int):
+            points, colour = shapes[number], colours(number / len(shapes))
+            axis.plot(points[:, 0], points[:, across], color=colour, lw=1.2)
+        axis.plot(way[:, 0], way[:, across], color='tab:red', lw=1.2, label='gripper')
+        for side in (-1, 1):
+            axis.plot([goal.position[0]] * 2, goal.position[across] + side * np.array([0.03, 0.15]),
+                      color='k', lw=3)
+        _finish(axis, f'wire in motion, from {"the side" if name == "z" else "above"}')
+        axis.set_ylabel(f'{name} [m]')
+    axes[0, 0].legend(loc='lower left', fontsize=9)
+    speeds = np.linalg.norm(np.gradient(way, times, axis=0), axis=1)
+    axes[0, 1].plot(times, 1e3 * speeds, color='tab:red')
+    axes[0, 1].set(ylabel='gripper [mm/s]', title='How the gripper goes')
+    axes[1, 1].plot(times, 1e3 * np.array(misses), label='simulated')
+    axes[1, 1].axhline(1e3 * tolerance, color='k', ls='--', lw=1, label='tolerance')
+    axes[1, 1].set(ylabel='miss of the centre [mm]', title='How calm the wire is', ylim=(0, None))
+    axes[1, 1].legend(loc='upper left', fontsize=9)
+    for axis in axes[:, 1]:
+        axis.set(xlabel='time [s]', xlim=(0, times[-1]))
+        axis.grid(alpha=0.3)
+    figure.suptitle('From where the gripper is to the hole and through it, as executed')
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
 def _draw_sheet(axis, goal):
     """Draw the sheet as a line across the normal with a gap where the cut-out is."""
     along = np.array([-goal.direction[2], goal.direction[0]])

@@ -1,4 +1,4 @@
-"""A plan streamed in real time: where the gripper should be now."""
+"""A trajectory streamed in real time: where the gripper should be now."""
 
 from threading import Lock
 
@@ -6,37 +6,38 @@ import numpy as np
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.pose import angle_between
+from dlo_planner.ros.proof import Proof
 
 
-def ready(made, proved, now):
-    """Return `made` if it may be executed.
+def ready(made, proof, now):
+    """Return the Trajectory to be executed: the one that was proved.
 
     Args:
-        made: (Scene, Plan, Shape) of the last plan, or None
-        proved: (Plan, Report) of the last one that was proved, or None
+        made: Made, the last plan, or None
+        proof: the newest Proof, or None; it counts if it is of that plan
         now: Pose of the gripper, or None
 
     Raises:
-        InvalidTask: naming what is missing
+        InvalidTask: naming what is missing, or why it must not be executed
     """
     if made is None:
         raise InvalidTask('there is no plan yet')
-    scene, plan, _ = made
-    if proved is None or proved[0] is not plan:
-        raise InvalidTask('the plan is still being checked: ask again')
-    if not proved[1].converged:
-        raise InvalidTask('the DLO does not follow this plan, see the report')
+    if proof is None or proof.plan is not made.plan:
+        proof = Proof(made.plan)
+    if not proof.safe:
+        raise InvalidTask(proof.reason)
     if now is None:
         raise InvalidTask('no gripper pose is known: send ~/gripper_pose')
-    away = float(np.linalg.norm(now.position - plan.grippers[0].position))
+    scene, first = made.scene, made.plan.grippers[0]
+    away = float(np.linalg.norm(now.position - first.position))
     if away > scene.start_distance:
         raise InvalidTask(f'the gripper is {away:.3g} m from where the plan begins: expected '
                           f'execute.start_distance = {scene.start_distance:g} m at most')
-    angle = angle_between(now.rotation, plan.grippers[0].rotation)
+    angle = angle_between(now.rotation, first.rotation)
     if angle > scene.start_angle:
         raise InvalidTask(f'the gripper is turned by {angle:.3g} rad from where the plan begins: '
                           f'expected execute.start_angle = {scene.start_angle:g} rad at most')
-    return made
+    return proof.report.trajectory
 
 
 class Execution:
@@ -66,7 +67,7 @@ class Execution:
     def command(self, now):
         """Return Pose of the tool frame and frame_id for the time `now` in s; None if nothing runs.
 
-        The last command is the end of the plan, after that nothing runs.
+        The last command is the end of the trajectory, after that nothing runs.
         """
         with self._lock:
             if self._running is None:

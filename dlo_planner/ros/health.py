@@ -18,9 +18,13 @@ _REPORTED = {  # figures of a Report
     'clearance': 'smallest clearance [m]', 'bend_margin': 'smallest bend margin [1/m]',
     'contact_force': 'largest contact force [N]',
     'deviation': 'largest deviation from the plan [m]',
+    'workspace_margin': 'smallest workspace margin [m]',
+    'tolerance': 'tolerance in motion [m]',
     'dynamic_miss': 'largest miss in motion [m]', 'swing': 'largest swing in motion [m]',
-    'dynamic_clearance': 'smallest clearance in motion [m]', 'duration': 'duration [s]',
-    'fastest': 'fastest duration within tolerance [s]'}
+    'arrival': 'swing at arrival [m]', 'departure': 'swing at departure [m]',
+    'dynamic_clearance': 'smallest clearance in motion [m]',
+    'dynamic_contact_force': 'largest contact force in motion [N]',
+    'mode_margin': 'frequency margin', 'duration': 'duration [s]'}
 
 
 class Health:
@@ -66,11 +70,12 @@ class Health:
                                  'plan largest residual': float(plan.residual.max()),
                                  'plan smallest stability': float(plan.stability.min())})
 
-    def plan_proved(self, report):
-        """Take the figures of a plan's Report; None: there is none yet for the last plan."""
+    def plan_proved(self, proof):
+        """Take what a Proof says of the last plan."""
+        report = proof.report
         with self._lock:
-            self._values['report'] = 'not ready' if report is None else (
-                'held' if report.converged else 'the DLO does not follow the plan')
+            self._values['report'] = proof.state
+            self._values['report reason'] = proof.reason or 'none'
             self._values['report not looked at'] = ', '.join(
                 getattr(report, 'not_looked_at', ())) or 'none'
             for name, text in _REPORTED.items():

@@ -1,6 +1,7 @@
 """The node's parameters: one table of them, and the immutable scene they describe."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from math import isnan
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 
@@ -13,6 +14,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 
 SECTIONS = ('round', 'tube', 'rectangular', 'stiffness')
+_MOST_TOLERANCE = 1.0  # m
 
 
 @dataclass(frozen=True)
@@ -86,19 +88,23 @@ ENTRIES = {
                               'the DLO\'s tangent.'),
     'threading.waypoints': Entry(40, 'Poses in a plan.', 2, 10_000),
     'threading.deepest': Entry(0.95, 'Part of the length that is threaded through.', 0.0, 1.0),
-    'threading.linear_speed': Entry(0.1, 'Limit for the plan\'s times, m/s.', 1e-4, 10.0),
-    'threading.angular_speed': Entry(0.5, 'Limit for the plan\'s times, rad/s.', 1e-4, 100.0),
-    'threading.linear_acceleration': Entry(0.5, 'Limit of the timed trajectory, m/s^2.', 1e-4,
-                                           1e3),
-    'threading.angular_acceleration': Entry(2.0, 'Limit of the timed trajectory, rad/s^2.', 1e-4,
-                                            1e4),
+    'threading.linear_speed': Entry(0.1, 'Limit of the motion, m/s.', 1e-4, 10.0),
+    'threading.angular_speed': Entry(0.5, 'Limit of the motion, rad/s.', 1e-4, 100.0),
+    'threading.linear_acceleration': Entry(0.5, 'Limit of the motion, m/s^2.', 1e-4, 1e3),
+    'threading.angular_acceleration': Entry(2.0, 'Limit of the motion, rad/s^2.', 1e-4, 1e4),
+    'threading.linear_jerk': Entry(5.0, 'Limit of the motion, m/s^3.', 1e-4, 1e5),
+    'threading.angular_jerk': Entry(20.0, 'Limit of the motion, rad/s^3.', 1e-4, 1e6),
     'threading.standoff': Entry(0.0, 'With more than 0, a plan begins at the gripper\'s present '
                                 'pose, and the free end waits so far before the hole, m.', 0.0,
                                 10.0),
     'threading.gripper_clearance': Entry(0.0, 'The plan ends where the gripper comes nearer to '
                                          'the sheet than this, m; 0 = does not care.', 0.0, 10.0),
-    'threading.tolerance': Entry(1e-3, 'Miss in motion for which the fastest pace is sought, m.',
-                                 1e-6, 1.0),
+    # No range: it would refuse nan.
+    'threading.tolerance': Entry(0.0, 'By how much the DLO in motion may miss, come nearer to a '
+                                 'rim than planned, or still vibrate at the end, m; 0 or nan = a '
+                                 'quarter of the room in the hole, 0.001 where it has no size.'),
+    'threading.deadline': Entry(60.0, 'Computing after which the search for a calm motion is given '
+                                'up, s.', 0.1, 3600.0),
     'threading.may_yield': Entry(True, 'Whether a plan may set the DLO for good.'),
     'cutouts.radius': Entry(0.0, 'Of round cut-outs, for clearances, m; 0 = not known.', 0.0,
                             10.0),
@@ -130,7 +136,8 @@ class Scene:
     limits: Limits
     standoff: float
     gripper_clearance: float
-    tolerance: float
+    tolerance: float | None
+    deadline: float
     cutout_radius: float | None
     start_distance: float
     start_angle: float
@@ -191,11 +198,10 @@ def build_scene(values, obstacles=()):
                  Pose(values['tool.position'], values['tool.orientation']),
                  values['threading.waypoints'], values['threading.deepest'],
                  values['threading.linear_speed'], values['threading.angular_speed'],
-                 Limits(*(values[f'threading.{name}'] for name in (
-                     'linear_speed', 'angular_speed', 'linear_acceleration',
-                     'angular_acceleration'))),
+                 Limits(**{item.name: values[f'threading.{item.name}'] for item in fields(Limits)}),
                  values['threading.standoff'], values['threading.gripper_clearance'],
-                 values['threading.tolerance'], values['cutouts.radius'] or None,
+                 _tolerance(values['threading.tolerance']), values['threading.deadline'],
+                 values['cutouts.radius'] or None,
                  values['execute.start_distance'], values['execute.start_angle'])
 
 
@@ -222,6 +228,16 @@ def _rod(values):
                    yield_torsion=values['rod.yield_torsion'] or None, **more)
     raise InvalidTask(f'parameter rod.section = {section!r}: expected one of '
                       f'{", ".join(SECTIONS)}')
+
+
+def _tolerance(value):
+    """Return the tolerance in m; None, which means the default, for 0 and nan."""
+    if isnan(value) or value == 0:
+        return None
+    if not 0 < value <= _MOST_TOLERANCE:
+        raise InvalidTask(f'parameter threading.tolerance = {value!r}: expected more than 0 and at '
+                          f'most {_MOST_TOLERANCE:g} m; 0 or nan for the default')
+    return value
 
 
 def _limits(curvatures):

@@ -3,6 +3,7 @@
 import sys
 import traceback
 from contextlib import contextmanager
+from functools import partial
 from time import monotonic
 
 import numpy as np
@@ -22,14 +23,14 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
-from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.ros.execution import Execution, ready
 from dlo_planner.ros.executor import PatientExecutor
 from dlo_planner.ros.health import Health
 from dlo_planner.ros.parameters import ENTRIES, build_scene, declare
-from dlo_planner.ros.planning import make_plan, proofs
+from dlo_planner.ros.planning import Made, make_plan
+from dlo_planner.ros.proof import Proof, proofs
 from dlo_planner.ros.proving import Prover
-from dlo_planner.ros.warm_up import warm_up
+from dlo_planner.ros.warm_up import warm_up, warm_up_proofs
 from msg_helpers.diagnostics import diagnostics_msg
 from msg_helpers.markers import obstacle_markers, plan_markers, shape_markers
 from msg_helpers.obstacles import obstacles_after
@@ -44,8 +45,8 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _QUIET = 1.0  # s between warnings about the same thing
 _MOST_GOALS = 2
-_TIMED_POINTS = 5  # of the timed trajectory per waypoint
 _THREADS = 6  # one for each callback group below
+_TIMED_STEP, _TIMED_MOST = 0.05, 20_000  # s between points of the timed trajectory; points
 _LOOK = 0.1   # s between looks whether there is a plan to be proved
 
 
@@ -60,15 +61,15 @@ class PlannerNode(Node):
         super().__init__('dlo_planner', **options)
         declare(self)
         self._scene = build_scene(self._values())
+        self._prover = Prover()
         self._warm_up()  # before there is anything to be called: what can be seen is ready
         self._health = Health()
         self._warned = {}
         self._latest = None   # (scene, Shape) of the last pose
         self._goal = None     # Poses of the last cut-outs, one or two
-        self._plan_made = None    # (Scene, Plan, Shape before it or None) of the last plan
-        self._proved = None       # the same, of which the proof has begun
-        self._prover = Prover()
-        self._report = None       # (Plan, Report) of the last one proved
+        self._made = None     # Made, the last plan
+        self._proving = None  # Made of which the proof has begun
+        self._proof = None    # Proof of the last plan whose proof has begun, as far as it has come
         self._obstacles = {}      # (namespace, id) -> obstacle
         self._execution = Execution()
         self._drawn = {}      # name -> markers of the last shape, of the last plan
@@ -112,6 +113,7 @@ class PlannerNode(Node):
         self.get_logger().info('loading the solver; the very first start compiles it (minutes)')
         started = monotonic()
         warm_up()
+        warm_up_proofs(self._prover)
         self.get_logger().info(f'ready after {monotonic() - started:.1f} s: {self._scene.name}, '
                                f'{self._scene.direct.rod.length:g} m')
 
@@ -214,10 +216,8 @@ class PlannerNode(Node):
         return response
 
     def _on_replan(self, _, response):
-        response.message = 'planning failed; see the log and /diagnostics'
-        with self._answering('replan', 'plans refused'):
+        with self._answering('replan', 'plans refused', response):
             if self._goal is None:
-                response.message = 'there is no goal yet'
                 raise InvalidTask('there is no goal yet: send one to ~/task_goal')
             path = self._plan(self._scene, self._goal, self._gripper_now())
             response.success = True
@@ -242,36 +242,40 @@ class PlannerNode(Node):
         path = plan_path([pose.compose(back) for pose in plan.grippers], plan.times,
                          scene.frame_id, stamp)
         self._plan_out.publish(path)
-        if plan.times[-1] > 0:
-            self._timed_out.publish(timed_trajectory(
-                Trajectory(plan, scene.limits), _TIMED_POINTS * len(plan), scene.tool,
-                scene.frame_id, stamp))
         self._draw('plan', plan_markers(cutouts, plan.grippers, scene.frame_id, stamp))
         self._health.plan_done(plan, seconds)
-        self._health.plan_proved(None)
-        self._plan_made = (scene, plan, before)
+        self._health.plan_proved(Proof(plan))
+        self._made = Made(scene, plan, before, stamp)
         self.get_logger().info(f'planned {len(plan)} gripper poses in {1e3 * seconds:.0f} ms, '
                                f'largest miss {plan.miss.max():.1e} m, '
                                f'smallest stability {plan.stability.min():.2f}')
         return path
 
     def _prove(self):
-        """Have the last plan run through the direct simulator; a newer plan comes first."""
+        """Have the last plan proved, and publish its trajectory; a newer plan comes first."""
         with self._answering('report'):
-            made = self._plan_made
-            if made is None or made is self._proved:
+            made = self._made
+            if made is None or made is self._proving:
                 return
-            self._proved = made
-            for arguments in proofs(*made):
-                report = self._prover.report(**arguments)
-                if report is None or self._plan_made is not made:
+            self._proving = made
+            replayed = partial(self._prover.report, lambda: self._made is made)
+            for proof in proofs(replayed, made.scene, made.plan, made.before):
+                if self._made is not made:
                     return
-                self._report = (made[1], report)
-                self._health.plan_proved(report)
-                if not report.converged:
-                    raise NotConverged('replayed, the DLO does not follow the plan: largest miss '
-                                       f'{report.miss:.3g} m, smallest stability '
-                                       f'{report.stability:.3g}')
+                self._proof = proof
+                self._health.plan_proved(proof)
+                if proof.safe:
+                    self._publish_timed(made, proof.report)
+                elif proof.done:
+                    self._refuse('report', f'the plan is not safe: {proof.reason}')
+
+    def _publish_timed(self, made, report):
+        scene, way = made.scene, report.trajectory
+        number = 1 + int(np.clip(np.ceil(way.duration / _TIMED_STEP), 1, _TIMED_MOST))
+        self._timed_out.publish(timed_trajectory(way, number, scene.tool, scene.frame_id,
+                                                 made.stamp))
+        self.get_logger().info(f'the plan is safe: {way.duration:.1f} s, largest miss in motion '
+                               f'{report.dynamic_miss:.1e} m, at most {way.tolerance:.1e} m')
 
     def destroy_node(self):
         """End the process that proves plans as well."""
@@ -281,10 +285,9 @@ class PlannerNode(Node):
     # ---- execution ------------------------------------------------------------------------------
 
     def _on_execute(self, _, response):
-        with self._answering('execute'):
-            response.message = 'refused; see the log and /diagnostics'
-            scene, plan, _ = ready(self._plan_made, self._report, self._gripper_now())
-            way = Trajectory(plan, scene.limits)
+        with self._answering('execute', answer=response):
+            made = self._made
+            way, scene = ready(made, self._proof, self._gripper_now()), made.scene
             self._execution.start(way, scene.tool, scene.frame_id, self._seconds())
             response.success = True
             response.message = f'{way.duration:.1f} s on gripper_command'
@@ -321,17 +324,25 @@ class PlannerNode(Node):
         return known[1].gripper if known is not None else None
 
     @contextmanager
-    def _answering(self, what, counter=None):
-        """Let no exception out of a callback: refuse with a reason, keep the last good output."""
+    def _answering(self, what, counter=None, answer=None):
+        """Let no exception out of a callback: refuse with a reason, keep the last good output.
+
+        Args:
+            what: is refused
+            counter: of refusals, in Health
+            answer: Trigger response that carries the reason
+        """
         try:
             yield
         except DloPlannerError as error:
-            self._refuse(what, f'{what} refused: {error}', counter)
+            self._refuse(what, f'{what} refused: {error}', counter, answer)
         except Exception as error:  # an exception that leaves a callback ends the node
             self.get_logger().error(traceback.format_exc())
-            self._refuse(what, f'{what} failed: {type(error).__name__}: {error}', counter)
+            self._refuse(what, f'{what} failed: {type(error).__name__}: {error}', counter, answer)
 
-    def _refuse(self, what, reason, counter):
+    def _refuse(self, what, reason, counter=None, answer=None):
+        if answer is not None:
+            answer.success, answer.message = False, reason
         if counter is not None:
             self._health.count(counter)
         self._health.failed(reason)

@@ -1,10 +1,31 @@
-"""What the node plans: cut-outs in, the whole way of the gripper and its proof out."""
+"""What the node plans: cut-outs in, the whole way of the gripper out."""
+
+from dataclasses import dataclass
 
 import numpy as np
+from builtin_interfaces.msg import Time
 
-from dlo_planner.inverse.plan import joined
+from dlo_planner.direct.shape import Shape
+from dlo_planner.inverse.plan import Plan, joined
 from dlo_planner.inverse.threading import kept_before
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.ros.parameters import Scene
+
+
+@dataclass(frozen=True)
+class Made:
+    """A plan, and with what it was made.
+
+    Attributes:
+        scene: Scene; plan: Plan
+        before: Shape of the DLO before the first pose, or None
+        stamp: builtin_interfaces/Time of the messages that carry it
+    """
+
+    scene: Scene
+    plan: Plan
+    before: Shape | None
+    stamp: Time
 
 
 def make_plan(scene, poses, start, shape):
@@ -32,16 +53,3 @@ def make_plan(scene, poses, start, shape):
                                         initial=shape if here else None, **speeds)
         return scene.inverse.check(joined(way, plan)), cutouts, shape if here else None
     return plan, cutouts, None
-
-
-def proofs(scene, plan, before):
-    """Yield arguments for `replay`: slowly, at the plan's pace, at the fastest that will do.
-
-    Args:
-        before: Shape before the first pose, or None
-    """
-    given = {'simulator': scene.direct, 'plan': plan, 'initial': before}
-    yield given
-    if plan.times[-1] > 0:
-        yield {**given, 'limits': scene.limits}
-        yield {**given, 'limits': scene.limits, 'tolerance': scene.tolerance}

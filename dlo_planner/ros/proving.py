@@ -1,17 +1,20 @@
 """Proof of plans in a process of its own, so that shapes and plans never wait for it.
 
-Messages are pickles on the pipes of the process: keyword arguments of `replay` in, a Report or the
-text of an error out. It ends with its input, so it never outlives the node.
+Messages are pickles on the pipes of the process: keyword arguments of `replay` in, a Report or an
+error out. It ends with its input, so it never outlives the node.
 """
 
 import os
 import pickle
 import subprocess
 import sys
+from select import select
 from threading import Lock
 
-from dlo_planner.errors import DloPlannerError
+from dlo_planner.errors import DeadlineExceeded, DloPlannerError
 from dlo_planner.inverse.replay import replay
+
+_LOOK = 0.1  # s between looks whether an answer is still wanted
 
 
 class Prover:
@@ -22,12 +25,14 @@ class Prover:
         self._process = None
         self._closed = False
 
-    def report(self, **arguments):
+    def report(self, wanted=lambda: True, **arguments):
         """Return the Report of `replay(**arguments)`; blocks, but not the interpreter.
 
-        None if the Prover is closed meanwhile.
+        None if the Prover is closed meanwhile, or the Report is not `wanted()` any more: a search
+        for a calm motion may take long, and the next plan must not wait for it.
 
         Raises:
+            DeadlineExceeded: of `replay`
             DloPlannerError: it failed there, or the process ended
         """
         process = self._running()
@@ -36,11 +41,17 @@ class Prover:
         try:
             pickle.dump(arguments, process.stdin)
             process.stdin.flush()
+            while not select([process.stdout], [], [], _LOOK)[0]:
+                if not wanted():
+                    self._end(process)
+                    return None
             report, error = pickle.load(process.stdout)
         except (OSError, EOFError, pickle.UnpicklingError) as lost:
             if self._closed:
                 return None
             raise DloPlannerError(f'the process that proves plans has ended: {lost}') from None
+        if isinstance(error, DeadlineExceeded):
+            raise error
         if error is not None:
             raise DloPlannerError(f'the plan could not be replayed: {error}')
         return report
@@ -54,16 +65,20 @@ class Prover:
                 self._process = subprocess.Popen(
                     [sys.executable, '-m', __name__], stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE, start_new_session=True,
-                    env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))})
+                    env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path)),
+                         'OMP_NUM_THREADS': '1'})  # the other cores are the node's
             return self._process
 
     def close(self):
         """End the process, whatever it does."""
         with self._lock:
             self._closed = True
-            if self._process is not None:
-                self._process.kill()
-                self._process.wait()
+        if self._process is not None:
+            self._end(self._process)
+
+    def _end(self, process):
+        process.kill()
+        process.wait()
 
 
 def main():
@@ -77,10 +92,15 @@ def main():
             return
         try:
             answer = replay(**arguments), None
+        except DeadlineExceeded as error:
+            answer = None, error
         except Exception as error:  # it has to be answered in any case
             answer = None, f'{type(error).__name__}: {error}'
-        pickle.dump(answer, answers)
-        answers.flush()
+        try:
+            pickle.dump(answer, answers)
+            answers.flush()
+        except BrokenPipeError:  # nobody is there to read it
+            return
 
 
 if __name__ == '__main__':

@@ -1,10 +1,11 @@
 """Loading the compiled kernels, or compiling them: the first start only.
 
 Everything that the node may be asked for is done once on a small DLO, so that no request waits for
-a compiler.
+a compiler; proofs, which have a process of their own, are done there.
 """
 
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.cutout import CutOut
@@ -12,13 +13,15 @@ from dlo_planner.model.obstacles import Plane
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 
+_ROD = Rod(1.0, 0.01, 1.0, 1.0, radius=1e-3)
+
 
 def warm_up():
     """Use every kernel that an answer of the node may need."""
-    rod = Rod(1.0, 0.01, 1.0, 1.0, radius=1e-3)
+    rod = _ROD
     floor = Plane((0, 0, -0.001), (0, 0, 1))
     level = Pose((0, 0, 0), (0, 0, 0, 1))
-    holes = [CutOut(Pose.looking_along((x, 0, 0), (1, 0, 0)), radius=0.1) for x in (0.0, 0.2)]
+    holes = [_hole(x) for x in (0.0, 0.2)]
     for basis in ('local', 'chebyshev'):
         direct = DirectSimulator(rod, basis=basis, n_elements=16, n_terms=4)
         shape = direct.track([level, Pose.looking_along((0, 0, 0), (1, 0, 0.1))])[-1]
@@ -32,3 +35,15 @@ def warm_up():
         lying.solve(level, lying.solve(level))
     yielding = Rod(1.0, 0.01, 1.0, 1.0, yield_curvature=0.01, hardening=0.5)
     DirectSimulator(yielding, n_elements=16, n_terms=4).solve(level)
+
+
+def warm_up_proofs(prover):
+    """Have a Prover start its process and use every kernel that a proof may need."""
+    for basis in ('local', 'chebyshev'):
+        direct = DirectSimulator(_ROD, basis=basis, n_elements=16, n_terms=4)
+        plan = InverseSimulator(direct).thread(_hole(0.0), depths=[0.0, 0.1])
+        prover.report(simulator=direct, plan=plan, limits=Limits())
+
+
+def _hole(x):
+    return CutOut(Pose.looking_along((x, 0, 0), (1, 0, 0)), radius=0.1)

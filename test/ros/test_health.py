@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dlo_planner import DirectSimulator, Pose
+from dlo_planner import DirectSimulator, Pose, Report
 from dlo_planner.ros.health import Health
+from dlo_planner.ros.proof import Proof
 from msg_helpers.diagnostics import ERROR, OK, WARN
 
 
@@ -39,6 +40,27 @@ def test_a_residual_that_is_not_small_is_an_error(shape, residual):
     health.shape_done(replace(shape, residual=residual), 1e-3)
     level, message, _ = health.report()
     assert level == ERROR and 'did not converge' in message
+
+
+def test_a_proof_is_told_with_its_state_its_reason_and_its_figures(shape):
+    plan = object()
+    health, said = Health(), []
+    figures = {name: 1.0 for name in Report.__annotations__} | {
+        'converged': True, 'trajectory': None, 'reason': '', 'not_looked_at': ('swing',)}
+    report = Report(**figures | {'swing': np.nan, 'departure': 2e-4})
+    for proof in (Proof(plan), Proof(plan, report, 'it is asked too early'),
+                  Proof(plan, report, 'it misses', True), Proof(plan, report, '', True)):
+        health.plan_proved(proof)
+        values = health.report()[2]
+        said.append((values['report'], values['report reason']))
+    assert said[0][0] == 'not ready' and 'ask again' in said[0][1]
+    assert said[1:] == [('held slowly', 'it is asked too early'), ('refused', 'it misses'),
+                        ('held', 'none')]
+    assert values['report not looked at'] == 'swing'
+    assert np.isnan(values['report largest swing in motion [m]'])
+    assert values['report swing at departure [m]'] == 2e-4
+    told = [name for name in values if name.startswith('report ')]
+    assert len(told) == len(figures) - 3 + 2 - 2  # not `step` and what is no figure
 
 
 def test_a_refusal_is_the_headline():

@@ -9,7 +9,6 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from planner_process import drain, newest
 from rclpy.qos import QoSProfile
-from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
@@ -288,16 +287,8 @@ def test_two_cutouts_by_service_and_by_topic(client):
 
 
 def test_timed_trajectory_keeps_limits_and_ends_where_the_plan_ends(client):
-    received = queue.Queue()
-    subscription = client.node.create_subscription(
-        MultiDOFJointTrajectory, '/dlo_planner/gripper_trajectory_timed', received.put, LATCHED)
     path, _ = client.plan_threading(GRIPPER, GOAL)
-    deadline = time.monotonic() + 10
-    while True:  # the latched one of the plan before may come first
-        timed = received.get(timeout=max(0.1, deadline - time.monotonic()))
-        if timed.header.stamp == path.header.stamp:
-            break
-    client.node.destroy_subscription(subscription)
+    timed = client.timed_for(path)
     last, end = timed.points[-1].transforms[0].translation, path.poses[-1].pose.position
     np.testing.assert_allclose([last.x, last.y, last.z], [end.x, end.y, end.z], atol=1e-9)
     speeds = [np.linalg.norm([v.x, v.y, v.z]) for v in (

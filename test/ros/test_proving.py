@@ -3,6 +3,7 @@
 import threading
 import time
 
+import numpy as np
 import pytest
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, replay
@@ -35,6 +36,27 @@ def test_errors_are_told_and_the_process_goes_on(prover):
     prover._process.kill()
     prover._process.wait()
     assert prover.report(simulator=DIRECT, plan=PLAN).converged  # another one was started
+
+
+def test_the_trajectory_that_comes_back_is_the_one_that_would_be_made_here(prover):
+    there = prover.report(simulator=DIRECT, plan=PLAN, limits=Limits())
+    assert there.safe and there.trajectory.tolerance == pytest.approx(there.tolerance)
+    times = np.linspace(0, there.duration, 50)
+    here = replay(DIRECT, PLAN, trajectory=there.trajectory)  # looked at again: as it said
+    assert here.safe and here.dynamic_miss == pytest.approx(there.dynamic_miss, rel=1e-6)
+    poses = there.trajectory.at(times)[0]
+    np.testing.assert_allclose([poses[0].matrix, poses[-1].matrix],
+                               [PLAN.grippers[0].matrix, PLAN.grippers[-1].matrix], atol=1e-9)
+
+
+def test_what_is_not_wanted_any_more_ends_at_once(prover):
+    prover.report(simulator=DIRECT, plan=PLAN)
+    asked = time.monotonic()
+    wanted = lambda: time.monotonic() < asked + 0.3  # noqa: E731
+    assert prover.report(wanted, simulator=DIRECT, plan=PLAN, limits=Limits(linear_speed=1e-3),
+                         tolerance=1e-9) is None
+    assert time.monotonic() < asked + 1.0
+    assert prover.report(simulator=DIRECT, plan=PLAN).converged  # the next plan does not wait
 
 
 def test_closing_ends_it_at_once(prover):
