@@ -47,7 +47,9 @@ def compensated(task, law):
     wanted.append(-(sizes * own[:, -1]).ravel())
     rows.append(np.stack([(sizes * answer[:, -1]).ravel() for axis in answers for answer in axis],
                          axis=1))
-    found = np.linalg.lstsq(np.vstack(rows), np.concatenate(wanted), rcond=None)[0]
+    rows = np.vstack(rows)
+    # well conditioned, as every coefficient has a row of its own; lstsq takes 20 times as long
+    found = np.linalg.solve(rows.T @ rows, rows.T @ np.concatenate(wanted))
     coefficients = np.zeros((knots.size - DEGREE - 1, 3))
     coefficients[inner] = found.reshape(3, -1).T
     return Shift(knots, coefficients)
