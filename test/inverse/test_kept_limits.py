@@ -43,7 +43,7 @@ def test_it_is_never_below_samples_and_not_far_above(rng, limits):
         used, found = most_used(leg, law, limits), sampled(leg, law, limits)
         assert used >= found.max() * (1 - 1e-9)
         if np.isfinite(limits.linear_jerk):
-            assert used <= 2.0 * found.max()  # jerks are bounded, not found
+            assert used <= 2.5 * found.max()  # jerks are bounded: as if from -most to most
         else:
             assert used <= 1.006 * found.max()
 
