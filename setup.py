@@ -13,7 +13,7 @@ setup(
     license='Apache-2.0',
     packages=find_packages(include=['dlo_planner*', 'msg_helpers*']),
     python_requires='>=3.11',
-    install_requires=['numpy>=1.26', 'scipy>=1.11', 'numba>=0.59'],
+    install_requires=['numpy>=1.26', 'scipy>=1.11', 'numba>=0.59', 'toppra>=0.6'],
     extras_require={
         'figures': ['matplotlib'],
         'cell': ['mujoco>=3.13', 'matplotlib'],

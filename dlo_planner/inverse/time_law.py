@@ -68,12 +68,12 @@ class TimeLaw(Value):
     @property
     def bounds(self):
         """(2,) bounds of the sizes of u'' and u''' at all times."""
-        knots = np.diff(self.rates) / self.steps
-        most = np.abs(knots).max()
-        # an average over a window w of what is at most `most` changes by 2 most / w at most
-        width = self.windows.max()
-        rate = self.rates.max()
-        return np.array([min(most, rate / width), min(2 * most, 2 * rate / width) / width])
+        most = np.abs(np.diff(self.rates) / self.steps).max()
+        rate, (width, *others) = self.rates.max(), np.sort(self.windows)[::-1]
+        # an average over a window w changes by the difference across it / w, that of another by
+        # the difference of differences: rates are between 0 and `rate`, changes between +-`most`
+        jerk = min([2 * most, *(2 * rate / other for other in others[:1])]) / width
+        return np.array([min(most, rate / width), jerk])
 
     @property
     def steps(self):

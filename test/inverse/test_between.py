@@ -64,8 +64,8 @@ def test_the_gripper_is_looked_at_on_its_way_not_on_straight_legs():
     # where only the straight leg would hit it, it is no obstacle
     assert thread(workspace=Workspace(keep_out=[Sphere(LEGS[BULGE], 2e-3)])).fraction == 1
     # what was checked is what a trajectory does
-    moving = np.array([pose.position for pose in Trajectory(PLAN).at(
-        np.linspace(0, Trajectory(PLAN).duration, 2001))[0]])
+    way = Trajectory(PLAN, tolerance=np.inf)
+    moving = np.array([pose.position for pose in way.at(np.linspace(0, way.duration, 2001))[0]])
     assert np.linalg.norm(moving - WAY[BULGE], axis=1).min() < 5e-4
 
 

@@ -52,10 +52,10 @@ def test_nothing_hangs_on_the_size_of_the_world(scale):
 def test_what_is_checked_is_what_is_used():
     third = Fraction(1, 3)
     assert isinstance(CutOut(PLATE, radius=third).radius, float)
-    assert isinstance(Limits(linear_speed=third, ramp=third).linear_speed, float)
-    assert isinstance(Limits(ramp=third).ramp, float)
+    assert isinstance(Limits(linear_speed=third).linear_speed, float)
+    assert isinstance(Limits(linear_jerk=third).linear_jerk, float)
     assert isinstance(Spread(mass=third).mass, float)
     for make in (lambda: CutOut(PLATE, radius='1.0'), lambda: Limits(linear_speed='1.0'),
-                 lambda: Spread(mass='1.0'), lambda: Limits(ramp=True)):
+                 lambda: Spread(mass='1.0'), lambda: Limits(angular_jerk=True)):
         with pytest.raises(InvalidTask, match='expected a number'):
             make()

@@ -1,0 +1,79 @@
+"""Motions that the tests of calm trajectories share: a start pose of its own, then through the hole."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod, Trajectory
+from dlo_planner.inverse.calm import LegTask
+from dlo_planner.inverse.leg_response import Response
+from dlo_planner.inverse.limits import Limits
+from dlo_planner.inverse.passing import holes_passed
+from dlo_planner.inverse.path import GripperPath
+from dlo_planner.inverse.periods import slowest_period
+from dlo_planner.inverse.plan import joined
+from dlo_planner.inverse.trajectory import _quick
+
+CONFIG = Path(__file__).parent.parent / 'config'
+
+
+def described(name):
+    """Return what a file in config/ says of its rod, as a dict."""
+    file = yaml.safe_load((CONFIG / f'{name}.yaml').read_text())
+    told = dict(file['dlo_planner']['ros__parameters']['rod'])
+    del told['name'], told['section']
+    # YAML 1.1 takes 8.0e6 for a word
+    return {key: float(value) if isinstance(value, str) else value for key, value in told.items()}
+
+
+def damped(rod, ratio=0.01):
+    """Return a Rod with a damping ratio of its slowest vibration, about."""
+    return replace(rod, damping=(2 * ratio * 2 * np.pi / slowest_period(rod), 0.0))
+
+
+def _rods():
+    hose, spring = described('rubber_hose'), described('steel_leaf_spring')
+    return {'wire': Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34),
+            'hose': Rod.tube(outer_diameter=hose.pop('diameter'), **hose),
+            'leaf spring': Rod.rectangular(**spring)}
+
+
+RODS = {name: damped(rod) for name, rod in _rods().items()}
+RADII = {'wire': 5e-3, 'hose': 10.5e-3, 'leaf spring': 20e-3}  # m, of the holes
+
+
+@cache
+def cell(name):
+    """Return a DirectSimulator and a Plan through a hole, from a start pose of its own."""
+    rod, radius = RODS[name], RADII[name]
+    direct, length = DirectSimulator(rod), rod.length
+    inverse = InverseSimulator(direct)
+    hole = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=radius)
+    plan = inverse.thread(hole, depths=np.linspace(0, 0.95 * length, 40))
+    begin = Pose((-1.3 * length, 0.3 * length, 1 + 0.1 * length), (0, 0, 0, 1))
+    return direct, joined(inverse.start_phase(hole, plan, begin, standoff=0.1 * length), plan)
+
+
+@cache
+def tasks(name):
+    """Return the LegTasks of the same plan: the way to the hole, and through it."""
+    direct, plan = cell(name)
+    quick, made = _quick(direct), []
+    shape = quick.solve(plan.grippers[0], plan.shapes[0])
+    legs = GripperPath.of(plan).legs
+    for leg in legs:
+        response = Response.of(quick, leg, shape)
+        shape = response.shapes[-1]
+        made.append(LegTask(leg, response, Limits(), holes_passed(plan, response.parameters),
+                            leg is legs[-1]))
+    return made
+
+
+@cache
+def calm(name):
+    """Return the Trajectory of the same plan at default limits and tolerance."""
+    direct, plan = cell(name)
+    return Trajectory(plan, simulator=direct)

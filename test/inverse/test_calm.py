@@ -1,0 +1,226 @@
+"""Motions that arrive calm: misses, durations, what may be wrong, limits, refusals."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from calm_cases import RADII, RODS, calm, cell, tasks
+
+from dlo_planner import (
+    Capsule,
+    CutOut,
+    DirectSimulator,
+    Infeasible,
+    InvalidTask,
+    InverseSimulator,
+    Limits,
+    Pose,
+    Rod,
+    Sphere,
+    Trajectory,
+)
+from dlo_planner.errors import DeadlineExceeded
+from dlo_planner.inverse.calm import LegTask, calm_law, margin, predicted
+from dlo_planner.inverse.in_motion import in_motion
+from dlo_planner.progress import Progress
+
+# m and s at most; motions are verified with a damping ratio of 1 % and with none
+PROMISED = {'wire': (1e-3, 24.0), 'hose': (1.2e-3, 15.5), 'leaf spring': (1e-3, 26.0)}
+WIRE = RODS['wire']
+
+
+def missed(name, rod, trajectory):
+    """Return how far a Rod misses in a motion, and by how much at rest on its path, m."""
+    _, plan = cell(name)
+    direct = DirectSimulator(rod)
+    first = direct.solve(plan.grippers[0], plan.shapes[0])
+    motion = in_motion(direct, plan, trajectory, first, (), Progress(None, None))
+    still = max(np.linalg.norm(shape.frame_at(s)[1] - centre)
+                for shape, passes in zip(direct.track(plan.grippers, initial=first), plan.passes,
+                                         strict=True) for centre, s, _ in passes)
+    return motion, still
+
+
+@pytest.mark.parametrize('name', list(PROMISED))
+def test_from_a_start_pose_of_its_own_it_threads_calmly(name):
+    miss, seconds = PROMISED[name]
+    trajectory = calm(name)
+    assert trajectory.duration <= seconds
+    assert trajectory.motion.miss <= miss and trajectory.motion.departure <= miss
+    for ratio in (0.0, 0.01):  # and each by itself, not as the search saw it
+        rod = replace(RODS[name], damping=(ratio / 0.01 * RODS[name].damping[0], 0.0))
+        motion, _ = missed(name, rod, trajectory)
+        assert motion.converged and motion.miss <= miss
+        assert motion.clearance > 0
+
+
+@pytest.mark.parametrize('name', list(PROMISED))
+@pytest.mark.parametrize('factor', [0.9, 1.1])
+def test_a_stiffness_wrong_by_a_tenth_at_most_doubles_the_miss(name, factor):
+    trajectory, rod = calm(name), RODS[name]
+    wrong = rod.scaled(factor) if hasattr(rod, 'scaled') else replace(
+        rod, bending_stiffness=tuple(factor * b for b in np.atleast_1d(rod.bending_stiffness)),
+        torsional_stiffness=factor * rod.torsional_stiffness)
+    motion, still = missed(name, wrong, trajectory)
+    # what its own shapes at rest miss by is no matter of calm
+    assert motion.miss - still <= 2 * max(trajectory.motion.miss, trajectory.tolerance)
+
+
+@pytest.mark.parametrize('name', list(PROMISED))
+def test_limits_are_kept(name):
+    trajectory = calm(name)
+    times = np.linspace(0, trajectory.duration, 20_001)
+    _, velocities, accelerations = trajectory.at(times)
+    jerks = np.diff(accelerations, axis=0) / times[1]
+    for rates, most in zip((velocities, accelerations, jerks), trajectory.limits.sizes, strict=True):
+        sizes = np.linalg.norm(rates.reshape(-1, 2, 3), axis=2).max(axis=0)
+        assert (sizes <= most * (1 + 1e-9)).all()
+
+
+def test_it_is_continuous_with_its_shift():
+    trajectory = calm('wire')
+    assert any(law.shift is not None for law in trajectory.laws)
+    times, step = np.linspace(0.01, trajectory.duration - 0.01, 997), 1e-4
+    positions = [np.array([pose.position for pose in trajectory.at(times + h)[0]])
+                 for h in (-step, step)]
+    _, velocities, accelerations = trajectory.at(times)
+    np.testing.assert_allclose((positions[1] - positions[0]) / (2 * step), velocities[:, :3],
+                               atol=1e-5)
+    rates = [trajectory.at(times + h)[1] for h in (-step, step)]
+    np.testing.assert_allclose((rates[1] - rates[0]) / (2 * step), accelerations, atol=2e-3)
+    for rest in trajectory.at([0.0, trajectory.duration])[1:]:
+        np.testing.assert_allclose(rest, 0, atol=1e-9)
+
+
+def test_the_margin_is_where_the_prediction_doubles():
+    task = tasks('wire')[-1]
+    law = calm_law(task, 1e-3)
+    assert predicted(task, law) <= 1e-3
+    allowed = 2e-3
+    part = margin(task, law, allowed)
+    assert 0.05 <= part <= 0.3
+    assert margin(task, law, 0.0) == 0.0 <= margin(task, law, 1e-3) <= part
+    assert margin(task, law, 1.0) == pytest.approx(0.3)
+    # a DLO without windows of its periods is not calm
+    quick = replace(law, windows=np.array([0.1]), shift=None)
+    assert predicted(task, quick) > 5e-3
+
+
+def test_what_counts_is_what_passes_a_centre_or_all_of_the_dlo():
+    way, through = tasks('wire')
+    assert not way.passed and through.passed and through.last and not way.last
+    np.testing.assert_array_equal(way.sizes, way.response.sizes)
+    assert (through.sizes <= through.response.sizes * (1 + 1e-9)).all()
+    # at the end of the first leg only a part of the tolerance may be left of a vibration
+    law = calm_law(way, 1e-3)
+    alone = LegTask(way.leg, way.response, way.limits, way.holes, True)
+    assert predicted(way, law) == pytest.approx(2 * predicted(alone, law))
+
+
+@pytest.fixture(scope='module')
+def short():
+    """Return a DirectSimulator and a quick plan of a stiff rod, whose vibrations are fast."""
+    rod = Rod(0.3, 0.05, 0.4, 0.3, radius=2e-3)
+    direct = DirectSimulator(rod)
+    hole = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=0.01)
+    return direct, InverseSimulator(direct).thread(hole, depths=np.linspace(0, 0.25, 8))
+
+
+def test_the_default_tolerance_is_a_quarter_of_the_room(short):
+    direct, plan = short
+    way = Trajectory(plan)
+    assert way.tolerance == pytest.approx(0.25 * plan.clearances[:, :, 0].min())
+    assert way.motion.miss <= way.tolerance and way.mode_margin > 0
+    free = InverseSimulator(direct).thread(CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0))),
+                                           depths=[0.0, 0.1])
+    assert Trajectory(free).tolerance == 1e-3
+    endless = Trajectory(plan, tolerance=np.inf)
+    assert endless.motion is None and np.isnan(endless.mode_margin)
+    assert endless.duration <= way.duration
+
+
+def test_what_cannot_be_calm_is_refused_with_the_figure_that_fails(short):
+    _, plan = short
+    with pytest.raises(Infeasible, match='the DLO is not calm: .* in motion') as caught:
+        Trajectory(plan, tolerance=1e-9)
+    error = caught.value
+    assert error.constraint in ('miss', 'departure', 'clearance')
+    assert error.amount > 0 and error.plan is plan
+
+
+def test_it_is_a_value(short):
+    _, plan = short
+    way = Trajectory(plan)
+    again = pickle.loads(pickle.dumps(way))
+    assert again == way and hash(again) == hash(way) and again.motion == way.motion
+    assert way != Trajectory(plan, tolerance=np.inf)
+    times = np.linspace(0, way.duration, 7)
+    np.testing.assert_array_equal(again.at(times)[1], way.at(times)[1])
+
+
+def test_progress_and_deadline(short):
+    _, plan = short
+    seen = []
+    Trajectory(plan, progress=lambda done, total: seen.append((done, total)))
+    assert seen and all(0 < done <= total for done, total in seen)
+    with pytest.raises(DeadlineExceeded):
+        Trajectory(plan, deadline=1e-3)
+
+
+def test_an_obstacle_that_is_only_met_in_motion_refuses(short):
+    direct, plan = short
+    way = Trajectory(plan, obstacles=[Sphere((0, 0, 5), 0.1)])
+    assert 3.0 < way.motion.clearance or way.motion.clearance < 0.01  # the rim is nearer
+    inside = Sphere(plan.shapes[3].positions[-20], 0.02)
+    with pytest.raises(Infeasible) as caught:
+        Trajectory(plan, obstacles=[inside])
+    assert caught.value.constraint == 'clearance'
+    for bad in (3, [3]):
+        with pytest.raises(InvalidTask, match='obstacles'):
+            Trajectory(plan, obstacles=bad)
+
+
+def test_two_cutouts_are_passed_calmly():
+    rod = damped_wire()
+    first, second = (CutOut(Pose.looking_along((x, 0, 1 - 0.1 * x), (1, 0, 0)), radius=0.02)
+                     for x in (0.0, 0.3))
+    direct = DirectSimulator(rod)
+    plan = InverseSimulator(direct).thread_two(first, second, depths=np.linspace(0, 0.6, 25))
+    way = Trajectory(plan, tolerance=4e-3, simulator=direct)
+    assert way.motion.miss <= 4e-3 and way.motion.departure <= 4e-3
+    fast = in_motion(direct, plan, Trajectory(plan, tolerance=np.inf), plan.shapes[0], (),
+                     Progress(None, None))
+    assert fast.miss > 2 * way.motion.miss
+
+
+def damped_wire():
+    return Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, damping=(0.5, 0.01))
+
+
+def test_a_plan_in_contact_with_friction_has_no_modes_and_is_slowed_down():
+    bar = Capsule((0.5, -0.5, 0.7), (0.5, 0.5, 0.7), 0.02, friction=0.2)
+    rod = damped_wire()
+    direct = DirectSimulator(rod, basis='local', n_elements=24, obstacles=[bar])
+    plan = InverseSimulator(direct).hold_contact(
+        Pose((0.5, 0, 0.72), (0, 0, 0, 1)), 0.6, forces=np.linspace(1.7, 1.75, 3)
+        * rod.mass_per_length * 9.81)
+    way = Trajectory(plan, tolerance=5e-3, simulator=direct)
+    assert np.isnan(way.mode_margin) and way.motion.converged
+    assert way.motion.departure <= 5e-3 and way.motion.contact_force > 0
+
+
+def test_insertions_and_nonsense_are_refused_by_name(short):
+    direct, plan = short
+    rod = Rod(0.5, 0.05, 0.4, 0.3, radius=2e-3)
+    bore = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=0.01)
+    inserted = InverseSimulator(DirectSimulator(rod)).insert(bore, depths=[0.05, 0.1])
+    with pytest.raises(InvalidTask, match='tolerance: expected infinity for an insertion'):
+        Trajectory(inserted)
+    assert Trajectory(inserted, tolerance=np.inf).duration > 0
+    for more, named in (({'tolerance': 0}, 'tolerance = 0'), ({'tolerance': 'x'}, 'tolerance'),
+                        ({'simulator': 3}, 'simulator'), ({'initial': 3}, 'initial'),
+                        ({'limits': 3}, 'limits'), ({'deadline': -1}, 'deadline'),
+                        ({'progress': 3}, 'progress')):
+        with pytest.raises(InvalidTask, match=named):
+            Trajectory(plan, **more)

@@ -1,0 +1,58 @@
+"""What a motion uses of its limits: never below dense samples, and close to them."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import Limits, Pose
+from dlo_planner.inverse.fastest import fastest_rates
+from dlo_planner.inverse.kept_limits import most_used
+from dlo_planner.inverse.path import GripperPath
+from dlo_planner.inverse.time_law import TimeLaw
+from dlo_planner.inverse.timed_path import smoothed
+
+
+def wandering(rng):
+    """Return a Leg through some poses."""
+    position, turn, grippers = np.zeros(3), Rotation.identity(), []
+    for _ in range(rng.integers(2, 8)):
+        grippers.append(Pose.from_rotation(position, turn.as_matrix()))
+        position = position + [0.1, *(0.04 * rng.normal(size=2))]
+        turn = Rotation.from_rotvec(0.3 * rng.normal(size=3)) * turn
+    return GripperPath.through(grippers, np.cumsum(rng.uniform(0.5, 2, len(grippers))), 1.0).legs[0]
+
+
+def sampled(leg, law, limits):
+    """Return the largest parts (3, 2) of limits at many instants; jerks are means of short times."""
+    times = np.linspace(0, law.duration, 20_001)
+    u, rate, change, _ = law.at(times)[:, :, None]
+    _, _, first, second = leg.at(u[:, 0])
+    speed, acceleration = rate * first, change * first + rate**2 * second
+    return np.array([np.linalg.norm(v.reshape(-1, 2, 3), axis=2).max(axis=0) for v in (
+        speed, acceleration, np.diff(acceleration, axis=0) / times[1])]) / limits.sizes
+
+
+@pytest.mark.parametrize('limits', [
+    Limits(), Limits(0.05, np.inf, np.inf, np.inf, np.inf, np.inf),
+    Limits(np.inf, np.inf, 0.02, 0.05, np.inf, np.inf),
+    Limits(np.inf, np.inf, np.inf, np.inf, 0.02, 0.1)], ids=['all', 'speed', 'change', 'jerk'])
+def test_it_is_never_below_samples_and_not_far_above(rng, limits):
+    for windows in ([0.3], [0.8, 0.5], [0.4, 1.1, 0.2]):
+        leg = wandering(rng)
+        law = TimeLaw(*fastest_rates(leg, Limits()), windows)
+        used, found = most_used(leg, law, limits), sampled(leg, law, limits)
+        assert used >= found.max() * (1 - 1e-9)
+        if np.isfinite(limits.linear_jerk):
+            assert used <= 2.5 * found.max()  # jerks are bounded: as if from -most to most
+        else:
+            assert used <= 1.006 * found.max()
+
+
+def test_what_is_slowed_down_keeps_its_limits(rng):
+    limits = Limits(0.1, 0.3, 0.05, 0.2, 0.3, 1.0)
+    for windows in ([], [0.2], [1.0, 0.7]):
+        leg = wandering(rng)
+        law = smoothed(leg, limits, *fastest_rates(leg, limits), np.array(windows))
+        assert sampled(leg, law, limits).max() <= 1 and most_used(leg, law, limits) <= 1
+        if windows:
+            np.testing.assert_allclose(law.windows, windows)

@@ -1,0 +1,102 @@
+"""What is predicted of a DLO's vibrations: against SciPy, and against the simulation of the DLO."""
+
+import numpy as np
+import pytest
+from calm_cases import cell, tasks
+from scipy.integrate import solve_ivp
+
+from dlo_planner.inverse.limits import Limits
+from dlo_planner.inverse.oscillators import vibrated
+from dlo_planner.inverse.path import GripperPath
+from dlo_planner.inverse.timed_path import TimedPath, fastest_law
+
+
+@pytest.mark.parametrize('ratio', [0.0, 0.02, 0.3])
+def test_oscillators_whose_frequency_changes_against_an_integrator(ratio):
+    duration, count = 6.0, 4000
+
+    def rate(t):
+        return 5.0 + 0.3 * t
+
+    def force(t):
+        return np.sin(1.7 * t) * (1 + t)
+
+    middle = (np.arange(count) + 0.5) * duration / count
+    found = vibrated(duration / count, rate(middle)[:, None], np.full((count, 1), ratio),
+                     force(middle)[:, None])
+    times = np.linspace(0, duration, count + 1)
+    known = solve_ivp(lambda t, y: (y[1], force(t) - 2 * ratio * rate(t) * y[1]
+                                    - rate(t) ** 2 * y[0]),
+                      (0, duration), (0, 0), t_eval=times, rtol=1e-10, atol=1e-12).y
+    size = np.abs(known[0]).max()
+    np.testing.assert_allclose(found[0, :, 0], known[0], atol=2e-4 * size)
+    # the speed in parts of the frequency of the step before
+    np.testing.assert_allclose(found[1, 1:, 0] * rate(middle), known[1, 1:],
+                               atol=2e-3 * np.abs(known[1]).max())
+
+
+def test_a_step_under_steady_force_is_exact():
+    w, ratio, step = 7.0, 0.1, 0.05
+    found = vibrated(step, np.full((40, 1), w), np.full((40, 1), ratio), np.full((40, 1), 3.0))
+    t = step * np.arange(41)
+    free = w * np.sqrt(1 - ratio**2)
+    known = 3.0 / w**2 * (1 - np.exp(-ratio * w * t) * (
+        np.cos(free * t) + ratio * w / free * np.sin(free * t)))
+    np.testing.assert_allclose(found[0, :, 0], known, atol=1e-12)
+
+
+@pytest.mark.parametrize(('name', 'k'), [('wire', 0), ('wire', 1), ('hose', 1),
+                                         ('leaf spring', 0)])
+def test_the_real_dlo_deviates_as_predicted(name, k):
+    direct, _ = cell(name)
+    task = tasks(name)[k]
+    law = fastest_law(task.leg, Limits())  # quick: it swings by centimeters
+    times, u, (y, _) = task.response.excited(law)
+    predicted = np.einsum('tmki,tm->tki', task.response.between(
+        task.response.displacements, u), y)
+    way = TimedPath(GripperPath(task.leg.knots[[0, -1]], (task.leg,)), (law,), Limits())
+    found_times = np.linspace(0, way.duration, 400)
+    grippers = way.at(found_times)[0]
+    first = direct.solve(grippers[0], task.response.shapes[0])
+    motion = direct.simulate(grippers, found_times[1], first)
+    assert motion.converged
+    s = task.response.shapes[0].s
+    found = np.array([shape.positions_at(s[[16, 32]]) - calm.positions_at(s[[16, 32]])
+                      for shape, calm in zip(motion.shapes, direct.track(grippers, initial=first),
+                                             strict=True)])
+    known = np.array([[np.interp(found_times, times, predicted[:, node, axis])
+                       for axis in range(3)] for node in (16, 32)])
+    off = np.linalg.norm(found - np.moveaxis(known, 2, 0), axis=2).max(axis=0)
+    most = np.linalg.norm(found, axis=2).max()
+    assert most > 2e-3
+    assert off.max() < 0.1 * most
+
+
+def test_what_counts_is_across_the_dlo():
+    response = tasks('wire')[1].response
+    s = np.linspace(0.1, 0.9, response.parameters.size)
+    for k, moved in enumerate(response.sideways(s)):
+        along = response.shapes[k].frame_at(s[k])[0][:, 0]
+        np.testing.assert_allclose(moved @ along, 0, atol=1e-12)
+        assert (np.linalg.norm(moved, axis=1) <= response.sizes[k] * (1 + 1e-9)).all()
+
+
+def test_between_the_places_it_is_straight():
+    response = tasks('hose')[1].response
+    n = response.parameters
+    np.testing.assert_allclose(response.between(response.rates, n), response.rates)
+    np.testing.assert_allclose(response.between(response.slopes, [0.3 * n[2] + 0.7 * n[3]])[0],
+                               0.3 * response.slopes[2] + 0.7 * response.slopes[3])
+    np.testing.assert_allclose(response.between(response.pulls, [n[0] - 1, n[-1] + 1]),
+                               response.pulls[[0, -1]])
+
+
+def test_a_bearing_bounds_the_deviation_that_slowly_builds_up():
+    task = tasks('wire')[0]
+    bearing = task.response.bearing(1e-3, task.sizes)
+    # w^2 y = slope u'' at rest in the moving frame, displaced by size y
+    steady = task.response.slopes / task.response.rates**2 * task.sizes
+    np.testing.assert_allclose(bearing.slopes, steady)
+    assert (bearing.most == 1e-3).all()
+
+
