@@ -1,9 +1,10 @@
 """The fastest laws in time with which a DLO arrives calm, as far as its `Response` tells.
 
 On each leg the rates are the fastest that the gripper's limits, and a bound of the slowly built-up
-deviation, allow. Moving averages as wide as the periods of the slowest modes, at the leg's beginning and
-its end, smooth them: such a window leaves no vibration of its period. Which windows and which bound are
-the quickest is tried; each trial is judged with the frequencies as they are, and off by 5 %.
+deviation, allow. Moving averages as wide as the periods of the slowest modes, at the leg's
+beginning and its end, smooth them: such a window leaves no vibration of its period. Which windows
+and which bound are the quickest is tried; each trial is judged with the frequencies as they are,
+and off by 5 %.
 """
 
 from collections.abc import Callable
@@ -38,8 +39,8 @@ class LegTask:
 
     Attributes:
         leg: Leg; response: Response on it; limits: Limits
-        holes: (k, n) arc lengths that pass the k centres at the parameters of `response`, m, nan where
-            none does
+        holes: (k, n) arc lengths that pass the k centres at the parameters of `response`, m, nan
+            where none does
         last: whether the plan ends with it
     """
 
@@ -72,7 +73,8 @@ class LegTask:
 def calm_law(task: LegTask, tolerance: float, check: Callable[[], None]) -> TimeLaw:
     """Return the quickest TimeLaw found that keeps `tolerance` (m) as far as the response tells.
 
-    The one that comes nearest to that, if none does. `check` is called before each trial; it may raise.
+    The one that comes nearest to that, if none does. `check` is called before each trial; it may
+    raise.
     """
     found = []
     for parameters, rates in _rates(task):
@@ -84,17 +86,15 @@ def calm_law(task: LegTask, tolerance: float, check: Callable[[], None]) -> Time
     found.sort(key=lambda one: one[0].duration)
     best, tried = None, 0
     for law, part in found:
-        if part > _FAR or best is not None and law.duration > best[0].duration and best[1] <= 1:
-            continue
-        if part > 1 and tried >= _TRIALS:
+        if part > _FAR or part > 1 and tried >= _TRIALS:
             continue
         tried += part > 1
         check()
-        law = _within_limits(task, law, part > 1)
-        part = predicted(task, law) / tolerance
-        if best is None or part < best[1]:
-            best = law, part
-        if part <= 1:
+        kept = _within_limits(task, law, part > 1)
+        used = predicted(task, kept) / tolerance
+        if best is None or used < best[1]:
+            best = kept, used
+        if used <= 1:
             break
     if best is None:
         law = min(found, key=lambda one: one[1])[0]
@@ -120,14 +120,14 @@ def _within_limits(task, law, shifted):
 def predicted(task: LegTask, law: TimeLaw) -> float:
     """Return the largest deviation that counts, in m; half of it where frequencies are off.
 
-    From where a centre is passed on: that of the whole DLO. At the end of a leg before: what is left of
-    the vibration, in parts of _ARRIVING.
+    As long as a centre is passed: that of what passes it, across the DLO. At the end of a leg: what
+    is left of the vibration; of a leg that others follow only a part, _ARRIVING, is allowed.
     """
     return max(_predicted(task, law, 1.0), *(_predicted(task, law, off) / _WORSE for off in _OFF))
 
 
 def margin(task: LegTask, law: TimeLaw, allowed: float) -> float:
-    """Return the part by which all frequencies may be off, up or down, until `allowed` (m) is passed.
+    """Return by which part all frequencies may be off, up or down, until `allowed` (m) is passed.
 
     At most _MOST_OFF.
     """

@@ -1,7 +1,7 @@
 """How a DLO answers when its gripper goes along a leg: its vibrations, excited by the time law.
 
-While the gripper is at the parameter u the DLO would hang in the equilibrium X(u). Its deviation from it
-is a sum of modes, displacement_i(u) y_i(t), with
+While the gripper is at the parameter u the DLO would hang in the equilibrium X(u). Its deviation
+from it is a sum of modes, displacement_i(u) y_i(t), with
 
     y_i'' + 2 zeta_i w_i y_i' + w_i^2 y_i = -(slope_i(u) u'' + bend_i(u) u'^2),
 
