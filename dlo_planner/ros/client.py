@@ -19,6 +19,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
+from dlo_planner.ros.health import stamp_text
 from dlo_planner.ros.planner_node import LATCHED, REQUEST
 from dlo_planner.ros.proof import DONE
 from msg_helpers.poses import header, pose_stamped_msg
@@ -164,23 +165,21 @@ class PlannerClient:
             for name, value in values.items()])
         return self._call(SetParameters, 'set_parameters', request)[0].results
 
-    def proof(self, timeout=60.0):
-        """Return what /diagnostics says of the last plan, name -> text, once its proof is done.
+    def proof(self, path, timeout=60.0):
+        """Return what /diagnostics says of a plan (Path), name -> text, once its proof is done.
 
         Raises:
-            TimeoutError: it is not done within `timeout` s
+            TimeoutError: it is not done within `timeout` s, or a newer plan was made
         """
-        with suppress(queue.Empty):
-            while True:  # what was said before does not count
-                self.diagnostics.get_nowait()
+        wanted = stamp_text(path.header.stamp)
         end = monotonic() + timeout
         while monotonic() < end:
             with suppress(queue.Empty):
                 status = self.diagnostics.get(timeout=0.1).status[0]
                 values = {item.key: item.value for item in status.values}
-                if values.get('report') in DONE:
+                if values.get('plan stamp') == wanted and values['report'] in DONE:
                     return values
-        raise TimeoutError(f'the last plan was not proved within {timeout} s')
+        raise TimeoutError(f'the plan was not proved within {timeout} s')
 
     def timed_for(self, path):
         """Return the timed trajectory (MultiDOFJointTrajectory) of a proved plan (Path).

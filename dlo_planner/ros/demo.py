@@ -176,7 +176,7 @@ def thread_two(client, folder):
             misses.append(np.linalg.norm(ahead - TWO_GOALS[1].position, axis=1).min())
     save_two(folder / 'two_cutouts.png', TWO_GOALS, grippers,
              [shape.positions for shape in tracked])
-    proof = client.proof()
+    proof = client.proof(path)
     moving, allowed = (float(proof[f'report {name} in motion [m]'])
                        for name in ('largest miss', 'tolerance'))
     # 4001 points are 0.25 mm apart
@@ -198,7 +198,7 @@ def move_calmly(client, folder):
     path, seconds = client.plan_threading(START, GOAL)
     early = client.trigger('execute')
     print(f'  execute at once: {early.message}')
-    proof = client.proof()
+    proof = client.proof(path)
     print(f'  proof: {proof["report"]}')
     times, grippers = times_and_poses(client.timed_for(path))
     commands = executed(client, times[-1])

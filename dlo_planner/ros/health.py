@@ -27,6 +27,11 @@ _REPORTED = {  # figures of a Report
     'mode_margin': 'frequency margin', 'duration': 'duration [s]'}
 
 
+def stamp_text(stamp):
+    """Return a builtin_interfaces/Time as seconds with nine digits."""
+    return f'{stamp.sec}.{stamp.nanosec:09d}'
+
+
 class Health:
     """Counters, rates, latencies and the last error; safe to use from several threads."""
 
@@ -58,11 +63,11 @@ class Health:
                                  'shape error estimate [m]': shape.error_estimate,
                                  'shape iterations': shape.iterations})
 
-    def plan_done(self, plan, seconds):
-        """Take the figures of a Plan that took `seconds`."""
+    def plan_done(self, plan, seconds, stamp):
+        """Take the figures of a Plan that took `seconds` and is published with a Time `stamp`."""
         with self._lock:
             self._counts['plans made'] += 1
-            self._values.update({'plan waypoints': len(plan),
+            self._values.update({'plan waypoints': len(plan), 'plan stamp': stamp_text(stamp),
                                  'plan time [ms]': 1e3 * seconds,
                                  'plan largest miss [m]': float(plan.miss.max()),
                                  'plan smallest clearance [m]': float(plan.clearance.min()),

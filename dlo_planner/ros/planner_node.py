@@ -243,8 +243,8 @@ class PlannerNode(Node):
                          scene.frame_id, stamp)
         self._plan_out.publish(path)
         self._draw('plan', plan_markers(cutouts, plan.grippers, scene.frame_id, stamp))
-        self._health.plan_done(plan, seconds)
-        self._health.plan_proved(Proof(plan))
+        self._health.plan_proved(Proof(plan))  # what was said of the plan before is over
+        self._health.plan_done(plan, seconds, stamp)
         self._made = Made(scene, plan, before, stamp)
         self.get_logger().info(f'planned {len(plan)} gripper poses in {1e3 * seconds:.0f} ms, '
                                f'largest miss {plan.miss.max():.1e} m, '

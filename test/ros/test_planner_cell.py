@@ -91,7 +91,7 @@ def test_a_plan_begins_where_the_gripper_is_and_is_proved(client, begun):
     simulator = DirectSimulator(WIRE)
     for shape in simulator.track(grippers)[:len(grippers) - 25]:
         assert shape.positions[:, 0].max() < -WIRE.radius  # still before the sheet
-    values = client.proof()
+    values = client.proof(begun)
     assert (values['report'], values['report reason']) == ('held', 'none')
     assert float(values['report largest miss [m]']) < 1e-6
     assert float(values['report largest misalignment [rad]']) < 1e-6
@@ -107,15 +107,15 @@ def test_a_plan_begins_where_the_gripper_is_and_is_proved(client, begun):
 
 
 def test_execution_before_the_proof_is_refused_with_the_reason(client, begun):
-    client.plan_threading(AWAY, GOAL)
+    path, _ = client.plan_threading(AWAY, GOAL)
     answer = client.trigger('execute')
     assert not answer.success and 'ask again' in answer.message
-    assert client.proof()['report'] == 'held'
+    assert client.proof(path)['report'] == 'held'
     assert client.trigger('execute').success
 
 
 def test_what_streams_is_the_timed_trajectory_that_was_proved(client, begun):
-    values, timed = client.proof(), client.timed_for(begun)
+    values, timed = client.proof(begun), client.timed_for(begun)
     times, transforms = times_and_transforms(timed)
     assert times[-1] == pytest.approx(float(values['report duration [s]']), rel=1e-4)
     drain(client.commands)
@@ -141,7 +141,7 @@ def test_what_streams_is_the_timed_trajectory_that_was_proved(client, begun):
 
 
 def test_execution_streams_until_cancelled(client, begun):
-    assert client.proof()['report'] == 'held'
+    assert client.proof(begun)['report'] == 'held'
     client.shape_for(AWAY)
     drain(client.commands)
     assert client.trigger('execute').success
@@ -155,26 +155,26 @@ def test_execution_streams_until_cancelled(client, begun):
 
 
 def test_execution_far_from_the_beginning_is_refused(client, begun):
-    assert client.proof()['report'] == 'held'
+    assert client.proof(begun)['report'] == 'held'
     client.shape_for(Pose((-1.3, 0.5, 1.1), (0, 0, 0, 1)))
     answer = client.trigger('execute')
     assert not answer.success and 'execute.start_distance' in answer.message
     assert 'execute.start_distance' in status(client, lambda _, m: 'where the plan' in m)[1]
 
 
-def test_a_motion_that_cannot_be_made_calm_is_not_executed(client, begun):
-    client.proof()
+def test_a_motion_that_cannot_be_made_calm_is_not_executed(client, planner, begun):
+    client.proof(begun)
     drain(client.timed)
     assert client.set_parameters(threading__tolerance=1e-6, threading__deadline=1.0)[0].successful
     try:
-        client.plan_threading(AWAY, GOAL)
-        values = client.proof()
+        path, _ = client.plan_threading(AWAY, GOAL)
+        values = client.proof(path)
     finally:
         client.set_parameters(threading__tolerance=0.0, threading__deadline=60.0)
     assert values['report'] == 'refused' and 'threading.deadline' in values['report reason']
     answer = client.trigger('execute')
     assert not answer.success and values['report reason'] in answer.message
-    assert 'not safe' in status(client, lambda _, m: 'not safe' in m)[1]
+    assert f'the plan is not safe: {values["report reason"]}' in planner.log
     assert not drain(client.timed)  # only what may be executed is published
 
 
