@@ -1,8 +1,9 @@
 """The answer of the inverse simulation: gripper poses, the shapes they make, and their proof."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -29,6 +30,18 @@ class PlanStatus(Enum):
     @classmethod
     def _missing_(cls, value):
         choice('PlanStatus', value, [one.value for one in cls])
+
+
+class PlanPoint(NamedTuple):
+    """One waypoint of a Plan: what `Plan` says of it under the same names, in the singular."""
+
+    time: float
+    depth: float
+    gripper: Pose
+    shape: Shape
+    miss: float
+    misalignment: float
+    clearance: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -87,6 +100,15 @@ class Plan(Value):
 
     def __len__(self):
         return len(self.grippers)
+
+    def __getitem__(self, index: int | slice) -> 'PlanPoint | tuple[PlanPoint, ...]':
+        """Return the PlanPoint of one waypoint, or several."""
+        points = tuple(map(PlanPoint, self.times, self.depths, self.grippers, self.shapes,
+                           self.miss, self.misalignment, self.clearance))
+        return points[index]
+
+    def __iter__(self) -> Iterator['PlanPoint']:
+        return iter(self[:])
 
     def __repr__(self):
         n = len(self)

@@ -9,6 +9,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.contact import CONDITIONS, hold_contact, slide_contact
+from dlo_planner.inverse.deepest import deepest
 from dlo_planner.inverse.draft import Brief, Draft, kept_between
 from dlo_planner.inverse.insertion import insert
 from dlo_planner.inverse.plan import Plan, Waypoint
@@ -81,8 +82,8 @@ class InverseSimulator(Value):
 
     def thread(self, cutout: CutOut, *, start: Pose | None = None, initial: Shape | None = None,
                depths: ArrayLike | None = None, method: str = 'coupled',
-               gripper_clearance: float | None = None, linear_speed: float = 0.1,
-               angular_speed: float = 0.5, progress: OnProgress = None,
+               gripper_clearance: float | None = None, as_deep_as_possible: bool = False,
+               linear_speed: float = 0.1, angular_speed: float = 0.5, progress: OnProgress = None,
                deadline: float | None = None) -> Plan:
         """Plan the threading through one cut-out, anywhere and in any direction in 3-D.
 
@@ -103,6 +104,8 @@ class InverseSimulator(Value):
                 the paper's minimisation of c arccos(t . n)^2 around the direct simulation
             gripper_clearance: m, how far the gripper's origin has to stay before the sheet: where
                 no depths are given, the plan ends there
+            as_deep_as_possible: where not all depths can be reached, the plan ends with the
+                deepest one found, and `Plan.fraction` is its part of the last one
             linear_speed: m/s, angular_speed: rad/s: limits for the plan's times
             progress: called as progress(done, total) after each waypoint
             deadline: s of computing after which DeadlineExceeded is raised; None: no limit
@@ -120,8 +123,15 @@ class InverseSimulator(Value):
         if gripper_clearance is not None:
             gripper_clearance = number('gripper_clearance', gripper_clearance, minimum=0)
         brief = self._brief(linear_speed, angular_speed, progress, deadline)
-        plan = thread(self._left_by(initial), cutout, self._checked(depths), start, initial,
-                      choice('method', method, ('coupled', 'nested')), brief)
+        choice('method', method, ('coupled', 'nested'))
+        simulator = self._left_by(initial)
+
+        def planned(wanted):
+            return thread(simulator, cutout, wanted, start, initial, method, brief)
+
+        wanted = self._checked(depths)
+        plan = (deepest(planned, wanted)
+                if flag('as_deep_as_possible', as_deep_as_possible) else planned(wanted))
         if gripper_clearance is None:
             return plan
         kept = kept_before(plan, cutout, gripper_clearance, depths is None)
