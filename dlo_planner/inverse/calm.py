@@ -1,9 +1,10 @@
 """The fastest laws in time with which a DLO arrives calm, as far as its `Response` tells.
 
 On each leg the rates are the fastest that the gripper's limits, and a bound of the slowly built-up
-deviation, allow. Moving averages as wide as the periods of the slowest modes, at the leg's beginning and
-its end, smooth them: such a window leaves no vibration of its period. Which windows and which bound are
-the quickest is tried; each trial is judged with the frequencies as they are, and off by 5 %.
+deviation, allow. Moving averages as wide as the periods of the slowest modes, at the leg's
+beginning and its end, smooth them: such a window leaves no vibration of its period. Which windows
+and which bound are the quickest is tried; each trial is judged with the frequencies as they are,
+and off by 5 %.
 """
 
 from dataclasses import dataclass, replace
@@ -36,8 +37,8 @@ class LegTask:
 
     Attributes:
         leg: Leg; response: Response on it; limits: Limits
-        holes: (k, n) arc lengths that pass the k centres at the parameters of `response`, m, nan where
-            none does
+        holes: (k, n) arc lengths that pass the k centres at the parameters of `response`, m, nan
+            where none does
         last: whether the plan ends with it
     """
 
@@ -57,7 +58,6 @@ class LegTask:
         return [(self.response.parameters[np.argmax(np.isfinite(s))],
                  self.response.sideways(np.where(np.isnan(s), self.response.shapes[0].s[-1], s)))
                 for s in self.holes if np.isfinite(s).any()]
-
 
     @cached_property
     def sizes(self):
@@ -80,13 +80,11 @@ def calm_law(task: LegTask, tolerance: float) -> TimeLaw:
             break  # slower ones only take longer
     found.sort(key=lambda one: one[0].duration)
     best, tried = None, 0
-    for law, part in found:
-        if part > _FAR or best is not None and law.duration > best[0].duration and best[1] <= 1:
+    for plain, before in found:
+        if before > _FAR or before > 1 and tried >= _TRIALS:
             continue
-        if part > 1 and tried >= _TRIALS:
-            continue
-        tried += part > 1
-        law = _within_limits(task, law, part > 1)
+        tried += before > 1
+        law = _within_limits(task, plain, before > 1)
         part = predicted(task, law) / tolerance
         if best is None or part < best[1]:
             best = law, part
@@ -116,16 +114,16 @@ def _within_limits(task, law, shifted):
 def predicted(task: LegTask, law: TimeLaw) -> float:
     """Return the largest deviation that counts, in m; half of it where frequencies are off.
 
-    From where a centre is passed on: that of the whole DLO. At the end of a leg before: what is left of
-    the vibration, in parts of _ARRIVING.
+    From where a centre is passed on: that of what passes it. At the end of a leg before the last:
+    what is left of the vibration, in parts of _ARRIVING.
     """
     return max(_predicted(task, law, 1.0), *(_predicted(task, law, off) / _WORSE for off in _OFF))
 
 
 def margin(task: LegTask, law: TimeLaw, allowed: float) -> float:
-    """Return the part by which all frequencies may be off, up or down, until `allowed` (m) is passed.
+    """Return the part by which all frequencies may be off, up or down.
 
-    At most _MOST_OFF.
+    Until more than `allowed` (m) is predicted; at most _MOST_OFF.
     """
     tried = np.arange(1, _TRIED + 1) * (_MOST_OFF / _TRIED)
     for k, part in enumerate(tried):

@@ -1,7 +1,8 @@
 """The fastest way through a leg within limits, by time-optimal path parametrization.
 
-toppra (Pham and Pham, IEEE Transactions on Robotics 34, 2018) finds the largest rate at each place. What
-it is told here are the limits of sizes of vectors, not of single coordinates, and what the DLO bears.
+toppra (Pham and Pham, IEEE Transactions on Robotics 34, 2018) finds the largest rate at each
+place. What it is told here are the limits of sizes of vectors, not of single coordinates, and what
+the DLO bears.
 """
 
 import logging
@@ -42,8 +43,9 @@ def fastest_rates(leg, limits, bearing=None):
     Raises:
         InvalidTask: no rates were found
     """
-    import toppra  # imports matplotlib: only where it is used
-    from toppra.algorithm import TOPPRA
+    # it imports matplotlib: only where it is used
+    import toppra  # noqa: PLC0415
+    from toppra.algorithm import TOPPRA  # noqa: PLC0415
 
     logging.getLogger('toppra').setLevel(logging.ERROR)
     kept, path = _constraints(toppra, limits, bearing), _path(toppra, leg)

@@ -1,4 +1,4 @@
-"""A motion of the gripper run through the dynamic simulation: where the DLO is, and how it swings."""
+"""A motion of the gripper run through the dynamic simulation: where the DLO is, how it swings."""
 
 from dataclasses import dataclass, fields
 

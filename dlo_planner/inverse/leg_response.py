@@ -1,13 +1,14 @@
 """How a DLO answers when its gripper goes along a leg: its vibrations, excited by the time law.
 
-While the gripper is at the parameter u the DLO would hang in the equilibrium X(u). Its deviation from it
-is a sum of modes, displacement_i(u) y_i(t), with
+While the gripper is at the parameter u the DLO would hang in the equilibrium X(u). Its deviation
+from it is a sum of modes, displacement_i(u) y_i(t), with
 
     y_i'' + 2 zeta_i w_i y_i' + w_i^2 y_i = -(slope_i(u) u'' + bend_i(u) u'^2),
 
-slope_i and bend_i the products, weighted by mass, of the mode with dX/du and d^2X/du^2. That modes change
-along the way is in w_i, zeta_i, slope_i and bend_i, not in further forces: they change slowly. A time law
-is judged with it in microseconds; what it promises is verified by `DirectSimulator.simulate`.
+slope_i and bend_i the products, weighted by mass, of the mode with dX/du and d^2X/du^2. That modes
+change along the way is in w_i, zeta_i, slope_i and bend_i, not in further forces: they change
+slowly. A time law is judged with it in microseconds; what it promises is verified by
+`DirectSimulator.simulate`.
 """
 
 from dataclasses import dataclass

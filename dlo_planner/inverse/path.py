@@ -225,7 +225,7 @@ def _between_corners(knots, grippers, times, length, stopped):
     """
     if len(knots) < 2:
         return []
-    stopped = [index for index, k in enumerate(knots) if k in stopped and 0 < index]
+    stopped = [index for index, k in enumerate(knots) if k in stopped and index > 0]
     grippers, times = [grippers[k] for k in knots], times[knots]
     ways = _ways(grippers, length)
     ways /= np.linalg.norm(ways, axis=1)[:, None]

@@ -262,7 +262,7 @@ def joined(one: Plan, other: Plan) -> Plan:
 
 
 def _turns(grippers, length):
-    """Whether the way through three Poses bends in the middle; a turn by 1 rad counts as `length`."""
+    """Whether the way through three Poses bends in the middle; 1 rad counts as `length`."""
     ways = [np.concatenate([after.position - before.position, length * Rotation.from_matrix(
         after.rotation @ before.rotation.T).as_rotvec()])
         for before, after in zip(grippers, grippers[1:], strict=False)]

@@ -1,11 +1,12 @@
 """From where the gripper is to where a threading begins, without touching the sheet.
 
-The gripper goes straight, turning evenly, to where the free end is `standoff` before the centre, stops
-there, and goes in along the normal: few corners set the DLO swinging least. Where the DLO would come
-too near to the sheet on that way, the gripper backs off along the normal first, turns, and comes
-straight. While it only translates, a DLO that is behind the sheet at both ends of the way is behind it
-all along; where it turns, it has to keep away by as much as may happen between two poses. The shortest
-way back that allows that is taken; from farther than its length the DLO cannot reach the sheet at all.
+The gripper goes straight, turning evenly, to where the free end is `standoff` before the centre,
+stops there, and goes in along the normal: few corners set the DLO swinging least. Where the DLO
+would come too near to the sheet on that way, the gripper backs off along the normal first, turns,
+and comes straight. While it only translates, a DLO that is behind the sheet at both ends of the
+way is behind it all along; where it turns, it has to keep away by as much as may happen between
+two poses. The shortest way back that allows that is taken; from farther than its length the DLO
+cannot reach the sheet at all.
 """
 
 import numpy as np
@@ -108,7 +109,7 @@ def _entering(first, normal, standoff, length):
 
 
 def _blended(start, before, standoff, radius, length):
-    """Return [(Pose, least distance of the DLO's surface from the sheet, m)] of the straight way."""
+    """Return [(Pose, least distance of the DLO from the sheet, m)] of the straight way."""
     margin = min(_MARGIN * length, 0.5 * max(standoff - radius, 0.0))
     return [(pose, margin) for pose in _way(start, before, length)]
 

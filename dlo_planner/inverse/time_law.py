@@ -1,9 +1,9 @@
 """When the gripper is where on a leg of its path: rest to rest, smoothed by moving averages.
 
-The parameter u of the leg first runs with piecewise constant acceleration (the fastest motion within
-limits is such a one). Then it is averaged over moving windows, one after the other: the gripper stays
-on its path, each window adds one derivative, and a vibration whose period is a window's width is not
-excited (input shaping with box filters). See `docs/theory.md`.
+The parameter u of the leg first runs with piecewise constant acceleration (the fastest motion
+within limits is such a one). Then it is averaged over moving windows, one after the other: the
+gripper stays on its path, each window adds one derivative, and a vibration whose period is a
+window's width is not excited (input shaping with box filters). See `docs/theory.md`.
 """
 
 from dataclasses import dataclass, field

@@ -81,7 +81,8 @@ class TimedPath(Value):
         law, leg = self.laws[k], self.path.legs[k]
         if law is not None:
             return law.at(since)
-        return np.stack([np.minimum(leg.knots[0] + since, leg.knots[-1]), *np.zeros((3, since.size))])
+        return np.stack([np.minimum(leg.knots[0] + since, leg.knots[-1]),
+                         *np.zeros((3, since.size))])
 
     def _split(self, times):
         """Return indices of legs (n,) and the times (n,) since their beginnings."""

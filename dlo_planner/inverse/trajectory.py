@@ -32,21 +32,21 @@ _ELEMENTS = 32      # of the DLO whose modes are looked at
 class Trajectory(TimedPath):
     """A Plan as the gripper's motion in time: what is checked, proved, published and executed.
 
-    The path runs through the plan's poses (`inverse.path`), with stops at its corners and dwells. On
-    each leg between stops it is the fastest motion found that keeps the limits and leaves the DLO
-    calm: the rates are shaped by the DLO's natural periods (`inverse.calm`), and the whole is
-    run through `DirectSimulator.simulate`, with the damping that the rod has and with none. If the DLO
-    then misses by more than the tolerance, the laws are made calmer.
+    The path runs through the plan's poses (`inverse.path`), with stops at its corners and dwells.
+    On each leg between stops it is the fastest motion found that keeps the limits and leaves the
+    DLO calm: the rates are shaped by the DLO's natural periods (`inverse.calm`), and the whole is
+    run through `DirectSimulator.simulate`, with the damping that the rod has and with none. If the
+    DLO then misses by more than the tolerance, the laws are made calmer.
 
     Args:
         plan: Plan with two poses at least
         limits: Limits; None: the default ones
-        tolerance: m, by which the DLO in motion may miss the centres of its cut-outs, come nearer to
-            a rim than the plan says, or still vibrate when the gripper has stopped. None: a quarter
-            of the least room at the rims, 1 mm where no cut-out has a size. Infinite: the fastest
+        tolerance: m, by which the DLO in motion may miss the centres of its cut-outs, come nearer
+            to a rim than the plan says, or still vibrate when the gripper has stopped. None: a
+            quarter of the least room at the rims, 1 mm where no cut-out has a size. Infinite: the fastest
             motion within limits, nothing is simulated.
-        simulator: DirectSimulator that verifies; None: one of the plan's shapes' DLO, with its load,
-            without obstacles
+        simulator: DirectSimulator that verifies; None: one of the plan's shapes' DLO, with its
+            load, without obstacles
         initial: Shape at the first pose, at rest; None: the plan's first
         obstacles: from which the DLO has to stay away in motion, besides the sheets of the plan
         progress, deadline: as for `InverseSimulator.thread`
@@ -133,9 +133,9 @@ class _Search:
             slower *= np.sqrt(2) if used < 4 else 2.0
         what, used, duration = best
         raise Infeasible(
-            f'limits: the DLO is not calm: {what} in motion, {used * self._tolerance:.3g} m at best, '
-            f'in {duration:.3g} s: expected at most {self._tolerance:.3g} m', len(self._plan) - 1,
-            what, float((used - 1) * self._tolerance), self._plan)
+            f'limits: the DLO is not calm: {what} in motion, {used * self._tolerance:.3g} m at '
+            f'best, in {duration:.3g} s: expected at most {self._tolerance:.3g} m',
+            len(self._plan) - 1, what, float((used - 1) * self._tolerance), self._plan)
 
     def _leg_tasks(self, simulator):
         """Return a LegTask for each leg; None for a dwell, or where modes are not known."""
@@ -146,7 +146,8 @@ class _Search:
             task = None
             try:
                 if not leg.still:
-                    shape = quick.solve(self._first.gripper, self._first) if shape is None else shape
+                    if shape is None:
+                        shape = quick.solve(self._first.gripper, self._first)
                     response = Response.of(quick, leg, shape)
                     shape = response.shapes[-1]
                     task = LegTask(leg, response, self._fastest.limits,
@@ -183,7 +184,7 @@ class _Search:
                    key=lambda one: one[1])
 
     def _margin(self, way, motion):
-        """Return the part by which frequencies may be off before the miss is twice the tolerance."""
+        """Return the part by which frequencies may be off until twice the tolerance is missed."""
         known = [(task, law) for task, law in zip(self._tasks, way.laws, strict=True)
                  if task is not None]
         if not known:
@@ -208,15 +209,15 @@ def _simulator(simulator, plan):
 def simulator_of(shape):
     """Return a DirectSimulator of the DLO that a Shape is of, with its load, without obstacles."""
     if shape._discretisation is None:
-        raise InvalidTask('simulator = None: expected a DirectSimulator, the shapes of this plan do '
-                          'not know of theirs')
+        raise InvalidTask('simulator = None: expected a DirectSimulator, the shapes of this plan '
+                          'do not know of theirs')
     around = shape._discretisation.surroundings
     return DirectSimulator(around.rod, gravity=around.gravity, load=around.load,
                            point_loads=around.point_loads)
 
 
 def _quick(simulator):
-    """Return a DirectSimulator of the same DLO on a fixed, coarse mesh, whose modes are looked at."""
+    """Return a DirectSimulator of the same DLO on a coarse mesh, whose modes are looked at."""
     around = simulator.surroundings
     return DirectSimulator(around.rod, n_elements=_ELEMENTS, basis='local', gravity=around.gravity,
                            load=around.load, point_loads=around.point_loads,

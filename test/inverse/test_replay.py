@@ -240,7 +240,8 @@ def test_nonsense_is_named(plan):
                         ({'limits': 'slow'}, 'limits'), ({'obstacles': 3}, 'obstacles'),
                         ({'obstacles': [3]}, r'obstacles\[0\]'), ({'initial': 1}, 'initial'),
                         ({'progress': 1}, 'progress'),
-                        ({'trajectory': 1}, 'trajectory'), ({'workspace': 1}, 'workspace'), ({'deadline': -1}, 'deadline'),
+                        ({'trajectory': 1}, 'trajectory'), ({'workspace': 1}, 'workspace'),
+                        ({'deadline': -1}, 'deadline'),
                         ({'limits': Limits(1e-5)}, 'limits: the motion takes .* 20000 steps')):
         with pytest.raises(InvalidTask, match=named):
             replay(DIRECT, plan, **more)
