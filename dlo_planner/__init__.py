@@ -53,8 +53,8 @@ __all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact', 
            'CutOut', 'DeadlineExceeded', 'DirectSimulator', 'DirectionAt', 'DloPlannerError',
            'Estimate', 'FarEnd', 'Fit', 'Found', 'GraspedInside', 'GripperNear', 'Infeasible',
            'InvalidRod', 'InvalidTask', 'InverseSimulator', 'Limits', 'Modes', 'Motion',
-           'NotConverged', 'Observation', 'ObservedMotion', 'Observer', 'Phase', 'Piecewise', 'Plan',
-           'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'PredictedMiss', 'Report',
-           'Rod', 'Section', 'Shape', 'Sheet', 'Sphere', 'Spread', 'Through', 'Tolerance', 'Trajectory',
-           'Workspace', 'correct', 'fit_rod', 'gripper_at', 'joined', 'minimise_penalty',
-           'modes_along', 'replay', 'tolerance', 'with_plug']
+           'NotConverged', 'Observation', 'ObservedMotion', 'Observer', 'Phase', 'Piecewise',
+           'Plan', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'PredictedMiss',
+           'Report', 'Rod', 'Section', 'Shape', 'Sheet', 'Sphere', 'Spread', 'Through', 'Tolerance',
+           'Trajectory', 'Workspace', 'correct', 'fit_rod', 'gripper_at', 'joined',
+           'minimise_penalty', 'modes_along', 'replay', 'tolerance', 'with_plug']

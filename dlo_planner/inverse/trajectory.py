@@ -43,8 +43,8 @@ class Trajectory(TimedPath):
         limits: Limits; None: the default ones
         tolerance: m, by which the DLO in motion may miss the centres of its cut-outs, come nearer
             to a rim than the plan says, or still vibrate when the gripper has stopped. None: a
-            quarter of the least room at the rims, 1 mm where no cut-out has a size. Infinite: the fastest
-            motion within limits, nothing is simulated.
+            quarter of the least room at the rims, 1 mm where no cut-out has a size. Infinite: the
+            fastest motion within limits, nothing is simulated.
         simulator: DirectSimulator that verifies; None: one of the plan's shapes' DLO, with its
             load, without obstacles
         initial: Shape at the first pose, at rest; None: the plan's first
