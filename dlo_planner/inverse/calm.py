@@ -61,7 +61,6 @@ class LegTask:
                  self.response.sideways(np.where(np.isnan(s), self.response.shapes[0].s[-1], s)))
                 for s in self.holes if np.isfinite(s).any()]
 
-
     @cached_property
     def sizes(self):
         """(n, m) by how much the modes displace what counts, m."""
@@ -129,7 +128,7 @@ def predicted(task: LegTask, law: TimeLaw) -> float:
 def margin(task: LegTask, law: TimeLaw, allowed: float) -> float:
     """Return by which part all frequencies may be off, up or down, until `allowed` (m) is passed.
 
-    At most _MOST_OFF.
+    Until more than `allowed` (m) is predicted; at most _MOST_OFF.
     """
     tried = np.arange(1, _TRIED + 1) * (_MOST_OFF / _TRIED)
     for k, part in enumerate(tried):

@@ -35,8 +35,7 @@ class Trajectory(TimedPath):
 
     The path runs through the plan's poses (`inverse.path`), with stops at its corners and dwells.
     On each leg between stops it is the fastest motion found that keeps the limits and leaves the
-    DLO
-    calm: the rates are shaped by the DLO's natural periods (`inverse.calm`), and the whole is
+    DLO calm: the rates are shaped by the DLO's natural periods (`inverse.calm`), and the whole is
     run through `DirectSimulator.simulate`, with the damping that the rod has and with none. If the
     DLO then misses by more than the tolerance, the laws are made calmer.
 
@@ -45,10 +44,8 @@ class Trajectory(TimedPath):
         limits: Limits; None: the default ones
         tolerance: m, by which the DLO in motion may miss the centres of its cut-outs, come nearer
             to a rim or an obstacle than the plan says, or still vibrate when the gripper has
-            stopped.
-            None: a quarter of the least room at the rims, 1 mm where no cut-out has a size.
-                Infinite: the fastest
-            motion within limits, nothing is simulated.
+            stopped. None: a quarter of the least room at the rims, 1 mm where no cut-out has a
+            size. Infinite: the fastest motion within limits, nothing is simulated.
         simulator: DirectSimulator that verifies; None: one of the plan's shapes' DLO, with its
             load, without obstacles
         initial: Shape at the first pose, at rest; None: the plan's first

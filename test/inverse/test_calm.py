@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from calm_cases import RADII, RODS, calm, cell, tasks
+from calm_cases import RODS, calm, cell, tasks
 
 from dlo_planner import (
     Capsule,
@@ -14,7 +14,6 @@ from dlo_planner import (
     Infeasible,
     InvalidTask,
     InverseSimulator,
-    Limits,
     Pose,
     Rod,
     Sphere,
@@ -23,23 +22,27 @@ from dlo_planner import (
 from dlo_planner.errors import DeadlineExceeded
 from dlo_planner.inverse.calm import LegTask, calm_law, margin, predicted
 from dlo_planner.inverse.in_motion import in_motion
+from dlo_planner.inverse.passing import worst_miss
+from dlo_planner.inverse.periods import slowest_period
 from dlo_planner.progress import Progress
 
 # m and s at most; motions are verified with a damping ratio of 1 % and with none
 PROMISED = {'wire': (1e-3, 24.0), 'hose': (1.2e-3, 15.5), 'leaf spring': (1e-3, 26.0)}
-WIRE = RODS['wire']
 
 
 def missed(name, rod, trajectory):
-    """Return how far a Rod misses in a motion, and by how much at rest on its path, m."""
+    """Return (2, n): how far a Rod misses in a motion, and at rest at the same places, m."""
     _, plan = cell(name)
     direct = DirectSimulator(rod)
     first = direct.solve(plan.grippers[0], plan.shapes[0])
-    motion = in_motion(direct, plan, trajectory, first, (), Progress(None, None))
-    still = max(np.linalg.norm(shape.frame_at(s)[1] - centre)
-                for shape, passes in zip(direct.track(plan.grippers, initial=first), plan.passes,
-                                         strict=True) for centre, s, _ in passes)
-    return motion, still
+    times = np.arange(0, trajectory.duration, slowest_period(rod) / 25)
+    grippers, done = trajectory.at(times)[0], trajectory.progress(times)
+    motion = direct.simulate(grippers, times[1], first)
+    assert motion.converged
+    last = np.clip(np.searchsorted(plan.times, done, side='right') - 1, 0, len(plan) - 2)
+    return np.array([[worst_miss(shape, plan.passes[k], plan.passes[k + 1])
+                      for k, shape in zip(last, shapes, strict=True)]
+                     for shapes in (motion.shapes, direct.track(grippers, initial=first))])
 
 
 @pytest.mark.parametrize('name', list(PROMISED))
@@ -50,21 +53,18 @@ def test_from_a_start_pose_of_its_own_it_threads_calmly(name):
     assert trajectory.motion.miss <= miss and trajectory.motion.departure <= miss
     for ratio in (0.0, 0.01):  # and each by itself, not as the search saw it
         rod = replace(RODS[name], damping=(ratio / 0.01 * RODS[name].damping[0], 0.0))
-        motion, _ = missed(name, rod, trajectory)
-        assert motion.converged and motion.miss <= miss
-        assert motion.clearance > 0
+        assert missed(name, rod, trajectory)[0].max() <= miss
 
 
 @pytest.mark.parametrize('name', list(PROMISED))
 @pytest.mark.parametrize('factor', [0.9, 1.1])
 def test_a_stiffness_wrong_by_a_tenth_at_most_doubles_the_miss(name, factor):
     trajectory, rod = calm(name), RODS[name]
-    wrong = rod.scaled(factor) if hasattr(rod, 'scaled') else replace(
-        rod, bending_stiffness=tuple(factor * b for b in np.atleast_1d(rod.bending_stiffness)),
-        torsional_stiffness=factor * rod.torsional_stiffness)
-    motion, still = missed(name, wrong, trajectory)
+    wrong = replace(rod, torsional_stiffness=factor * rod.torsional_stiffness,
+                    bending_stiffness=tuple(factor * stiffness for stiffness in rod.stiffness[1:]))
+    moving, still = missed(name, wrong, trajectory)
     # what its own shapes at rest miss by is no matter of calm
-    assert motion.miss - still <= 2 * max(trajectory.motion.miss, trajectory.tolerance)
+    assert (moving - still).max() <= 2 * PROMISED[name][0]
 
 
 @pytest.mark.parametrize('name', list(PROMISED))
@@ -73,7 +73,8 @@ def test_limits_are_kept(name):
     times = np.linspace(0, trajectory.duration, 20_001)
     _, velocities, accelerations = trajectory.at(times)
     jerks = np.diff(accelerations, axis=0) / times[1]
-    for rates, most in zip((velocities, accelerations, jerks), trajectory.limits.sizes, strict=True):
+    limits = trajectory.limits.sizes
+    for rates, most in zip((velocities, accelerations, jerks), limits, strict=True):
         sizes = np.linalg.norm(rates.reshape(-1, 2, 3), axis=2).max(axis=0)
         assert (sizes <= most * (1 + 1e-9)).all()
 
@@ -120,8 +121,8 @@ def test_what_counts_is_what_passes_a_centre_or_all_of_the_dlo():
 
 @pytest.fixture(scope='module')
 def short():
-    """Return a DirectSimulator and a quick plan of a stiff rod, whose vibrations are fast."""
-    rod = Rod(0.3, 0.05, 0.4, 0.3, radius=2e-3)
+    """Return a DirectSimulator and a quick plan of a short rod, which needs few steps."""
+    rod = Rod(0.3, 0.05, 5e-3, 4e-3, radius=2e-3)
     direct = DirectSimulator(rod)
     hole = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=0.01)
     return direct, InverseSimulator(direct).thread(hole, depths=np.linspace(0, 0.25, 8))
@@ -140,8 +141,9 @@ def test_the_default_tolerance_is_a_quarter_of_the_room(short):
     assert endless.duration <= way.duration
 
 
-def test_what_cannot_be_calm_is_refused_with_the_figure_that_fails(short):
+def test_what_cannot_be_calm_is_refused_with_the_figure_that_fails(short, monkeypatch):
     _, plan = short
+    monkeypatch.setattr('dlo_planner.inverse.trajectory._ROUNDS', 2)  # it takes long to give up
     with pytest.raises(Infeasible, match='the DLO is not calm: .* in motion') as caught:
         Trajectory(plan, tolerance=1e-9)
     error = caught.value
@@ -168,10 +170,11 @@ def test_progress_and_deadline(short):
         Trajectory(plan, deadline=1e-3)
 
 
-def test_an_obstacle_that_is_only_met_in_motion_refuses(short):
-    direct, plan = short
+def test_an_obstacle_that_is_only_met_in_motion_refuses(short, monkeypatch):
+    _, plan = short
+    monkeypatch.setattr('dlo_planner.inverse.trajectory._ROUNDS', 2)
     way = Trajectory(plan, obstacles=[Sphere((0, 0, 5), 0.1)])
-    assert 3.0 < way.motion.clearance or way.motion.clearance < 0.01  # the rim is nearer
+    assert 0 < way.motion.clearance < 0.01  # the rim is nearer than the ball
     inside = Sphere(plan.shapes[3].positions[-20], 0.02)
     with pytest.raises(Infeasible) as caught:
         Trajectory(plan, obstacles=[inside])

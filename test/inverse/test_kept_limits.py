@@ -23,7 +23,7 @@ def wandering(rng):
 
 
 def sampled(leg, law, limits):
-    """Return the largest parts (3, 2) of limits at many instants; jerks are means of short times."""
+    """Return the largest parts (3, 2) of limits at many instants; jerks are short means."""
     times = np.linspace(0, law.duration, 20_001)
     u, rate, change, _ = law.at(times)[:, :, None]
     _, _, first, second = leg.at(u[:, 0])

@@ -144,7 +144,8 @@ def test_a_start_phase_in_motion_is_judged_by_swing_and_clearance(way):
     assert calm.swing < 0.5 * report.swing
 
 
-def test_every_reason_not_to_execute(plan, way):
+def test_every_reason_not_to_execute(plan, way, monkeypatch):
+    monkeypatch.setattr('dlo_planner.inverse.trajectory._ROUNDS', 2)  # it takes long to give up
     quick = Trajectory(plan, Limits(2.0, 10.0, 20.0, 100.0, np.inf, np.inf), tolerance=np.inf)
     softer = DirectSimulator(Rod.circular(1.0, 1.2e-3, 8960.0, 110e9, 0.34))
     narrow = Workspace((-3, -3, -3), (3, 3, 1.0))
@@ -240,7 +241,8 @@ def test_nonsense_is_named(plan):
                         ({'limits': 'slow'}, 'limits'), ({'obstacles': 3}, 'obstacles'),
                         ({'obstacles': [3]}, r'obstacles\[0\]'), ({'initial': 1}, 'initial'),
                         ({'progress': 1}, 'progress'),
-                        ({'trajectory': 1}, 'trajectory'), ({'workspace': 1}, 'workspace'), ({'deadline': -1}, 'deadline'),
+                        ({'trajectory': 1}, 'trajectory'), ({'workspace': 1}, 'workspace'),
+                        ({'deadline': -1}, 'deadline'),
                         ({'limits': Limits(1e-5)}, 'limits: the motion takes .* 20000 steps')):
         with pytest.raises(InvalidTask, match=named):
             replay(DIRECT, plan, **more)

@@ -1,4 +1,4 @@
-"""Moving averages of a motion against numerical convolution, its derivatives, and what they calm."""
+"""Moving averages of a motion against convolution, its derivatives, and what they calm."""
 
 import pickle
 
