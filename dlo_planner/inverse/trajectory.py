@@ -27,6 +27,7 @@ _TOLERANCE = 1e-3   # m, where no hole has a size
 _SLOWEST = 16.0     # times as long as the limits ask for: slower is no motion any more
 _ROUNDS = 7         # of aiming lower
 _SPARE = 0.9        # part of the tolerance that is aimed at again
+_TOUCHED = 2.0      # times the tolerance: what a touch that is not planned counts as
 _ELEMENTS = 32      # of the DLO whose modes are looked at
 
 
@@ -63,7 +64,8 @@ class Trajectory(TimedPath):
     Raises:
         InvalidTask: naming the argument
         Infeasible: the DLO cannot be made calm within 16 times the fastest duration; the constraint
-            is 'miss', 'clearance', 'departure' or 'motion', the amount is in m
+            is 'miss', 'clearance', 'contact' (a touch that is not planned), 'departure' or
+            'motion', the amount is in m
         DeadlineExceeded: as asked for
     """
 
@@ -187,6 +189,8 @@ class _Search:
             if motion.clearance <= 0:
                 used['clearance'] = np.fmax(used['clearance'],
                                             1 - motion.clearance / self._tolerance)
+        if motion.contact_force > 0 and not any(shape.contacts for shape in self._plan.shapes):
+            used['contact'] = _TOUCHED
         return max(((name, part) for name, part in used.items() if not np.isnan(part)),
                    key=lambda one: one[1])
 
