@@ -3,14 +3,17 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import Enum
+from os import PathLike
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import room_in
+from dlo_planner.inverse.plan_storage import plan_arrays, plan_contents
 from dlo_planner.inverse.timing import times_at_speed
 from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
 from dlo_planner.model.pose import Pose
@@ -117,6 +120,20 @@ class Plan(Value):
                         f'stability {self.stability.min():.2g}',
                         f'clearance {self.clearance.min():.2g} m'
                         if np.isfinite(self.clearance).any() else ''] if n else []))
+
+    def save(self, path: str | PathLike) -> None:
+        """Write the plan as npz: everything but the rods of its shapes, and what surrounds them."""
+        save(path, plan_arrays(self))
+
+    @classmethod
+    def load(cls, path: str | PathLike) -> 'Plan':
+        """Return the Plan saved at `path`; its shapes know no rod, see `Shape.load`.
+
+        Raises:
+            InvalidTask: not such a file
+        """
+        return load(path, lambda arrays: cls(
+            **plan_contents(arrays), status=PlanStatus(str(arrays['status']))))
 
     @property
     def clearance(self) -> np.ndarray:

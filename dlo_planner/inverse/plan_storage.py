@@ -1,0 +1,70 @@
+"""Plans as npz files."""
+
+import json
+
+import numpy as np
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.storage import pack, unpack
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.obstacles import Sheet
+from dlo_planner.model.pose import Pose
+
+_ARRAYS = ('depths', 'misalignment', 'miss', 'times', 'clearances', 'stops')
+
+
+def plan_arrays(plan):
+    """Return a dict of arrays that hold all of a Plan but the rods of its shapes."""
+    arrays = {name: np.asarray(getattr(plan, name)) for name in _ARRAYS}
+    arrays['grippers'] = np.array([_pose(gripper) for gripper in plan.grippers]).reshape(-1, 7)
+    arrays['fraction'], arrays['status'] = np.asarray(plan.fraction), np.asarray(plan.status.value)
+    arrays['passes'] = np.array([
+        [k, *centre, s, *(np.full(3, np.nan) if normal is None else normal)]
+        for k, passes in enumerate(plan.passes) for centre, s, normal in passes]).reshape(-1, 8)
+    arrays['sheets'] = np.asarray(json.dumps([
+        {**_sheet(sheet), 'normal': list(normal)} for sheet, normal in plan.sheets]))
+    for k, shape in enumerate(plan.shapes):
+        arrays |= pack(shape, f'{k}/')
+    return arrays
+
+
+def plan_contents(arrays):
+    """Return a dict of what a Plan is made of, from the arrays of `plan_arrays`."""
+    grippers = [_read_pose(row) for row in arrays['grippers']]
+    passes = [[] for _ in grippers]
+    for k, *numbers in arrays['passes']:
+        normal = np.array(numbers[4:])
+        passes[int(k)].append((np.array(numbers[:3]), float(numbers[3]),
+                               None if np.isnan(normal).any() else normal))
+    shapes = []
+    for k in range(len(grippers)):
+        mark = f'{k}/'
+        shapes.append(unpack(Shape, {key[len(mark):]: value for key, value in arrays.items()
+                                     if key.startswith(mark)}))
+    sheets = [(_read_sheet(one), np.array(one['normal']))
+              for one in json.loads(str(arrays['sheets']))]
+    return {**{name: arrays[name] for name in _ARRAYS[:-1]}, 'grippers': grippers,
+            'shapes': shapes, 'passes': [tuple(one) for one in passes], 'sheets': sheets,
+            'fraction': float(arrays['fraction']),
+            'stops': tuple(int(stop) for stop in arrays['stops'])}
+
+
+def _pose(pose):
+    return [*map(float, pose.position), *map(float, pose.quaternion)]
+
+
+def _read_pose(numbers):
+    return Pose(numbers[:3], numbers[3:])
+
+
+def _sheet(sheet):
+    return {'pose': _pose(sheet.pose), 'width': sheet.width, 'height': sheet.height,
+            'thickness': sheet.thickness, 'friction': sheet.friction, 'cutouts': [
+                {'pose': _pose(one.pose), 'radius': one.radius, 'width': one.width,
+                 'height': one.height} for one in sheet.cutouts]}
+
+
+def _read_sheet(known):
+    cutouts = [CutOut(**{**one, 'pose': _read_pose(one['pose'])}) for one in known['cutouts']]
+    return Sheet(_read_pose(known['pose']), cutouts=cutouts,
+                 **{name: known[name] for name in ('width', 'height', 'thickness', 'friction')})
