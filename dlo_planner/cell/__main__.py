@@ -29,9 +29,9 @@ def main(args: list[str] | None = None) -> int:
     radius = None if options.radius is None else 1e-3 * options.radius
     tasks = [draw_task(options.seed + k, options.dlo, radius) for k in range(options.tasks)]
     unknowns, camera = _UNKNOWNS[options.unknown]
-    settings = {'unknowns': unknowns, 'camera': camera, 'damping': options.damping,
-                'step': options.step}
     open_loop = options.loop == 'open' or options.loop is None and options.unknown == 'nothing'
+    settings = {'unknowns': unknowns, 'camera': None if open_loop else camera,
+                'damping': options.damping, 'step': options.step}
     driver = OpenLoop(planned) if open_loop else Looking.knowing(unknowns, camera)
     # a fresh start: a fork could take over locks of threads that it has not
     with ProcessPoolExecutor(options.workers, get_context('spawn')) as executor:

@@ -95,10 +95,25 @@ def calm_law(task: LegTask, tolerance: float, check: Callable[[], None]) -> Time
             best = kept, used
         if used <= 1:
             break
-    if best is None:
-        law = min(found, key=lambda one: one[1])[0]
-        return _within_limits(task, law, True)
+    if best is not None and best[1] <= 1:
+        return best[0]
+    for law, _ in _front(found):
+        law = _within_limits(task, law, True)
+        part = predicted(task, law) / tolerance
+        if best is None or part < best[1]:
+            best = law, part
+        if part <= 1:
+            break
     return best[0]
+
+
+def _front(found):
+    """Return those of laws and parts, by their durations, that are calmer than all quicker ones."""
+    front = []
+    for law, part in found:
+        if not front or part < front[-1][1]:
+            front.append((law, part))
+    return front
 
 
 def _within_limits(task, law, shifted):
