@@ -30,7 +30,8 @@ _ARRIVING = 0.5      # part of the tolerance that may be left of a vibration whe
 _MOST_OFF, _TRIED = 0.3, 30  # part of the frequencies; how many such are tried
 _MUCH = 0.3          # of the tolerance: calmer laws are not looked for
 _FAR = 30.0          # times the tolerance: beyond help by a shift
-_TRIALS, _ROUNDS = 30, 4  # laws that are given a shift; slowing down to make room for one
+_TRIALS, _CALMER = 16, 6  # laws that are given a shift: the quickest, and ever calmer ones
+_ROUNDS = 4          # of slowing down to make room for a shift
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,11 @@ class LegTask:
     limits: Limits
     holes: np.ndarray
     last: bool
+
+    @cached_property
+    def supply(self):
+        """Laws tried so far, set by set with what is predicted of them, and rates for more."""
+        return [], _rates(self)
 
     @cached_property
     def passed(self):
@@ -75,45 +81,49 @@ def calm_law(task: LegTask, tolerance: float, check: Callable[[], None]) -> Time
     The one that comes nearest to that, if none does. `check` is called before each trial; it may
     raise.
     """
-    found = []
-    for parameters, rates in _rates(task):
+    found = sorted(_candidates(task, tolerance, check), key=lambda one: one[0].duration)
+    best = None
+    for law, shifted in _trials(found, tolerance):
         check()
-        laws = [TimeLaw(parameters, rates, windows) for windows in _windows(task.response)]
-        found += [(law, predicted(task, law) / tolerance) for law in laws]
-        if min(part for _, part in found[-len(laws):]) < _MUCH:
-            break  # slower ones only take longer
-    found.sort(key=lambda one: one[0].duration)
-    best, tried = None, 0
-    for law, part in found:
-        if part > _FAR or part > 1 and tried >= _TRIALS:
-            continue
-        tried += part > 1
-        check()
-        kept = _within_limits(task, law, part > 1)
-        used = predicted(task, kept) / tolerance
+        kept = _within_limits(task, law, shifted)
+        used = predicted(task, kept)
         if best is None or used < best[1]:
             best = kept, used
-        if used <= 1:
-            break
-    if best is not None and best[1] <= 1:
-        return best[0]
-    for law, _ in _front(found):
-        law = _within_limits(task, law, True)
-        part = predicted(task, law) / tolerance
-        if best is None or part < best[1]:
-            best = law, part
-        if part <= 1:
+        if used <= tolerance:
             break
     return best[0]
 
 
-def _front(found):
-    """Return those of laws and parts, by their durations, that are calmer than all quicker ones."""
-    front = []
-    for law, part in found:
-        if not front or part < front[-1][1]:
-            front.append((law, part))
-    return front
+def _candidates(task, tolerance, check):
+    """Return laws and what is predicted of them, m; ever slower ones, until one is calm by far."""
+    sets, more = task.supply
+    while not sets or min(off for _, off in sets[-1]) >= _MUCH * tolerance:
+        check()
+        rates = next(more, None)
+        if rates is None:
+            break
+        laws = [TimeLaw(*rates, windows) for windows in _windows(task.response)]
+        sets.append([(law, predicted(task, law)) for law in laws])
+    return [one for some in sets for one in some]
+
+
+def _trials(found, tolerance):
+    """Yield laws, by their durations, that may do, and whether with a shift.
+
+    At first the quickest, then ever calmer ones.
+    """
+    tried, calmer, least = 0, [], np.inf
+    for law, off in found:
+        if off <= tolerance:
+            yield law, False
+        elif off <= _FAR * tolerance and tried < _TRIALS:
+            tried += 1
+            yield law, True
+        elif off < least:
+            calmer.append(law)
+        least = min(least, off)
+    some = np.unique(np.linspace(0, len(calmer) - 1, min(len(calmer), _CALMER)).astype(int))
+    yield from ((calmer[k], True) for k in some)
 
 
 def _within_limits(task, law, shifted):

@@ -87,7 +87,9 @@ def test_report_of_a_good_plan(plan):
 
 def test_the_trajectory_that_was_looked_at_is_the_one_to_be_executed(plan):
     report = replay(DIRECT, plan, limits=Limits(), tolerance=2e-3)
-    assert report.trajectory == Trajectory(plan, Limits(), tolerance=2e-3, simulator=DIRECT)
+    first, = DIRECT.track(plan.grippers[:1])  # what the replay begins with
+    assert report.trajectory == Trajectory(plan, Limits(), tolerance=2e-3, simulator=DIRECT,
+                                           initial=first)
     assert report.duration == report.trajectory.duration and report.tolerance == 2e-3
     for name in ('miss', 'clearance', 'contact_force'):
         assert getattr(report, f'dynamic_{name}') == getattr(report.trajectory.motion, name)
@@ -149,7 +151,7 @@ def test_every_reason_not_to_execute(plan, way, monkeypatch):
     quick = Trajectory(plan, Limits(2.0, 10.0, 20.0, 100.0, np.inf, np.inf), tolerance=np.inf)
     softer = DirectSimulator(Rod.circular(1.0, 1.2e-3, 8960.0, 110e9, 0.34))
     narrow = Workspace((-3, -3, -3), (3, 3, 1.0))
-    ball = Sphere(plan.shapes[5].positions[-1] + (0.1, 0, 0), 0.02)
+    ball = Sphere(plan.shapes[-1].positions[-1], 0.02)  # where the free end comes to
     calm = replay(DIRECT, plan, limits=Limits()).trajectory
     for report, said in (
             (replay(DIRECT, plan), 'not looked at in motion'),
