@@ -23,8 +23,8 @@ SECONDS = 5  # a call that takes longer hangs
 # not known until they are asked for or looked at, or until there are samples: see their docstrings
 MAY_BE_NAN = {'miss', 'misalignment', 'clearance', 'deviation', 'dynamic_miss', 'swing', 'arrival',
               'departure', 'dynamic_clearance', 'dynamic_contact_force', 'duration', 'step',
-              'workspace_margin', 'mode_margin', 'success', 'noise', '_estimate', 'misfit',
-              'outliers'}
+              'workspace_margin', 'mode_margin', 'tolerance', 'success', 'noise', '_estimate',
+              'misfit', 'outliers'}
 # what an argument is called in a message where it has another name there
 ALSO_CALLED = {'value': 'far_end', 'fraction': 's'}
 

@@ -1,5 +1,6 @@
 """Good examples of every public type, and of every argument by its name."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -121,7 +122,8 @@ def arguments():
         'moment': (0.0, 0.0, 1.0), 'point_loads': (),
         'Shape.s': shape.s, 'converged': True, 'n_elements': 8, 'n_terms': 4, 'path': 'saved',
         'Workspace.first_beyond.path': known['Trajectory'].path,
-        'Shape.load.path': 'saved.npz', 'Motion.load.path': 'motion.npz',
+        'Shape.load.path': 'saved.npz', 'Plan.load.path': 'plan.npz',
+        'Motion.load.path': 'motion.npz',
         'InverseSimulator.start_phase.start': Pose.looking_along((-1.2, 0, 1), (1, 0, 0)),
         'displacement': (0.1, 0.0, 0.0), 'simulator': simulator, 'initial': None,
         'Observation.s': None, 'CutOut.radius': None, 'Sheet.cutouts': (),
@@ -138,7 +140,9 @@ def arguments():
         # tasks
         'bore': hole, 'cutouts': [hole],
         'second': CutOut(Pose.looking_along((0.6, 0, 1), (1, 0, 0)), radius=0.2),
-        'plan': known['Plan'], 'depths': DEPTHS, 'contact': Pose((0.5, 0, 0.9), (0, 0, 0, 1)),
+        'plan': known['Plan'], 'joined.one': known['Plan'],
+        'joined.other': _back(known['Plan']), 'depths': DEPTHS,
+        'contact': Pose((0.5, 0, 0.9), (0, 0, 0, 1)),
         'lengths': [0.5], 'forces': [1.0], 'deadline': 2.0, 'penalties': known['PositionAt'],
         'target': (0.4, 0.0, 1.0), 'obstacles': (known['Sphere'],), 'distance': 0.1,
         'curvature': 1.0, 'sensitivity': Sensitivity(shape), 'max_iterations': 5,
@@ -186,3 +190,10 @@ def _stamped():
     stamped.header.frame_id = 'world'
     stamped.pose.orientation.w = 1.0
     return stamped
+
+
+def _back(plan):
+    """Return a Plan that goes back on the way of another."""
+    turned = {name: getattr(plan, name)[::-1] for name in (
+        'depths', 'grippers', 'shapes', 'misalignment', 'miss', 'passes', 'clearances')}
+    return replace(plan, **turned)

@@ -29,6 +29,7 @@ def keywords_of(name, parameters):
 def somewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # some malformed names of files are good ones
     values()['Shape'].save('saved.npz')
+    values()['Plan'].save('plan.npz')
     values()['Motion'].save('motion.npz')
 
 

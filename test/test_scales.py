@@ -246,7 +246,8 @@ def moved_and_proved(units):
     plan = inverse.thread(units.hole((1, 0.2, 0.8), (1, 1, 0), 0.02),
                           depths=np.linspace(0.05, 0.9, 8) * units.length,
                           linear_speed=0.1 * speed, angular_speed=0.5 / units.time)
-    limits = Limits(0.1 * speed, 0.5 / units.time, 0.5 * speed / units.time, 2.0 / units.time**2)
+    limits = Limits(0.1 * speed, 0.5 / units.time, 0.5 * speed / units.time, 2.0 / units.time**2,
+                    5.0 * speed / units.time**2, 20.0 / units.time**3)
     way = Trajectory(plan, limits)
     poses = way.at(np.linspace(0, way.duration, 11))[0]
     spread = Spread(bending_stiffness=0.01, length=1e-3 * units.length, gripper_rotation=0.01)

@@ -75,7 +75,8 @@ class LegTask:
         return np.max([np.linalg.norm(sideways, axis=2) for _, sideways in self.passed], axis=0)
 
 
-def calm_law(task: LegTask, tolerance: float, check: Callable[[], None]) -> TimeLaw:
+def calm_law(task: LegTask, tolerance: float,
+             check: Callable[[], None] = lambda: None) -> TimeLaw:
     """Return the quickest TimeLaw found that keeps `tolerance` (m) as far as the response tells.
 
     The one that comes nearest to that, if none does. `check` is called before each trial; it may

@@ -14,7 +14,7 @@ from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.inverse.workspace import Workspace
-from dlo_planner.model.checks import figure, flag, instance, items
+from dlo_planner.model.checks import figure, flag, instance, items, shown
 from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.model.part import before
 from dlo_planner.model.surface import Surface
@@ -137,8 +137,8 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
     instance('trajectory', trajectory, Trajectory, optional=True)
     instance('workspace', workspace, Workspace, optional=True)
     if tolerance is not None and limits is None:
-        raise InvalidTask(f'tolerance = {tolerance!r}: expected limits with it, within which the '
-                          'motion is made')
+        raise InvalidTask(f'tolerance = {shown(tolerance)}: expected limits with it, within which '
+                          'the motion is made')
     whole = all(shape.s[-1] == simulator.rod.length for shape in plan.shapes)
     if (limits is not None or trajectory is not None) and not whole:
         raise InvalidTask('limits: expected None for an insertion; it is not run dynamically')

@@ -135,6 +135,9 @@ class _Search:
             aim = self._predicted(way, aim) * max(min(_SPARE / used, _SPARE), 0.25)
             slower *= np.sqrt(2) if used < 4 else 2.0
         what, used, duration = best
+        if what == 'contact':
+            raise Infeasible('limits: in motion the DLO touches what the plan does not', len(
+                self._plan) - 1, what, float((used - 1) * self._tolerance), self._plan)
         raise Infeasible(
             f'limits: the DLO is not calm: {what} in motion, {used * self._tolerance:.3g} m at '
             f'best, in {duration:.3g} s: expected at most {self._tolerance:.3g} m',

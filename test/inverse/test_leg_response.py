@@ -23,7 +23,7 @@ def test_oscillators_whose_frequency_changes_against_an_integrator(ratio):
 
     middle = (np.arange(count) + 0.5) * duration / count
     found = vibrated(duration / count, rate(middle)[:, None], np.full((count, 1), ratio),
-                     force(middle)[:, None])
+                     np.ones((count, 1, 1)), force(middle)[None, :, None])[:, 0]
     times = np.linspace(0, duration, count + 1)
     known = solve_ivp(lambda t, y: (y[1], force(t) - 2 * ratio * rate(t) * y[1]
                                     - rate(t) ** 2 * y[0]),
@@ -37,7 +37,8 @@ def test_oscillators_whose_frequency_changes_against_an_integrator(ratio):
 
 def test_a_step_under_steady_force_is_exact():
     w, ratio, step = 7.0, 0.1, 0.05
-    found = vibrated(step, np.full((40, 1), w), np.full((40, 1), ratio), np.full((40, 1), 3.0))
+    found = vibrated(step, np.full((40, 1), w), np.full((40, 1), ratio), np.ones((40, 1, 1)),
+                     np.full((1, 40, 1), 3.0))[:, 0]
     t = step * np.arange(41)
     free = w * np.sqrt(1 - ratio**2)
     known = 3.0 / w**2 * (1 - np.exp(-ratio * w * t) * (

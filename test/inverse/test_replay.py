@@ -150,7 +150,7 @@ def test_every_reason_not_to_execute(plan, way, monkeypatch):
     monkeypatch.setattr('dlo_planner.inverse.trajectory._ROUNDS', 2)  # it takes long to give up
     quick = Trajectory(plan, Limits(2.0, 10.0, 20.0, 100.0, np.inf, np.inf), tolerance=np.inf)
     softer = DirectSimulator(Rod.circular(1.0, 1.2e-3, 8960.0, 110e9, 0.34))
-    narrow = Workspace((-3, -3, -3), (3, 3, 1.0))
+    narrow = Workspace((-3, -3, -3), (3, 3, 0.9))
     ball = Sphere(plan.shapes[-1].positions[-1], 0.02)  # where the free end comes to
     calm = replay(DIRECT, plan, limits=Limits()).trajectory
     for report, said in (
@@ -158,7 +158,7 @@ def test_every_reason_not_to_execute(plan, way, monkeypatch):
             (replay(softer, plan, trajectory=calm), 'does not follow the poses'),
             (replay(DIRECT, plan, trajectory=calm, workspace=narrow), 'beyond its workspace'),
             (replay(DIRECT, plan, trajectory=quick), 'in the sheet'),
-            (replay(DIRECT, way, trajectory=Trajectory(way, tolerance=np.inf)),
+            (replay(DIRECT, way, trajectory=Trajectory(way, Limits(0.02, 0.1), tolerance=np.inf)),
              'has no tolerance'),
             (replay(DIRECT, plan, limits=Limits(), tolerance=1e-8), 'the DLO is not calm'),
             (replay(DIRECT, plan, limits=Limits(), obstacles=[ball]), 'the DLO is not calm')):
