@@ -7,7 +7,7 @@ import numpy as np
 from dlo_planner.direct.approach import brought
 from dlo_planner.direct.described import described_equilibrium
 from dlo_planner.direct.discretisation import Discretisation
-from dlo_planner.direct.indicator import surely_within
+from dlo_planner.direct.indicator import like_before, surely_within
 from dlo_planner.direct.mesh import even_mesh, graded_mesh, with_breaks
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.model.pose import Pose
@@ -86,7 +86,9 @@ def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_e
     while True:
         shape, kicked = step(discretisation, gripper, initial, history, far_end)
         kicks += kicked
-        if not shape.converged or within(shape, accuracy):
+        if (not shape.converged or surely_within(shape, accuracy)
+                or like_before(shape, initial, accuracy)
+                or shape.error_estimate <= _ENOUGH * accuracy):
             return shape, kicks
         better = _refined(discretisation, fine, shape, accuracy)
         if better is None:

@@ -35,7 +35,7 @@ def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
     if far_end is not None:
         # both ends go in small parts anyway; a fall shows as energy that no work accounts for
         shape, kicks = equilibrium(gripper, previous, far_end)
-        return replace(shape, jumped=shape.jumped or kicks > 0 or fell(previous, shape))
+        return _jumped(shape, shape.jumped or kicks > 0 or fell(previous, shape))
     if turn <= _LONGEST_TURN or halvings == 0:
         shape, kicks = equilibrium(gripper, previous, None)
         if shape.converged and not kicks and not fell(previous, shape):
@@ -47,7 +47,12 @@ def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
     if not middle.converged:
         return replace(middle if turn > _LONGEST_TURN else shape, jumped=True)
     shape = follow(equilibrium, middle, gripper, None, halvings - 1)
-    return replace(shape, jumped=shape.jumped or middle.jumped)
+    return _jumped(shape, shape.jumped or middle.jumped)
+
+
+def _jumped(shape, jumped):
+    """Return a Shape that says so; itself, with its error estimate, if it does already."""
+    return shape if jumped == shape.jumped else replace(shape, jumped=bool(jumped))
 
 
 def leapt(equilibrium, previous, shape, kicks):

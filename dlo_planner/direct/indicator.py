@@ -11,6 +11,7 @@ from dlo_planner.ritz.truncation import truncation
 
 _FREE, _HELD, _TOUCHING, _YIELDED = 4.0, 1.5, 2.5, 8.0  # times `truncation`: the estimate is below
 _STABLE = 0.1    # a shape that is less stable magnifies errors
+_LIKE = 3.0      # times what the shape before lets expect: the estimate is below
 
 
 def surely_within(shape, accuracy, mesh=None):
@@ -20,15 +21,33 @@ def surely_within(shape, accuracy, mesh=None):
         mesh: Discretisation on which the shape would be; None: its own
     """
     here = shape._discretisation if mesh is None else mesh
-    around, system = here.surroundings, here.static
+    around = here.surroundings
     times = _times(shape, around.rod)
     if (times is None or shape.stability < _STABLE and shape.far_end is None
             or around.rod.varies or around.point_loads or callable(around.load)):
         return False
     strains = shape.for_kernels[1] if mesh is None else here.strains_from(
         shape.s, shape.element_strains)
-    off = truncation(system.lengths, strains, system.natural, system.scale, system.basis)
-    return bool(times * off <= accuracy)
+    return bool(times * _truncation(here, strains) <= accuracy)
+
+
+def like_before(shape, before, accuracy):
+    """Whether a Shape is within `accuracy` (m) as the one before it in a motion is (None: none).
+
+    The estimate of that one has to be known: the same part of `truncation`, three times, is below
+    the accuracy. So along a motion every second shape needs a further solution at most.
+    """
+    if (before is None or shape.jumped or 'error_estimate' not in before.__dict__
+            or before._discretisation is not shape._discretisation
+            or shape.stability < _STABLE and shape.far_end is None):
+        return False
+    then, now = (_truncation(one._discretisation, one.for_kernels[1]) for one in (before, shape))
+    return bool(then > 0 and _LIKE * before.error_estimate * now <= accuracy * then)
+
+
+def _truncation(mesh, strains):
+    system = mesh.static
+    return truncation(system.lengths, strains, system.natural, system.scale, system.basis)
 
 
 def _times(shape, rod):
