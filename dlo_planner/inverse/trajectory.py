@@ -44,9 +44,10 @@ class Trajectory(TimedPath):
         plan: Plan with two poses at least
         limits: Limits; None: the default ones
         tolerance: m, by which the DLO in motion may miss the centres of its cut-outs, come nearer
-            to a rim or an obstacle than the plan says, or still vibrate when the gripper has
-            stopped. None: a quarter of the least room at the rims, 1 mm where no cut-out has a
-            size. Infinite: the fastest motion within limits, nothing is simulated.
+            to a rim or an obstacle than the plan says (or by a quarter of that room, if it is
+            more), or still vibrate when the gripper has stopped. None: a quarter of the least room
+            at the rims, 1 mm where no cut-out has a size. Infinite: the fastest motion within
+            limits, nothing is simulated.
         simulator: DirectSimulator that verifies; None: one of the plan's shapes' DLO, with its
             load, without obstacles
         initial: Shape at the first pose, at rest; None: the plan's first
@@ -188,7 +189,9 @@ class _Search:
         used = {'miss': motion.miss / self._tolerance,
                 'departure': motion.departure / self._tolerance}
         if not np.isnan(motion.clearance):
-            used['clearance'] = (self._room - motion.clearance) / self._tolerance
+            # far from everything more may be lost than where it is narrow
+            allowed = np.fmax(self._tolerance, _ROOM * self._room)
+            used['clearance'] = (self._room - motion.clearance) / allowed
             if motion.clearance <= 0:
                 used['clearance'] = np.fmax(used['clearance'],
                                             1 - motion.clearance / self._tolerance)
