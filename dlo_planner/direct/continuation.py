@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.direct.discretisation import SAMPLES
 from dlo_planner.model.pose import Pose, angle_between
 
 _LONGEST_TURN = 0.25  # rad: longer steps of the gripper are cut in any case
-_SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length
 _HALVINGS = 7    # a step is cut into 2^7 parts at most before a leap counts as a jump
 _LEAP = 0.1      # rad: change of shape that a vanishing step of the gripper cannot cause
 _LOST_OF_WORK, _LOST_OF_ELASTIC = 0.2, 0.05  # of energy, by more than which a held DLO has fallen
@@ -109,11 +109,14 @@ def _allowed(previous, shape, turn):
 
 def shape_change(one, other):
     """Return the largest change of a node's rotation relative to the gripper, in rad."""
-    samples = _SAMPLES * one.s[-1]
-    if one.s is other.s or np.array_equal(one.s, other.s):
-        at = np.searchsorted(one.s, samples)
+    if one.s is other.s and one._discretisation is not None:
+        at = one._discretisation.sampled
+        here, there = one.frames[at], other.frames[at]
+    elif np.array_equal(one.s, other.s):
+        at = np.searchsorted(one.s, SAMPLES * one.s[-1])
         here, there = one.frames[at], other.frames[at]
     else:  # nodes of two meshes are not at the same places
+        samples = SAMPLES * one.s[-1]
         here, there = (np.array([shape.frame_at(s)[0] for s in samples / one.s[-1] * shape.s[-1]])
                        for shape in (one, other))
     between = one.gripper.rotation @ other.gripper.rotation.T

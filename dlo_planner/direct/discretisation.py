@@ -22,6 +22,7 @@ from dlo_planner.ritz.series import orthonormal_basis
 # contacts cost iterations the stiffer they are; those of a grip only help the search.
 _STIFF_CONTACT, _STIFF_HOLD = 1e5, 1e2
 _SOFTER = 1e-2  # part of the former where both ends are held: tension multiplies what they round
+SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length: where shapes are compared
 _LEVER = 0.1  # of the length
 
 
@@ -140,6 +141,11 @@ class Discretisation(Value):
         """Whether half the square of the unknowns is the elastic energy."""
         system = self._system
         return not system.basis.shape[1] or bool((system.stiffness == system.stiffness[0]).all())
+
+    @cached_property
+    def sampled(self):
+        """(n,) nodes by which two shapes on this mesh are compared, see SAMPLES."""
+        return np.searchsorted(self.s, SAMPLES * self.s[-1])
 
     @property
     def static(self):

@@ -31,6 +31,7 @@ _SLACK = 1e-3      # of its slack: the same, as it pulls the tighter the less th
 _ELSEWHERE = 0.1   # of the length: a shape in contact that moves so far is another one
 MAX_ITERATIONS = 1000
 _LEAST = 1e-10     # of the length: slack that is looked at
+_NO_PAST = np.zeros((0, 6))  # nothing has touched: where it was does not matter
 _IN_VAIN = 30      # Newton steps towards what is out of reach
 
 
@@ -70,8 +71,8 @@ def solve(discretisation, system, gripper, q, history, most=MAX_ITERATIONS, chec
         exact: part of the length by which constraints may be violated
         rounding: of the residual, where it is more than usual
     """
-    before = np.zeros((0, 6))
-    if history is not None and len(history.positions):
+    before = _NO_PAST
+    if history is not None and len(history.positions) and discretisation.surroundings.obstacles:
         before = np.hstack([history.positions - gripper.position, history.tangents])
     newtons = pinned_newton if discretisation.surroundings.pinned else constrained_newton
 

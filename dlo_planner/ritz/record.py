@@ -52,7 +52,9 @@ class Record(structref.StructRefProxy):
 
     def _replace(self, **changes):
         """Return the same record with other values of some fields."""
-        return type(self)(*(changes.get(name, getattr(self, name)) for name in self.FIELDS))
+        getattr(self, self.FIELDS[0])  # all are read with the first one
+        known = {**self.__dict__, **changes}
+        return type(self)(*[known[name] for name in self.FIELDS])
 
     def __reduce__(self):
         return type(self), tuple(getattr(self, name) for name in self.FIELDS)
