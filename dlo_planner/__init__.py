@@ -36,6 +36,7 @@ from dlo_planner.inverse.replay import Report, replay
 from dlo_planner.inverse.search import Found, minimise_penalty
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.stamped import gripper_at
+from dlo_planner.inverse.steering import Steered
 from dlo_planner.inverse.tolerance import Spread, Tolerance, tolerance
 from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.inverse.workspace import Workspace
@@ -55,6 +56,6 @@ __all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact', 
            'InvalidRod', 'InvalidTask', 'InverseSimulator', 'Limits', 'Modes', 'Motion',
            'NotConverged', 'Observation', 'ObservedMotion', 'Observer', 'Phase', 'Piecewise',
            'Plan', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'PredictedMiss',
-           'Report', 'Rod', 'Section', 'Shape', 'Sheet', 'Sphere', 'Spread', 'Through', 'Tolerance',
-           'Trajectory', 'Workspace', 'correct', 'fit_rod', 'gripper_at', 'joined',
+           'Report', 'Rod', 'Section', 'Shape', 'Sheet', 'Sphere', 'Spread', 'Steered', 'Through',
+           'Tolerance', 'Trajectory', 'Workspace', 'correct', 'fit_rod', 'gripper_at', 'joined',
            'minimise_penalty', 'modes_along', 'replay', 'tolerance', 'with_plug']

@@ -72,7 +72,8 @@ class Observer(Value):
                         np.diag(self.uncertain.deviations**2))
 
     def update(self, estimate: Estimate, observation: Observation, *,
-               elapsed: float = 0.0) -> Estimate:
+               elapsed: float = 0.0, noise: float | None = None,
+               sway: float | None = None) -> Estimate:
         """Return the Estimate after one more look.
 
         Args:
@@ -81,6 +82,9 @@ class Observer(Value):
                 seen (`gripper_at` tells it from stamped poses). Points in any order; arc lengths,
                 if known, from either end, all from the same.
             elapsed: s since the look before; the state has wandered by `drift`
+            noise, sway: m, of this look, as for the observer; None: the observer's. In motion both
+                are larger: an error dt of the stamp displaces all m points alike by the speed v
+                times dt, which noise of sqrt(m) v dt of each accounts for.
 
         A look that cannot be explained by an equilibrium leaves the estimate as it is, but for
         `converged`, which is False then.
@@ -95,7 +99,9 @@ class Observer(Value):
         length = self.uncertain.simulator.rod.length + _LONGER * self.uncertain.spread.length
         if observation.s is not None and ((observation.s < 0) | (observation.s > length)).any():
             raise InvalidTask(f'observation.s: expected 0 to the length {length:g} m')
-        found = Search(self, estimate, observation, elapsed * self.drift**2).found()
+        noise = self.noise if noise is None else number('noise', noise, above=0)
+        sway = self.sway if sway is None else number('sway', sway, minimum=0)
+        found = Search(self, estimate, observation, elapsed * self.drift**2, noise, sway).found()
         return replace(estimate, converged=False) if found is None else found
 
     def see_cutout(self, estimate: Estimate, stated: ArrayLike, seen: ArrayLike,

@@ -25,6 +25,7 @@ _SETTLED = 1e-3   # mean square of a step in standard deviations of what is know
 _STEADY = 1.05    # ratio of two scales of what is left that are the same
 _FARTHEST = 0.15  # of the length: by which one step may move a node
 _ENOUGH = 1e-4    # of the decrease that a step promises, and has to give (Armijo)
+_STILL = 1e-6     # of the noise: a sway that is none
 _POSES = 3        # of the gripper, remembered
 _LOOKS = 32       # remembered at each
 
@@ -37,15 +38,22 @@ class Group:
         gripper: Pose as it is said to be
         looks: tuple of (points (m, 3), arc lengths from the gripper (m,) or None)
         shape: Shape from which the next search begins
+        noise, sway: m, see `Observer`, of these looks
     """
 
     gripper: Pose
     looks: tuple
     shape: Shape
+    noise: float
+    sway: float
 
-    def stacked(self, apart):
-        """Yield points and arc lengths, look by look if `apart`, else in few pieces."""
-        if apart:
+    def takes(self, other):
+        """Return whether looks of another Group can be added to this one."""
+        return (self.gripper, self.noise, self.sway) == (other.gripper, other.noise, other.sway)
+
+    def stacked(self):
+        """Yield points and arc lengths, look by look where each has its own sway, or together."""
+        if self.sway:
             yield from self.looks
             return
         for known in (True, False):
@@ -74,17 +82,20 @@ class Memory:
         return replace(self, matrix=matrix,
                        x=np.linalg.solve(matrix, self.matrix @ self.x + rows.T @ right))
 
-    def with_look(self, gripper, look, shape):
-        """Return the Memory with a look more, and the Groups that are to be forgotten or None."""
+    def with_look(self, new):
+        """Return the Memory with a Group of one look more, and the Group to be forgotten or None.
+
+        Looks that are alike are of one Group.
+        """
         old = self.groups
-        if old and old[-1].gripper == gripper:
-            last = replace(old[-1], looks=(*old[-1].looks, look), shape=shape)
+        if old and old[-1].takes(new):
+            last = replace(old[-1], looks=(*old[-1].looks, *new.looks), shape=new.shape)
             if len(last.looks) <= _LOOKS:
                 return replace(self, groups=(*old[:-1], last)), None
             half = _LOOKS // 2
             first = replace(last, looks=last.looks[:half])
             return replace(self, groups=(*old[:-1], replace(last, looks=last.looks[half:]))), first
-        groups = (*old, Group(gripper, (look,), shape))
+        groups = (*old, new)
         if len(groups) <= _POSES:
             return replace(self, groups=groups), None
         return replace(self, groups=groups[1:]), groups[0]
@@ -104,9 +115,11 @@ class Search:
     Args:
         observer: Observer; estimate: Estimate before; observation: Observation
         wandered: mean square by which the state has wandered since, in that of the prior
+        noise, sway: m, of this look
     """
 
-    def __init__(self, observer, estimate, observation, wandered):
+    def __init__(self, observer, estimate, observation, wandered, noise, sway):
+        self._noise, self._sway = noise, sway if sway > _STILL * noise else 0.0
         self._observer, self._estimate, self._seen = observer, estimate, observation
         self._uncertain, self._unit = observer.uncertain, observer.uncertain.deviations
         memory = estimate._memory
@@ -125,7 +138,8 @@ class Search:
         s, points = self._seen.s, self._seen.points
         if s is not None:
             s = from_either_end(shape, points, s)
-        memory, forgotten = self._memory.with_look(self._seen.gripper, (points, s), shape)
+        memory, forgotten = self._memory.with_look(
+            Group(self._seen.gripper, ((points, s),), shape, self._noise, self._sway))
         if forgotten is not None:
             memory = self._folded(memory, forgotten, x)
             if memory is None:
@@ -138,7 +152,7 @@ class Search:
             matrix, down, scales, seen = self._told(here)
             step = np.linalg.solve(matrix, down)
             slope = float(step @ down)
-            steady = last <= _STEADY * scales[-1] or scales[-1] == self._observer.noise
+            steady = last <= _STEADY * scales[-1] or scales[-1] == self._noise
             if slope < _SETTLED * step.size and steady:
                 return self._result(here, step, matrix, seen)
             here, last = self._moved(here, step, slope, scales), scales[-1]
@@ -174,7 +188,7 @@ class Search:
     def _distances(self, group, shape, bias):
         """Return (Distances, whether arc lengths were seen) of a group's looks."""
         return [(squares(shape, points - bias, s), s is not None)
-                for points, s in group.stacked(self._observer.sway > 0)]
+                for points, s in group.stacked()]
 
     def _told(self, here):
         """Return the information (n, n), the way down (n,), the groups' scales, what is seen.
@@ -183,21 +197,20 @@ class Search:
         """
         memory, scales = self._memory, []
         matrix, down = memory.matrix.copy(), memory.matrix @ (memory.x - here.x)
-        for shape, distances in zip(here.shapes, here.distances, strict=True):
-            for one in self._told_by(here.x, shape, distances):
+        for group, shape, distances in zip(memory.groups, here.shapes, here.distances, strict=True):
+            for one in self._told_by(here.x, group, shape, distances):
                 matrix += one.matrix
                 down += one.vector
             scales.append(one.scale)
         return matrix, down, scales, (one.misfit, one.outliers)
 
-    def _told_by(self, x, shape, distances):
+    def _told_by(self, x, group, shape, distances):
         """Yield the Told of a group's looks."""
-        observer = self._observer
         slopes = node_slopes(self._varied, x * self._unit, shape)
         for off, known in distances:
             look = looked_at(self._uncertain, shape, slopes, off, known)
-            yield told(replace(look, slopes=look.slopes * self._unit), observer.noise,
-                       observer.outliers, observer.sway, shape.s[-1])
+            yield told(replace(look, slopes=look.slopes * self._unit), group.noise,
+                       self._observer.outliers, group.sway, shape.s[-1])
 
     def _moved(self, here, step, slope, scales):
         """Return the Evaluated after a step, or after as much of it as makes things better."""
@@ -216,11 +229,12 @@ class Search:
 
     def _cost(self, here, scales):
         """Return what is minimised: minus the logarithm of the likelihood, but for a constant."""
-        memory, observer = self._memory, self._observer
+        memory, outliers = self._memory, self._observer.outliers
         off = here.x - memory.x
         cost = 0.5 * float(off @ memory.matrix @ off)
-        for shape, distances, scale in zip(here.shapes, here.distances, scales, strict=True):
-            cost += sum(one.cost(scale, observer.outliers, observer.sway, shape.s[-1])
+        for group, shape, distances, scale in zip(memory.groups, here.shapes, here.distances,
+                                                  scales, strict=True):
+            cost += sum(one.cost(scale, outliers, group.sway, shape.s[-1])
                         for one, _ in distances)
         return cost
 
@@ -233,7 +247,7 @@ class Search:
             return None
         matrix, vector = memory.matrix.copy(), memory.matrix @ memory.x
         bias = self._uncertain.camera(x * self._unit)
-        for one in self._told_by(x, shape, self._distances(group, shape, bias)):
+        for one in self._told_by(x, group, shape, self._distances(group, shape, bias)):
             matrix += one.matrix
             vector += one.matrix @ x + one.vector
         return replace(memory, x=np.linalg.solve(matrix, vector), matrix=matrix)

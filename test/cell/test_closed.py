@@ -14,6 +14,7 @@ from dlo_planner.cell.drivers import PERIOD, OpenLoop, planned  # noqa: E402
 from dlo_planner.cell.run import run  # noqa: E402
 from dlo_planner.cell.tasks import Task  # noqa: E402
 from dlo_planner.cell.truth import Unknowns  # noqa: E402
+from dlo_planner.inverse.closed_loop import Phase  # noqa: E402
 
 # short and stiff: it is threaded within seconds
 WIRE = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)
@@ -43,6 +44,26 @@ def test_looking_finds_the_hole_that_open_loop_misses():
     assert outcome.miss < outcome.promised < TASK.room
     assert not run(TASK, OpenLoop(lambda task: planned(task, FAST)), seed=3,
                    unknowns=UNKNOWN).threaded
+
+
+def test_looks_on_the_way_help_where_the_first_was_short():
+    without, with_corrections = (
+        run(TASK, replace(looking(period=period), look=0.08), seed=2, unknowns=UNKNOWN,
+            camera=CAMERA) for period in (1e6, 0.2))
+    assert with_corrections.threaded
+    assert with_corrections.miss < 0.8 * without.miss
+
+
+def test_looks_count_less_the_faster_the_gripper_moves():
+    command = looking(stamps=0.06)(TASK)
+    command((), 0.0)
+    command._loop = replace(command._loop, phase=Phase.PLAN)
+    command((), 0.0)
+    moving = command._motion.trajectory.duration / 2
+    (slow, calm), (fast, shaken) = (command._moving(stamp) for stamp in (0.0, moving))
+    assert max(slow, calm) < 1e-12
+    assert 0.01 < fast < 0.5
+    assert 0.01 < shaken < 2
 
 
 def test_a_hole_whose_place_is_not_known_is_not_entered():

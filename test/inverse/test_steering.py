@@ -1,0 +1,128 @@
+"""Corrections that are blended into a motion while it runs."""
+
+import numpy as np
+import pytest
+from closed_loops import DEPTHS, NOISE, SPREAD, WIRE, plan_of
+
+from dlo_planner import (
+    DirectSimulator,
+    InvalidTask,
+    Limits,
+    Observer,
+    Pose,
+    Steered,
+    Trajectory,
+    correct,
+)
+from dlo_planner.inverse.steering import Change, step_response
+
+PLAN = plan_of(depths=DEPTHS)
+MOTION = Trajectory(PLAN, Limits(0.02, 0.1), tolerance=np.inf)
+WINDOWS = np.array([0.9, 0.35])
+STEPPED = np.tile([0.0, 0.01, 0.0, 0.002, 0.0, -0.001], (2, 1))
+
+
+def steered(*changes, **options):
+    return Steered(MOTION, WINDOWS, changes, **options)
+
+
+def test_a_step_is_averaged_over_both_windows():
+    dt = 1e-3
+    times = dt * np.arange(2000)
+    averaged = np.ones(2000)
+    for width in WINDOWS:
+        box = np.full(round(width / dt), dt / width)
+        averaged = np.convolve(averaged, box)[:2000]
+    np.testing.assert_allclose(step_response(times, WINDOWS), averaged, atol=3e-3)
+    ends = step_response(np.array([-1.0, 0.0, 1.25, 1e9]), WINDOWS)
+    np.testing.assert_allclose(ends, [0, 0, 1, 1], atol=1e-15)
+
+
+@pytest.mark.parametrize('width', WINDOWS)
+def test_an_oscillator_of_a_windows_period_is_at_rest_again(width):
+    # x'' = w^2 (u - x): what is left of its swing, in the frequency domain the response's at w
+    w, dt = 2 * np.pi / width, 1e-4
+    u = step_response(dt * np.arange(20_000), WINDOWS)
+    left = abs(np.sum(np.diff(u) * np.exp(1j * w * dt * np.arange(len(u) - 1))))
+    other = abs(np.sum(np.diff(u) * np.exp(1.3j * w * dt * np.arange(len(u) - 1))))
+    assert left < 1e-3 < 0.1 * other
+
+
+def test_without_changes_it_is_the_trajectory():
+    times = np.linspace(0, MOTION.duration, 7)
+    for one, other in zip(steered().at(times), MOTION.at(times)[0], strict=True):
+        np.testing.assert_allclose(one.matrix, other.matrix, atol=1e-15)
+    assert steered().duration == MOTION.duration
+
+
+def test_a_change_comes_smoothly_and_whole():
+    change = Change(1.0, [0.0, MOTION.duration], STEPPED)
+    motion = steered(change)
+    times = np.linspace(0, motion.duration, 4001)
+    base, now = MOTION.at(times)[0], motion.at(times)
+    off = np.array([one.position - other.position for one, other in zip(now, base, strict=True)])
+    assert not off[times <= 1.0].any()
+    np.testing.assert_allclose(off[times >= 1.0 + WINDOWS.sum()], [STEPPED[0, 3:]] * np.sum(
+        times >= 1.0 + WINDOWS.sum()), atol=1e-12)
+    speed = np.linalg.norm(np.diff(off, axis=0), axis=1) / times[1]
+    assert speed.max() <= np.linalg.norm(STEPPED[0, 3:]) / WINDOWS.max() * (1 + 1e-6)
+    turn = now[-1].rotation @ base[-1].rotation.T
+    assert np.arccos((np.trace(turn) - 1) / 2) == pytest.approx(0.01)
+
+
+def test_a_late_change_is_blended_in_to_its_end():
+    motion = steered(Change(MOTION.duration - 0.1, [MOTION.duration], STEPPED[:1]))
+    assert motion.duration == pytest.approx(MOTION.duration - 0.1 + WINDOWS.sum())
+    end = motion.at([motion.duration])[0].position - MOTION.at([MOTION.duration])[0][0].position
+    np.testing.assert_allclose(end, STEPPED[0, 3:], atol=1e-12)
+
+
+def test_waypoints_are_reached_when_it_says():
+    reached = steered().reached(PLAN.times[3:])
+    assert len(reached) == len(PLAN) - 3
+    for pose, planned in zip(MOTION.at(reached)[0], PLAN.grippers[3:], strict=True):
+        np.testing.assert_allclose(pose.position, planned.position, atol=1e-4)
+
+
+def test_corrections_lead_to_the_corrected_poses():
+    observer = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE)
+    estimate, motion = observer.begin(), steered()
+    rng = np.random.default_rng(5)
+    for first, time in ((2, 0.5), (4, 3.0)):
+        z = 0.5 * observer.uncertain.deviations * rng.normal(size=observer.uncertain.size)
+        wrong = type(estimate)(estimate.uncertain, z, estimate.covariance)
+        correction = correct(wrong, PLAN, first)
+        motion = motion.corrected(time, correction, steered().reached(PLAN.times[first:]))
+    reached = steered().reached(PLAN.times)
+    done = [k for k in range(first, len(PLAN)) if reached[k] > time + WINDOWS.sum()]
+    assert len(done) > 3
+    for k, pose in zip(done, motion.at(reached[done]), strict=True):
+        np.testing.assert_allclose(pose.matrix, correction.grippers[k - first].matrix, atol=2e-4)
+        assert not np.allclose(pose.matrix, PLAN.grippers[k].matrix, atol=2e-3)
+
+
+def test_what_did_not_converge_changes_nothing():
+    observer = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE)
+    correction = correct(observer.begin(), PLAN, 2)
+    failed = type(correction)(**{**{name: getattr(correction, name) for name in (
+        'first', 'grippers', 'offsets', 'miss', 'shapes')}, 'converged': False})
+    assert steered().corrected(1.0, failed, steered().reached(PLAN.times[2:])) == steered()
+    with pytest.raises(InvalidTask, match='reached has 1 entries: expected one for each'):
+        steered().corrected(1.0, correction, [1.0])
+
+
+def test_the_tool_goes_along():
+    tool = Pose((0.0, 0.0, 0.1), (0, 0, 0, 1))
+    one, = steered(tool=tool).at([2.0])
+    np.testing.assert_allclose(one.matrix, MOTION.at([2.0])[0][0].compose(tool).matrix,
+                               atol=1e-15)
+
+
+def test_windows_are_the_slowest_periods_that_differ():
+    shape = PLAN.shapes[0]
+    periods = 1 / shape.modes(4).frequencies
+    windows = Steered.of(MOTION, shape).windows
+    assert windows[0] == periods[0]
+    assert len(windows) == 2
+    assert windows[1] in periods
+    assert windows[1] * 1.2 < windows[0]
