@@ -87,7 +87,7 @@ def values():
     observer = Observer(simulator, Spread(0.05, gripper_position=1e-3), cutout=1e-3)
     estimate = observer.update(observer.begin(), seen)
     examples += [observer, estimate, estimate.miss(plan), correct(estimate, plan), ClosedLoop(0.01),
-                 Steered(Trajectory(plan, tolerance=np.inf), [1.0])]
+                 Steered(Trajectory(plan, tolerance=np.inf), [1.0, 0.5, 0.1])]
     return {type(one).__name__: one for one in examples} | {
         name: InverseSimulator(over_bar) for name in (
             'InverseSimulator.hold_contact', 'InverseSimulator.slide_contact')}
@@ -184,7 +184,7 @@ def arguments():
         'Correction.grippers': [LEVEL], 'stamps': [0.0, 1.0], 'time': 0.0,
         'gripper_at.stamp': 0.5, 'ClosedLoop.advanced.bound': 0.001, 'Observer.noise': 1e-3,
         'Observer.cutout': 1e-3, 'bias': 1e-3, 'outliers': 0.1, 'sway': 1e-3, 'drift': 0.0,
-        'windows': [1.0], 'changes': (), 'correction': known['Correction'],
+        'windows': [1.0, 0.5, 0.1], 'changes': (), 'correction': known['Correction'],
         'reached': [0.0] * len(known['Correction'].grippers), 'plan_times': [0.0],
         'Steered.at.times': [0.0], 'Observer.update.noise': 1e-3,
     }

@@ -134,7 +134,7 @@ class _Looking:
         here = self._estimated()
         way, _ = ways(here, _STANDOFF * here.rod.length)
         there = first_part(way, way.stops[0] + 1, PlanStatus.COMPLETE)
-        self._go(Trajectory(there, self._driver.limits), time)
+        self._go(Trajectory(there, self._driver.limits), there.shapes[-1], time)
 
     def _aim(self):
         """Plan from the standoff through; return the predicted miss with 95 %, m."""
@@ -152,7 +152,7 @@ class _Looking:
         tolerance = max(_FOR_MOTION * room, 0.5 * (room - bound))
         trajectory = Trajectory(self._plan, self._driver.limits, tolerance=tolerance)
         self.promised = trajectory.motion.miss + bound
-        self._go(trajectory, time)
+        self._go(trajectory, self._plan.shapes[-1], time)
 
     def _estimated(self):
         """Return the Task as it is estimated, from where the gripper is now."""
@@ -160,11 +160,9 @@ class _Looking:
         return replace(self._task, rod=estimate.rod, start=estimate.actual(self._here),
                        cutout=estimate.moved_cutout(self._task.cutout))
 
-    def _go(self, trajectory, time):
-        """Begin a motion."""
-        there = trajectory.at([trajectory.duration])[0][0]
-        self._motion = Steered.of(trajectory, self._estimate.shape(there),
-                                  self._estimate.gripper_offset.inverse())
+    def _go(self, trajectory, there, time):
+        """Begin a motion at whose end the DLO has the Shape `there`."""
+        self._motion = Steered.of(trajectory, there, self._estimate.gripper_offset.inverse())
         self._began, self._correction = time, None
         self._sent.append((time, self._here))
 
@@ -177,7 +175,7 @@ class _Looking:
             if self._loop.phase is Phase.ENTER:
                 self._correct(time - self._began)
             self._loop = self._loop.with_correction(time)
-        self._here = self._motion.at([time + PERIOD - self._began])[0]
+        self._here = self._motion.at([time + PERIOD - self._began])[0][0]
         self._sent.append((time + PERIOD, self._here))
         return True
 

@@ -11,10 +11,12 @@ from math import factorial
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.correction import Correction
+from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.timed_path import TimedPath
 from dlo_planner.model.checks import instance, items, number, row
 from dlo_planner.model.pose import Pose, displaced
@@ -22,6 +24,8 @@ from dlo_planner.model.value import Value, brief, put
 
 _MODES = 4       # of which the two slowest that differ are not excited
 _DIFFERENT = 1.2  # ratio of two periods
+_EVEN = 0.1      # s, of a window that bounds the jerk
+_LEAST = 3       # windows
 _MOST = 1e9      # s
 _SHORT, _LONG = 0.02, 5.0  # s: no correction comes faster or slower than this
 _GRID = 4096     # times at which it is looked where waypoints are reached
@@ -50,14 +54,17 @@ class Change(Value):
                               f'of Change.times, {self.times.size}, and one at least')
         super().__post_init__()
 
-    def at(self, times):
-        """Return the whole change (n, 6) that is due at times (n,) s."""
+    def at(self, times, order=0):
+        """Return the whole change that is due at times (n,) s, or a derivative of it: (n, 6)."""
         kept = np.append(True, np.diff(self.times) > 1e-9)  # a dwell reaches two at once
-        if kept.sum() == 1:
-            return np.repeat(self.offsets[:1], len(times), axis=0)
         known = self.times[kept]
-        return CubicSpline(known, self.offsets[kept], bc_type='clamped')(
-            np.clip(times, known[0], known[-1]))
+        if known.size == 1:
+            return np.repeat(self.offsets[:1] * (order == 0), len(times), axis=0)
+        inside = np.clip(times, known[0], known[-1])
+        out = CubicSpline(known, self.offsets[kept], bc_type='clamped')(inside, order)
+        if order:
+            out[times != inside] = 0.0
+        return out
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,7 +73,7 @@ class Steered(Value):
 
     Attributes:
         trajectory: Trajectory, or what is timed alike
-        windows: (k,) s, widths of the moving averages that blend in
+        windows: (k,) s, widths of the moving averages that blend in, k >= 3
         changes: tuple of Change so far
         tool: Pose that is commanded, in the trajectory's frame of the gripper
 
@@ -84,8 +91,9 @@ class Steered(Value):
         instance('Steered.tool', self.tool, Pose)
         put(self, windows=row('Steered.windows', self.windows, minimum=_SHORT, maximum=_LONG),
             changes=items('Steered.changes', self.changes, Change))
-        if not self.windows.size:
-            raise InvalidTask('Steered.windows: expected a width at least, s')
+        if self.windows.size < _LEAST:
+            raise InvalidTask(f'Steered.windows has {self.windows.size} entries: expected {_LEAST} '
+                              'at least, or the jerk is not bounded')
         super().__post_init__()
 
     def __repr__(self):
@@ -95,7 +103,7 @@ class Steered(Value):
     def of(cls, trajectory: TimedPath, shape: Shape, tool: Pose | None = None) -> 'Steered':
         """Return a Steered that does not excite a DLO that hangs as in a Shape.
 
-        The windows are the periods of its two slowest vibrations that differ: the slowest in two
+        Two windows are the periods of its two slowest vibrations that differ: the slowest in two
         planes are one.
 
         Raises:
@@ -103,8 +111,9 @@ class Steered(Value):
         """
         periods = 1 / instance('shape', shape, Shape).modes(_MODES).frequencies
         others = periods[periods * _DIFFERENT < periods[0]]
-        windows = np.clip(np.append(periods[0], others[:1]), _SHORT, _LONG)
-        return cls(trajectory, windows, tool=Pose.identity() if tool is None else tool)
+        windows = np.concatenate([periods[:1], others[:1] if others.size else periods[:1], [_EVEN]])
+        return cls(trajectory, np.clip(windows, _SHORT, _LONG),
+                   tool=Pose.identity() if tool is None else tool)
 
     @property
     def duration(self) -> float:
@@ -112,18 +121,53 @@ class Steered(Value):
         last = max((one.since for one in self.changes), default=-np.inf)
         return max(self.trajectory.duration, float(last + self.windows.sum()))
 
-    def at(self, times: ArrayLike) -> list[Pose]:
-        """Return the Poses to command at `times` (n,) s.
+    @property
+    def limits(self) -> Limits:
+        """Limits of the trajectory; corrections are slow, and come on top."""
+        return self.trajectory.limits
+
+    def at(self, times: ArrayLike) -> tuple[list[Pose], np.ndarray, np.ndarray]:
+        """Return Poses to command, velocities (n, 6) and accelerations (n, 6) at `times` (n,) s.
+
+        As `Trajectory.at`. Angular velocities and accelerations are right to second order in the
+        angle of the corrections.
 
         Raises:
             InvalidTask: a time is no finite number
         """
         times = row('times', times, most=_MOST)
-        poses, offsets = self.trajectory.at(times)[0], np.zeros((times.size, 6))
+        poses, speeds, accelerations = self.trajectory.at(times)
+        arms, spin = np.array([pose.rotation @ self.tool.position for pose in poses]), speeds[:, 3:]
+        speeds[:, :3] += np.cross(spin, arms)
+        accelerations[:, :3] += np.cross(accelerations[:, 3:], arms) + np.cross(
+            spin, np.cross(spin, arms))
+        poses = [pose.compose(self.tool) for pose in poses]
+        if not self.changes:
+            return poses, speeds, accelerations
+        turned, shifted = np.split(self._offsets(times), 2, axis=2)
+        for k, pose in enumerate(poses):
+            poses[k] = displaced(pose, np.append(turned[0, k], shifted[0, k]))
+        turns = Rotation.from_rotvec(turned[0])
+        spin = turned[1] + 0.5 * np.cross(turned[0], turned[1])
+        carried = turns.apply(speeds[:, 3:])
+        accelerations[:, 3:] = (turned[2] + 0.5 * np.cross(turned[0], turned[2])
+                                + np.cross(spin, carried) + turns.apply(accelerations[:, 3:]))
+        speeds[:, 3:] = spin + carried
+        speeds[:, :3] += shifted[1]
+        accelerations[:, :3] += shifted[2]
+        return poses, speeds, accelerations
+
+    def _offsets(self, times):
+        """Return the sum of all changes and its first two derivatives, (3, n, 6)."""
+        out = np.zeros((3, times.size, 6))
         for change in self.changes:
-            offsets += step_response(times - change.since, self.windows)[:, None] * change.at(times)
-        return [displaced(pose.compose(self.tool), offset)
-                for pose, offset in zip(poses, offsets, strict=True)]
+            step = [step_response(times - change.since, self.windows, order)[:, None]
+                    for order in range(3)]
+            whole = [change.at(times, order) for order in range(3)]
+            out[0] += step[0] * whole[0]
+            out[1] += step[1] * whole[0] + step[0] * whole[1]
+            out[2] += step[2] * whole[0] + 2 * step[1] * whole[1] + step[0] * whole[2]
+        return out
 
     def reached(self, plan_times: ArrayLike) -> np.ndarray:
         """Return the times (n,) in s at which waypoints of the trajectory's plan are reached.
@@ -166,17 +210,20 @@ class Steered(Value):
         return replace(self, changes=(*self.changes, change))
 
 
-def step_response(times: np.ndarray, windows: np.ndarray) -> np.ndarray:
-    """Return the average (n,) of a unit step at 0 over moving windows, one after the other.
+def step_response(times: np.ndarray, windows: np.ndarray, order: int = 0) -> np.ndarray:
+    """Return (n,) a unit step at 0, averaged over moving windows, or a derivative of that.
 
     The transform of a window of width w is (1 - exp(-s w)) / (s w); that of a step is 1 / s.
 
     Args:
         times: (n,) s; windows: (k,) s
+        order: of the derivative by time, below k
     """
-    k, out = len(windows), np.zeros(np.shape(times))
-    times = np.minimum(times, np.sum(windows))  # 1 from there on
-    for count in range(k + 1):
+    power, out = len(windows) - order, np.zeros(np.shape(times))
+    times = np.minimum(times, np.sum(windows))  # at rest from there on
+    for count in range(len(windows) + 1):
         for some in combinations(windows, count):
-            out += (-1) ** count * np.maximum(times - sum(some), 0.0) ** k
-    return np.clip(out / (factorial(k) * np.prod(windows)), 0.0, 1.0)
+            since = times - sum(some)
+            out += (-1) ** count * np.maximum(since, 0.0) ** power
+    out /= factorial(power) * np.prod(windows)
+    return out if order else np.clip(out, 0.0, 1.0)
