@@ -3,6 +3,7 @@
 from dataclasses import dataclass, fields
 from math import isnan
 
+import numpy as np
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 
 from dlo_planner.direct.simulator import DirectSimulator
@@ -10,6 +11,8 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.workspace import Workspace
+from dlo_planner.model.along import Expanded
+from dlo_planner.model.checks import vector
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 
@@ -60,6 +63,9 @@ ENTRIES = {
     'rod.bending_stiffness': Entry([0.0054, 0.0054], 'EI_n, EI_b (section: stiffness), N m^2.'),
     'rod.torsional_stiffness': Entry(0.004, 'GJ (section: stiffness), N m^2.', 1e-12, 1e9),
     'rod.natural_curvature': Entry([0.0, 0.0], 'Stress-free curvature k_n, k_b, 1/m.'),
+    'rod.natural_curvature_terms': Entry(
+        [0.0, 0.0], 'What is added to it along s: pairs (about n, about b) of coefficients of the '
+        'Legendre polynomials P_1, P_2, ... of 2 s / length - 1, 1/m.'),
     'rod.natural_twist': Entry(0.0, 'Stress-free torsion, 1/m.', -1e4, 1e4),
     'rod.tip_mass': Entry(0.0, 'Mass at the free end, kg.', 0.0, 1e3),
     'rod.damping': Entry([0.0, 0.0], 'Rayleigh damping in motion: 1/s times mass, s times '
@@ -208,7 +214,8 @@ def build_scene(values, obstacles=()):
 def _rod(values):
     section = values['rod.section']
     more = {name: values[f'rod.{name}'] for name in (
-        'natural_curvature', 'natural_twist', 'tip_mass', 'damping', 'hardening')}
+        'natural_twist', 'tip_mass', 'damping', 'hardening')}
+    more['natural_curvature'] = _natural_curvature(values)
     more['section_model'] = values['rod.section_model'] or None
     more['max_bend_curvature'] = values['rod.max_bend_curvature'] or None
     stress = {'yield_stress': values['rod.yield_stress'] or None}
@@ -228,6 +235,18 @@ def _rod(values):
                    yield_torsion=values['rod.yield_torsion'] or None, **more)
     raise InvalidTask(f'parameter rod.section = {section!r}: expected one of '
                       f'{", ".join(SECTIONS)}')
+
+
+def _natural_curvature(values):
+    """Return the pair, or the function of s where it varies."""
+    even, terms = values['rod.natural_curvature'], values['rod.natural_curvature_terms']
+    if len(terms) % 2 or not np.isfinite(terms).all():
+        raise InvalidTask(f'parameter rod.natural_curvature_terms = {terms!r}: expected pairs of '
+                          'finite numbers')
+    if not any(terms):
+        return even
+    rows = np.vstack([np.zeros(2), np.reshape(terms, (-1, 2))])
+    return Expanded(tuple(vector('rod.natural_curvature', even, 2)), rows, values['rod.length'])
 
 
 def _tolerance(value):

@@ -1,0 +1,154 @@
+"""What a camera sees of the DLO, made an Estimate of it: the closed loop without ROS.
+
+Gripper poses and clouds of points come with stamps of one clock. A cloud counts as seen where the
+gripper was at its stamp; the faster the gripper moved then, the less it counts.
+"""
+
+from collections import deque
+from dataclasses import dataclass, field
+from threading import Lock
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.estimate import Estimate
+from dlo_planner.inverse.observation import Observation
+from dlo_planner.inverse.observer import Observer
+from dlo_planner.inverse.stamped import gripper_at
+from dlo_planner.inverse.tolerance import Spread
+from dlo_planner.model.pose import Pose
+
+_REMEMBERED = 1000   # gripper poses: 2 s of them at 500 Hz
+_ABOUT = 0.25        # s before and after a stamp: of which speed and acceleration are told
+_SAG, _WEIGHT = 0.5, 9.81  # of the length: how far weight bends a soft DLO; m/s^2
+_MOST_POINTS = 100   # of a cloud: more tell little more and take long
+_LEAST_POINTS = 3
+_STILL = 2e-3        # m/s: what noise of the poses alone gives
+
+
+@dataclass(frozen=True)
+class Seeing:
+    """How well the camera sees, and how uncertain the DLO is.
+
+    Attributes:
+        spread: Spread, of the DLO and of how the gripper holds it
+        noise, bias, outliers, sway: see `Observer`
+        cutout: m, how well the place of a cut-out is known
+        stamps: s, by which stamps of clouds may be wrong
+        period: s between two clouds that are looked at
+    """
+
+    spread: Spread = field(default_factory=Spread)
+    noise: float = 1e-3
+    bias: float = 0.0
+    outliers: float = 0.1
+    sway: float = 5e-4
+    cutout: float = 0.0
+    stamps: float = 0.02
+    period: float = 0.2
+
+
+class Observing:
+    """The Estimate of a DLO from all that was seen since the last `reset`; for several threads.
+
+    Args:
+        simulator: DirectSimulator of the DLO as stated
+        seeing: Seeing
+
+    Raises:
+        InvalidTask: the DLO cannot be observed, or nothing of it is uncertain
+    """
+
+    def __init__(self, simulator: DirectSimulator, seeing: Seeing):
+        self._seeing = seeing
+        self._observer = Observer(simulator, seeing.spread, noise=seeing.noise, bias=seeing.bias,
+                                  cutout=seeing.cutout, outliers=seeing.outliers,
+                                  sway=seeing.sway)
+        self._lock = Lock()
+        self._grippers = deque(maxlen=_REMEMBERED)  # (stamp, Pose)
+        self.reset()
+
+    @property
+    def estimate(self) -> Estimate:
+        """The newest Estimate: the prior before anything was seen."""
+        return self._estimate
+
+    def reset(self) -> None:
+        """Forget what was seen."""
+        with self._lock:
+            self._estimate, self._last = self._observer.begin(), -np.inf
+
+    def gripper(self, stamp: float, pose: Pose) -> None:
+        """Take in where the gripper frame was at a stamp (s); older ones than the last are lost."""
+        with self._lock:
+            if not self._grippers or stamp > self._grippers[-1][0]:
+                self._grippers.append((stamp, pose))
+
+    def due(self, stamp: float) -> bool:
+        """Return whether a cloud of this stamp (s) should be looked at."""
+        return abs(stamp - self._last) >= self._seeing.period
+
+    def look(self, stamp: float, points: np.ndarray) -> Estimate:
+        """Return the Estimate after one more cloud.
+
+        Args:
+            stamp: s, when it was taken
+            points: (n, 3) m, world
+
+        Raises:
+            InvalidTask: there are too few points, or no gripper pose of that time is known, or no
+                equilibrium of the DLO explains what is seen
+        """
+        if len(points) < _LEAST_POINTS:
+            raise InvalidTask(f'observed_points has {len(points)} points: expected {_LEAST_POINTS} '
+                              'at least')
+        with self._lock:
+            known, estimate = list(self._grippers), self._estimate
+        if not known or not known[0][0] <= stamp <= known[-1][0]:
+            span = f'{known[0][0]:.3f} to {known[-1][0]:.3f} s' if known else 'none'
+            raise InvalidTask(f'observed_points.header.stamp = {stamp:.3f} s: expected a time of '
+                              f'which gripper poses are known: {span}')
+        stamps, poses = zip(*known, strict=True)
+        speed, acceleration = motion_at(stamps, poses, stamp,
+                                        self._observer.uncertain.simulator.rod.length)
+        chosen = np.unique(np.linspace(0, len(points) - 1, min(len(points), _MOST_POINTS)).astype(
+            int))
+        seen = Observation(gripper_at(stamps, poses, stamp), points[chosen])
+        noise, sway = self._weighed(len(chosen), speed, acceleration)
+        after = self._observer.update(estimate, seen, noise=noise, sway=sway)
+        with self._lock:
+            if self._estimate is not estimate:  # it was reset meanwhile
+                return self._estimate
+            self._last = stamp
+            if after.converged:
+                self._estimate = after
+        if not after.converged:
+            raise InvalidTask('observed_points: no equilibrium of the DLO explains them')
+        return after
+
+    def _weighed(self, count, speed, acceleration):
+        """Return noise and sway (m) of a look: more of both in motion."""
+        seeing, length = self._seeing, self._observer.uncertain.simulator.rod.length
+        late = np.sqrt(count) * seeing.stamps * max(speed - _STILL, 0.0)
+        bent = _SAG * length * acceleration / _WEIGHT if speed > _STILL else 0.0
+        return float(np.hypot(seeing.noise, late)), float(np.hypot(seeing.sway, bent))
+
+
+def motion_at(stamps, poses, stamp, length) -> tuple[float, float]:
+    """Return about how fast a body moves, m/s, and with what acceleration, m/s^2.
+
+    A parabola is laid through what is known near that time; the far end of a DLO of this `length`
+    (m) counts, where the body turns.
+    """
+    near = [k for k, one in enumerate(stamps) if abs(one - stamp) <= _ABOUT]
+    if len(near) < 3:
+        return 0.0, 0.0
+    times = np.array([stamps[k] - stamp for k in near])
+    last = poses[near[-1]].rotation
+    turns = Rotation.from_matrix([poses[k].rotation @ last.T for k in near]).as_rotvec()
+    rows = np.hstack([[poses[k].position for k in near], length * turns])
+    fit = np.polynomial.polynomial.polyfit(times, rows, 2)
+    sizes = np.linalg.norm(fit.reshape(3, 2, 3), axis=2).sum(axis=1)
+    return float(sizes[1]), float(2 * sizes[2])
