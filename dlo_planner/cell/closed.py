@@ -31,6 +31,7 @@ from dlo_planner.model.pose import Pose
 _STAMPS = 0.1       # s by which stamps may be wrong: looks of a gripper that moved are left out
 _FOR_MOTION = 0.25  # part of the room, for what the DLO in motion is off its equilibrium
 _STANDOFF = 0.05    # of the length
+_LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
 _SWAY = 5e-4        # m, of a DLO that has arrived calmly
 _SAG, _WEIGHT = 0.5, 9.81  # of the length: how far weight bends a soft DLO; m/s^2
 _REMEMBERED = 250   # periods of control: where the gripper was when an image was taken
@@ -134,7 +135,9 @@ class _Looking:
         here = self._estimated()
         way, _ = ways(here, _STANDOFF * here.rod.length)
         there = first_part(way, way.stops[0] + 1, PlanStatus.COMPLETE)
-        self._go(Trajectory(there, self._driver.limits), there.shapes[-1], time)
+        tolerance = max(_LEAST_TOLERANCE, _FOR_MOTION * self._task.room)
+        self._go(Trajectory(there, self._driver.limits, tolerance=tolerance), there.shapes[-1],
+                 time)
 
     def _aim(self):
         """Plan from the standoff through; return the predicted miss with 95 %, m."""

@@ -32,6 +32,7 @@ class InMotion(Value):
         arrival: the same at the first instant that counts for `miss`, or nan
         departure: the same in the slowest period after the motion's end
         clearance: from the sheets around sized cut-outs and from the obstacles given, nan if none
+        calm_clearance: the same of the DLO that follows slowly on the same way
         contact_force: largest force of one contact with the simulator's obstacles, N
         duration: of the motion, s; step: between two instants looked at, s
     """
@@ -42,6 +43,7 @@ class InMotion(Value):
     arrival: float
     departure: float
     clearance: float
+    calm_clearance: float
     contact_force: float
     duration: float
     step: float
@@ -59,7 +61,7 @@ class InMotion(Value):
 
     def worse(self, other: 'InMotion') -> 'InMotion':
         """Return the worse of both figures, each by itself."""
-        least = {'converged', 'clearance'}
+        least = {'converged', 'clearance', 'calm_clearance'}
         return InMotion(**{item.name: (min if item.name in least else max)(
             getattr(self, item.name), getattr(other, item.name)) for item in fields(self)})
 
@@ -83,17 +85,21 @@ def in_motion(simulator, plan, way, first, obstacles, progress):
     motion = simulator.simulate(grippers, times[1], first, progress=progress.done)
     passed, watched = any(plan.passes), bool(plan.sheets or obstacles)
     if not (motion.converged and first.converged):
-        return InMotion(False, np.inf if passed else np.nan, np.inf, np.inf if passed else np.nan,
-                        np.inf, -np.inf if watched else np.nan, np.inf, way.duration, times[1])
+        lost, near = np.inf if passed else np.nan, -np.inf if watched else np.nan
+        return InMotion(False, lost, np.inf, lost, np.inf, near, near, np.inf, way.duration,
+                        times[1])
     calm = simulator.track(grippers, progress.done, first)
     swing = np.array([apart(*pair) for pair in zip(motion.shapes, calm, strict=True)])
     last = np.clip(np.searchsorted(plan.times, done, side='right') - 1, 0, len(plan) - 2)
     miss = np.array([worst_miss(shape, plan.passes[k], plan.passes[k + 1])
                      for k, shape in zip(last, motion.shapes, strict=True)])
+    surface = Surface.of(simulator.rod)
+    near, calm_near = (least_clearance(plan, obstacles, surface, shapes)
+                       for shapes in (motion.shapes, calm))
     return InMotion(
         True, miss.max() if passed else np.nan, swing.max(),
         swing[np.argmax(miss > 0)] if passed else np.nan, swing[times >= way.duration].max(),
-        least_clearance(plan, obstacles, Surface.of(simulator.rod), motion.shapes),
+        near, calm_near,
         max((contact.force for shape in motion.shapes for contact in shape.contacts), default=0.0),
         way.duration, times[1])
 

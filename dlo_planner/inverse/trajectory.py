@@ -189,9 +189,10 @@ class _Search:
         used = {'miss': motion.miss / self._tolerance,
                 'departure': motion.departure / self._tolerance}
         if not np.isnan(motion.clearance):
-            # far from everything more may be lost than where it is narrow
-            allowed = np.fmax(self._tolerance, _ROOM * self._room)
-            used['clearance'] = (self._room - motion.clearance) / allowed
+            # far from everything more may be lost than where it is narrow; between two waypoints
+            # the plan may come nearer than at both
+            room = min(self._room, motion.calm_clearance)
+            used['clearance'] = (room - motion.clearance) / max(self._tolerance, _ROOM * room)
             if motion.clearance <= 0:
                 used['clearance'] = np.fmax(used['clearance'],
                                             1 - motion.clearance / self._tolerance)

@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, Trajectory
+from dlo_planner import (
+    CutOut,
+    DirectSimulator,
+    InverseSimulator,
+    Limits,
+    Pose,
+    Rod,
+    Sphere,
+    Trajectory,
+)
 from dlo_planner.inverse.leg_response import Response
 from dlo_planner.inverse.path import GripperPath
 from dlo_planner.inverse.plan import PlanStatus, first_part
@@ -43,3 +52,18 @@ def test_modes_are_known_densely_where_they_change_fast():
                         initial=response.shapes[-2])[0]
     assert 2 * np.pi * shape.modes(1).frequencies[0] == pytest.approx(
         response.between(slow, np.array([middle]))[0, 0], rel=5e-3)
+
+
+def test_a_plan_that_comes_nearer_between_its_waypoints_than_at_them():
+    hole = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0.1)), radius=2.5e-3)
+    way = start_phase(SHORT, hole, Pose.looking_along((-0.5, -0.1, 1.02), (1, 0, 0)), 0.1)
+    plan = first_part(way, 2, PlanStatus.COMPLETE)
+    before, after = (shape.positions[-1] for shape in plan.shapes)
+    beside = np.cross(after - before, (0, 0, 1))
+    beside *= 0.012 / np.linalg.norm(beside)
+    ball = Sphere(0.5 * (before + after) + beside, 0.01)
+    at_waypoints = min(np.linalg.norm(tip - ball.centre) for tip in (before, after)) - ball.radius
+    motion = Trajectory(plan, Limits(0.2, 1.0), tolerance=1e-3, obstacles=[ball]).motion
+    assert motion.calm_clearance < 0.5 * at_waypoints
+    assert motion.clearance > 0
+    assert motion.clearance == pytest.approx(motion.calm_clearance, abs=1e-3)
