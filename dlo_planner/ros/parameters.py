@@ -12,6 +12,7 @@ from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
+from dlo_planner.ros.overrides import take_overrides, unknown_override
 
 SECTIONS = ('round', 'tube', 'rectangular', 'stiffness')
 _MOST_TOLERANCE = 1.0  # m
@@ -144,15 +145,19 @@ class Scene:
 
 
 def declare(node):
-    """Declare all parameters; whole numbers in YAML are taken for doubles where doubles are due."""
+    """Declare all parameters with the values given at the start; warn of those that do not exist.
+
+    Whole numbers in YAML are taken for doubles where doubles are due.
+
+    Args:
+        node: made with `automatically_declare_parameters_from_overrides=True`
+    """
+    given = take_overrides(node)
     for name, entry in ENTRIES.items():
-        # YAML's `length: 1` is an integer, which a parameter declared as double refuses by ending
-        # the node; declared dynamically for a moment, the value can be read and made a double.
-        value = node.declare_parameter(name, entry.default,
-                                       ParameterDescriptor(dynamic_typing=True)).value
-        node.undeclare_parameter(name)
-        node.declare_parameter(name, _as_declared(name, value, entry.default),
-                               entry.descriptor(), ignore_override=True)
+        value = _as_declared(name, given.pop(name, entry.default), entry.default)
+        node.declare_parameter(name, value, entry.descriptor(), ignore_override=True)
+    for name in given:
+        node.get_logger().warning(unknown_override(name, ENTRIES))
 
 
 def _as_declared(name, value, default):

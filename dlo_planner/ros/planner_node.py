@@ -58,7 +58,8 @@ class PlannerNode(Node):
     """
 
     def __init__(self, **options):
-        super().__init__('dlo_planner', **options)
+        super().__init__('dlo_planner', automatically_declare_parameters_from_overrides=True,
+                         **options)
         declare(self)
         self._scene = build_scene(self._values())
         self._prover = Prover()
