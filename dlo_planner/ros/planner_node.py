@@ -1,21 +1,23 @@
 """The node: gripper poses in, shapes out; cut-outs in, gripper trajectories out."""
 
-import sys
+if __name__ == '__main__':  # before all imports, which are deaf to signals
+    import sys
+
+    from dlo_planner.ros.main import main
+    sys.exit(main())
+
 import traceback
 from contextlib import contextmanager
 from functools import partial
 from time import monotonic
 
 import numpy as np
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Goals, Path
 from nav_msgs.srv import GetPlan
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
@@ -24,7 +26,6 @@ from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
 from dlo_planner.ros.execution import Execution, ready
-from dlo_planner.ros.executor import PatientExecutor
 from dlo_planner.ros.health import Health
 from dlo_planner.ros.parameters import ENTRIES, build_scene, declare
 from dlo_planner.ros.planning import Made, make_plan
@@ -45,7 +46,7 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _QUIET = 1.0  # s between warnings about the same thing
 _MOST_GOALS = 2
-_THREADS = 6  # one for each callback group below
+THREADS = 6  # one for each callback group below
 _TIMED_STEP, _TIMED_MOST = 0.05, 20_000  # s between points of the timed trajectory; points
 _LOOK = 0.1   # s between looks whether there is a plan to be proved
 
@@ -78,7 +79,7 @@ class PlannerNode(Node):
         self.add_post_set_parameters_callback(self._apply_parameters)
 
         live, planning, asking, health, proving, moving = (
-            MutuallyExclusiveCallbackGroup() for _ in range(_THREADS))
+            MutuallyExclusiveCallbackGroup() for _ in range(THREADS))
         self._shape_out = self.create_publisher(Path, '~/predicted_shape', LATCHED)
         self._plan_out = self.create_publisher(Path, '~/gripper_trajectory', LATCHED)
         self._timed_out = self.create_publisher(MultiDOFJointTrajectory,
@@ -299,6 +300,10 @@ class PlannerNode(Node):
         response.message = 'stopped' if response.success else 'nothing was executed'
         return response
 
+    def stop_motion(self):
+        """Stop what is executed; return when it stands still."""
+        self._execution.stop()
+
     def _command(self):
         with self._answering('execute'):
             command = self._execution.command(self._seconds())
@@ -367,31 +372,3 @@ def _believable(shape):
         raise NotConverged(f'no stable shape found: residual {shape.residual:.3g}, stability '
                            f'{shape.stability:.3g} after {shape.iterations} iterations', shape)
     return shape
-
-
-def main(args=None):
-    """Run the node until SIGINT; return the exit status."""
-    rclpy.init(args=args)
-    node = None
-    try:
-        node = PlannerNode()
-        executor = PatientExecutor(num_threads=_THREADS)
-        executor.add_node(node)
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except (DloPlannerError, ParameterException) as error:
-        print(f'dlo_planner: cannot start: {error}', file=sys.stderr)
-        return 1
-    except Exception:
-        if rclpy.ok():  # what fails after the end was asked for, e.g. a wait set, is part of it
-            raise
-    finally:
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
-    return 0
-
-
-if __name__ == '__main__':
-    sys.exit(main())
