@@ -45,7 +45,7 @@ class Guards:
 
     @property
     def patience(self) -> float:
-        """s after the end of the motion until which the gripper is waited for; inf: for good."""
+        """How long after the end of the motion the gripper is waited for, s; inf: for good."""
         given = [time for time in (self.goal_time, self.cmd_timeout) if time > 0]
         return given[0] if given else np.inf
 

@@ -14,8 +14,8 @@ TOOL = Pose((0, 0, 0.1), (0, 0.6, 0, 0.8))
 WAY = Trajectory(PLAN, Limits(), tolerance=np.inf)
 PERIOD = 0.02
 TIMES = np.arange(0, WAY.duration + PERIOD, PERIOD)
-REGULAR = max(np.linalg.norm(b.position - a.position) for a, b in zip(
-    *(lambda poses: (poses, poses[1:]))(WAY.at(TIMES)[0]), strict=False))
+REGULAR = np.linalg.norm(np.diff([pose.position for pose in WAY.at(TIMES)[0]], axis=0),
+                         axis=1).max()
 
 
 def begun(**guards):
@@ -199,7 +199,8 @@ def test_a_robot_that_lags_by_a_tenth_of_a_second_is_followed_to_the_end():
 
 def test_a_robot_that_stands_still_is_noticed():
     still = Robot()
-    execution, places, _ = run(begun(), np.arange(520) * PERIOD, lambda robot, now: still.heard(now))
+    execution, places, _ = run(begun(), np.arange(520) * PERIOD,
+                               lambda robot, now: still.heard(now))
     assert execution.cause == Cause.PATH_TOLERANCE
     assert np.linalg.norm(places[-1] - places[0]) < 0.06
 
