@@ -42,7 +42,7 @@ class Process:
     """One node, its executor, and the thread that runs both.
 
     Args:
-        make: returns the node, which has `stop_motion()`, and its PatientExecutor; called once ROS
+        make: returns the node, which has `end()`, and its PatientExecutor; called once ROS
             is there, in a thread that is not the main one
         args: of the command line
     """
@@ -95,7 +95,7 @@ class Process:
     def _close(self):
         try:
             if self._executor is not None and self._error is None:
-                self._node.stop_motion()
+                self._node.end()
         finally:
             self._stopped.set()
         if self._executor is not None:
