@@ -27,7 +27,7 @@ setup(
     ],
     entry_points={
         'console_scripts': [
-            'planner_node = dlo_planner.ros.planner_node:main',
+            'planner_node = dlo_planner.ros.main:main',
             'demo = dlo_planner.ros.demo:main',
         ],
     },

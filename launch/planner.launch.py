@@ -1,20 +1,27 @@
 """Start the planner node for one of the DLOs in config/: `rod:=copper_wire` and so on."""
 
+from pathlib import Path
+
 from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.substitutions import FindPackageShare
+from launch_ros.parameter_descriptions import ParameterFile
 
 from launch import LaunchDescription
+
+# Beside this folder, in the source tree and where the package is installed.
+CONFIG = Path(__file__).parent.parent / 'config'
 
 
 def generate_launch_description():
     """Return the node with the parameters of the chosen DLO."""
-    parameters = PathJoinSubstitution(
-        [FindPackageShare('dlo_planner'), 'config', [LaunchConfiguration('rod'), '.yaml']])
     return LaunchDescription([
         DeclareLaunchArgument('rod', default_value='copper_wire',
-                              description='name of a file in config/, without .yaml'),
+                              choices=sorted(path.stem for path in CONFIG.glob('*.yaml')),
+                              description='The DLO: name of a file in config/, without .yaml.'),
+        DeclareLaunchArgument('namespace', default_value='',
+                              description='Of the node, e.g. cell1: /cell1/dlo_planner.'),
         Node(package='dlo_planner', executable='planner_node', name='dlo_planner',
-             parameters=[parameters], output='screen'),
+             namespace=LaunchConfiguration('namespace'), output='screen',
+             parameters=[ParameterFile([f'{CONFIG}/', LaunchConfiguration('rod'), '.yaml'])]),
     ])

@@ -23,7 +23,7 @@ CONFIG = Path(__file__).parent.parent / 'config'
 def described(name):
     """Return what a file in config/ says of its rod, as a dict."""
     file = yaml.safe_load((CONFIG / f'{name}.yaml').read_text())
-    told = dict(file['dlo_planner']['ros__parameters']['rod'])
+    told = dict(file['/**']['ros__parameters']['rod'])
     del told['name'], told['section']
     # YAML 1.1 takes 8.0e6 for a word
     return {key: float(value) if isinstance(value, str) else value for key, value in told.items()}

@@ -20,8 +20,8 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.ros.health import stamp_text
-from dlo_planner.ros.planner_node import LATCHED, REQUEST
 from dlo_planner.ros.proof import DONE
+from dlo_planner.ros.qos import LATCHED, REQUEST
 from msg_helpers.poses import header, pose_stamped_msg
 
 

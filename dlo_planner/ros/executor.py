@@ -21,3 +21,7 @@ class PatientExecutor(MultiThreadedExecutor):
         """Submit one callback that is ready, then give it the time to start."""
         super().spin_once(timeout_sec)
         sleep(_PAUSE)
+
+    def wait_for_callbacks(self):
+        """Wait until those that run have ended; nothing may spin any more."""
+        self._executor.shutdown(wait=True, cancel_futures=True)

@@ -9,7 +9,8 @@ from closed_loops import NOISE, SPREAD, START, WIRE, Truth
 from dlo_planner import DirectSimulator, InvalidTask, Pose, Rod
 from dlo_planner.ros.identifying import identified, told
 from dlo_planner.ros.observing import Observing, Seeing, motion_at
-from dlo_planner.ros.parameters import ENTRIES, build_scene
+from dlo_planner.ros.parameters import ENTRIES
+from dlo_planner.ros.scene import build_scene
 
 SEEING = Seeing(SPREAD, NOISE)
 COPPER = {'rod.diameter': 1.5e-3}

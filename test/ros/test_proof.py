@@ -5,9 +5,10 @@ import pytest
 
 from dlo_planner import Limits, Plane, Pose, replay
 from dlo_planner.errors import DloPlannerError, InvalidTask
-from dlo_planner.ros.parameters import ENTRIES, build_scene
+from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.planning import make_plan
 from dlo_planner.ros.proof import proofs
+from dlo_planner.ros.scene import build_scene
 
 VALUES = {**{name: entry.default for name, entry in ENTRIES.items()},
           'rod.diameter': 1.5e-3, 'threading.waypoints': 12, 'threading.deepest': 0.3}

@@ -1,0 +1,118 @@
+"""What comes in from outside: poses are judged here, and obstacles called by their names."""
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Goals
+from visualization_msgs.msg import Marker, MarkerArray
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.pose import Pose
+from dlo_planner.ros.causes import Cause, Refused
+from dlo_planner.ros.frames import OneFrame
+from dlo_planner.ros.scene import Scene
+from msg_helpers.poses import header, pose_from_msg, pose_from_stamped, pose_msg
+
+_ONE = OneFrame()
+_UNIT = 1e-2  # by which the length of a quaternion may be off 1, as for tf2
+_MOST_GOALS = 2
+_OBSTACLE = re.compile(r'workspace\.keep_out\[(\d+)\]|\b(?:Box|Sphere|Capsule) (\d+)\b')
+
+
+def pose_in(scene: Scene, msg: PoseStamped, name: str, frames: OneFrame = _ONE) -> Pose:
+    """Return the Pose of a geometry_msgs/PoseStamped in the scene's frame.
+
+    Args:
+        scene: Scene; msg: PoseStamped
+        name: how the sender knows the field
+        frames: that know other frames
+
+    Raises:
+        Refused: naming the field, its value, and what would be right
+    """
+    origin = frames.origin(msg.header, scene.frame_id, name)
+    try:
+        pose = pose_from_stamped(msg, msg.header.frame_id, name)
+    except InvalidTask as error:
+        raise Refused(Cause.INVALID_POSE, str(error)) from None
+    q = msg.pose.orientation
+    quaternion = [q.x, q.y, q.z, q.w]
+    if abs(np.linalg.norm(quaternion) - 1) > _UNIT:
+        raise Refused(Cause.INVALID_POSE, f'{name}.pose.orientation = {quaternion}: expected a '
+                      f'quaternion x, y, z, w of length 1, within {_UNIT:g}')
+    pose = pose if origin is None else origin.compose(pose)
+    away = float(np.linalg.norm(pose.position))
+    if away > scene.reach:
+        where = '' if origin is None else f' in {scene.frame_id}'
+        raise Refused(Cause.OUT_OF_REACH,
+                      f'{name}.pose.position = {pose.position.tolist()}{where}: '
+                      f'expected at most workspace.reach = {scene.reach:g} m from the origin of '
+                      f'{scene.frame_id}')
+    return pose
+
+
+def goals_in(scene: Scene, msg: Goals, name: str,
+             frames: OneFrame = _ONE) -> tuple[Pose, ...]:
+    """Return the Poses of a nav_msgs/Goals, one or two; an empty header is that of the message."""
+    if not 1 <= len(msg.goals) <= _MOST_GOALS:
+        raise Refused(Cause.INVALID_GOALS, f'{name}.goals has {len(msg.goals)} poses: expected one '
+                      'or two')
+    return tuple(pose_in(scene, PoseStamped(
+        header=goal.header if goal.header.frame_id else msg.header, pose=goal.pose),
+        f'{name}.goals[{index}]', frames) for index, goal in enumerate(msg.goals))
+
+
+def markers_in(scene: Scene, msg: MarkerArray, name: str, frames: OneFrame) -> MarkerArray:
+    """Return a visualization_msgs/MarkerArray in the scene's frame.
+
+    Raises:
+        Refused: a frame is not known; a pose that makes no sense is left as it is
+    """
+    return MarkerArray(markers=[_marker_in(scene, marker, f'{name}.markers[{index}]', frames)
+                                for index, marker in enumerate(msg.markers)])
+
+
+def _marker_in(scene, marker, name, frames):
+    if marker.action != Marker.ADD:
+        return marker
+    origin = frames.origin(marker.header, scene.frame_id, name)
+    if origin is None:
+        return marker
+    try:
+        pose = pose_msg(origin.compose(pose_from_msg(marker.pose)))
+    except InvalidTask:
+        pose = marker.pose
+    return Marker(header=header(scene.frame_id, marker.header.stamp), ns=marker.ns, id=marker.id,
+                  type=marker.type, action=marker.action, pose=pose, scale=marker.scale)
+
+
+def named(text: str, bodies: Mapping) -> str:
+    """Return a text in which obstacles are called as in RViz, 'cell/3', not by their index.
+
+    Args:
+        text: of an error of the library
+        bodies: (namespace, id) -> obstacle, in the order in which the library has them
+    """
+    names = [body_name(key) for key in bodies]
+
+    def name(found):
+        index = int(found[1] or found[2])
+        return f'obstacle {names[index]}' if index < len(names) else found[0]
+
+    return _OBSTACLE.sub(name, text)
+
+
+def body_name(key: tuple) -> str:
+    """Return how an obstacle is called, of its (namespace, id)."""
+    return f'{key[0]}/{key[1]}'
+
+
+def inside_of(scene: Scene, bodies: Mapping, gripper: Pose, name: str) -> str:
+    """Return in words in which obstacle a gripper is, '' if in none."""
+    if not bodies:
+        return ''
+    found, room = scene.solid.least_room(gripper)
+    return '' if room >= 0 else named(f'{name}: the gripper is {-room:.3g} m inside {found}: '
+                                      'expected a pose outside of all obstacles', bodies)

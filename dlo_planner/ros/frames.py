@@ -1,0 +1,78 @@
+"""Poses in other frames: through tf2 if it is installed, refused by name if not."""
+
+from std_msgs.msg import Header
+
+from dlo_planner.model.pose import Pose
+from dlo_planner.ros.causes import Cause, Refused
+
+_PATIENCE = 0.1  # s that a transform may come later than a pose
+
+
+class OneFrame:
+    """Knows one frame only; also the interface of the others."""
+
+    def origin(self, header: Header, frame_id: str, name: str) -> Pose | None:
+        """Return the Pose of a message's frame in another one; None if it is the same frame.
+
+        Args:
+            header: std_msgs/Header of the message; stamp 0: as it is now
+            frame_id: of the frame in which it is wanted
+            name: how the sender knows the message
+
+        Raises:
+            Refused: naming the field, its value, and what would be right
+        """
+        if header.frame_id == frame_id:
+            return None
+        raise _refused(header, frame_id, name, 'tf2_ros is not installed')
+
+    def close(self):
+        """Listen no more."""
+
+
+class TfFrames(OneFrame):
+    """Knows what tf knows.
+
+    Args:
+        node: rclpy Node that listens to /tf and /tf_static
+        tf2: module tf2_ros
+    """
+
+    def __init__(self, node, tf2):
+        from rclpy.duration import Duration  # noqa: PLC0415
+        from rclpy.time import Time  # noqa: PLC0415
+        self._tf2, self._time, self._patience = tf2, Time, Duration(seconds=_PATIENCE)
+        self._buffer = tf2.Buffer()
+        self._listener = tf2.TransformListener(self._buffer, node)
+
+    def origin(self, header: Header, frame_id: str, name: str) -> Pose | None:
+        """As `OneFrame.origin`."""
+        if header.frame_id == frame_id:
+            return None
+        if not header.frame_id:
+            raise _refused(header, frame_id, name, 'it is empty')
+        try:
+            found = self._buffer.lookup_transform(
+                frame_id, header.frame_id, self._time.from_msg(header.stamp), self._patience)
+        except self._tf2.TransformException as error:
+            raise _refused(header, frame_id, name, f'tf says: {error}') from None
+        at, turn = found.transform.translation, found.transform.rotation
+        return Pose((at.x, at.y, at.z), (turn.x, turn.y, turn.z, turn.w))
+
+    def close(self):
+        """Listen no more."""
+        self._listener.unregister()
+
+
+def frames_of(node) -> OneFrame:
+    """Return the Frames of a Node: TfFrames where tf2_ros is installed."""
+    try:
+        import tf2_ros  # noqa: PLC0415
+    except ImportError:
+        return OneFrame()
+    return TfFrames(node, tf2_ros)
+
+
+def _refused(header, frame_id, name, why):
+    return Refused(Cause.INVALID_FRAME, f'{name}.header.frame_id = {header.frame_id!r}: expected '
+                   f'{frame_id!r}, or a frame that tf can transform to it ({why})')

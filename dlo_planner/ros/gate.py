@@ -1,0 +1,103 @@
+"""What a managed node offers: entities that act only while the node is active."""
+
+from collections.abc import Callable
+from functools import wraps
+from threading import Condition
+
+from rclpy.lifecycle import LifecycleNodeMixin
+
+_INACTIVE = 'the node is not active: expected its lifecycle state to be active'
+
+
+class Gate:
+    """Makes publishers, subscriptions, services and timers, and shuts them all at once.
+
+    While it is shut nothing is published, subscriptions and timers do nothing, and a service
+    refuses: the answer is empty, with the reason where it has a `message`. The parts of the node
+    take a Gate for their node.
+
+    Args:
+        node: LifecycleNodeMixin and Node
+    """
+
+    def __init__(self, node: LifecycleNodeMixin):
+        self._node = node
+        self._entities = []
+        self._open, self._calls, self._changed = False, 0, Condition()
+        for name in ('get_clock', 'get_logger', 'get_name', 'get_parameter',
+                     'add_on_set_parameters_callback', 'add_post_set_parameters_callback',
+                     'remove_on_set_parameters_callback', 'remove_post_set_parameters_callback'):
+            setattr(self, name, getattr(node, name))
+
+    def create_publisher(self, kind, topic, qos, **options):
+        """Return a lifecycle publisher: the node's transitions switch it."""
+        made = self._node.create_lifecycle_publisher(kind, topic, qos, **options)
+        return self._keep(self._node.destroy_lifecycle_publisher, made)
+
+    def create_subscription(self, kind, topic, callback, qos, *, always=False, **options):
+        """Return a subscription.
+
+        Args:
+            kind, topic, callback, qos, options: as for a Node
+            always: whether it acts while the Gate is shut as well
+        """
+        made = self._node.create_subscription(
+            kind, topic, self._counted(callback, always), qos, **options)
+        return self._keep(self._node.destroy_subscription, made)
+
+    def create_timer(self, period, callback, **options):
+        """Return a timer."""
+        made = self._node.create_timer(period, self._counted(callback), **options)
+        return self._keep(self._node.destroy_timer, made)
+
+    def create_service(self, kind, name, callback, **options):
+        """Return a service."""
+        made = self._node.create_service(
+            kind, name, self._counted(callback, refusal=_refused), **options)
+        return self._keep(self._node.destroy_service, made)
+
+    def open(self):
+        """Let everything act."""
+        with self._changed:
+            self._open = True
+
+    def shut(self, patience: float) -> bool:
+        """Let nothing begin any more; return whether all that runs has ended.
+
+        Args:
+            patience: s to wait for that
+        """
+        with self._changed:
+            self._open = False
+            return self._changed.wait_for(lambda: self._calls == 0, patience)
+
+    def destroy(self):
+        """Destroy all that was made."""
+        while self._entities:
+            destroy, made = self._entities.pop()
+            destroy(made)
+
+    def _keep(self, destroy, made):
+        self._entities.append((destroy, made))
+        return made
+
+    def _counted(self, callback: Callable, always=False, refusal=None) -> Callable:
+        @wraps(callback)  # rclpy looks at the signature
+        def call(*args):
+            with self._changed:
+                if not self._open and not always:
+                    return refusal and refusal(*args)
+                self._calls += 1
+            try:
+                return callback(*args)
+            finally:
+                with self._changed:
+                    self._calls -= 1
+                    self._changed.notify_all()
+        return call
+
+
+def _refused(_, response):
+    if hasattr(response, 'message'):
+        response.message = _INACTIVE
+    return response

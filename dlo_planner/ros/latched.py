@@ -1,0 +1,53 @@
+"""Hearing latched messages and ordinary ones on one topic."""
+
+from collections import OrderedDict
+from collections.abc import Callable
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+_REMEMBERED = 4096  # messages; the copy of one comes at most two queues later
+
+
+class Once:
+    """A callback that lets each message through once, though two subscriptions hear it.
+
+    The copies of a message have the time at which it was sent in common, and its number.
+
+    Args:
+        callback: called with the message
+    """
+
+    def __init__(self, callback: Callable):
+        self._callback, self._seen = callback, OrderedDict()
+
+    def __call__(self, msg, info):
+        """Take a message and what rclpy says of it."""
+        key = info['source_timestamp'], info.get('publication_sequence_number')
+        if key[0] and key in self._seen:
+            return
+        self._seen[key] = None
+        if len(self._seen) > _REMEMBERED:
+            self._seen.popitem(last=False)
+        self._callback(msg)
+
+
+def hear_latched(node, kind, topic: str, callback: Callable, qos: QoSProfile, group):
+    """Subscribe twice, so that latched and volatile publishers are heard.
+
+    A volatile subscription hears no history, and a latched one no volatile publisher.
+
+    Args:
+        node: Gate; its subscriptions act always: what is missed of a latched topic is lost
+        kind, topic, callback: of the messages; each comes once
+        qos: reliable and volatile
+        group: callback group, mutually exclusive
+    """
+    latched = QoSProfile(depth=qos.depth, reliability=qos.reliability,
+                         durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    once = Once(callback)
+    for quality, said in ((qos, True), (latched, False)):
+        node.create_subscription(  # that volatile publishers do not suit the second is no news
+            kind, topic, once, quality, always=True,
+            callback_group=group,
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=said))

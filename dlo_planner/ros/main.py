@@ -1,0 +1,129 @@
+"""The process of the node: it hears signals at any moment and ends with status 0.
+
+The main thread only waits for signals; a second thread imports, compiles, makes the node and spins.
+So SIGINT and SIGTERM are heard while kernels are compiled and while a plan is made. Neither can be
+interrupted: what has not ended one second after the motion has stopped is abandoned with the
+process. Only the standard library is imported here: a process is deaf while it imports.
+"""
+
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Callable
+from queue import SimpleQueue
+from threading import Event, Thread
+
+from dlo_planner.ros.log_folder import log_arguments
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_STOPPING = 5.0  # s for a motion to decelerate, at most
+_GRACE = 1.0     # s for everything else
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the planner node until SIGINT or SIGTERM; return the exit status.
+
+    The status is 0 after a signal, 1 where the node cannot start, or an error ended it.
+
+    Args:
+        args: of the command line; None: sys.argv
+    """
+    return Process(_planner, sys.argv if args is None else args).run()
+
+
+def _planner() -> tuple:
+    from dlo_planner.ros.executor import PatientExecutor  # noqa: PLC0415
+    from dlo_planner.ros.planner_node import THREADS, PlannerNode  # noqa: PLC0415
+    return PlannerNode(), PatientExecutor(num_threads=THREADS)
+
+
+class Process:
+    """One node, its executor, and the thread that runs both.
+
+    Args:
+        make: returns the node, which has `end()`, and its PatientExecutor; called once ROS
+            is there, in a thread that is not the main one
+        args: of the command line
+    """
+
+    def __init__(self, make: Callable[[], tuple], args: list[str]):
+        self._make, self._args = make, args
+        self._news = SimpleQueue()  # signals, and the end of the worker; safe in a signal handler
+        self._worker = Thread(target=self._work, daemon=True)
+        self._stopped = Event()
+        self._node = self._executor = self._error = None
+
+    def run(self) -> int:
+        """Run until a signal or an error; call it in the main thread."""
+        for number in _SIGNALS:
+            signal.signal(number, lambda number, _: self._news.put(number))
+        self._worker.start()
+        asked = self._news.get() is not None
+        ended = self._end()
+        for number in _SIGNALS:  # one more Ctrl-C must not spoil the end of the interpreter
+            signal.signal(number, signal.SIG_IGN)
+        status = 0 if asked or self._error is None else self._explain(self._error)
+        sys.stdout.flush()
+        sys.stderr.flush()
+        if not ended:
+            os._exit(status)  # a thread computes on: the interpreter would wait for it
+        return status
+
+    def _work(self):
+        try:
+            import rclpy  # noqa: PLC0415
+            from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
+            rclpy.init(args=self._args + log_arguments(),
+                       signal_handler_options=SignalHandlerOptions.NO)
+            self._node, executor = self._make()
+            executor.add_node(self._node)
+            self._executor = executor
+            executor.spin()
+        except BaseException as error:
+            self._error = error
+        self._news.put(None)
+
+    def _end(self) -> bool:
+        """Stop the motion, then everything; return whether all has ended in time."""
+        closer = Thread(target=self._close, daemon=True)
+        closer.start()
+        self._stopped.wait(_STOPPING)
+        closer.join(_GRACE)
+        return not closer.is_alive()
+
+    def _close(self):
+        try:
+            if self._executor is not None and self._error is None:
+                self._node.end()
+        finally:
+            self._stopped.set()
+        if self._executor is not None:
+            self._executor.shutdown()
+        self._worker.join()
+        if self._executor is not None:
+            self._executor.wait_for_callbacks()
+        if self._node is not None:
+            self._node.destroy_node()
+        if 'rclpy' in sys.modules:
+            sys.modules['rclpy'].try_shutdown()
+
+    def _explain(self, error: BaseException) -> int:
+        """Print why the process ends by itself; return its status."""
+        from rclpy.exceptions import ParameterException  # noqa: PLC0415
+        from rclpy.executors import ExternalShutdownException  # noqa: PLC0415
+        from rclpy.impl.implementation_singleton import rclpy_implementation  # noqa: PLC0415
+
+        from dlo_planner.errors import DloPlannerError  # noqa: PLC0415
+        if isinstance(error, ExternalShutdownException):
+            return 0
+        if self._executor is None and isinstance(
+                error, (DloPlannerError, ParameterException, rclpy_implementation.RCLError)):
+            print(f'dlo_planner: cannot start: {error}', file=sys.stderr)
+        else:
+            traceback.print_exception(error)
+        return 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())
