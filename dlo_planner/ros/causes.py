@@ -25,6 +25,8 @@ class Cause(IntEnum):
     INVALID_OBSTACLES = 106
     INVALID_PARAMETER = 107
     NO_GOAL = 108
+    INVALID_POINTS = 109
+    NOTHING_SEEN = 110
     INFEASIBLE = 200
     UNSTABLE = 201
     WORKSPACE = 202
@@ -69,6 +71,9 @@ MEANINGS = {
     Cause.INVALID_OBSTACLES: 'a marker is not understood; nothing of its message counts',
     Cause.INVALID_PARAMETER: 'a parameter, or several together, make no sense',
     Cause.NO_GOAL: '`replan` before there was a goal',
+    Cause.INVALID_POINTS: '`observed_points` has no x, y, z, or too few points, or a stamp of '
+                          'another time',
+    Cause.NOTHING_SEEN: '`identify` before anything of the DLO was seen',
     Cause.INFEASIBLE: 'no plan keeps all demands, for another reason than the next ones',
     Cause.UNSTABLE: 'a waypoint has no stable shape',
     Cause.WORKSPACE: 'the gripper would leave its workspace, or come into an obstacle',

@@ -38,7 +38,8 @@ class Health:
     def __init__(self):
         self._lock = Lock()
         self._counts = {'poses received': 0, 'shapes published': 0, 'poses refused': 0,
-                        'plans made': 0, 'plans refused': 0, 'jumps': 0}
+                        'plans made': 0, 'plans refused': 0, 'jumps': 0,
+                        'clouds received': 0, 'clouds refused': 0, 'corrections': 0}
         self._arrivals = deque(maxlen=_RECENT)
         self._latencies = deque(maxlen=_RECENT)
         self._values = {}
@@ -90,6 +91,21 @@ class Health:
         """Take why the last plan must not be executed any more."""
         with self._lock:
             self._values |= {'report': 'void', 'report reason': reason}
+
+    def estimated(self, estimate):
+        """Take the figures of an Estimate."""
+        with self._lock:
+            self._values |= {'estimate looks': estimate.looks,
+                             'estimate misfit [m]': float(estimate.misfit),
+                             'estimate outliers': float(estimate.outliers)}
+
+    def corrected(self, correction, reason):
+        """Take a Correction, and why it is not executed or ''."""
+        bound = float(correction.miss.bound.max(initial=0.0))
+        with self._lock:
+            self._counts['corrections'] += not reason
+            self._values |= {'correction': reason or 'executed',
+                             'correction miss bound [m]': bound}
 
     def failed(self, reason):
         """Take the reason of a refusal or failure."""

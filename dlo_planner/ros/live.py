@@ -46,9 +46,12 @@ class LiveShapes:
     Args:
         node: rclpy Node; parts: Parts
         hearing, asking: callback groups
+        follows: takes each Pose of the tool frame and its stamp, returns how far the DLO is off
+            its plan, m, or nan
     """
 
-    def __init__(self, node, parts, hearing, asking):
+    def __init__(self, node, parts, hearing, asking, follows):
+        self._follows = follows
         self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
         self._reporter, self._drawing = parts.reporter, parts.drawing
         self._frames = parts.frames
@@ -76,7 +79,8 @@ class LiveShapes:
             pose = pose_in(self._store.state.scene, msg, 'gripper_pose', self._frames)
             stamp = msg.header.stamp
             age = 1e-9 * (self._clock.now().nanoseconds - stamp.nanosec) - stamp.sec
-            state = self._store.change(lambda state: state.hearing(Heard(pose, arrived, age)))
+            heard = Heard(pose, arrived, age, self._follows(pose, stamp))
+            state = self._store.change(lambda state: state.hearing(heard))
             with self._waiting:
                 self._newest = pose.compose(state.scene.tool), stamp, arrived
                 self._waiting.notify()

@@ -16,6 +16,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.estimate import Estimate
 from dlo_planner.inverse.observation import Observation
 from dlo_planner.inverse.observer import Observer
+from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.stamped import gripper_at
 from dlo_planner.inverse.tolerance import Spread
 from dlo_planner.model.pose import Pose
@@ -25,6 +26,7 @@ _ABOUT = 0.25        # s before and after a stamp: of which speed and accelerati
 _SAG, _WEIGHT = 0.5, 9.81  # of the length: how far weight bends a soft DLO; m/s^2
 _MOST_POINTS = 100   # of a cloud: more tell little more and take long
 _LEAST_POINTS = 3
+_SAMPLED = 65        # places of the DLO from which points are measured
 _STILL = 2e-3        # m/s: what noise of the poses alone gives
 
 
@@ -38,6 +40,9 @@ class Seeing:
         cutout: m, how well the place of a cut-out is known
         stamps: s, by which stamps of clouds may be wrong
         period: s between two clouds that are looked at
+        correct: whether what is executed is corrected
+        correction_period: s between two corrections
+        largest_correction: m: a plan that is farther off has to be made anew
     """
 
     spread: Spread = field(default_factory=Spread)
@@ -48,6 +53,9 @@ class Seeing:
     cutout: float = 0.0
     stamps: float = 0.02
     period: float = 0.2
+    correct: bool = True
+    correction_period: float = 0.5
+    largest_correction: float = 0.02
 
 
 class Observing:
@@ -134,6 +142,29 @@ class Observing:
         late = np.sqrt(count) * seeing.stamps * max(speed - _STILL, 0.0)
         bent = _SAG * length * acceleration / _WEIGHT if speed > _STILL else 0.0
         return float(np.hypot(seeing.noise, late)), float(np.hypot(seeing.sway, bent))
+
+
+def deviation(plan: Plan, time: float, points: np.ndarray) -> float:
+    """Return the median distance of points (n, 3), m, from the DLO as planned at a time.
+
+    Between two waypoints the nodes are taken to go straight; the median does not mind outliers.
+
+    Args:
+        plan: Plan; time: s, of `Plan.times`
+    """
+    times = plan.times
+    k = int(np.clip(np.searchsorted(times, time, side='right') - 1, 0, max(len(plan) - 2, 0)))
+    shapes = [plan.shapes[k], plan.shapes[min(k + 1, len(plan) - 1)]]
+    span = times[min(k + 1, len(plan) - 1)] - times[k]
+    share = float(np.clip((time - times[k]) / span, 0, 1)) if span > 0 else 0.0
+    samples = np.linspace(0, 1, _SAMPLED)
+    nodes = sum(part * shape.positions_at(samples * shape.s[-1])
+                for part, shape in zip((1 - share, share), shapes, strict=True))
+    ahead = np.diff(nodes, axis=0)
+    off = points[:, None] - nodes[:-1]
+    along = np.einsum('mkj,kj->mk', off, ahead) / np.maximum((ahead**2).sum(axis=1), 1e-300)
+    near = off - np.clip(along, 0, 1)[:, :, None] * ahead
+    return float(np.median(np.linalg.norm(near, axis=2).min(axis=1)))
 
 
 def motion_at(stamps, poses, stamp, length) -> tuple[float, float]:

@@ -111,6 +111,33 @@ ENTRIES = {
                                       'obstacles and in the box, m.', 0.0, 10.0),
     'workspace.reach': Entry(1000.0, 'Farthest from the origin of frame_id that any pose may be, '
                              'm.', 1e-3, 1e6),
+    'spread.bending_stiffness': Entry(0.05, 'How uncertain EI is: standard deviation as a part of '
+                                      'it.', 0.0, 1.0),
+    'spread.torsional_stiffness': Entry(0.05, 'The same of GJ.', 0.0, 1.0),
+    'spread.mass': Entry(0.02, 'The same of all masses.', 0.0, 1.0),
+    'spread.length': Entry(0.0, 'The same of the length, m.', 0.0, 1.0),
+    'spread.natural_curvature': Entry(0.05, 'The same of each component of the natural curvature, '
+                                      '1/m.', 0.0, 1e4),
+    'spread.curvature_variation': Entry(0.03, 'The same of what varies along s of it, 1/m.', 0.0,
+                                        1e4),
+    'spread.gripper_position': Entry(5e-4, 'The same of where the gripper holds the DLO along '
+                                     'each axis, m.', 0.0, 1.0),
+    'spread.gripper_rotation': Entry(3.5e-3, 'The same of how it is turned about each axis, rad.',
+                                     0.0, 3.2),
+    'observe.noise': Entry(1e-3, 'Standard deviation of each coordinate of observed_points, m.',
+                           1e-6, 1.0),
+    'observe.bias': Entry(0.0, 'Of the camera\'s constant error along each axis, m.', 0.0, 1.0),
+    'observe.outliers': Entry(0.1, 'Part of the points that are none of the DLO.', 0.0, 0.9),
+    'observe.sway': Entry(5e-4, 'Of the free end about its rest while the gripper stands still, '
+                          'm.', 0.0, 1.0),
+    'observe.cutout': Entry(0.0, 'Of the place of a cut-out along each axis, m.', 0.0, 1.0),
+    'observe.stamps': Entry(0.02, 'By how much the stamps of clouds may be wrong against those of '
+                            'gripper_pose, s.', 0.0, 1.0),
+    'observe.period': Entry(0.2, 'Seconds between two clouds that are looked at.', 0.0, 60.0),
+    'observe.correct': Entry(True, 'Whether what is executed is corrected by what is seen.'),
+    'observe.correction_period': Entry(0.5, 'Seconds between two corrections.', 0.0, 60.0),
+    'observe.largest_correction': Entry(0.02, 'A correction that moves the gripper farther is not '
+                                        'executed, m.', 0.0, 10.0),
     'autostart': Entry(True, 'Whether the node configures and activates itself, without a '
                        'lifecycle manager.', read_only=True),
     'execute.rate': Entry(50.0, 'Commands per second on gripper_command.', 1.0, 1000.0,

@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 
+from dlo_planner.ros.camera import Camera
 from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.drawing import Drawing
 from dlo_planner.ros.drive import Drive, described
@@ -37,8 +38,8 @@ from msg_helpers.diagnostics import WARN, diagnostics_msg, status_msg
 
 __all__ = ['LATCHED', 'REQUEST', 'THREADS', 'PlannerNode']
 
-THREADS = 10    # one for each callback group: below, of transitions, of tf, and the default one
-_GROUPS = 6
+THREADS = 11    # one for each callback group: below, of transitions, of tf, and the default one
+_GROUPS = 7
 _ENDING = 2.0   # s in which a motion may come to rest when the node is told to end
 _LOOK = 0.02    # s between looks whether it has
 
@@ -105,10 +106,11 @@ class PlannerNode(ManagedNode):
         store = Store(State(build_scene(values), values))
         gate, health = Gate(self), Health()
         parts = Parts(store, health, Reporter(gate, store, health), Drawing(gate), frames_of(self))
-        scene, hearing, asking, planning, proving, moving = (
+        scene, seeing, hearing, asking, planning, proving, moving = (
             MutuallyExclusiveCallbackGroup() for _ in range(_GROUPS))
         self._surroundings = Surroundings(gate, parts, scene)
-        self._live = LiveShapes(gate, parts, hearing, asking)
+        self._camera = Camera(gate, parts, seeing, self.set_parameters)
+        self._live = LiveShapes(gate, parts, hearing, asking, self._camera.gripper)
         self._planning = Planning(gate, parts, planning)
         self._verification = Verification(gate, parts, self._prover, self._steady, proving)
         self._drive = Drive(gate, parts, self._planning, self._steady, moving)

@@ -10,12 +10,14 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.tolerance import Spread
 from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.along import Expanded
 from dlo_planner.model.checks import vector
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.ros.execution import Guards
+from dlo_planner.ros.observing import Seeing
 
 SECTIONS = ('round', 'tube', 'rectangular', 'stiffness')
 _MOST_TOLERANCE = 1.0  # m
@@ -46,6 +48,7 @@ class Scene:
     reach: float
     period: float
     guards: Guards
+    seeing: Seeing
 
     @cached_property
     def solid(self) -> Workspace:
@@ -95,7 +98,7 @@ def build_scene(values, obstacles=()):
                  values['cutouts.radius'] or None,
                  values['execute.start_distance'], values['execute.start_angle'],
                  values['threading.planning_deadline'], values['workspace.reach'],
-                 1 / values['execute.rate'], _guards(values))
+                 1 / values['execute.rate'], _guards(values), _seeing(values))
 
 
 def _guards(values):
@@ -105,6 +108,12 @@ def _guards(values):
                   values['constraints.goal_time'], values['cmd_timeout'],
                   values['incoming_command_timeout'], values['decelerate_on_cancel'],
                   values['execute.longest_pause'])
+
+
+def _seeing(values):
+    spread = Spread(**{item.name: values[f'spread.{item.name}'] for item in fields(Spread)})
+    return Seeing(spread, **{item.name: values[f'observe.{item.name}'] for item in fields(Seeing)
+                             if item.name != 'spread'})
 
 
 def _rod(values):

@@ -131,6 +131,19 @@ class State:
         """Return the State with the next command, at `now` s."""
         return self._with_execution(self.execution.tick(now, self.heard))
 
+    def steered(self, way, corrected: Callable) -> 'State':
+        """Return the State in which the rest of what is executed is corrected.
+
+        Args:
+            way: that was executed when the correction was made; if it is another one now, nothing
+                changes
+            corrected: takes how many s of it are done, returns what is executed from then on
+        """
+        execution = self.execution
+        if execution is None or execution.phase != 'running' or execution.way is not way:
+            return self
+        return replace(self, execution=replace(execution, way=corrected(execution.done)))
+
     def canceled(self) -> 'State':
         """Return the State in which what is executed comes to rest, after `cancel`."""
         return self._with_execution(self.execution.canceled()) if self.executing else self

@@ -1,0 +1,195 @@
+"""The closed loop in the node: what a tracker of the DLO publishes becomes an estimate.
+
+It corrects what is executed, and by `~/identify` the parameters.
+"""
+
+from collections import deque
+from threading import Lock
+
+import numpy as np
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
+
+from dlo_planner.errors import DloPlannerError, InvalidTask
+from dlo_planner.inverse.correction import correct
+from dlo_planner.inverse.steering import Steered
+from dlo_planner.model.pose import Pose
+from dlo_planner.ros.causes import Cause, Refused
+from dlo_planner.ros.frames import OneFrame
+from dlo_planner.ros.identifying import identified, told
+from dlo_planner.ros.observing import Observing, deviation
+from dlo_planner.ros.qos import LATEST
+from dlo_planner.ros.scene import Scene
+from msg_helpers.clouds import points_from_cloud
+
+_REMEMBERED = 500    # gripper poses, until a first cloud comes
+_LONGEST_AGE = 1.0  # s, after which what was seen of the DLO says nothing of it now
+
+
+class Camera:
+    """Hears points of the DLO.
+
+    Args:
+        node: rclpy Node; parts: Parts
+        group: callback group
+        set_parameters: takes rclpy Parameters, returns their SetParametersResults
+    """
+
+    def __init__(self, node, parts, group, set_parameters):
+        self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
+        self._reporter, self._drawing, self._frames = parts.reporter, parts.drawing, parts.frames
+        self._set, self._lock = set_parameters, Lock()
+        self._grippers = deque(maxlen=_REMEMBERED)  # (stamp, Pose of the tool frame)
+        self._at = None, None, 0  # Scene, Observing of its DLO or None, State.resets
+        self._corrected = None, -np.inf, None  # running plan, when, the last Correction
+        self._seen = -np.inf, np.nan  # stamp, deviation from the plan
+        node.create_subscription(PointCloud2, '~/observed_points', self._on_points, LATEST,
+                                 callback_group=group)
+        node.create_service(Trigger, '~/identify', self._on_identify, callback_group=group)
+
+    def gripper(self, pose: Pose, stamp) -> float:
+        """Take in a Pose of the tool frame; return how far the DLO is off its plan, m, or nan.
+
+        Args:
+            pose: Pose; stamp: builtin_interfaces/Time
+        """
+        seconds, (scene, observing, _) = _seconds(stamp), self._at
+        self._grippers.append((seconds, pose))
+        if observing is not None:
+            observing.gripper(seconds, pose.compose(scene.tool))
+        when, off = self._seen
+        return off if abs(seconds - when) <= _LONGEST_AGE else np.nan
+
+    # ---- looks ------------------------------------------------------------------------------
+
+    def _on_points(self, msg):
+        with self._reporter.answering('observed_points', counter='clouds refused', told=False):
+            self._health.count('clouds received')
+            state, stamp = self._store.state, _seconds(msg.header.stamp)
+            observing = self._observing_of(state)
+            if observing is None or not observing.due(stamp):
+                return
+            points = points_in(state.scene, msg, 'observed_points', self._frames)
+            estimate = observing.look(stamp, points)
+            self._health.estimated(estimate)
+            if state.executing:
+                self._compare(state, stamp, points)
+                self._correct(state, stamp, estimate)
+
+    def _observing_of(self, state):
+        """Return the Observing of the DLO as it is stated; None where nothing is uncertain."""
+        scene = state.scene
+        with self._lock:
+            known, observing, resets = self._at
+            if known is None or (known.seeing, known.tool, known.direct.rod) != (
+                    scene.seeing, scene.tool, scene.direct.rod):
+                observing = observing_of(scene, list(self._grippers))
+            elif resets != state.resets and observing is not None:
+                observing.reset()
+            self._at = scene, observing, state.resets
+            return observing
+
+    def _compare(self, state, stamp, points):
+        """Remember how far the DLO is from its plan."""
+        running, execution = state.running, state.execution
+        if execution.phase == 'running':
+            time = float(execution.way.progress([execution.done])[0])
+            self._seen = stamp, deviation(running.plan, time, points)
+
+    # ---- corrections ------------------------------------------------------------------------
+
+    def _correct(self, state, stamp, estimate):
+        """Aim the rest of what is executed anew, if that is wanted, due and sure."""
+        scene, execution, made = state.scene, state.execution, state.running
+        plan, (running, when, before) = made.plan, self._corrected
+        if running is not made:
+            when, before = -np.inf, None
+        if not scene.seeing.correct or execution.phase != 'running' or (
+                abs(stamp - when) < scene.seeing.correction_period):
+            return
+        way = execution.way
+        steered = way if isinstance(way, Steered) else Steered.of(way, plan.shapes[-1])
+        reached = steered.reached(plan.times)
+        if execution.done + steered.windows.sum() > steered.trajectory.duration:
+            return  # it would come too late
+        first = int(np.searchsorted(reached, execution.done))
+        found = correct(estimate, plan, first, before)
+        self._corrected = made, stamp, found if found.converged else None
+        reason = unsure(found, scene)
+        self._health.corrected(found, reason)
+        if not reason:
+            self._store.change(lambda now: now.steered(execution.way, lambda done: (
+                steered.corrected(done, found, reached[first:]))))
+
+    # ---- identification ---------------------------------------------------------------------
+
+    def _on_identify(self, _, response):
+        with self._reporter.answering('identify', answer=response) as outcome:
+            state = self._store.state
+            if state.executing:
+                raise Refused(Cause.EXECUTING, 'a plan is being executed: expected its end, or '
+                              '~/cancel')
+            observing = self._observing_of(state)
+            estimate = None if observing is None else observing.estimate
+            if estimate is None or not estimate.looks:
+                raise Refused(Cause.NOTHING_SEEN, 'nothing of the DLO was seen since ~/reset: '
+                              'expected points on ~/observed_points, and spread.* above 0')
+            changed = identified(estimate, dict(state.values))
+            for result in self._set([Parameter(name, value=value)
+                                     for name, value in changed.items()]):
+                if not result.successful:
+                    raise Refused(Cause.INVALID_PARAMETER, result.reason)
+            outcome.message = told(estimate)
+            outcome.values = {name: str(value) for name, value in changed.items()}
+        return response
+
+
+def observing_of(scene: Scene, grippers: list) -> Observing | None:
+    """Return a new Observing, None where the DLO cannot be observed or nothing is uncertain.
+
+    Args:
+        scene: Scene; grippers: (stamp, Pose of the tool frame) that are known
+    """
+    try:
+        made = Observing(scene.direct, scene.seeing)
+    except InvalidTask:
+        return None
+    for stamp, pose in grippers:
+        made.gripper(stamp, pose.compose(scene.tool))
+    return made
+
+
+def points_in(scene: Scene, msg: PointCloud2, name: str, frames: OneFrame) -> np.ndarray:
+    """Return the points (n, 3), m, of a PointCloud2 in the scene's frame.
+
+    Raises:
+        Refused: naming the field, its value, and what would be right
+    """
+    origin = frames.origin(msg.header, scene.frame_id, name)
+    try:
+        points = points_from_cloud(msg, name)
+    except DloPlannerError as error:
+        raise Refused(Cause.INVALID_POINTS, str(error)) from None
+    if origin is not None:
+        points = points @ origin.rotation.T + origin.position
+    return points[np.linalg.norm(points, axis=1) <= scene.reach]
+
+
+def unsure(correction, scene: Scene) -> str:
+    """Return in words why a Correction must not be executed, '' if it may."""
+    if not correction.converged:
+        return 'a waypoint has no stable shape for the DLO as it is estimated'
+    moved = float(np.linalg.norm(correction.offsets[:, 3:], axis=1).max(initial=0.0))
+    if moved > scene.seeing.largest_correction:
+        return (f'it moves the gripper by {moved:.3g} m: expected observe.largest_correction = '
+                f'{scene.seeing.largest_correction:g} m at most')
+    bound, radius = float(correction.miss.bound.max(initial=0.0)), scene.cutout_radius
+    room = None if radius is None else radius - (scene.direct.rod.radius or 0.0)
+    if room is not None and bound > room:
+        return f'the DLO may still miss by {bound:.3g} m (95 %), with {room:.3g} m of room'
+    return ''
+
+
+def _seconds(stamp) -> float:
+    return stamp.sec + 1e-9 * stamp.nanosec
