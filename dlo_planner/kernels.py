@@ -20,7 +20,12 @@ from typing import Any
 
 import llvmlite
 import numba
-from numba.core.caching import Cache, CompileResultCacheImpl, _CacheLocator
+from numba.core.caching import (
+    Cache,
+    CompileResultCacheImpl,
+    IndexDataCacheFile,
+    _CacheLocator,
+)
 from numba.core.dispatcher import Dispatcher
 
 _PACKAGE = Path(__file__).parent
@@ -58,21 +63,35 @@ def fingerprint(package: Path = _PACKAGE) -> str:
 
 @cache
 def cache_folder() -> Path | None:
-    """Return the folder of the kernels' caches, None where nothing can be written.
+    """Return the folder in which caches are kept, None where there is none and none can be made.
 
-    The first that can be written of NUMBA_CACHE_DIR, the package's own `__pycache__`, the user's
-    cache folder, and one among temporary files that is the user's alone.
+    It is the first that can be written of NUMBA_CACHE_DIR, the package's own `__pycache__`, the
+    user's cache folder, and one among temporary files that is the user's alone.
     """
+    return next(iter(cache_folders()[-1:]), None)
+
+
+@cache
+def cache_folders() -> tuple[Path, ...]:
+    """Return all folders in which caches are looked for, that of `cache_folder` last.
+
+    The others cannot be written, but hold caches: kernels that were compiled when the package was
+    installed are used by all, and where nothing can be written.
+    """
+    filled = []
     for parent in (_asked_for, _in_package, _of_user, _temporary):
         with suppress(OSError, RuntimeError):  # nowhere to write; no home
             folder = parent() / f'kernels-{fingerprint()}'
+            if any(folder.glob('*.nbi')) and not os.access(folder, os.W_OK):
+                filled.append(folder)
+                continue
             if not folder.is_dir():
                 folder.mkdir(parents=True, exist_ok=True)
                 _prune(folder)
             tempfile.TemporaryFile(dir=folder).close()
             os.utime(folder)  # used last now
-            return folder
-    return None
+            return (*filled, folder)
+    return tuple(filled)
 
 
 def _asked_for() -> Path:
@@ -133,10 +152,20 @@ class _KernelCacheImpl(CompileResultCacheImpl):
 class _KernelCache(Cache):
     _impl_class = _KernelCacheImpl
 
+    def __init__(self, function):
+        super().__init__(function)
+        self._others = [IndexDataCacheFile(str(folder), self._impl.filename_base, fingerprint())
+                        for folder in cache_folders()[:-1]]
+
     def load_overload(self, sig, target_context):
         """Return what was compiled before, None if there is nothing or it cannot be read."""
-        with suppress(OSError, EOFError, pickle.UnpicklingError):
-            return super().load_overload(sig, target_context)
+        own, found = self._cache_file, None
+        for file in (own, *self._others):
+            self._cache_file = file
+            with suppress(OSError, EOFError, pickle.UnpicklingError):
+                found = found or super().load_overload(sig, target_context)
+        self._cache_file = own
+        return found
 
     def save_overload(self, sig, data):
         """Keep what was compiled; where that cannot be done any more it stays in memory."""

@@ -105,6 +105,22 @@ def test_where_nothing_can_be_written_it_works(copied, temporary):
         assert answers[0][2] == 'None'
 
 
+def test_what_was_compiled_at_installation_is_used_where_nothing_can_be_written(copied):
+    assert run(copied, MARCH)[:2] == (1.0, 0)
+    installed = copied / 'dlo_planner' / '__pycache__'
+    for path in (*copied.rglob('*'), copied):
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    code = AS_NOBODY + NOWHERE_TEMPORARY + MARCH
+    value, hits, where = run(copied, code, HOME=None, PYTHONDONTWRITEBYTECODE='1')
+    assert (value, hits, Path(where).parent) == (1.0, 1, installed)
+    # a user who can write keeps what is missing there, and uses the rest
+    with tempfile.TemporaryDirectory() as home:
+        os.chmod(home, 0o777)
+        value, hits, where = run(copied, AS_NOBODY + MARCH, HOME=home, PYTHONDONTWRITEBYTECODE='1')
+        assert (value, hits) == (1.0, 1)
+        assert where.startswith(home) and not list(Path(where).iterdir())
+
+
 def test_a_folder_that_somebody_else_could_fill_is_not_used(copied):
     (copied / 'dlo_planner' / '__pycache__').write_text('a file in the place of the folder')
     with tempfile.TemporaryDirectory() as free:

@@ -1,0 +1,107 @@
+"""Latched and ordinary publishers on one topic, each message heard once and in order."""
+
+import time
+
+import pytest
+import rclpy
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Int32
+
+from dlo_planner.ros.latched import Once, hear_latched
+from dlo_planner.ros.qos import CHANGES
+
+LATCHED = QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class AsGate:
+    """A node whose subscriptions take `always`, as those of a Gate do."""
+
+    def __init__(self, node):
+        self.node = node
+
+    def create_subscription(self, *arguments, always, **options):
+        assert always
+        return self.node.create_subscription(*arguments, **options)
+
+
+@pytest.fixture
+def pair(domain):
+    """Yield a node that sends, one that hears, what it heard, and a function that spins."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    sender, hearer = (Node(name, context=context) for name in ('sender', 'hearer'))
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(hearer)
+    heard = []
+
+    def spin(number, seconds=10.0):
+        end = time.monotonic() + seconds
+        while len(heard) < number and time.monotonic() < end:
+            executor.spin_once(timeout_sec=0.05)
+        for _ in range(10):  # what comes too much comes now
+            executor.spin_once(timeout_sec=0.02)
+        return heard
+
+    yield sender, hearer, heard, spin
+    executor.shutdown()
+    sender.destroy_node()
+    hearer.destroy_node()
+    rclpy.try_shutdown(context=context)
+
+
+def hear(hearer, heard):
+    hear_latched(AsGate(hearer), Int32, 'numbers', lambda msg: heard.append(msg.data), CHANGES,
+                 MutuallyExclusiveCallbackGroup())
+
+
+def wait_for(publisher, number):
+    end = time.monotonic() + 10
+    while publisher.get_subscription_count() < number and time.monotonic() < end:
+        time.sleep(0.01)
+
+
+def test_what_was_latched_before_is_heard_once(pair):
+    sender, hearer, heard, spin = pair
+    publisher = sender.create_publisher(Int32, 'numbers', LATCHED)
+    for number in range(3):
+        publisher.publish(Int32(data=number))
+    hear(hearer, heard)
+    assert spin(3) == [0, 1, 2]
+
+
+def test_what_is_latched_later_is_heard_once(pair):
+    sender, hearer, heard, spin = pair
+    publisher = sender.create_publisher(Int32, 'numbers', LATCHED)
+    hear(hearer, heard)
+    wait_for(publisher, 2)
+    for number in (1, 1, 2, 2):  # equal contents are messages of their own
+        publisher.publish(Int32(data=number))
+    assert spin(4) == [1, 1, 2, 2]
+
+
+def test_an_ordinary_publisher_is_heard(pair):
+    sender, hearer, heard, spin = pair
+    publisher = sender.create_publisher(Int32, 'numbers', QoSProfile(depth=10))
+    hear(hearer, heard)
+    wait_for(publisher, 1)
+    for number in range(5):
+        publisher.publish(Int32(data=number))
+    assert spin(5) == [0, 1, 2, 3, 4]
+
+
+def test_messages_without_a_time_are_not_taken_for_copies():
+    heard = []
+    once = Once(heard.append)
+    for number in range(3):
+        once(number, {'source_timestamp': 0})
+    assert heard == [0, 1, 2]
+
+
+def test_memory_stays_small():
+    once = Once(lambda _: None)
+    for number in range(20_000):
+        once(number, {'source_timestamp': number + 1, 'publication_sequence_number': number})
+    assert len(once._seen) < 5000
