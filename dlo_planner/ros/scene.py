@@ -62,8 +62,7 @@ class Scene:
     def keeps_plans(self, other: 'Scene') -> bool:
         """Whether what was planned and proved in this Scene holds in another one."""
         return all(getattr(self, name) == getattr(other, name) for name in (
-            'frame_id', 'direct', 'inverse', 'tool', 'limits', 'tolerance', 'gripper_clearance',
-            'cutout_radius'))
+            'frame_id', 'direct', 'inverse', 'tool', 'limits', 'cutout_radius'))
 
 
 def build_scene(values, obstacles=()):

@@ -67,7 +67,7 @@ class Surroundings:
             names = ', '.join(f'{name} = {value}' for name, value in changed.items()
                               if value != state.values[name])
             self._change(scene, Cause.PARAMETERS_CHANGED,
-                         f'parameters changed ({names}): plan again', values=values)
+                         f'parameters changed ({names})', values=values)
 
     def _on_obstacles(self, msg):
         with self._reporter.answering('obstacles', told=False), self._store.rebuilding:
@@ -79,14 +79,15 @@ class Surroundings:
             changed = [key for key in {**before.bodies, **bodies}
                        if before.bodies.get(key) != bodies.get(key)]
             scene = build_scene(before.values, tuple(bodies.values()))
-            reason = f'obstacles changed ({listed(changed)}): plan again'
-            state = self._change(scene, Cause.OBSTACLES_CHANGED, reason, bodies=bodies)
+            reason = f'obstacles changed ({listed(changed)})'
+            self._change(scene, Cause.OBSTACLES_CHANGED, reason, bodies=bodies)
             self._drawing.draw('obstacles', obstacle_markers(
                 tuple(bodies.values()), len(before.bodies), scene.frame_id,
                 self._node.get_clock().now().to_msg()))
-        if before.executing and state.execution.cause == Cause.OBSTACLES_CHANGED:
+        if before.executing:  # it stops already: what is said of it now does not delay that
             said = in_the_way(before, {key: bodies[key] for key in changed if key in bodies})
-            self._reporter.failed('execute', Cause.OBSTACLES_CHANGED, f'{reason}; {said}')
+            self._store.change(lambda now: now.detailed(Cause.OBSTACLES_CHANGED,
+                                                        f'{reason}: {said}'))
 
     def _change(self, scene, cause, reason, **parts):
         before = self._store.state
@@ -94,7 +95,6 @@ class Surroundings:
         if before.made is not None and state.made is None:
             self._health.plan_void(reason)
             self._reporter.info(f'the plan is void: {reason}')
-        return state
 
 
 def bodies_after(state: State, msg: MarkerArray) -> dict:

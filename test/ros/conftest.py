@@ -21,7 +21,9 @@ def planner(domain, tmp_path_factory):
     with running_planner(tmp_path_factory.mktemp('planner'), '--params-file',
                          str(ROOT / 'config' / 'copper_wire.yaml'),
                          '-p', 'diagnostics_period:=0.1', '-p', 'rod.diameter:=0.0015',
-                         '-p', 'threading.waypoints:=25') as running:
+                         '-p', 'threading.waypoints:=25',
+                         # of a robot, 0.1 s; a busy machine for tests is later than that
+                         '-p', 'incoming_command_timeout:=0.5') as running:
         yield running
 
 
