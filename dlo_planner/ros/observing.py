@@ -6,7 +6,7 @@ gripper was at its stamp; the faster the gripper moved then, the less it counts.
 
 from collections import deque
 from dataclasses import dataclass, field
-from threading import Lock
+from threading import Condition
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -27,6 +27,7 @@ _SAG, _WEIGHT = 0.5, 9.81  # of the length: how far weight bends a soft DLO; m/s
 _MOST_POINTS = 100   # of a cloud: more tell little more and take long
 _LEAST_POINTS = 3
 _SAMPLED = 65        # places of the DLO from which points are measured
+_PATIENCE = 0.1      # s that the gripper's pose may come later than a cloud of its time
 _STILL = 2e-3        # m/s: what noise of the poses alone gives
 
 
@@ -74,7 +75,7 @@ class Observing:
         self._observer = Observer(simulator, seeing.spread, noise=seeing.noise, bias=seeing.bias,
                                   cutout=seeing.cutout, outliers=seeing.outliers,
                                   sway=seeing.sway)
-        self._lock = Lock()
+        self._lock = Condition()
         self._grippers = deque(maxlen=_REMEMBERED)  # (stamp, Pose)
         self.reset()
 
@@ -93,6 +94,7 @@ class Observing:
         with self._lock:
             if not self._grippers or stamp > self._grippers[-1][0]:
                 self._grippers.append((stamp, pose))
+                self._lock.notify_all()
 
     def due(self, stamp: float) -> bool:
         """Return whether a cloud of this stamp (s) should be looked at."""
@@ -112,7 +114,9 @@ class Observing:
         if len(points) < _LEAST_POINTS:
             raise InvalidTask(f'observed_points has {len(points)} points: expected {_LEAST_POINTS} '
                               'at least')
-        with self._lock:
+        with self._lock:  # a cloud may be quicker than the gripper's next pose
+            self._lock.wait_for(lambda: self._grippers and self._grippers[-1][0] >= stamp,
+                                _PATIENCE)
             known, estimate = list(self._grippers), self._estimate
         if not known or not known[0][0] <= stamp <= known[-1][0]:
             span = f'{known[0][0]:.3f} to {known[-1][0]:.3f} s' if known else 'none'

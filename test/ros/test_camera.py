@@ -1,0 +1,194 @@
+"""The closed loop in the node: a tracker's points in, identified parameters and corrections out."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+import rclpy
+from closed_loops import Truth
+from planner_process import connected_client, drain
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import PointCloud2
+
+from dlo_planner import CutOut, Pose, Rod, Spread
+from dlo_planner.inverse.predicted_miss import crossing
+from dlo_planner.ros.causes import Cause
+from dlo_planner.ros.executor import PatientExecutor
+from dlo_planner.ros.follower import Follower
+from dlo_planner.ros.planner_node import PlannerNode
+from dlo_planner.ros.qos import LATEST
+from msg_helpers.clouds import cloud_msg
+
+# short and stiff: it is threaded within seconds
+WIRE = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)
+HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0.1)), radius=2.5e-3)
+START = Pose.looking_along((-0.36, -0.1, 1.02), (1, 0, 0))
+SPREAD = Spread(0.05, 0.05, 0.02, natural_curvature=0.3, gripper_position=5e-4,
+                gripper_rotation=3.5e-3)
+OVERRIDES = {'rod.length': 0.3, 'rod.diameter': 1e-3, 'diagnostics_period': 0.1,
+             'threading.waypoints': 12, 'threading.deepest': 0.35, 'threading.standoff': 0.02,
+             'threading.linear_speed': 0.2, 'threading.angular_speed': 1.0,
+             'threading.tolerance': 1e-3, 'cutouts.radius': 2.5e-3,
+             'incoming_command_timeout': 0.5, 'execute.longest_pause': 2.0,
+             'observe.noise': 3e-4, 'observe.period': 0.05, 'observe.correction_period': 0.2,
+             'spread.natural_curvature': 0.3, 'spread.curvature_variation': 0.0}
+
+
+@pytest.fixture(scope='module')
+def node(domain):
+    """Yield a PlannerNode that is served by a thread."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    planner = PlannerNode(context=context, parameter_overrides=[
+        Parameter(name, value=value) for name, value in OVERRIDES.items()])
+    executor = PatientExecutor(8, context=context)
+    executor.add_node(planner)
+    ended = threading.Event()
+
+    def serve():
+        while not ended.is_set():
+            executor.spin_once(timeout_sec=0.05)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    yield planner
+    ended.set()
+    thread.join()
+    executor.shutdown()
+    planner.destroy_node()
+    rclpy.try_shutdown(context=context)
+
+
+class _Alive:
+    log = ''
+
+    def alive(self):
+        return True
+
+
+@pytest.fixture(scope='module')
+def client(node):
+    with connected_client(_Alive()) as connected:
+        yield connected
+
+
+@pytest.fixture
+def robot(client):
+    robot = Follower(client.node, '/dlo_planner', START, rate=100.0)
+    yield robot
+    robot.close()
+
+
+class Tracker:
+    """Publishes points of a true DLO that hangs in the robot's gripper."""
+
+    def __init__(self, client, robot, truth):
+        self._client, self._robot, self._truth = client, robot, truth
+        self._rng = np.random.default_rng(3)
+        self.out = client.node.create_publisher(PointCloud2, '/dlo_planner/observed_points', LATEST)
+        self._timer = client.node.create_timer(1 / 15, self.publish)
+
+    def publish(self):
+        """Publish a cloud as it is now."""
+        shape = self._truth.shape(self._robot._pose)
+        points = shape.positions_at(np.linspace(0, 1, 20) * shape.s[-1])
+        points += 3e-4 * self._rng.standard_normal(points.shape)
+        self.out.publish(cloud_msg(points, 'world', self._client.node.get_clock().now().to_msg()))
+
+    def close(self):
+        """Stop publishing."""
+        self._client.node.destroy_timer(self._timer)
+        self._client.node.destroy_publisher(self.out)
+
+
+@pytest.fixture
+def truth():
+    return Truth.drawn(np.random.default_rng(8), WIRE, SPREAD)
+
+
+@pytest.fixture
+def tracker(client, robot, truth):
+    tracker = Tracker(client, robot, truth)
+    yield tracker
+    tracker.close()
+
+
+def values(client):
+    drain(client.diagnostics)
+    return {item.key: item.value for item in client.diagnostics.get(timeout=5).status[0].values}
+
+
+def until(wanted, timeout=20.0):
+    end = time.monotonic() + timeout
+    while not wanted() and time.monotonic() < end:
+        time.sleep(0.05)
+    assert wanted()
+
+
+def state(node):
+    return node._parts.store.state
+
+
+@pytest.fixture
+def restored(client, node):
+    """Give back the parameters that are changed, and forget what was seen."""
+    before = dict(state(node).values)
+    yield before
+    changed = {name.replace('.', '__'): value for name, value in state(node).values.items()
+               if value != before[name]}
+    if changed:
+        client.set_parameters(**changed | {name: before[name.replace('__', '.')]
+                                           for name in changed})
+    client.trigger('reset')
+
+
+def test_nothing_seen_nothing_identified(client):
+    client.trigger('reset')
+    answer = client.trigger('identify')
+    assert not answer.success
+    assert 'nothing of the DLO was seen since ~/reset' in answer.message
+    assert client.status_of('identify')[0] == Cause.NOTHING_SEEN
+
+
+def test_what_is_seen_is_identified_and_counts_from_then_on(client, node, tracker, truth, restored):
+    until(lambda: int(values(client).get('estimate looks', 0)) >= 15)
+    before = np.abs(state(node).scene.direct.solve(START).positions[-1]
+                    - truth.shape(START).positions[-1]).max()
+    answer = client.trigger('identify')
+    assert answer.success, answer.message
+    assert 'natural_curvature' in answer.message
+    scene = state(node).scene
+    assert state(node).values['rod.youngs_modulus'] != restored['rod.youngs_modulus']
+    after = scene.direct.solve(START.compose(scene.tool)).positions[-1]
+    assert np.abs(after - truth.shape(START).positions[-1]).max() < 0.2 * before
+    until(lambda: int(values(client)['estimate looks']) < 15)  # the new DLO is observed anew
+
+
+def test_an_execution_is_corrected_by_what_is_seen(client, node, robot, tracker, truth, restored):
+    until(lambda: int(values(client).get('estimate looks', 0)) >= 10)
+    path, _ = client.plan_threading(START, HOLE.pose)
+    assert client.proof(path)['report'] == 'held'
+    plan = state(node).made.plan
+    answer = client.trigger('execute')
+    assert answer.success, answer.message
+    assert client.execution_in('succeeded', 'stopped', timeout=30.0)[2]['state'] == 'succeeded'
+    assert int(values(client)['corrections']) >= 1
+    time.sleep(0.3)
+    centre, s, normal = plan.passes[-1][0]
+    missed = [np.linalg.norm(crossing(truth.shape(gripper), centre, normal, s)[0])
+              for gripper in (plan.grippers[-1], robot._pose)]
+    assert missed[1] < 1e-3 < 0.5 * missed[0]
+
+
+def test_clouds_that_make_no_sense_are_refused_and_named(client, node, robot, truth):
+    tracker = Tracker(client, robot, truth)
+    try:
+        for msg, said in (
+                (cloud_msg(np.ones((5, 3)), 'camera'), "'camera': expected 'world'"),
+                (cloud_msg(np.ones((2, 3)), 'world'), 'observed_points has 2 points'),
+                (PointCloud2(), 'header.frame_id')):
+            msg.header.stamp = client.node.get_clock().now().to_msg()
+            until(lambda: tracker.out.publish(msg) or said in values(client)['last error'])  # noqa: B023
+    finally:
+        tracker.close()
