@@ -157,6 +157,10 @@ class Steered(Value):
         accelerations[:, :3] += shifted[2]
         return poses, speeds, accelerations
 
+    def progress(self, times: ArrayLike) -> np.ndarray:
+        """Return the plan's own times (n,) that are reached at `times` s, as the trajectory's."""
+        return self.trajectory.progress(times)
+
     def _offsets(self, times):
         """Return the sum of all changes and its first two derivatives, (3, n, 6)."""
         out = np.zeros((3, times.size, 6))

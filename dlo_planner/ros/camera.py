@@ -13,6 +13,7 @@ from std_srvs.srv import Trigger
 
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.inverse.correction import correct
+from dlo_planner.inverse.estimate import Estimate
 from dlo_planner.inverse.steering import Steered
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.causes import Cause, Refused
@@ -42,6 +43,7 @@ class Camera:
         self._set, self._lock = set_parameters, Lock()
         self._grippers = deque(maxlen=_REMEMBERED)  # (stamp, Pose of the tool frame)
         self._at = None, None, 0  # Scene, Observing of its DLO or None, State.resets
+        self._identified = None  # Estimate of which the parameters are being made
         self._corrected = None, -np.inf, None  # running plan, when, the last Correction
         self._seen = -np.inf, np.nan  # stamp, deviation from the plan
         node.create_subscription(PointCloud2, '~/observed_points', self._on_points, LATEST,
@@ -84,7 +86,8 @@ class Camera:
             known, observing, resets = self._at
             if known is None or (known.seeing, known.tool, known.direct.rod) != (
                     scene.seeing, scene.tool, scene.direct.rod):
-                observing = observing_of(scene, list(self._grippers))
+                observing = observing_of(scene, list(self._grippers), self._identified)
+                self._identified = None
             elif resets != state.resets and observing is not None:
                 observing.reset()
             self._at = scene, observing, state.resets
@@ -136,23 +139,26 @@ class Camera:
                 raise Refused(Cause.NOTHING_SEEN, 'nothing of the DLO was seen since ~/reset: '
                               'expected points on ~/observed_points, and spread.* above 0')
             changed = identified(estimate, dict(state.values))
+            self._identified = estimate
             for result in self._set([Parameter(name, value=value)
                                      for name, value in changed.items()]):
                 if not result.successful:
                     raise Refused(Cause.INVALID_PARAMETER, result.reason)
+            self._observing_of(self._store.state)  # from now on; what was told stays told
             outcome.message = told(estimate)
             outcome.values = {name: str(value) for name, value in changed.items()}
         return response
 
 
-def observing_of(scene: Scene, grippers: list) -> Observing | None:
+def observing_of(scene: Scene, grippers: list, known: Estimate | None) -> Observing | None:
     """Return a new Observing, None where the DLO cannot be observed or nothing is uncertain.
 
     Args:
         scene: Scene; grippers: (stamp, Pose of the tool frame) that are known
+        known: Estimate of which the scene was made, or None
     """
     try:
-        made = Observing(scene.direct, scene.seeing)
+        made = Observing(scene.direct, scene.seeing, known)
     except InvalidTask:
         return None
     for stamp, pose in grippers:

@@ -5,7 +5,7 @@ gripper was at its stamp; the faster the gripper moved then, the less it counts.
 """
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from threading import Condition
 
 import numpy as np
@@ -16,6 +16,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.estimate import Estimate
 from dlo_planner.inverse.observation import Observation
 from dlo_planner.inverse.observer import Observer
+from dlo_planner.inverse.periods import slowest_period
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.stamped import gripper_at
 from dlo_planner.inverse.tolerance import Spread
@@ -28,7 +29,9 @@ _MOST_POINTS = 100   # of a cloud: more tell little more and take long
 _LEAST_POINTS = 3
 _SAMPLED = 65        # places of the DLO from which points are measured
 _PATIENCE = 0.1      # s that the gripper's pose may come later than a cloud of its time
-_STILL = 2e-3        # m/s: what noise of the poses alone gives
+_STILL, _EVEN = 2e-3, 5e-3  # m/s, m/s^2: what noise of the poses alone gives
+_LONGEST_SWING = 2.0 # s
+_NEAR = 12           # poses of which a motion is told
 
 
 @dataclass(frozen=True)
@@ -65,16 +68,20 @@ class Observing:
     Args:
         simulator: DirectSimulator of the DLO as stated
         seeing: Seeing
+        known: Estimate by which it was stated so; what that was sure of stays sure
 
     Raises:
         InvalidTask: the DLO cannot be observed, or nothing of it is uncertain
     """
 
-    def __init__(self, simulator: DirectSimulator, seeing: Seeing):
+    def __init__(self, simulator: DirectSimulator, seeing: Seeing, known: Estimate | None = None):
         self._seeing = seeing
         self._observer = Observer(simulator, seeing.spread, noise=seeing.noise, bias=seeing.bias,
                                   cutout=seeing.cutout, outliers=seeing.outliers,
                                   sway=seeing.sway)
+        self._first = self._observer.begin()
+        if known is not None and known.names == self._first.names:
+            self._first = replace(self._first, covariance=known.covariance)
         self._lock = Condition()
         self._grippers = deque(maxlen=_REMEMBERED)  # (stamp, Pose)
         self.reset()
@@ -85,9 +92,9 @@ class Observing:
         return self._estimate
 
     def reset(self) -> None:
-        """Forget what was seen."""
+        """Forget what was seen since it began."""
         with self._lock:
-            self._estimate, self._last = self._observer.begin(), -np.inf
+            self._estimate, self._last = self._first, -np.inf
 
     def gripper(self, stamp: float, pose: Pose) -> None:
         """Take in where the gripper frame was at a stamp (s); older ones than the last are lost."""
@@ -123,8 +130,7 @@ class Observing:
             raise InvalidTask(f'observed_points.header.stamp = {stamp:.3f} s: expected a time of '
                               f'which gripper poses are known: {span}')
         stamps, poses = zip(*known, strict=True)
-        speed, acceleration = motion_at(stamps, poses, stamp,
-                                        self._observer.uncertain.simulator.rod.length)
+        speed, acceleration = self._moving(stamps, poses, stamp)
         chosen = np.unique(np.linspace(0, len(points) - 1, min(len(points), _MOST_POINTS)).astype(
             int))
         seen = Observation(gripper_at(stamps, poses, stamp), points[chosen])
@@ -140,11 +146,18 @@ class Observing:
             raise InvalidTask('observed_points: no equilibrium of the DLO explains them')
         return after
 
+    def _moving(self, stamps, poses, stamp):
+        """Return the speed, m/s, and the largest acceleration during the last swing, m/s^2."""
+        rod = self._observer.uncertain.simulator.rod
+        times = np.arange(stamp, stamp - min(slowest_period(rod), _LONGEST_SWING), -_ABOUT)
+        found = [motion_at(stamps, poses, time, rod.length) for time in times]
+        return found[0][0], max(acceleration for _, acceleration in found)
+
     def _weighed(self, count, speed, acceleration):
         """Return noise and sway (m) of a look: more of both in motion."""
         seeing, length = self._seeing, self._observer.uncertain.simulator.rod.length
         late = np.sqrt(count) * seeing.stamps * max(speed - _STILL, 0.0)
-        bent = _SAG * length * acceleration / _WEIGHT if speed > _STILL else 0.0
+        bent = _SAG * length * max(acceleration - _EVEN, 0.0) / _WEIGHT
         return float(np.hypot(seeing.noise, late)), float(np.hypot(seeing.sway, bent))
 
 
@@ -177,9 +190,10 @@ def motion_at(stamps, poses, stamp, length) -> tuple[float, float]:
     A parabola is laid through what is known near that time; the far end of a DLO of this `length`
     (m) counts, where the body turns.
     """
-    near = [k for k, one in enumerate(stamps) if abs(one - stamp) <= _ABOUT]
-    if len(near) < 3:
+    low, high = np.searchsorted(stamps, (stamp - _ABOUT, stamp + _ABOUT))
+    if high - low < 3:
         return 0.0, 0.0
+    near = np.unique(np.linspace(low, high - 1, min(high - low, _NEAR)).astype(int))
     times = np.array([stamps[k] - stamp for k in near])
     last = poses[near[-1]].rotation
     turns = Rotation.from_matrix([poses[k].rotation @ last.T for k in near]).as_rotvec()

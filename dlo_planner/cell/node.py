@@ -1,0 +1,198 @@
+"""The cell as a ROS node: a robot with a DLO that is not quite as stated, and a camera.
+
+python -m dlo_planner.cell.node --ros-args -p dlo:='wire 1.5' -p unknown:=much
+
+It follows a planner's `gripper_command`, and publishes what a real cell would: the gripper's pose
+and the points of the DLO that its tracker sees. What came of the task is on `~/outcome`.
+"""
+
+import sys
+from contextlib import suppress
+from threading import Event, Lock, Thread
+from time import monotonic
+
+import numpy as np
+import rclpy
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
+
+from dlo_planner.cell.camera import BAD, GOOD, Viewer
+from dlo_planner.cell.plant import Plant
+from dlo_planner.cell.run import STEP
+from dlo_planner.cell.tasks import draw_task
+from dlo_planner.cell.truth import NOTHING_UNKNOWN, UNCERTAIN, VERY_UNCERTAIN
+from dlo_planner.errors import DloPlannerError, NotConverged
+from dlo_planner.model.pose import Pose
+from msg_helpers.clouds import cloud_msg
+from msg_helpers.diagnostics import ERROR, OK, WARN, status_msg
+from msg_helpers.paths import plan_path
+from msg_helpers.poses import pose_from_stamped, pose_stamped_msg
+
+UNKNOWNS = {'nothing': (NOTHING_UNKNOWN, GOOD), 'much': (UNCERTAIN, GOOD),
+            'more': (VERY_UNCERTAIN, BAD)}
+TOUCH = 0.05   # N, below which nobody minds
+_FRAME = 'world'
+_PERIOD = 0.01  # s between two poses
+_TOLD = 0.5     # s between outcomes and pictures of the DLO
+_STOP = 5.0     # N, at which a robot stops
+_NODES = 65     # of the DLO as it is published
+_RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+_LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_PARAMETERS = {
+    'planner': ('/dlo_planner', 'Full name of the planner node.'),
+    'task': (0, 'Seed of the task: hole and start pose, see `draw_task`.'),
+    'dlo': ('wire 1.5', 'wire 1.5 | wire 2 | hose | leaf spring.'),
+    'radius': (0.005, 'Of the hole, m; 0: drawn.'),
+    'unknown': ('much', 'What the planner does not know: nothing | much | more.'),
+    'seed': (0, 'Of what is unknown and of the camera\'s errors.'),
+    'damping': (0.005, 'Ratio, of the slowest vibration.')}
+
+
+class CellNode(Node):
+    """A plant in real time, or slower where the machine is.
+
+    Raises:
+        DloPlannerError: a parameter makes no sense, or MuJoCo is not installed
+    """
+
+    def __init__(self, **options):
+        super().__init__('dlo_cell', **options)
+        values = {name: self.declare_parameter(name, default, ParameterDescriptor(
+            description=text, read_only=True)).value
+            for name, (default, text) in _PARAMETERS.items()}
+        if values['unknown'] not in UNKNOWNS:
+            raise DloPlannerError(f'parameter unknown = {values["unknown"]!r}: expected one of '
+                                  f'{", ".join(UNKNOWNS)}')
+        self.task = draw_task(values['task'], values['dlo'], values['radius'] or None)
+        self._values, self._lock, self._over = values, Lock(), Event()
+        self._wanted = None   # the last command, a Pose
+        self._begin()
+        planner = values['planner'].rstrip('/')
+        self._pose_out = self.create_publisher(PoseStamped, f'{planner}/gripper_pose',
+                                               qos_profile_sensor_data)
+        self._cloud_out = self.create_publisher(PointCloud2, f'{planner}/observed_points',
+                                                qos_profile_sensor_data)
+        self._shape_out = self.create_publisher(Path, '~/shape', _LATCHED)
+        self._cutout_out = self.create_publisher(PoseStamped, '~/cutout', _LATCHED)
+        self._outcome_out = self.create_publisher(DiagnosticStatus, '~/outcome', _LATCHED)
+        self.create_subscription(PoseStamped, f'{planner}/gripper_command', self._on_command,
+                                 _RELIABLE)
+        self.create_service(Trigger, '~/restart', self._on_restart)
+        self._cutout_out.publish(pose_stamped_msg(self.task.cutout.pose, _FRAME, self._now()))
+        self._thread = Thread(target=self._run, name='plant', daemon=True)
+        self._thread.start()
+
+    def _begin(self):
+        """Hang the DLO at rest in the gripper at its start pose."""
+        unknowns, camera = UNKNOWNS[self._values['unknown']]
+        rng = np.random.default_rng([self._values['seed'], 78])
+        truth = unknowns.draw(rng)
+        self._plant = Plant(self.task.rod, self.task.start, [self.task.sheet], truth=truth,
+                            step=STEP, damping=self._values['damping'])
+        self._viewer, self._miss, self._broken = Viewer(camera, rng), np.nan, ''
+
+    def _on_command(self, msg):
+        with suppress(DloPlannerError), self._lock:
+            self._wanted = pose_from_stamped(msg, _FRAME, 'gripper_command')
+
+    def _on_restart(self, _, response):
+        with self._lock:
+            self._wanted = None
+            self._begin()
+        response.success, response.message = True, 'the DLO hangs at rest at the start pose'
+        return response
+
+    def destroy_node(self):
+        """Let time stand still."""
+        self._over.set()
+        self._thread.join(timeout=5.0)
+        super().destroy_node()
+
+    # ---- time -------------------------------------------------------------------------------
+
+    def _run(self):
+        due, told = monotonic(), -np.inf
+        while not self._over.wait(max(due - monotonic(), 0.0)):
+            due = max(due + _PERIOD, monotonic() - _PERIOD)  # a slow machine is not caught up with
+            with self._lock:
+                self._step()
+            if monotonic() - told >= _TOLD:
+                told = monotonic()
+                self._tell()
+
+    def _step(self):
+        plant, broken = self._plant, self._broken
+        pose = plant.commanded if self._wanted is None or broken else self._wanted
+        try:
+            if not broken:
+                plant.move(pose, _PERIOD)
+        except NotConverged as error:
+            self._broken = str(error)
+        if plant.largest_forces.max(initial=0.0) > _STOP:
+            self._broken = f'a force of {plant.largest_forces.max():.3g} N: the robot stops'
+        passage = plant.passage(self.task.cutout)
+        if passage.depth > 0:
+            self._miss = float(np.fmax(self._miss, passage.miss))
+        now = self.get_clock().now().nanoseconds
+        self._pose_out.publish(pose_stamped_msg(plant.commanded, _FRAME, _stamp(now)))
+        for image in self._viewer.images(plant, self.task.cutout):
+            age = int(1e9 * (plant.time - image.stamp))
+            self._cloud_out.publish(cloud_msg(image.points, _FRAME, _stamp(now - age)))
+
+    def _tell(self):
+        plant, task = self._plant, self.task
+        self._shape_out.publish(plan_path(seen(plant), np.zeros(_NODES), _FRAME, self._now()))
+        depth, force = plant.passage(task.cutout).depth, plant.largest_forces.max(initial=0.0)
+        threaded = depth > 0.99 * task.depth and self._miss < task.cutout.radius
+        level = ERROR if self._broken else WARN if force > TOUCH else OK
+        message = self._broken or ('threaded' if threaded else 'under way')
+        self._outcome_out.publish(status_msg('dlo_cell: task', task.name, level, message, {
+            'threaded': threaded, 'depth [m]': float(depth), 'of [m]': float(task.depth),
+            'largest miss [m]': self._miss, 'room [m]': float(task.room),
+            'largest force [N]': float(force), 'touched': bool(force > TOUCH)}))
+
+    def _now(self):
+        return self.get_clock().now().to_msg()
+
+
+def seen(plant: Plant) -> list[Pose]:
+    """Return Poses along the DLO, x axis = tangent."""
+    positions = plant.points(np.linspace(0, plant.length, _NODES))
+    tangents = np.gradient(positions, axis=0)
+    return [Pose.looking_along(*node) for node in zip(positions, tangents, strict=True)]
+
+
+def _stamp(nanoseconds):
+    return Time(sec=int(nanoseconds // 10**9), nanosec=int(nanoseconds % 10**9))
+
+
+def main(args=None):
+    """Run the cell until it is interrupted; return the exit status."""
+    rclpy.init(args=args)
+    node = None
+    try:
+        node = CellNode()
+        rclpy.spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except DloPlannerError as error:
+        print(f'dlo_cell: cannot start: {error}', file=sys.stderr)
+        return 1
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
