@@ -7,6 +7,7 @@ and the points of the DLO that its tracker sees. What came of the task is on `~/
 """
 
 import sys
+from collections import deque
 from contextlib import suppress
 from threading import Event, Lock, Thread
 from time import monotonic
@@ -43,6 +44,7 @@ _FRAME = 'world'
 _PERIOD = 0.01  # s between two poses
 _TOLD = 0.5     # s between outcomes and pictures of the DLO
 _STOP = 5.0     # N, at which a robot stops
+_REMEMBERED = 100
 _NODES = 65     # of the DLO as it is published
 _RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
@@ -99,6 +101,7 @@ class CellNode(Node):
         self._plant = Plant(self.task.rod, self.task.start, [self.task.sheet], truth=truth,
                             step=STEP, damping=self._values['damping'])
         self._viewer, self._miss, self._broken = Viewer(camera, rng), np.nan, ''
+        self._clock_of = deque(maxlen=_REMEMBERED)  # (plant's time, ns of the clock)
 
     def _on_command(self, msg):
         with suppress(DloPlannerError), self._lock:
@@ -143,10 +146,18 @@ class CellNode(Node):
         if passage.depth > 0:
             self._miss = float(np.fmax(self._miss, passage.miss))
         now = self.get_clock().now().nanoseconds
+        self._clock_of.append((plant.time, now))
         self._pose_out.publish(pose_stamped_msg(plant.commanded, _FRAME, _stamp(now)))
         for image in self._viewer.images(plant, self.task.cutout):
-            age = int(1e9 * (plant.time - image.stamp))
-            self._cloud_out.publish(cloud_msg(image.points, _FRAME, _stamp(now - age)))
+            self._cloud_out.publish(cloud_msg(image.points, _FRAME, self._stamped(image.stamp)))
+
+    def _stamped(self, time):
+        """Return the stamp of a time of the plant, which may be late against the clock."""
+        times = np.array([plant_time for plant_time, _ in self._clock_of])
+        last = self._clock_of[-1][1]
+        before = np.array([one - last for _, one in self._clock_of], dtype=float)  # ns, no rounding
+        error = max(time - times[-1], 0.0)  # a camera's stamps may be in the future
+        return _stamp(last + round(np.interp(time, times, before) + 1e9 * error))
 
     def _tell(self):
         plant, task = self._plant, self.task
