@@ -1,0 +1,87 @@
+"""Inverse kinematics: joint positions for a placement of the tool link."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+CLOSE = 1e-9      # m and rad: placed
+_REACHED = 1e-6   # m and rad: as good as placed, where rounding or a singularity ends the search
+_DAMPING = 1e-3   # of the squared error, against singular Jacobians
+_STEP = 0.5       # rad or m at most in one iteration
+_BORDER = 1e-3    # of a range: nearer to a limit counts as so near
+_CENTERING = 0.5  # rad of the joints per m and rad of the tool, at most, away from limits
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Joint positions (m,), and the displacement and rotation vector (6,) that are left."""
+
+    positions: np.ndarray
+    off: np.ndarray
+
+    @property
+    def reached(self):
+        """Whether the tool is where it should be, to 1e-6 m and rad."""
+        return bool(np.abs(self.off).max() <= _REACHED)
+
+
+def solve(chain, positions, target, iterations, clipped=False) -> Solved:
+    """Return what Newton's method makes of joint positions (m,).
+
+    The steps are the least ones in a metric in which joints near their limits are heavy (Chan and
+    Dubey, IEEE Transactions on Robotics and Automation 11, 1995), damped in proportion to the
+    squared error (Levenberg and Marquardt): quadratic convergence, and near what is out of reach
+    the nearest placement.
+
+    Args:
+        chain: Chain; target: position (3,) and rotation (3, 3) of the link in the root link
+        iterations: at most
+        clipped: whether joints stay within their limits on the way
+    """
+    best = None
+    for _ in range(iterations):
+        off, jacobian = chain.off(positions, *target)
+        if best is None or off @ off < best.off @ best.off:
+            best = Solved(positions, off)
+        if np.abs(off).max() < CLOSE:
+            break
+        step = _least_step(chain, positions, jacobian, off)
+        positions = positions + step * min(1.0, _STEP / np.abs(step).max())
+        if clipped:
+            positions = np.clip(positions, chain.lower, chain.upper)
+    return best
+
+
+def centered(chain, positions, target, way):
+    """Return positions (m,) from which to go on: nearer to the middles, the tool about unmoved.
+
+    Args:
+        target: where the tool goes next
+        way: m and rad that it goes
+    """
+    if positions.size <= 6 or way == 0:
+        return positions
+    slope = _slope(chain, positions)
+    heavy = np.hypot(1.0, slope)
+    _, jacobian = chain.off(positions, *target)
+    wish = -_CENTERING * way * slope / heavy
+    return positions + wish - _least_step(chain, positions, jacobian, jacobian @ wish, heavy)
+
+
+def _least_step(chain, positions, jacobian, off, heavy=None):
+    heavy = np.hypot(1.0, _slope(chain, positions)) if heavy is None else heavy
+    weighted = jacobian / heavy
+    normal = weighted @ jacobian.T
+    normal[np.diag_indices(6)] += _DAMPING * (off @ off) + 1e-14
+    return weighted.T @ np.linalg.solve(normal, off)
+
+
+def _slope(chain, positions):
+    """Return the slope (m,) of the sum of range^2 / (4 (upper - q) (q - lower)); 0 without one."""
+    span = chain.upper - chain.lower
+    limited = np.isfinite(span)
+    slope = np.zeros(positions.size)
+    span, lower = span[limited], chain.lower[limited]
+    part = np.clip((positions[limited] - lower) / span, _BORDER, 1 - _BORDER)
+    slope[limited] = (2 * part - 1) / (4 * span * (part * (1 - part))**2)
+    return slope
