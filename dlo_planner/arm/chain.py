@@ -88,11 +88,11 @@ def chain_of(urdf, tool_link, joints, fixed) -> Chain:
         InvalidTask: naming the argument
     """
     pin, root = pinocchio(), parsed('urdf', urdf)
-    followers = mimics(root)
     try:
         model = pin.buildModelFromXML(urdf)
     except Exception as error:  # Boost.Python: any may come
         raise InvalidTask(f'urdf = {shown(urdf)}: expected a robot; {error}') from None
+    followers = mimics(root)
     if not model.existFrame(tool_link, pin.BODY):
         links = [frame.name for frame in model.frames if frame.type == pin.BODY]
         raise InvalidTask(f'tool_link = {tool_link!r}: expected a link of the URDF, one of '

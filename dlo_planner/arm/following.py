@@ -31,12 +31,13 @@ def ways_between(targets) -> np.ndarray:
         for one, other in zip(targets, targets[1:], strict=False)])
 
 
-def followed(arm, targets, times, start, check) -> np.ndarray:
+def followed(arm, targets, times, start, centering, check) -> np.ndarray:
     """Return joint positions (n, m) that place the tool at n targets, each from the one before.
 
     Args:
         targets: n positions (3,) and rotations (3, 3) in the root link; times: (n,) s of them
         start: (m,) positions for the first one
+        centering: rad by which joints are drawn to their middles, per m and rad of the tool's way
         check: called now and then; it may raise
 
     Raises:
@@ -48,7 +49,8 @@ def followed(arm, targets, times, start, check) -> np.ndarray:
         if not ways[k]:
             out.append(out[-1])
             continue
-        found = solve(chain, centered(chain, out[-1], targets[k], ways[k]), targets[k], _ITERATIONS)
+        begin = centered(chain, out[-1], targets[k], centering * ways[k])
+        found = solve(chain, begin, targets[k], _ITERATIONS)
         judge_reach(found, times[k])
         moved = np.abs(found.positions - out[-1])
         if moved.max() > _JUMP:

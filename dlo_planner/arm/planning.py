@@ -1,6 +1,7 @@
 """A gripper's trajectory as the joint trajectory of an arm, with its proof."""
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,8 +12,9 @@ from dlo_planner.arm.following import Lost, followed, judge_steps, ways_between
 from dlo_planner.arm.joint_trajectory import JointTrajectory, quintic, turning_points
 from dlo_planner.arm.proof import judge_curve, smallest_distance, tool_errors
 from dlo_planner.arm.robot import Arm
+from dlo_planner.arm.solving import choices
 from dlo_planner.arm.starts import judge_self_collision, starts
-from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.timed_path import TimedPath
 from dlo_planner.model.checks import flag, instance
 from dlo_planner.model.pose import Pose
@@ -62,18 +64,26 @@ def joint_trajectory(trajectory: TimedPath, arm: Arm, tool: Pose | None = None, 
     course = _Course(trajectory, arm, (tool or Pose.identity()).inverse())
     rolls = _rolls() if flag('free_roll', free_roll) else [0.0]
     check, best = Progress(None, deadline).check, None
-    for roll in rolls:
-        rolled = course.rolled(roll)
+    for rolled in map(course.rolled, rolls):
+        found, best = _first(rolled, current, check, best)
+        if found is not None:
+            return found
+    raise _refusal(trajectory, best, len(rolls) > 1)
+
+
+def _first(course, current, check, best):
+    """Return the first JointTrajectory that is found, or None; and the best Lost until then."""
+    try:
+        begin = starts(course.arm, course.targets([0.0])[0], current)
+    except Lost as lost:
+        return None, _better(best, lost)
+    for start, centering in product(begin, choices(course.arm._chain)):
+        check()
         try:
-            for start in starts(arm, rolled.targets([0.0])[0], current):
-                try:
-                    return _made(rolled, start, check)
-                except Lost as lost:
-                    best = _better(best, lost)
+            return _made(course, start, centering, check), best
         except Lost as lost:
             best = _better(best, lost)
-        check()
-    raise _refusal(trajectory, best, len(rolls) > 1)
+    return None, best
 
 
 @dataclass(frozen=True)
@@ -111,13 +121,13 @@ class _Course:
                 for begin, end in zip(starts, starts[1:], strict=False)]
 
 
-def _made(course, start, check):
+def _made(course, start, centering, check):
     """Return the JointTrajectory that begins in a configuration (m,), or raise Lost."""
-    _looked_ahead(course, start, check)
+    _looked_ahead(course, start, centering, check)
     for halvings in range(_HALVINGS):
         legs = course.leg_times(_STEP / 2**halvings)
         times = np.unique(np.concatenate(legs))
-        positions = followed(course.arm, course.targets(times), times, start, check)
+        positions = followed(course.arm, course.targets(times), times, start, centering, check)
         points = times, positions, *_derivatives(legs, times, positions)
         curve = quintic(*points)
         between = 0.5 * (times[1:] + times[:-1])
@@ -138,14 +148,15 @@ def _made(course, start, check):
                            course.roll, course.arm._collision.missing)
 
 
-def _looked_ahead(course, start, check):
+def _looked_ahead(course, start, centering, check):
     """Raise Lost if a configuration cannot be followed in coarse steps already."""
     times = np.unique(np.concatenate(course.leg_times(_STEP)))
     targets = course.targets(times)
     far = np.cumsum(ways_between(targets))
     marks = np.linspace(0, far[-1], 2 + int(far[-1] / _COARSE))
     some = np.unique([0, *np.clip(np.searchsorted(far, marks), 0, times.size - 1), times.size - 1])
-    positions = followed(course.arm, [targets[k] for k in some], times[some], start, check)
+    positions = followed(course.arm, [targets[k] for k in some], times[some], start,
+                         centering, check)
     judge_steps(course.arm, positions, times[some])
     for one, time in zip(positions, times[some], strict=True):
         judge_self_collision(course.arm, one, time)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dlo_planner.arm.following import Lost, judge_limits, too_fast
+from dlo_planner.arm.following import judge_limits, too_fast
 from dlo_planner.arm.starts import judge_self_collision
 from dlo_planner.model.pose import angle_between
 

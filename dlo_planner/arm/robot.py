@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.arm.chain import chain_of
 from dlo_planner.arm.self_collision import SelfCollision
-from dlo_planner.errors import InvalidTask
+from dlo_planner.arm.urdf import parsed
 from dlo_planner.model.checks import instance, items, number, row, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import FrozenDict, Value, brief, put
@@ -49,7 +49,8 @@ class Arm(Value):
         instance('tool_link', self.tool_link, str)
         instance('base', self.base, Pose)
         instance('fixed', self.fixed, Mapping)
-        instance('srdf', self.srdf, str, optional=True)
+        if self.srdf is not None:
+            parsed('srdf', self.srdf)
         put(self, joints=items('joints', self.joints, str),
             packages=items('packages', self.packages, str),
             self_clearance=number('self_clearance', self.self_clearance, minimum=0),
@@ -102,16 +103,3 @@ class Arm(Value):
     @cached_property
     def _collision(self):
         return SelfCollision(self._chain, self.urdf, self.packages, self.srdf, self.self_clearance)
-
-
-def current_positions(arm: Arm, known: Mapping[str, float]) -> np.ndarray:
-    """Return the arm's joint positions (m,) out of those of a whole robot by name.
-
-    Raises:
-        InvalidTask: one is not among them
-    """
-    for name in arm.joints:
-        if name not in known:
-            raise InvalidTask(f'joint_states has no joint {name!r}: expected all of '
-                              f'{", ".join(arm.joints)}')
-    return arm.checked('joint_states', [known[name] for name in arm.joints])

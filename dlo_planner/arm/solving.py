@@ -8,8 +8,9 @@ CLOSE = 1e-9      # m and rad: placed
 _REACHED = 1e-6   # m and rad: as good as placed, where rounding or a singularity ends the search
 _DAMPING = 1e-3   # of the squared error, against singular Jacobians
 _STEP = 0.5       # rad or m at most in one iteration
+_COORDINATES = 6  # of the tool: an arm with more joints has a choice
+_CENTERINGS = 0.5, 2.0, 0.0
 _BORDER = 1e-3    # of a range: nearer to a limit counts as so near
-_CENTERING = 0.5  # rad of the joints per m and rad of the tool, at most, away from limits
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,11 @@ class Solved:
     def reached(self):
         """Whether the tool is where it should be, to 1e-6 m and rad."""
         return bool(np.abs(self.off).max() <= _REACHED)
+
+
+def choices(chain) -> tuple[float, ...]:
+    """Return how strongly the joints may be drawn to their middles, in rad per m and rad of way."""
+    return _CENTERINGS if len(chain.names) > _COORDINATES else (0.0,)
 
 
 def solve(chain, positions, target, iterations, clipped=False) -> Solved:
@@ -52,19 +58,19 @@ def solve(chain, positions, target, iterations, clipped=False) -> Solved:
     return best
 
 
-def centered(chain, positions, target, way):
+def centered(chain, positions, target, most):
     """Return positions (m,) from which to go on: nearer to the middles, the tool about unmoved.
 
     Args:
         target: where the tool goes next
-        way: m and rad that it goes
+        most: rad or m that a joint goes for it
     """
-    if positions.size <= 6 or way == 0:
+    if positions.size <= _COORDINATES or most == 0:
         return positions
     slope = _slope(chain, positions)
     heavy = np.hypot(1.0, slope)
     _, jacobian = chain.off(positions, *target)
-    wish = -_CENTERING * way * slope / heavy
+    wish = -most * slope / heavy
     return positions + wish - _least_step(chain, positions, jacobian, jacobian @ wish, heavy)
 
 
@@ -72,7 +78,7 @@ def _least_step(chain, positions, jacobian, off, heavy=None):
     heavy = np.hypot(1.0, _slope(chain, positions)) if heavy is None else heavy
     weighted = jacobian / heavy
     normal = weighted @ jacobian.T
-    normal[np.diag_indices(6)] += _DAMPING * (off @ off) + 1e-14
+    normal[np.diag_indices(_COORDINATES)] += _DAMPING * (off @ off) + 1e-14
     return weighted.T @ np.linalg.solve(normal, off)
 
 

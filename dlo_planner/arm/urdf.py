@@ -29,6 +29,12 @@ def parsed(name: str, text: str) -> ElementTree.Element:
     return root
 
 
+def single_joints(root: ElementTree.Element) -> set[str]:
+    """Return the names of the joints with one coordinate."""
+    return {joint.get('name') for joint in root.findall('joint')
+            if joint.get('type') in ('revolute', 'continuous', 'prismatic')}
+
+
 def mimics(root: ElementTree.Element) -> dict[str, tuple[str, float, float]]:
     """Return for each joint that follows another: its leader, multiplier and offset."""
     found = {}
