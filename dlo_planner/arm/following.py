@@ -16,7 +16,10 @@ class Lost(Exception):
     Attributes:
         words: why; time: s, where; constraint: short name; amount: by how much
         rank: of two, the larger one is nearer to a solution
+        attempt: arguments with which it can be tried again, or None
     """
+
+    attempt = None
 
     def __init__(self, words, time, constraint, amount, rank=None):
         super().__init__(words)
@@ -51,6 +54,8 @@ def followed(arm, targets, times, start, centering, check) -> np.ndarray:
             continue
         begin = centered(chain, out[-1], targets[k], centering * ways[k])
         found = solve(chain, begin, targets[k], _ITERATIONS)
+        if not found.reached:  # joints that are heavy near their limits may have hindered it
+            found = solve(chain, out[-1], targets[k], _ITERATIONS, plain=True)
         judge_reach(found, times[k])
         moved = np.abs(found.positions - out[-1])
         if moved.max() > _JUMP:

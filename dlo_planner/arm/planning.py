@@ -22,10 +22,11 @@ from dlo_planner.progress import Progress
 
 _STEP = 0.02           # s between points, where that is fine enough
 _LEAST, _MOST = 8, 20_000  # points of a leg, of all
-_COARSE = 0.02         # m and rad of the tool between points where configurations are compared
+_COARSE = 0.05         # m and rad of the tool between points where configurations are compared
 _OFF = 2e-5            # m and rad: the tool between points
 _HALVINGS = 4          # of the step
 _ROLLS = 24            # of the gripper about the DLO, tried in a full turn
+_ROLLED = 6            # configurations that are tried with each roll but 0
 
 
 def joint_trajectory(trajectory: TimedPath, arm: Arm, tool: Pose | None = None, *,
@@ -68,6 +69,11 @@ def joint_trajectory(trajectory: TimedPath, arm: Arm, tool: Pose | None = None, 
         found, best = _first(rolled, current, check, best)
         if found is not None:
             return found
+    if best.attempt is not None:  # what is known of it comes from coarse steps
+        try:
+            return _proved(*best.attempt, check)
+        except Lost as lost:
+            best = lost if lost.time <= best.time or lost.constraint == best.constraint else best
     raise _refusal(trajectory, best, len(rolls) > 1)
 
 
@@ -77,11 +83,14 @@ def _first(course, current, check, best):
         begin = starts(course.arm, course.targets([0.0])[0], current)
     except Lost as lost:
         return None, _better(best, lost)
-    for start, centering in product(begin, choices(course.arm._chain)):
+    attempts = list(product([course], begin, choices(course.arm._chain)))
+    for attempt in attempts[:_ROLLED] if course.roll else attempts:
         check()
         try:
-            return _made(course, start, centering, check), best
+            _look_ahead(*attempt, check)
+            return _proved(*attempt, check), best
         except Lost as lost:
+            lost.attempt = attempt
             best = _better(best, lost)
     return None, best
 
@@ -121,9 +130,8 @@ class _Course:
                 for begin, end in zip(starts, starts[1:], strict=False)]
 
 
-def _made(course, start, centering, check):
+def _proved(course, start, centering, check):
     """Return the JointTrajectory that begins in a configuration (m,), or raise Lost."""
-    _looked_ahead(course, start, centering, check)
     for halvings in range(_HALVINGS):
         legs = course.leg_times(_STEP / 2**halvings)
         times = np.unique(np.concatenate(legs))
@@ -148,7 +156,7 @@ def _made(course, start, centering, check):
                            course.roll, course.arm._collision.missing)
 
 
-def _looked_ahead(course, start, centering, check):
+def _look_ahead(course, start, centering, check):
     """Raise Lost if a configuration cannot be followed in coarse steps already."""
     times = np.unique(np.concatenate(course.leg_times(_STEP)))
     targets = course.targets(times)

@@ -31,7 +31,7 @@ def choices(chain) -> tuple[float, ...]:
     return _CENTERINGS if len(chain.names) > _COORDINATES else (0.0,)
 
 
-def solve(chain, positions, target, iterations, clipped=False) -> Solved:
+def solve(chain, positions, target, iterations, clipped=False, plain=False) -> Solved:
     """Return what Newton's method makes of joint positions (m,).
 
     The steps are the least ones in a metric in which joints near their limits are heavy (Chan and
@@ -43,6 +43,7 @@ def solve(chain, positions, target, iterations, clipped=False) -> Solved:
         chain: Chain; target: position (3,) and rotation (3, 3) of the link in the root link
         iterations: at most
         clipped: whether joints stay within their limits on the way
+        plain: whether all joints weigh the same
     """
     best = None
     for _ in range(iterations):
@@ -51,7 +52,8 @@ def solve(chain, positions, target, iterations, clipped=False) -> Solved:
             best = Solved(positions, off)
         if np.abs(off).max() < CLOSE:
             break
-        step = _least_step(chain, positions, jacobian, off)
+        heavy = np.ones(positions.size) if plain else _heavy(chain, positions)
+        step = _least_step(jacobian, off, heavy)
         positions = positions + step * min(1.0, _STEP / np.abs(step).max())
         if clipped:
             positions = np.clip(positions, chain.lower, chain.upper)
@@ -68,18 +70,21 @@ def centered(chain, positions, target, most):
     if positions.size <= _COORDINATES or most == 0:
         return positions
     slope = _slope(chain, positions)
-    heavy = np.hypot(1.0, slope)
+    heavy = _heavy(chain, positions)
     _, jacobian = chain.off(positions, *target)
     wish = -most * slope / heavy
-    return positions + wish - _least_step(chain, positions, jacobian, jacobian @ wish, heavy)
+    return positions + wish - _least_step(jacobian, jacobian @ wish, heavy)
 
 
-def _least_step(chain, positions, jacobian, off, heavy=None):
-    heavy = np.hypot(1.0, _slope(chain, positions)) if heavy is None else heavy
+def _least_step(jacobian, off, heavy):
     weighted = jacobian / heavy
     normal = weighted @ jacobian.T
     normal[np.diag_indices(_COORDINATES)] += _DAMPING * (off @ off) + 1e-14
     return weighted.T @ np.linalg.solve(normal, off)
+
+
+def _heavy(chain, positions):
+    return np.hypot(1.0, _slope(chain, positions))
 
 
 def _slope(chain, positions):

@@ -8,7 +8,6 @@ from dlo_planner.arm.solving import solve
 
 _SEEDS = 64
 _ITERATIONS = 80
-_MOST = 12        # configurations that are tried, the nearest ones first
 _ALIKE = 1e-2     # rad or m: configurations that are one
 _HERE = 0.02, 0.1  # m, rad: so near to the first target the tool is where it should be
 
@@ -56,7 +55,7 @@ def starts(arm, target, current) -> list[np.ndarray]:
                 good.append(nearest.positions)
     if not good:
         raise best
-    return sorted(good, key=lambda one: np.abs(one - reference).max())[:_MOST]
+    return sorted(good, key=lambda one: np.abs(one - reference).max())
 
 
 def judge_all(arm, found, time):
