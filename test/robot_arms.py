@@ -30,7 +30,6 @@ ROBOTS = _robots()
 PACKAGES = (str(ROBOTS.parent.parent),)  # the folder of the package example-robot-data
 PANDA_READY = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
 UR5_READY = np.array([0.3, -1.5, 1.8, -0.9, 1.2, 0.4])
-FAST = Limits(*(np.inf,) * 6)
 
 
 @cache

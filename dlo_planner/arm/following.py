@@ -1,9 +1,9 @@
 """Joint positions along a way of the tool: one configuration is followed, none is jumped to."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.arm.solving import centered, solve
-from dlo_planner.model.pose import angle_between
 
 _ITERATIONS = 30
 _JUMP = 0.5  # rad or m that a joint may go in one step
@@ -29,9 +29,9 @@ class Lost(Exception):
 
 def ways_between(targets) -> np.ndarray:
     """Return (n,) how far, in m and rad together, each target is from the one before; 0 first."""
-    return np.array([0.0] + [
-        np.linalg.norm(other[0] - one[0]) + angle_between(one[1], other[1])
-        for one, other in zip(targets, targets[1:], strict=False)])
+    places, turns = map(np.array, zip(*targets, strict=True))
+    angles = Rotation.from_matrix(turns[1:] @ turns[:-1].transpose(0, 2, 1)).magnitude()
+    return np.append(0.0, np.linalg.norm(np.diff(places, axis=0), axis=1) + angles)
 
 
 def followed(arm, targets, times, start, centering, check) -> np.ndarray:

@@ -19,9 +19,9 @@ def rolls_freely(simulator: DirectSimulator | GraspedInside, plan: Plan) -> bool
     Raises:
         InvalidTask: naming the argument
     """
-    instance('simulator', simulator, DirectSimulator | GraspedInside)
+    instance('simulator', simulator, (DirectSimulator, GraspedInside))
     instance('plan', plan, Plan)
     rod = simulator.rod
     round_ = rod.section is None or rod.section.kind != 'rectangular'
     loose = all(shape.far_end is None and shape.parts is None for shape in plan.shapes)
-    return round_ and loose and not rod.yields and rolls_are_alike(simulator)
+    return bool(round_ and loose and not rod.yields and rolls_are_alike(simulator))

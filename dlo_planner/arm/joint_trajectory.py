@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import array, figure, items, number, row
+from dlo_planner.model.checks import array, figure, items, number, row, shown
 from dlo_planner.model.value import Value, brief, put
 
 
@@ -49,15 +49,20 @@ class JointTrajectory(Value):
 
     def __post_init__(self):
         names = items('joint_names', self.joint_names, str, least=1)
+        if len(set(names)) < len(names):
+            raise InvalidTask(f'joint_names = {shown(names)}: expected each joint once')
         times = row('times', self.times, least=2, minimum=0)
         if times[0] != 0 or not (np.diff(times) > 0).all():
             raise InvalidTask(f'times = {times.tolist()[:4]} ...: expected 0, and then increasing '
                               'ones')
-        shape = times.size, len(names)
+        states = {name: array(name, getattr(self, name), (None, None))
+                  for name in ('positions', 'velocities', 'accelerations')}
+        for name, state in states.items():
+            if state.shape != (times.size, len(names)):
+                raise InvalidTask(f'{name} has shape {state.shape}: expected ({times.size}, '
+                                  f'{len(names)}), as many as times and joint_names')
         put(self, joint_names=names, times=times, roll=number('roll', self.roll),
-            not_looked_at=items('not_looked_at', self.not_looked_at, str),
-            **{name: array(name, getattr(self, name), shape)
-               for name in ('positions', 'velocities', 'accelerations')},
+            not_looked_at=items('not_looked_at', self.not_looked_at, str), **states,
             **{name: figure(name, getattr(self, name))
                for name in ('position_error', 'angle_error', 'self_clearance')})
         super().__post_init__()

@@ -1,6 +1,6 @@
 """A gripper's trajectory as the joint trajectory of an arm, with its proof."""
 
-from dataclasses import dataclass
+from copy import copy
 from itertools import product
 
 import numpy as np
@@ -26,7 +26,8 @@ _COARSE = 0.05         # m and rad of the tool between points where configuratio
 _OFF = 2e-5            # m and rad: the tool between points
 _HALVINGS = 4          # of the step
 _ROLLS = 24            # of the gripper about the DLO, tried in a full turn
-_ROLLED = 6            # configurations that are tried with each roll but 0
+_ROLLED = 8, 48        # configurations that are tried with each roll but 0; seeds for them
+_SEEDS = 64            # for configurations without a roll
 
 
 def joint_trajectory(trajectory: TimedPath, arm: Arm, tool: Pose | None = None, *,
@@ -39,7 +40,7 @@ def joint_trajectory(trajectory: TimedPath, arm: Arm, tool: Pose | None = None, 
     joints keep their limits, and links stay clear of each other, at the points and between. If the
     tool is at the beginning now, only the present configuration counts. Where no configuration does
     and `free_roll` is set, the gripper is rolled about the DLO by the same angle all the way, in
-    steps of 15 degrees, as little as it takes. Nothing is slowed down.
+    steps of 15 degrees, the least ones first. Nothing is slowed down.
 
     Not looked at: torques and accelerations of the joints, the arm against obstacles and the DLO.
 
@@ -80,11 +81,12 @@ def joint_trajectory(trajectory: TimedPath, arm: Arm, tool: Pose | None = None, 
 def _first(course, current, check, best):
     """Return the first JointTrajectory that is found, or None; and the best Lost until then."""
     try:
-        begin = starts(course.arm, course.targets([0.0])[0], current)
+        begin = starts(course.arm, course.targets([0.0])[0], current,
+                       _ROLLED[1] if course.roll else _SEEDS)
     except Lost as lost:
         return None, _better(best, lost)
     attempts = list(product([course], begin, choices(course.arm._chain)))
-    for attempt in attempts[:_ROLLED] if course.roll else attempts:
+    for attempt in attempts[:_ROLLED[0]] if course.roll else attempts:
         check()
         try:
             _look_ahead(*attempt, check)
@@ -95,36 +97,52 @@ def _first(course, current, check, best):
     return None, best
 
 
-@dataclass(frozen=True)
 class _Course:
     """Where the tool link has to be.
 
-    Attributes:
+    Args:
         trajectory: TimedPath; arm: Arm
         back: Pose of the tool link in the gripper frame
         roll: rad, by which the gripper is rolled
+
+    Attributes:
+        times: (n,) s, of the points with which configurations are compared
     """
 
-    trajectory: TimedPath
-    arm: Arm
-    back: Pose
-    roll: float = 0.0
+    def __init__(self, trajectory, arm, back, roll=0.0):
+        self._trajectory, self.arm, self._back, self.roll = trajectory, arm, back, roll
+        self._seen = {}  # times -> positions and rotations of the gripper in the root link
+        dense = np.unique(np.concatenate(self.leg_times(_STEP)))
+        far = np.cumsum(ways_between(self.targets(dense)))
+        marks = np.searchsorted(far, np.linspace(0, far[-1], 2 + int(far[-1] / _COARSE)))
+        self.times = dense[np.unique([0, *np.minimum(marks, dense.size - 1), dense.size - 1])]
 
     def rolled(self, roll):
+        """Return the same with the gripper rolled."""
+        other = copy(self)
         turn = Pose.from_rotation(np.zeros(3), Rotation.from_rotvec([roll, 0, 0]).as_matrix())
-        return _Course(self.trajectory, self.arm, turn.compose(self.back), roll)
+        other._back, other.roll = turn.compose(self._back), roll
+        return other
 
     def targets(self, times):
         """Return positions (3,) and rotations (3, 3) of the tool in the arm's root link."""
-        grippers, root = self.trajectory.at(times)[0], self.arm.base
+        key = np.asarray(times, dtype=float).tobytes()
+        if key not in self._seen:
+            self._seen[key] = self._grippers(times)
+        places, turns = self._seen[key]
+        return list(zip(places + turns @ self._back.position, turns @ self._back.rotation,
+                        strict=True))
+
+    def _grippers(self, times):
+        grippers, root = self._trajectory.at(times)[0], self.arm.base
         places, turns = (np.array([getattr(gripper, name) for gripper in grippers])
                          for name in ('position', 'rotation'))
-        places = (places + turns @ self.back.position - root.position) @ root.rotation
-        return list(zip(places, root.rotation.T @ turns @ self.back.rotation, strict=True))
+        return (places - root.position) @ root.rotation, root.rotation.T @ turns
 
     def leg_times(self, step):
         """Return for each leg the times (k,) of its points, its beginning and end among them."""
-        starts, most = self.trajectory.starts, _MOST // (len(self.trajectory.starts) - 1)
+        starts = self._trajectory.starts
+        most = _MOST // (len(starts) - 1)
         return [np.linspace(begin, end, 1 + int(np.clip(np.ceil((end - begin) / step),
                                                         _LEAST, max(most - 1, _LEAST))))
                 for begin, end in zip(starts, starts[1:], strict=False)]
@@ -158,15 +176,10 @@ def _proved(course, start, centering, check):
 
 def _look_ahead(course, start, centering, check):
     """Raise Lost if a configuration cannot be followed in coarse steps already."""
-    times = np.unique(np.concatenate(course.leg_times(_STEP)))
-    targets = course.targets(times)
-    far = np.cumsum(ways_between(targets))
-    marks = np.linspace(0, far[-1], 2 + int(far[-1] / _COARSE))
-    some = np.unique([0, *np.clip(np.searchsorted(far, marks), 0, times.size - 1), times.size - 1])
-    positions = followed(course.arm, [targets[k] for k in some], times[some], start,
-                         centering, check)
-    judge_steps(course.arm, positions, times[some])
-    for one, time in zip(positions, times[some], strict=True):
+    times = course.times
+    positions = followed(course.arm, course.targets(times), times, start, centering, check)
+    judge_steps(course.arm, positions, times)
+    for one, time in zip(positions, times, strict=True):
         judge_self_collision(course.arm, one, time)
 
 

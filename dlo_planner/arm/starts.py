@@ -6,7 +6,6 @@ from scipy.stats import qmc
 from dlo_planner.arm.following import Lost, judge_limits, judge_reach
 from dlo_planner.arm.solving import solve
 
-_SEEDS = 64
 _ITERATIONS = 80
 _ALIKE = 1e-2     # rad or m: configurations that are one
 _HERE = 0.02, 0.1  # m, rad: so near to the first target the tool is where it should be
@@ -20,7 +19,7 @@ def is_there(arm, target, current) -> bool:
     return bool(np.linalg.norm(off[:3]) <= _HERE[0] and np.linalg.norm(off[3:]) <= _HERE[1])
 
 
-def starts(arm, target, current) -> list[np.ndarray]:
+def starts(arm, target, current, number) -> list[np.ndarray]:
     """Return configurations (m,) in which the tool is at a target, the nearest ones first.
 
     The search is the same each time: it begins at the present joint positions, and at points spread
@@ -30,6 +29,7 @@ def starts(arm, target, current) -> list[np.ndarray]:
     Args:
         target: position (3,) and rotation (3, 3) of the tool in the root link
         current: (m,) present joint positions, or None
+        number: of points over the ranges
 
     Raises:
         Lost: there is none
@@ -40,7 +40,7 @@ def starts(arm, target, current) -> list[np.ndarray]:
         judge_all(arm, found, 0.0)
         return [found.positions]
     reference = chain.middle if current is None else current
-    seeds = [*([] if current is None else [current]), *_spread(chain)]
+    seeds = [*([] if current is None else [current]), *_spread(chain, number)]
     good, best = [], None
     for seed in seeds:
         found = solve(chain, seed, target, _ITERATIONS, clipped=True)
@@ -80,12 +80,12 @@ def judge_self_collision(arm, positions, time) -> float:
     return float(distances[pair])
 
 
-def _spread(chain):
-    """Return seeds (k, m) over the ranges, a turn of angles at most."""
+def _spread(chain, number):
+    """Return seeds (number, m) over the ranges, a turn of angles at most."""
     half = np.where(chain.turning, np.pi, 1.0)
     lower, upper = (np.clip(limit, chain.middle - half, chain.middle + half)
                     for limit in (chain.lower, chain.upper))
-    return lower + (upper - lower) * qmc.Halton(len(chain.names), scramble=False).random(_SEEDS)
+    return lower + (upper - lower) * qmc.Halton(len(chain.names), scramble=False).random(number)
 
 
 def _wound(chain, positions, reference):
