@@ -20,6 +20,7 @@ class Chain:
         names: of m joints; all arrays have this order
         lower, upper, speeds: (m,) limits in rad or m, rad/s or m/s; infinite where there is none
         turning: (m,) which are angles
+        carriers: names of other joints that move the link
         full: pinocchio.Model of the whole robot; others: indices of its joints that are fixed
         standing: configuration of the whole robot in which those are as they are fixed
         model: pinocchio.Model of the joints alone
@@ -31,6 +32,7 @@ class Chain:
     upper: np.ndarray
     speeds: np.ndarray
     turning: np.ndarray
+    carriers: tuple[str, ...]
     full: object
     others: list[int]
     standing: np.ndarray
@@ -107,8 +109,9 @@ def chain_of(urdf, tool_link, joints, fixed) -> Chain:
     lower, upper, speeds = _limits(model, names)
     turning = np.array(['P' not in model.joints[model.getJointId(name)].shortname().removeprefix(
         'JointModel') for name in names])
-    return Chain(tuple(names), lower, upper, speeds, turning, model, others, standing, reduced,
-                 reduced.getFrameId(tool_link, pin.BODY))
+    carriers = tuple(name for name in moving if name not in (*names, *followers))
+    return Chain(tuple(names), lower, upper, speeds, turning, carriers, model, others, standing,
+                 reduced, reduced.getFrameId(tool_link, pin.BODY))
 
 
 def _judge(model, names, moving, followers):

@@ -78,6 +78,11 @@ class Arm(Value):
         return self._chain.speeds
 
     @property
+    def carriers(self) -> tuple[str, ...]:
+        """Joints that move the tool too, but are not the arm's: they stand as `fixed` says."""
+        return self._chain.carriers
+
+    @property
     def units(self) -> list[str]:
         """M units of the joints' positions, 'rad' or 'm'."""
         return ['rad' if turning else 'm' for turning in self._chain.turning]

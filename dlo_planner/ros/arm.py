@@ -19,7 +19,7 @@ from msg_helpers.joints import joint_trajectory_msg, positions_from_joint_state
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                       durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _LATEST = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-_STALE = 1.0   # s, after which a joint's position is not known any more
+_STALE = 1.0   # s, after which a position of the arm's joints is not the present one
 _AWAY = 1e-2   # rad or m: farther from its first point the arm has to be brought there
 PARAMETERS = {
     'arm.tool_link': ('', 'Link of robot_description whose frame is the tool frame; empty: no '
@@ -72,9 +72,9 @@ class ArmOutput:
         """
         if not self._value('arm.tool_link'):
             return None
-        started, known = monotonic(), self._known()
-        arm = self._arm(known)
-        current = _current(arm, known)
+        started, known = monotonic(), self._positions
+        arm = self._arm({name: value for name, (value, _) in known.items()})
+        current = _current(arm, known, started)
         made = joint_trajectory(trajectory, arm, tool, current=current, free_roll=free_roll,
                                 deadline=self._value('arm.deadline'))
         self._out.publish(joint_trajectory_msg(made))
@@ -98,11 +98,6 @@ class ArmOutput:
                        self._value('arm.self_clearance'))
         except DloPlannerError as error:
             raise InvalidTask(f'parameters arm.*, robot_description: {error}') from None
-
-    def _known(self):
-        now = monotonic()
-        return {name: value for name, (value, when) in self._positions.items()
-                if now - when <= _STALE}
 
     def _say(self, made, current, stamp, seconds):
         log = self._node.get_logger()
@@ -142,13 +137,19 @@ class ArmOutput:
                            **{name: (value, now) for name, value in positions.items()}}
 
 
-def _current(arm, known):
-    """Return the arm's joint positions (m,) out of those of the whole robot by name."""
-    unknown = [name for name in arm.joints if name not in known]
-    if unknown:
-        raise InvalidTask(f'joint_states: no position of {", ".join(unknown)} in the last '
-                          f'{_STALE:g} s: expected all of {", ".join(arm.joints)}')
-    return np.array([known[name] for name in arm.joints])
+def _current(arm, known, now):
+    """Return the arm's joint positions (m,) out of those of the whole robot by name.
+
+    Args:
+        known: positions and the times in s when they were received; now: s
+    """
+    unknown = [name for name in (*arm.joints, *arm.carriers) if name not in known]
+    old = [name for name in arm.joints if name in known and now - known[name][1] > _STALE]
+    if unknown or old:
+        raise InvalidTask(f'joint_states: no position of {", ".join(unknown or old)} '
+                          f'{"so far" if unknown else f"in the last {_STALE:g} s"}: expected all '
+                          f'of {", ".join((*arm.joints, *arm.carriers))}')
+    return np.array([known[name][0] for name in arm.joints])
 
 
 def _declare(node, name, default, description):
