@@ -4,9 +4,10 @@ import numpy as np
 from scipy.stats import qmc
 
 from dlo_planner.arm.following import Lost, judge_limits, judge_reach
-from dlo_planner.arm.solving import solve
+from dlo_planner.arm.solving import centered, choices, solve
 
 _ITERATIONS = 80
+_RELAXING, _RELAXED = 20, 0.05  # steps away from limits, and their size in rad or m
 _ALIKE = 1e-2     # rad or m: configurations that are one
 _HERE = 0.02, 0.1  # m, rad: so near to the first target the tool is where it should be
 
@@ -24,7 +25,8 @@ def starts(arm, target, current, number) -> list[np.ndarray]:
 
     The search is the same each time: it begins at the present joint positions, and at points spread
     evenly over the ranges (Halton's sequence). If the tool is there already, only the arm's present
-    configuration counts.
+    configuration counts. Where the present positions are not known, those farthest from limits come
+    first, and an arm with a choice goes away from its limits before.
 
     Args:
         target: position (3,) and rotation (3, 3) of the tool in the root link
@@ -44,6 +46,8 @@ def starts(arm, target, current, number) -> list[np.ndarray]:
     good, best = [], None
     for seed in seeds:
         found = solve(chain, seed, target, _ITERATIONS, clipped=True)
+        if current is None and found.reached:
+            found = _relaxed(chain, found, target)
         for wound in (reference, chain.middle):
             try:
                 nearest = type(found)(_wound(chain, found.positions, wound), found.off)
@@ -55,7 +59,9 @@ def starts(arm, target, current, number) -> list[np.ndarray]:
                 good.append(nearest.positions)
     if not good:
         raise best
-    return sorted(good, key=lambda one: np.abs(one - reference).max())
+    # without present positions a joint is as far from its middle as it is near to a limit
+    size = 1.0 if current is not None else 0.5 * (chain.upper - chain.lower)
+    return sorted(good, key=lambda one: np.abs((one - reference) / size).max())
 
 
 def judge_all(arm, found, time):
@@ -78,6 +84,17 @@ def judge_self_collision(arm, positions, time) -> float:
                    f'expected {wanted}', time, 'self_collision',
                    float(arm.self_clearance - distances[pair]))
     return float(distances[pair])
+
+
+def _relaxed(chain, found, target):
+    """Return a Solved of the same placement with joints nearer to the middles of their ranges."""
+    for _ in range(_RELAXING if choices(chain)[0] else 0):
+        other = solve(chain, centered(chain, found.positions, target, _RELAXED), target,
+                      _ITERATIONS)
+        if not other.reached:
+            break
+        found = other
+    return found
 
 
 def _spread(chain, number):
