@@ -9,6 +9,7 @@ from dlo_planner.arm.urdf import mimics, parsed
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import shown
 
+_LINK, _FIXED = 'link ', 'fixed '  # before names of frames
 _FREE_ANGLE = 2  # numbers of a joint that turns for ever: cosine and sine
 
 
@@ -22,6 +23,7 @@ class Chain:
         turning: (m,) which are angles
         carriers: names of other joints that move the link
         full: pinocchio.Model of the whole robot; others: indices of its joints that are fixed
+        named: the same, no two frames of which have one name
         standing: configuration of the whole robot in which those are as they are fixed
         model: pinocchio.Model of the joints alone
         frame: index of the link's frame in it
@@ -34,6 +36,7 @@ class Chain:
     turning: np.ndarray
     carriers: tuple[str, ...]
     full: object
+    named: object
     others: list[int]
     standing: np.ndarray
     model: object
@@ -75,6 +78,10 @@ class Chain:
         here, axes = self.placement(positions)
         return np.concatenate([place - here, pin.log3(turn @ axes.T)]), jacobian
 
+    def link(self, frame):
+        """Return the name of the link with the index `frame` in the model."""
+        return self.model.frames[frame].name.removeprefix(_LINK)
+
     @property
     def middle(self) -> np.ndarray:
         """(m,) middles of the ranges; 0 where there is none."""
@@ -105,13 +112,26 @@ def chain_of(urdf, tool_link, joints, fixed) -> Chain:
     _judge(model, names, moving, followers)
     others = [k for k in range(1, model.njoints) if model.names[k] not in names]
     standing = _standing(model, others, fixed, followers)
-    reduced = pin.buildReducedModel(model, others, standing)
+    named = _unambiguous(model)
+    reduced = pin.buildReducedModel(named, others, standing)
     lower, upper, speeds = _limits(model, names)
     turning = np.array(['P' not in model.joints[model.getJointId(name)].shortname().removeprefix(
         'JointModel') for name in names])
     carriers = tuple(name for name in moving if name not in (*names, *followers))
-    return Chain(tuple(names), lower, upper, speeds, turning, carriers, model, others, standing,
-                 reduced, reduced.getFrameId(tool_link, pin.BODY))
+    return Chain(tuple(names), lower, upper, speeds, turning, carriers, model, named, others,
+                 standing, reduced, reduced.getFrameId(_LINK + tool_link, pin.BODY))
+
+
+def _unambiguous(model):
+    """Return a copy of a model whose links and fixed joints have names that joints have not.
+
+    In a URDF a link and a joint may have the same name, with which Pinocchio cannot fix joints.
+    """
+    pin, other = pinocchio(), model.copy()
+    prefixes = {pin.BODY: _LINK, pin.FIXED_JOINT: _FIXED}
+    for frame in other.frames:
+        frame.name = prefixes.get(frame.type, '') + frame.name
+    return other
 
 
 def _judge(model, names, moving, followers):

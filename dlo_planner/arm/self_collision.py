@@ -29,7 +29,7 @@ class SelfCollision:
         self._chain = chain
         self.missing = tuple(resolve_meshes(root, packages))
         shapes = _hulls(chain.full, ElementTree.tostring(root, encoding='unicode'))
-        _, self._shapes = pin.buildReducedModel(chain.full, shapes, chain.others, chain.standing)
+        _, self._shapes = pin.buildReducedModel(chain.named, shapes, chain.others, chain.standing)
         self._shapes.addAllCollisionPairs()  # but those of one body
         if not len(self._shapes.geometryObjects):
             self.missing = (*self.missing, 'no collision elements in the URDF')
@@ -70,7 +70,7 @@ class SelfCollision:
         return [(pair.first, pair.second) for pair in self._shapes.collisionPairs]
 
     def _link(self, shape):
-        return self._chain.model.frames[shape.parentFrame].name
+        return self._chain.link(shape.parentFrame)
 
     def _adjacent(self, one, other):
         parents = self._chain.model.parents

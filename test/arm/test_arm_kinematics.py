@@ -168,6 +168,19 @@ def test_a_slide_moves_by_metres():
     np.testing.assert_allclose(arm.pose([0.3, 0.0]).position, (0, 0, 0.3))
 
 
+def test_a_link_may_be_called_as_a_joint(rng):
+    text = urdf('z1_description/urdf/z1.urdf')
+    arm = Arm(text, 'gripperStator', packages=PACKAGES)  # a fixed joint has that name too
+    positions = positions_in(arm, rng)
+    np.testing.assert_allclose(arm.pose(positions).matrix, placed_by_hand(
+        text, 'gripperStator', dict(zip(arm.joints, positions, strict=True))), atol=1e-9)
+    twin = robot().replace('"j"', '"b"')  # a joint that moves and a link
+    for joints in (('b', 'k'), ('k',)):
+        arm = Arm(twin, 'c', joints)
+        assert arm.joints == joints
+        assert arm.pose(np.zeros(len(arm.joints))) == Pose.identity()
+
+
 @pytest.mark.parametrize('arguments, words', [
     ({'urdf': 3}, 'urdf = 3: expected str'),
     ({'urdf': 'robot'}, "urdf = 'robot': expected XML"),
