@@ -7,6 +7,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Goals, Path
+from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner import (
@@ -47,6 +48,7 @@ from dlo_planner import (
     replay,
     tolerance,
 )
+from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
@@ -168,6 +170,8 @@ def arguments():
         'poses.poses_from_goals.msg': Goals(), 'poses.pose_from_stamped.msg': _stamped(),
         'paths.poses_from_path.path': Path(), 'paths.times_from_path.path': Path(),
         'paths.plan_path.times': [0.0, 1.0], 'seconds': 1.0, 'trajectory': known['Trajectory'],
+        'joint_trajectory': JointTrajectory(('joint',), [0.0, 1.0], *np.zeros((3, 2, 1))),
+        'joint_state': JointState(name=['joint'], position=[0.5]),
         'number': 3, 'tool': LEVEL, 'n': 2, 'modes_along.shapes': [shape, shape],
         'Modes.s': [0.0, 1.0], 'masses': [0.0, 1.0], 'frequencies': [1.0],
         'damping_ratios': [0.0], 'displacements': np.ones((1, 2, 3)),

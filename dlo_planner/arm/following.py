@@ -1,0 +1,102 @@
+"""Joint positions along a way of the tool: one configuration is followed, none is jumped to."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.arm.solving import centered, solve
+
+_ITERATIONS = 30
+_JUMP = 0.5  # rad or m that a joint may go in one step
+_LIMIT_ROUNDING = 1e-9
+
+
+class Lost(Exception):
+    """A configuration cannot be gone on with.
+
+    Attributes:
+        words: why; time: s, where; constraint: short name; amount: by how much
+        rank: of two, the larger one is nearer to a solution
+        attempt: arguments with which it can be tried again, or None
+    """
+
+    attempt = None
+
+    def __init__(self, words, time, constraint, amount, rank=None):
+        super().__init__(words)
+        self.words, self.time, self.constraint, self.amount = words, time, constraint, amount
+        self.rank = (time, 0.0) if rank is None else rank
+
+
+def ways_between(targets) -> np.ndarray:
+    """Return (n,) how far, in m and rad together, each target is from the one before; 0 first."""
+    places, turns = map(np.array, zip(*targets, strict=True))
+    angles = Rotation.from_matrix(turns[1:] @ turns[:-1].transpose(0, 2, 1)).magnitude()
+    return np.append(0.0, np.linalg.norm(np.diff(places, axis=0), axis=1) + angles)
+
+
+def followed(arm, targets, times, start, centering, check) -> np.ndarray:
+    """Return joint positions (n, m) that place the tool at n targets, each from the one before.
+
+    Args:
+        targets: n positions (3,) and rotations (3, 3) in the root link; times: (n,) s of them
+        start: (m,) positions for the first one
+        centering: rad by which joints are drawn to their middles, per m and rad of the tool's way
+        check: called now and then; it may raise
+
+    Raises:
+        Lost: out of reach, beyond a joint's limits, or only with a jump
+    """
+    chain, out, ways = arm._chain, [start], ways_between(targets)
+    for k in range(1, len(targets)):
+        check()
+        if not ways[k]:
+            out.append(out[-1])
+            continue
+        begin = centered(chain, out[-1], targets[k], centering * ways[k])
+        found = solve(chain, begin, targets[k], _ITERATIONS)
+        if not found.reached:  # joints that are heavy near their limits may have hindered it
+            found = solve(chain, out[-1], targets[k], _ITERATIONS, plain=True)
+        judge_reach(found, times[k])
+        moved = np.abs(found.positions - out[-1])
+        if moved.max() > _JUMP:
+            joint = int(np.argmax(moved))
+            raise Lost(f'{arm.joints[joint]} would have to go from {out[-1][joint]:.4g} to '
+                       f'{found.positions[joint]:.4g} at once: the arm is stretched or folded up '
+                       'there (a singularity)', times[k], 'continuity', float(moved.max() - _JUMP))
+        judge_limits(arm, found.positions, times[k])
+        out.append(found.positions)
+    return np.array(out)
+
+
+def judge_reach(found, time):
+    """Raise Lost unless a Solved reaches its target."""
+    if not found.reached:
+        left, turn = (float(np.linalg.norm(part)) for part in (found.off[:3], found.off[3:]))
+        raise Lost(f'the tool cannot get there: {left:.3g} m and {turn:.3g} rad are left', time,
+                   'reach', left if left > 0 else turn)
+
+
+def judge_limits(arm, positions, time):
+    """Raise Lost unless joint positions (m,) are within their limits."""
+    beyond = np.maximum(positions - arm.upper, arm.lower - positions)
+    joint = int(np.argmax(beyond))
+    if beyond[joint] > _LIMIT_ROUNDING:
+        raise Lost(f'{arm.joints[joint]} = {positions[joint]:.6g} {arm.units[joint]}: expected '
+                   f'{arm.lower[joint]:.6g} to {arm.upper[joint]:.6g}', time, 'joint_limit',
+                   float(beyond[joint]))
+
+
+def judge_steps(arm, positions, times):
+    """Raise Lost if joints (n, m) get from one time (n,) to the next only faster than they can."""
+    speeds = np.abs(np.diff(positions, axis=0)) / np.diff(times)[:, None]
+    step, joint = np.unravel_index(np.argmax(speeds / arm.speeds), speeds.shape)
+    if speeds[step, joint] > arm.speeds[joint]:
+        raise too_fast(arm, int(joint), speeds[step, joint], times[step + 1], times[-1])
+
+
+def too_fast(arm, joint, speed, time, end) -> Lost:
+    """Return the Lost of a joint that goes the whole way, until `end` s, but too fast."""
+    most, unit = arm.speeds[joint], arm.units[joint]
+    return Lost(f'{arm.joints[joint]} moves at {speed:.6g} {unit}/s: expected at most {most:.6g}; '
+                f'the motion would have to be {speed / most:.4g} times slower', time,
+                'joint_speed', float(speed - most), (float(end), float(most / speed)))

@@ -1,0 +1,27 @@
+"""Whether a gripper may be rolled about the DLO without the DLO knowing."""
+
+from dlo_planner.direct.grasp import GraspedInside
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.inverse.beginnings import rolls_are_alike
+from dlo_planner.inverse.plan import Plan
+from dlo_planner.model.checks import instance
+
+
+def rolls_freely(simulator: DirectSimulator | GraspedInside, plan: Plan) -> bool:
+    """Whether one constant roll of all grippers of a Plan about their x axes changes no shape.
+
+    The DLO has to be straight without stress, equally stiff and thick all around, and elastic (a
+    set has a direction); nothing may hold its far end, which would keep the roll there.
+
+    Args:
+        simulator: of the DLO that the plan is for
+
+    Raises:
+        InvalidTask: naming the argument
+    """
+    instance('simulator', simulator, (DirectSimulator, GraspedInside))
+    instance('plan', plan, Plan)
+    rod = simulator.rod
+    round_ = rod.section is None or rod.section.kind != 'rectangular'
+    loose = all(shape.far_end is None and shape.parts is None for shape in plan.shapes)
+    return bool(round_ and loose and not rod.yields and rolls_are_alike(simulator))

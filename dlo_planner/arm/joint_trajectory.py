@@ -1,0 +1,114 @@
+"""The motion of an arm's joints as a controller interpolates it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import PPoly
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import array, figure, items, number, row, shown
+from dlo_planner.model.value import Value, brief, put
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class JointTrajectory(Value):
+    """Positions, velocities and accelerations of m joints at n times.
+
+    Between two points it is the polynomial of degree 5 that has all of them at both: that is what
+    joint_trajectory_controller interpolates.
+
+    Attributes:
+        joint_names: m
+        times: (n,) s from the start, increasing, the first 0
+        positions: (n, m) rad or m
+        velocities: (n, m) rad/s or m/s
+        accelerations: (n, m) rad/s^2 or m/s^2
+        position_error: m, by which the tool is off the gripper's trajectory at most, at the points
+            and between; nan: not known
+        angle_error: rad, the same of its orientation
+        self_clearance: m, smallest distance between links; infinite where no two can come
+            together, nan where it was not looked at
+        roll: rad, by which the gripper is rolled about the DLO, against its trajectory
+        not_looked_at: links without a shape to be looked at for self-collision
+
+    Raises:
+        InvalidTask: naming the argument
+    """
+
+    joint_names: tuple[str, ...]
+    times: np.ndarray
+    positions: np.ndarray
+    velocities: np.ndarray
+    accelerations: np.ndarray
+    position_error: float = np.nan
+    angle_error: float = np.nan
+    self_clearance: float = np.nan
+    roll: float = 0.0
+    not_looked_at: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        names = items('joint_names', self.joint_names, str, least=1)
+        if len(set(names)) < len(names):
+            raise InvalidTask(f'joint_names = {shown(names)}: expected each joint once')
+        times = row('times', self.times, least=2, minimum=0)
+        if times[0] != 0 or not (np.diff(times) > 0).all():
+            raise InvalidTask(f'times = {times.tolist()[:4]} ...: expected 0, and then increasing '
+                              'ones')
+        states = {name: array(name, getattr(self, name), (None, None))
+                  for name in ('positions', 'velocities', 'accelerations')}
+        for name, state in states.items():
+            if state.shape != (times.size, len(names)):
+                raise InvalidTask(f'{name} has shape {state.shape}: expected ({times.size}, '
+                                  f'{len(names)}), as many as times and joint_names')
+        put(self, joint_names=names, times=times, roll=number('roll', self.roll),
+            not_looked_at=items('not_looked_at', self.not_looked_at, str), **states,
+            **{name: figure(name, getattr(self, name))
+               for name in ('position_error', 'angle_error', 'self_clearance')})
+        super().__post_init__()
+
+    def __len__(self):
+        return self.times.size
+
+    def __repr__(self):
+        return brief(self, f'{len(self.joint_names)} joints', f'{len(self)} points',
+                     f'{self.duration:.4g} s', f'off {self.position_error:.1g} m')
+
+    @property
+    def duration(self) -> float:
+        """S, of the whole."""
+        return float(self.times[-1])
+
+    def at(self, times: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return positions, velocities and accelerations (k, m) at `times` (k,) s.
+
+        At rest outside [0, duration].
+
+        Raises:
+            InvalidTask: a time is no finite number
+        """
+        times = np.clip(row('times', times), 0, self.duration)
+        curve = quintic(self.times, self.positions, self.velocities, self.accelerations)
+        return curve(times), curve(times, 1), curve(times, 2)
+
+
+def quintic(times, positions, velocities, accelerations) -> PPoly:
+    """Return the curve of degree 5 between the points; (n, m) each."""
+    h = np.diff(times)[:, None]
+    one, other = ([values[part] for values in (positions, velocities, accelerations)]
+                  for part in (slice(None, -1), slice(1, None)))
+    # what is left of the end's state, in steps of time, after the start's has gone on
+    away = other[0] - one[0] - h * one[1] - 0.5 * h**2 * one[2]
+    faster = h * (other[1] - one[1]) - h**2 * one[2]
+    harder = h**2 * (other[2] - one[2])
+    return PPoly(np.stack([
+        (6 * away - 3 * faster + 0.5 * harder) / h**5,
+        (-15 * away + 7 * faster - harder) / h**4,
+        (10 * away - 4 * faster + 0.5 * harder) / h**3,
+        0.5 * one[2], one[1], one[0]]), times)
+
+
+def turning_points(curve: PPoly) -> list[np.ndarray]:
+    """Return for each of the m curves the times of its knots and of its extremes between."""
+    found = curve.derivative().roots(discontinuity=False, extrapolate=False)
+    return [np.union1d(curve.x, times[np.isfinite(times)]) for times in found]

@@ -1,0 +1,119 @@
+"""The configurations in which an arm can begin."""
+
+import numpy as np
+from scipy.stats import qmc
+
+from dlo_planner.arm.following import Lost, judge_limits, judge_reach
+from dlo_planner.arm.solving import centered, choices, solve
+
+_ITERATIONS = 80
+_RELAXING, _RELAXED = 20, 0.05  # steps away from limits, and their size in rad or m
+_ALIKE = 1e-2     # rad or m: configurations that are one
+_HERE = 0.02, 0.1  # m, rad: so near to the first target the tool is where it should be
+
+
+def is_there(arm, target, current) -> bool:
+    """Whether the tool is at its first target at the arm's present joint positions, or None."""
+    if current is None:
+        return False
+    off = arm._chain.off(current, *target)[0]
+    return bool(np.linalg.norm(off[:3]) <= _HERE[0] and np.linalg.norm(off[3:]) <= _HERE[1])
+
+
+def starts(arm, target, current, number) -> list[np.ndarray]:
+    """Return configurations (m,) in which the tool is at a target, the nearest ones first.
+
+    The search is the same each time: it begins at the present joint positions, and at points spread
+    evenly over the ranges (Halton's sequence). If the tool is there already, only the arm's present
+    configuration counts. Where the present positions are not known, those farthest from limits come
+    first, and an arm with a choice goes away from its limits before.
+
+    Args:
+        target: position (3,) and rotation (3, 3) of the tool in the root link
+        current: (m,) present joint positions, or None
+        number: of points over the ranges
+
+    Raises:
+        Lost: there is none
+    """
+    chain = arm._chain
+    if is_there(arm, target, current):
+        found = solve(chain, current, target, _ITERATIONS)
+        judge_all(arm, found, 0.0)
+        return [found.positions]
+    reference = chain.middle if current is None else current
+    seeds = [*([] if current is None else [current]), *_spread(chain, number)]
+    good, best = [], None
+    for seed in seeds:
+        found = solve(chain, seed, target, _ITERATIONS, clipped=True)
+        if current is None and found.reached:
+            found = _relaxed(chain, found, target)
+        for wound in (reference, chain.middle):
+            try:
+                nearest = type(found)(_wound(chain, found.positions, wound), found.off)
+                judge_all(arm, nearest, 0.0)
+            except Lost as lost:
+                best = _nearer(best, lost)
+                continue
+            if all(np.abs(nearest.positions - other).max() > _ALIKE for other in good):
+                good.append(nearest.positions)
+    if not good:
+        raise best
+    # without present positions a joint is as far from its middle as it is near to a limit
+    size = 1.0 if current is not None else 0.5 * (chain.upper - chain.lower)
+    return sorted(good, key=lambda one: np.abs((one - reference) / size).max())
+
+
+def judge_all(arm, found, time):
+    """Raise Lost unless a Solved is there, within limits, and no links touch."""
+    judge_reach(found, time)
+    judge_limits(arm, found.positions, time)
+    judge_self_collision(arm, found.positions, time)
+
+
+def judge_self_collision(arm, positions, time) -> float:
+    """Return the smallest distance between links, m; raise Lost if it is too small."""
+    distances = arm._collision.distances(positions)
+    if not distances.size:
+        return np.inf
+    pair = int(np.argmin(distances))
+    if distances[pair] <= arm.self_clearance:
+        one, other = arm._collision.pairs[pair]
+        wanted = f'at least {arm.self_clearance:g} m' if arm.self_clearance else 'more than 0 m'
+        raise Lost(f'{one} and {other} come together: their distance is {distances[pair]:.4g} m, '
+                   f'expected {wanted}', time, 'self_collision',
+                   float(arm.self_clearance - distances[pair]))
+    return float(distances[pair])
+
+
+def _relaxed(chain, found, target):
+    """Return a Solved of the same placement with joints nearer to the middles of their ranges."""
+    for _ in range(_RELAXING if choices(chain)[0] else 0):
+        other = solve(chain, centered(chain, found.positions, target, _RELAXED), target,
+                      _ITERATIONS)
+        if not other.reached:
+            break
+        found = other
+    return found
+
+
+def _spread(chain, number):
+    """Return seeds (number, m) over the ranges, a turn of angles at most."""
+    half = np.where(chain.turning, np.pi, 1.0)
+    lower, upper = (np.clip(limit, chain.middle - half, chain.middle + half)
+                    for limit in (chain.lower, chain.upper))
+    return lower + (upper - lower) * qmc.Halton(len(chain.names), scramble=False).random(number)
+
+
+def _wound(chain, positions, reference):
+    """Return the same configuration with whole turns taken off, nearest to a reference."""
+    turns = np.where(chain.turning, np.round((reference - positions) / (2 * np.pi)), 0.0)
+    other = positions + 2 * np.pi * turns
+    return np.where((other >= chain.lower) & (other <= chain.upper), other, positions)
+
+
+def _nearer(best, lost):
+    """Return the refusal that is nearer to a solution: within reach, then by the amount."""
+    order = ('reach', 'joint_limit', 'self_collision')
+    rank = order.index(lost.constraint), -lost.amount
+    return lost if best is None or rank > (order.index(best.constraint), -best.amount) else best

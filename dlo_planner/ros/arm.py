@@ -1,0 +1,175 @@
+"""The joint trajectory of a proved plan, for the arm that robot_description describes."""
+
+import os
+from time import monotonic
+
+import numpy as np
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
+
+from dlo_planner.arm import Arm, JointTrajectory, joint_trajectory
+from dlo_planner.arm.urdf import parsed, single_joints
+from dlo_planner.errors import DloPlannerError, InvalidTask
+from dlo_planner.model.pose import Pose
+from msg_helpers.joints import joint_trajectory_msg, positions_from_joint_state
+
+_LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_LATEST = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+_STALE = 1.0   # s, after which a position of the arm's joints is not the present one
+_AWAY = 1e-2   # rad or m: farther from its first point the arm has to be brought there
+PARAMETERS = {
+    'arm.tool_link': ('', 'Link of robot_description whose frame is the tool frame; empty: no '
+                      'joint trajectories are made.'),
+    'arm.joints': ([''], 'Joints that move; none: all that move the tool link.'),
+    'arm.packages': ([''], 'Folders with the packages of meshes (package://), besides those of '
+                     'AMENT_PREFIX_PATH.'),
+    'arm.base.position': ([0.0, 0.0, 0.0], 'Where the root link of robot_description is in '
+                          'frame_id, m.'),
+    'arm.base.orientation': ([0.0, 0.0, 0.0, 1.0], 'Quaternion x, y, z, w of it.'),
+    'arm.self_clearance': (0.0, 'By how much links have to stay clear of each other, m.'),
+    'arm.deadline': (20.0, 'Computing after which the search is given up, s.'),
+}
+
+
+class ArmOutput:
+    """Publishes `~/joint_trajectory` when a plan is proved.
+
+    Args:
+        node: rclpy Node, whose parameters `arm.*` are declared; they count for the next plan
+    """
+
+    def __init__(self, node):
+        self._node = node
+        self._description = self._semantic = None
+        self._positions = {}  # name -> (rad or m, when it was received)
+        for name, (default, description) in PARAMETERS.items():
+            _declare(node, name, default, description)
+        self._out = node.create_publisher(JointTrajectoryMsg, '~/joint_trajectory', _LATCHED)
+
+    def subscribe(self, callback_group=None):
+        """Listen to robot_description, robot_description_semantic and joint_states."""
+        for kind, topic, callback, qos in (
+                (String, 'robot_description', self._on_description, _LATCHED),
+                (String, 'robot_description_semantic', self._on_semantic, _LATCHED),
+                (JointState, 'joint_states', self._on_joint_state, _LATEST)):
+            self._node.create_subscription(kind, topic, callback, qos,
+                                           callback_group=callback_group)
+
+    def on_proof(self, trajectory, tool, stamp, free_roll=False) -> JointTrajectory | None:
+        """Return and publish the arm's JointTrajectory; None where no arm is asked for.
+
+        Args:
+            trajectory: Trajectory that is proved; tool: Pose of the gripper in the tool link
+            stamp: builtin_interfaces/Time of the plan, for the log
+            free_roll: whether the gripper may be rolled about the DLO, see `rolls_freely`
+
+        Raises:
+            DloPlannerError: refused, with the reason; nothing is published
+        """
+        if not self._value('arm.tool_link'):
+            return None
+        started, known = monotonic(), self._positions
+        arm = self._arm({name: value for name, (value, _) in known.items()})
+        current = _current(arm, known, started)
+        made = joint_trajectory(trajectory, arm, tool, current=current, free_roll=free_roll,
+                                deadline=self._value('arm.deadline'))
+        self._out.publish(joint_trajectory_msg(made))
+        self._say(made, current, stamp, monotonic() - started)
+        return made
+
+    def _arm(self, known):
+        if self._description is None:
+            raise InvalidTask('robot_description was not received: expected the URDF that '
+                              'robot_state_publisher latches')
+        singles = single_joints(parsed('robot_description', self._description))
+        shares = [os.path.join(prefix, 'share') for prefix in
+                  os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if prefix]
+        given = {name: tuple(filter(None, self._value(f'arm.{name}')))
+                 for name in ('joints', 'packages')}
+        try:
+            return Arm(self._description, self._value('arm.tool_link'), given['joints'],
+                       {name: value for name, value in known.items() if name in singles},
+                       Pose(self._value('arm.base.position'), self._value('arm.base.orientation')),
+                       (*given['packages'], *shares), self._semantic,
+                       self._value('arm.self_clearance'))
+        except DloPlannerError as error:
+            raise InvalidTask(f'parameters arm.*, robot_description: {error}') from None
+
+    def _say(self, made, current, stamp, seconds):
+        log = self._node.get_logger()
+        rolled = f', gripper rolled by {np.rad2deg(made.roll):.0f} deg' if made.roll else ''
+        log.info(f'joint trajectory of plan {stamp.sec}.{stamp.nanosec:09d}: {len(made)} points, '
+                 f'{made.duration:.1f} s, off by {made.position_error:.1e} m at most{rolled}; '
+                 f'made in {seconds:.1f} s')
+        if made.not_looked_at:
+            log.warning('self-collision was not looked at for '
+                        f'{", ".join(made.not_looked_at)}: set arm.packages')
+        away = np.abs(made.positions[0] - current)
+        if away.max() > _AWAY:
+            joint = int(np.argmax(away))
+            log.warning(f'the joint trajectory begins elsewhere: {made.joint_names[joint]} = '
+                        f'{made.positions[0, joint]:.4g} there, {current[joint]:.4g} now; bring '
+                        'the arm there first')
+
+    def _value(self, name):
+        return self._node.get_parameter(name).value
+
+    def _on_description(self, msg):
+        self._description = msg.data
+
+    def _on_semantic(self, msg):
+        self._semantic = msg.data
+
+    def _on_joint_state(self, msg):
+        try:
+            positions = positions_from_joint_state(msg)
+        except DloPlannerError as error:
+            self._node.get_logger().warning(f'joint_states refused: {error}',
+                                            throttle_duration_sec=1.0)
+            return
+        now = monotonic()
+        # one new dict: the thread that plans reads the old one meanwhile
+        self._positions = {**self._positions,
+                           **{name: (value, now) for name, value in positions.items()}}
+
+
+def _current(arm, known, now):
+    """Return the arm's joint positions (m,) out of those of the whole robot by name.
+
+    Args:
+        known: positions and the times in s when they were received; now: s
+    """
+    unknown = [name for name in (*arm.joints, *arm.carriers) if name not in known]
+    old = [name for name in arm.joints if name in known and now - known[name][1] > _STALE]
+    if unknown or old:
+        raise InvalidTask(f'joint_states: no position of {", ".join(unknown or old)} '
+                          f'{"so far" if unknown else f"in the last {_STALE:g} s"}: expected all '
+                          f'of {", ".join((*arm.joints, *arm.carriers))}')
+    return np.array([known[name][0] for name in arm.joints])
+
+
+def _declare(node, name, default, description):
+    """Declare a parameter; a list that is given as empty, or in whole numbers, is understood."""
+    value = node.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True)).value
+    node.undeclare_parameter(name)
+    try:
+        node.declare_parameter(name, _typed(value, default),
+                               ParameterDescriptor(description=description), ignore_override=True)
+    except (TypeError, ValueError):
+        raise InvalidTask(f'parameter {name} = {value!r}: expected as in {default!r}') from None
+
+
+def _typed(value, default):
+    """Return a parameter's value in the type of its default, or raise TypeError or ValueError."""
+    if isinstance(default, list):
+        kind = type(default[0])
+        if isinstance(value, str) or kind is str and any(type(item) is not str for item in value):
+            raise TypeError
+        return [kind(item) for item in value] or default
+    if isinstance(value, str) != isinstance(default, str) or isinstance(value, bool):
+        raise TypeError
+    return type(default)(value)

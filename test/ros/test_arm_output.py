@@ -1,0 +1,187 @@
+"""A URDF and joint states in, a joint trajectory out: over DDS, in this process."""
+
+import time
+
+import numpy as np
+import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from robot_arms import PACKAGES, PANDA_READY, UR5_READY, panda, placed_by_hand, timed, ur5, way
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+
+from dlo_planner import DloPlannerError, Infeasible, InvalidTask, Pose
+from dlo_planner.ros.arm import _LATCHED, PARAMETERS, ArmOutput
+
+STAMP, SECONDS = Time(sec=5), 10
+TOOL = Pose((0.0, 0.0, 0.1), (0.0, 0.0, 0.0, 1.0))
+
+
+class Cell:
+    """A node with an ArmOutput, and another one that is the robot and its controller."""
+
+    def __init__(self, domain, *parameters):
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        options = {'context': self.context, 'enable_rosout': False}
+        self.node = Node('planner', parameter_overrides=[
+            Parameter(name, value=value) for name, value in parameters], **options)
+        self.robot = Node('robot', **options)
+        self.received = []
+        self.output = ArmOutput(self.node)
+        self.output.subscribe()
+        self.description = self.robot.create_publisher(String, 'robot_description', _LATCHED)
+        self.semantic = self.robot.create_publisher(String, 'robot_description_semantic', _LATCHED)
+        self.states = self.robot.create_publisher(JointState, 'joint_states', 10)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.executor.add_node(self.robot)
+
+    def listen(self):
+        self.robot.create_subscription(JointTrajectory, 'planner/joint_trajectory',
+                                       self.received.append, _LATCHED)
+
+    def until(self, done):
+        end = time.monotonic() + SECONDS
+        while not done():
+            assert time.monotonic() < end
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def robot_is(self, arm, positions, **others):
+        self.description.publish(String(data=arm.urdf))
+        known = dict(zip(arm.joints, map(float, positions), strict=True)) | others
+        self.until(lambda: self.states.get_subscription_count() == 1)
+        self.states.publish(JointState(name=list(known), position=list(known.values())))
+        self.until(lambda: self.output._description and self.output._positions)
+
+    def close(self):
+        self.executor.shutdown()
+        for node in (self.node, self.robot):
+            node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+@pytest.fixture
+def cell(domain, monkeypatch):
+    monkeypatch.setattr('dlo_planner.ros.arm._STALE', 60.0)  # this machine may be busy
+    cells = []
+
+    def make(*parameters):
+        cells.append(Cell(domain, *parameters))
+        return cells[-1]
+
+    yield make
+    for one in cells:
+        one.close()
+
+
+def test_a_proved_plan_becomes_what_the_controller_takes(cell):
+    cell = cell(('arm.tool_link', 'panda_hand_tcp'), ('arm.packages', list(PACKAGES)),
+                ('arm.base.position', [1.0, 0.0, 0.0]))
+    cell.robot_is(panda(), PANDA_READY, panda_finger_joint1=0.02, elsewhere=3.0)
+    trajectory = timed(way(Pose((1, 0, 0), (0, 0, 0, 1)).compose(panda().pose(PANDA_READY)).compose(
+        TOOL), (0.0, 0.1, 0.05)))
+    made = cell.output.on_proof(trajectory, TOOL, STAMP)
+    assert made.not_looked_at == ()
+    assert made.self_clearance > 0.01
+    cell.listen()  # late
+    cell.until(lambda: cell.received)
+    msg = cell.received[-1]
+    assert msg.joint_names == list(panda().joints)
+    assert msg.header.stamp == Time()
+    np.testing.assert_allclose(msg.points[0].positions, PANDA_READY, atol=1e-6)
+    for point in msg.points[::20]:
+        seconds = point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec
+        gripper = trajectory.at([seconds])[0][0]
+        by_hand = placed_by_hand(panda().urdf, 'panda_hand_tcp', dict(zip(
+            msg.joint_names, point.positions, strict=True)))
+        by_hand[0, 3] += 1.0
+        np.testing.assert_allclose(by_hand @ TOOL.matrix, gripper.matrix, atol=1e-5)
+
+
+def test_no_arm_is_asked_for(cell):
+    cell = cell()
+    assert cell.output.on_proof(None, TOOL, STAMP) is None
+    assert {name: cell.node.get_parameter(name).value for name in PARAMETERS} == {
+        name: default for name, (default, _) in PARAMETERS.items()}
+
+
+def test_what_is_missing_is_said(cell):
+    trajectory = timed(way(ur5().pose(UR5_READY), (0.0, 0.1, 0.0)))
+    cell = cell(('arm.tool_link', 'tool0'), ('arm.joints', []))
+    with pytest.raises(InvalidTask, match='robot_description was not received'):
+        cell.output.on_proof(trajectory, TOOL, STAMP)
+    cell.description.publish(String(data=ur5().urdf))
+    cell.until(lambda: cell.output._description)
+    with pytest.raises(InvalidTask, match='joint_states: no position of shoulder_pan_joint'):
+        cell.output.on_proof(trajectory, TOOL, STAMP)
+    cell.robot_is(ur5(), UR5_READY)
+    made = cell.output.on_proof(trajectory, Pose.identity(), STAMP)
+    assert len(made.not_looked_at) == 7  # no folder with the meshes
+    far = timed(way(ur5().pose(UR5_READY), (3.0, 0.0, 0.0)))
+    with pytest.raises(Infeasible, match='waypoint'):
+        cell.output.on_proof(far, Pose.identity(), STAMP)
+    cell.node.set_parameters([Parameter('arm.tool_link', value='nothing')])
+    with pytest.raises(InvalidTask, match="arm.* tool_link = 'nothing': expected a link"):
+        cell.output.on_proof(trajectory, TOOL, STAMP)
+
+
+def test_joint_states_in_parts_are_put_together_and_bad_ones_refused(cell):
+    cell = cell(('arm.tool_link', 'tool0'))
+    cell.robot_is(ur5(), UR5_READY)
+    before = cell.output._positions
+    for positions in ([float('nan')], [1.0, 2.0]):
+        cell.output._on_joint_state(JointState(name=['elbow_joint'], position=positions))
+    assert cell.output._positions is before
+    cell.output._on_joint_state(JointState(name=['finger'], position=[0.5]))
+    known = {name: value for name, (value, _) in cell.output._positions.items()}
+    assert known == {'finger': 0.5, **dict(zip(ur5().joints, UR5_READY, strict=True))}
+
+
+def test_old_joint_states_do_not_count(cell, monkeypatch):
+    cell = cell(('arm.tool_link', 'tool0'))
+    cell.robot_is(ur5(), UR5_READY)
+    monkeypatch.setattr('dlo_planner.ros.arm._STALE', 0.0)
+    with pytest.raises(InvalidTask, match='no position of shoulder_pan_joint, .* in the last 0 s'):
+        cell.output.on_proof(timed(way(ur5().pose(UR5_READY), (0, 0.1, 0))), TOOL, STAMP)
+
+
+def test_joints_that_carry_the_arm_have_to_be_known(cell):
+    cell = cell(('arm.tool_link', 'tool0'), ('arm.joints', list(ur5().joints[1:])))
+    cell.robot_is(ur5(), UR5_READY)
+    cell.output._positions = {name: known for name, known in cell.output._positions.items()
+                              if name != ur5().joints[0]}
+    with pytest.raises(InvalidTask, match='no position of shoulder_pan_joint so far'):
+        cell.output.on_proof(timed(way(ur5().pose(UR5_READY), (0, 0.1, 0))), TOOL, STAMP)
+
+
+def test_a_semantic_description_says_what_is_looked_at(cell):
+    cell = cell(('arm.tool_link', 'tool0'), ('arm.packages', list(PACKAGES)))
+    cell.robot_is(ur5(), UR5_READY)
+    links = ['base_link', 'shoulder_link', 'upper_arm_link', 'forearm_link', 'wrist_1_link',
+             'wrist_2_link', 'wrist_3_link', 'ee_link']
+    pairs = ''.join(f'<disable_collisions link1="{one}" link2="{other}"/>'
+                    for one in links for other in links if one != other)
+    cell.semantic.publish(String(data=f'<robot name="ur5">{pairs}</robot>'))
+    cell.until(lambda: cell.output._semantic)
+    trajectory = timed(way(ur5().pose(UR5_READY), (0.0, 0.05, 0.0)))
+    assert cell.output.on_proof(trajectory, Pose.identity(), STAMP).self_clearance == np.inf
+
+
+@pytest.mark.parametrize('name, value', [
+    ('arm.joints', 'elbow_joint'), ('arm.joints', [1.0]), ('arm.self_clearance', 'wide'),
+    ('arm.base.position', ['a', 'b', 'c']), ('arm.tool_link', 3)])
+def test_parameters_of_a_wrong_type_are_refused_at_the_start(cell, name, value):
+    with pytest.raises(DloPlannerError, match=f'parameter {name} = '):
+        cell((name, value))
+
+
+def test_whole_numbers_are_doubles(cell):
+    cell = cell(('arm.base.position', [1, 2, 3]), ('arm.deadline', 5))
+    assert list(cell.node.get_parameter('arm.base.position').value) == [1.0, 2.0, 3.0]
+    assert cell.node.get_parameter('arm.deadline').value == 5.0
