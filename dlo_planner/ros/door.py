@@ -6,15 +6,18 @@ from collections.abc import Mapping
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Goals
+from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.scene import Scene
+from msg_helpers.obstacles import obstacles_after
 from msg_helpers.poses import header, pose_from_stamped
 
 _UNIT = 1e-2  # by which the length of a quaternion may be off 1, as for tf2
 _MOST_GOALS = 2
+_MOST_BODIES = 1000
 _OBSTACLE = re.compile(r'workspace\.keep_out\[(\d+)\]|\b(?:Box|Sphere|Capsule) (\d+)\b')
 
 
@@ -33,17 +36,52 @@ def pose_in(scene: Scene, msg: PoseStamped, name: str) -> Pose:
     except InvalidTask as error:
         framed = msg.header.frame_id == scene.frame_id
         raise Refused(Cause.INVALID_POSE if framed else Cause.INVALID_FRAME, str(error)) from None
-    q = msg.pose.orientation
+    _judge_orientation(msg.pose.orientation, f'{name}.pose')
+    _judge_distance(pose.position, scene, f'{name}.pose')
+    return pose
+
+
+def bodies_in(scene: Scene, known: Mapping, msg: MarkerArray, name: str) -> dict:
+    """Return the obstacles, by (namespace, id), after a visualization_msgs/MarkerArray.
+
+    Args:
+        scene: Scene; known: those before
+        msg: MarkerArray; name: how the sender knows it
+
+    Raises:
+        Refused: naming marker, field and value; nothing of the message counts then
+    """
+    try:
+        bodies = obstacles_after(dict(known), msg, scene.frame_id, name)
+    except InvalidTask as error:
+        raise Refused(Cause.INVALID_OBSTACLES, str(error)) from None
+    for index, marker in enumerate(msg.markers):
+        if marker.action == Marker.ADD:
+            where = f'{name}.markers[{index}]'
+            _judge_orientation(marker.pose.orientation, f'{where}.pose', Cause.INVALID_OBSTACLES)
+            at, size = marker.pose.position, marker.scale
+            _judge_distance([at.x, at.y, at.z], scene, f'{where}.pose', Cause.INVALID_OBSTACLES)
+            if max(size.x, size.y, size.z) > 2 * scene.reach:
+                raise Refused(Cause.INVALID_OBSTACLES, f'{where}.scale = '
+                              f'{[size.x, size.y, size.z]}: expected at most twice '
+                              f'workspace.reach = {scene.reach:g} m')
+    if len(bodies) > _MOST_BODIES:
+        raise Refused(Cause.INVALID_OBSTACLES, f'{name}.markers: {len(bodies)} obstacles with '
+                      f'those that are there: expected {_MOST_BODIES} at most')
+    return bodies
+
+
+def _judge_orientation(q, name, cause=Cause.INVALID_POSE):
     quaternion = [q.x, q.y, q.z, q.w]
     if abs(np.linalg.norm(quaternion) - 1) > _UNIT:
-        raise Refused(Cause.INVALID_POSE, f'{name}.pose.orientation = {quaternion}: expected a '
-                      f'quaternion x, y, z, w of length 1, within {_UNIT:g}')
-    away = float(np.linalg.norm(pose.position))
-    if away > scene.reach:
-        raise Refused(Cause.OUT_OF_REACH, f'{name}.pose.position = {pose.position.tolist()}: '
-                      f'expected at most workspace.reach = {scene.reach:g} m from the origin of '
-                      f'{scene.frame_id}')
-    return pose
+        raise Refused(cause, f'{name}.orientation = {quaternion}: expected a quaternion x, y, z, w '
+                      f'of length 1, within {_UNIT:g}')
+
+
+def _judge_distance(position, scene, name, cause=Cause.OUT_OF_REACH):
+    if np.linalg.norm(position) > scene.reach:
+        raise Refused(cause, f'{name}.position = {[float(x) for x in position]}: expected at most '
+                      f'workspace.reach = {scene.reach:g} m from the origin of {scene.frame_id}')
 
 
 def goals_in(scene: Scene, msg: Goals, name: str) -> tuple[Pose, ...]:

@@ -241,6 +241,22 @@ def test_obstacles_are_called_by_their_names(client, node):
     clear(client, node)
 
 
+@pytest.mark.parametrize(('spoil', 'named'), [
+    (lambda marker: setattr(marker.pose.position, 'x', 1e20),
+     'obstacles.markers[0].pose.position = [1e+20, 5.0, 0.0]'),
+    (lambda marker: setattr(marker.pose.orientation, 'w', 2.0),
+     'obstacles.markers[0].pose.orientation = [0.0, 0.0, 0.0, 2.0]'),
+    (lambda marker: setattr(marker.scale, 'y', 1e20), 'obstacles.markers[0].scale'),
+    (lambda marker: setattr(marker.scale, 'y', -1.0), 'obstacles.markers[0]: scale'),
+    (lambda marker: setattr(marker, 'type', Marker.TEXT_VIEW_FACING), 'CUBE, SPHERE')])
+def test_absurd_obstacles_are_refused_by_name(client, node, spoil, named):
+    marker = box(9)
+    spoil(marker)
+    client.send_obstacles([marker])
+    assert until(lambda: named in node._health.report()[1])
+    assert not state(node).bodies
+
+
 def test_a_flood_of_odd_poses_is_a_line_a_second(client, node, capfd):
     begun = time.monotonic()
     for _ in range(300):
@@ -257,6 +273,8 @@ def test_a_flood_of_odd_poses_is_a_line_a_second(client, node, capfd):
     ('rod__length', 1, None), ('threading__deepest', 0, None), ('gravity', [0, 0, -10], None),
     ('rod__damping', [0.5], 'rod.damping = [0.5]: expected two numbers'),
     ('simulator__n_elements', 100_000, 'simulator.n_elements'),
+    ('simulator__n_terms', 11, None), ('simulator__accuracy', 1e-9, 'simulator.accuracy = 1e-09'),
+    ('tool__position', [1e20, 0.0, 0.0], 'tool.position'), ('gravity', [0.0, 0.0, 1e20], 'gravity'),
     ('rod__length', 'long', 'DOUBLE'), ('rod__length', 2**60, 'rod.length'),
     ('execute__rate', 10, 'execute.rate'), ('constraints__goal_time', -1.0, 'constraints'),
     ('decelerate_on_cancel', 1, 'BOOL')])
@@ -268,7 +286,7 @@ def test_parameters_at_run_time(client, node, name, value, reason):
     plain = name.replace('__', '.')
     if reason is None:
         assert state(node).values[plain] == value
-        assert type(state(node).values[plain]) is not int
+        assert type(state(node).values[plain]) is type(before[plain])
         client.set_parameters(**{name: before[plain]})
     assert state(node).values[plain] == before[plain]
 
