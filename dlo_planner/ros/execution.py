@@ -13,7 +13,6 @@ from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.stopping import Deceleration, decelerate
 
 ACTIVE = ('running', 'settling', 'stopping')  # phases in which commands are sent
-_LATE = 2.0  # periods that a pose may be older for when the machine itself was late
 
 
 @dataclass(frozen=True)
@@ -98,6 +97,8 @@ class Execution:
     since: float = 0.0        # s since it began to decelerate, or since the end
     last: float | None = None  # time of the last tick
     owed: float = 0.0         # s by which the motion is behind, at most a period
+    heard: Heard | None = None
+    silent: float = np.inf    # s, age of `heard`; in ticks that were late a period counts
 
     @property
     def active(self) -> bool:
@@ -142,11 +143,12 @@ class Execution:
             return replace(self, phase='stopped', last=now,
                            cause=self.cause or Cause.PAUSED, reason=self.reason or paused)
         step = min(waited + self.owed, self.period)
-        timed = replace(self, last=now, owed=min(waited + self.owed - step, self.period))
-        fault = timed._fault(heard, self._age(heard, now))
-        return (timed.stop(*fault) if fault else timed)._advanced(step, heard)
+        timed = replace(self, last=now, owed=min(waited + self.owed - step, self.period),
+                        heard=heard, silent=self._silence(heard, now, min(waited, self.period)))
+        fault = timed._fault()
+        return (timed.stop(*fault) if fault else timed)._advanced(step)
 
-    def _advanced(self, step, heard):
+    def _advanced(self, step):
         """Return the execution `step` s later."""
         if self.phase == 'stopping':
             since = self.since + step
@@ -154,7 +156,7 @@ class Execution:
             phase = 'stopped' if since >= self.deceleration.length else 'stopping'
             return replace(self, done=done, since=since, phase=phase, command=self._pose(done))
         if self.phase == 'settling':
-            return replace(self, since=self.since + step)._settled(heard)
+            return replace(self, since=self.since + step)._settled()
         if self.phase != 'running':
             return self
         done = self.done + (step if self.command is not None else 0.0)
@@ -162,15 +164,15 @@ class Execution:
             return replace(self, done=done, command=self._pose(done))
         end = self.way.duration
         return replace(self, done=end, command=self._pose(end), phase='settling',
-                       since=done - end)._settled(heard)
+                       since=done - end)._settled()
 
-    def _settled(self, heard):
+    def _settled(self):
         """Return the execution at the end of its way: succeeded, too late, or still waiting."""
         guards = self.guards
         if not (guards.goal_position or guards.goal_angle):
             return replace(self, phase='succeeded')
-        away = self._off(heard, guards.goal_position, guards.goal_angle, 'constraints.goal')
-        if away is None and heard is not None:
+        away = self._off(guards.goal_position, guards.goal_angle, 'constraints.goal')
+        if away is None and self.heard is not None:
             return replace(self, phase='succeeded')
         if self.since > guards.patience:
             late = f'{guards.patience:g} s after the end of the motion {away or "no pose came"}'
@@ -180,16 +182,20 @@ class Execution:
     def _pose(self, done):
         return self.way.at([done])[0][0].compose(self.back)
 
-    def _age(self, heard, now):
-        """Return s; of a machine that was late poses may be on their way: it waits a tick more."""
+    def _silence(self, heard, now, step):
+        """Return the age of a gripper pose, s.
+
+        Where this machine is late, poses may be as late to be heard: a tick adds a period at most.
+        """
         if heard is None:
             return np.inf
-        known = now if self.last is None else min(now, self.last + _LATE * self.period)
-        return heard.age + max(known - heard.arrived, 0.0)
+        if heard is not self.heard:
+            return heard.age + min(max(now - heard.arrived, 0.0), self.period)
+        return self.silent + step
 
-    def _fault(self, heard, age):
+    def _fault(self):
         """Return the cause and the reason to stop, or None."""
-        guards = self.guards
+        guards, heard, age = self.guards, self.heard, self.silent
         limit = guards.incoming_command_timeout
         if limit and not age <= limit:
             came = 'none came' if heard is None else f'the last one is {age:.3g} s old'
@@ -197,7 +203,7 @@ class Execution:
                     f'incoming_command_timeout = {limit:g} s at most, by its stamp')
         if self.phase != 'running' or heard is None or self.command is None:
             return None
-        away = self._off(heard, guards.path_position, guards.path_angle, 'constraints.path')
+        away = self._off(guards.path_position, guards.path_angle, 'constraints.path')
         if away is not None:
             return Cause.PATH_TOLERANCE, away
         if guards.path_shape and heard.deviation > guards.path_shape:
@@ -205,8 +211,9 @@ class Execution:
                     f'expected constraints.path.shape = {guards.path_shape:g} m at most')
         return None
 
-    def _off(self, heard, position, angle, name):
+    def _off(self, position, angle, name):
         """Return in words how the gripper is off the command; None: it is within tolerances."""
+        heard = self.heard
         if heard is None:
             return None
         away = float(np.linalg.norm(heard.pose.position - self.command.position))

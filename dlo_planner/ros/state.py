@@ -139,6 +139,14 @@ class State:
         """Return the State in which what is executed comes to rest, if anything is."""
         return self._with_execution(self.execution.stop(cause, reason)) if self.executing else self
 
+    def detailed(self, cause: Cause, reason: str) -> 'State':
+        """Return the State that says more of why the plan is void, if that is the cause."""
+        execution = self.execution
+        if execution is None or execution.cause != cause:
+            return self
+        return replace(self, execution=replace(execution, reason=reason),
+                       void=reason if self.made is None else self.void)
+
     def _with_execution(self, execution):
         """Return the State with another Execution; a plan that was not finished is void."""
         state = replace(self, execution=execution)
@@ -150,13 +158,14 @@ class State:
 def carried(shape: Shape | None, before: Scene, after: Scene) -> Shape | None:
     """Return what is left of the last Shape in another Scene.
 
-    The same DLO keeps its shape and its permanent set; another one of the same length begins with
-    the shape, without the set; of another length, with nothing.
+    The same DLO keeps its shape and its permanent set. Another one begins with the shape, without
+    the set, if it is as long and does not yield: of one that yields it is not known what the way
+    to that shape has left in it.
     """
     rod, other = before.direct.rod, after.direct.rod
     if shape is None or rod == other:
         return shape
-    if abs(rod.length - other.length) > _SAME_LENGTH * rod.length:
+    if other.yields or abs(rod.length - other.length) > _SAME_LENGTH * rod.length:
         return None
     return replace(shape, _history=None)
 

@@ -44,10 +44,10 @@ class Verification:
                 state = self._store.change(lambda now, proof=proof: now.proved(proof))
                 if state.proof is not proof:
                     return
-                self._health.plan_proved(proof)
                 if proof.safe:
                     self._publish(made, proof.report)
-                elif proof.done:
+                self._health.plan_proved(proof)
+                if proof.done and not proof.safe:
                     self._reporter.failed('report', proof.cause,
                                           f'the plan is not safe: {proof.reason}')
 

@@ -153,7 +153,7 @@ def test_reach_counts_in_the_frame_of_the_scene(frames):
     far = pose_stamped_msg(Pose((999.5, 0, 0), (0, 0, 0, 1)), 'camera')
     reached = np.linalg.norm((CAMERA.matrix @ [999.5, 0, 0, 1])[:3])
     assert reached > SCENE.reach
-    with pytest.raises(Refused, match='in world') as refused:
+    with pytest.raises(Refused, match='task_goal in world: pose.position') as refused:
         pose_in(SCENE, far, 'task_goal', frames)
     assert refused.value.cause == Cause.OUT_OF_REACH
 
