@@ -1,61 +1,25 @@
-"""Direct and inverse simulation of deformable linear objects in a gripper; no ROS in here."""
+"""Direct and inverse simulation of deformable linear objects in a gripper; no ROS in here.
 
-from dlo_planner.direct.contacts import Contact
-from dlo_planner.direct.grasp import GraspedInside
-from dlo_planner.direct.mode_tracking import modes_along
-from dlo_planner.direct.modes import Modes
-from dlo_planner.direct.motion import Motion
-from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.errors import (
-    DeadlineExceeded,
-    DloPlannerError,
-    Infeasible,
-    InvalidRod,
-    InvalidTask,
-    NotConverged,
-)
-from dlo_planner.inverse.closed_loop import ClosedLoop, Phase
-from dlo_planner.inverse.correction import Correction, correct
-from dlo_planner.inverse.estimate import Estimate
-from dlo_planner.inverse.fitting import Fit, fit_rod
-from dlo_planner.inverse.limits import Limits
-from dlo_planner.inverse.observation import Observation, ObservedMotion
-from dlo_planner.inverse.observer import Observer
-from dlo_planner.inverse.penalties import (
-    AwayFrom,
-    BentAtMost,
-    DirectionAt,
-    GripperNear,
-    PositionAt,
-    Through,
-)
-from dlo_planner.inverse.plan import Plan, PlanStatus, joined
-from dlo_planner.inverse.predicted_miss import PredictedMiss
-from dlo_planner.inverse.replay import Report, replay
-from dlo_planner.inverse.search import Found, minimise_penalty
-from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.stamped import gripper_at
-from dlo_planner.inverse.steering import Steered
-from dlo_planner.inverse.tolerance import Spread, Tolerance, tolerance
-from dlo_planner.inverse.trajectory import Trajectory
-from dlo_planner.inverse.workspace import Workspace
-from dlo_planner.model.along import Piecewise
-from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.far_end import FarEnd
-from dlo_planner.model.obstacles import Box, Capsule, Plane, Sheet, Sphere
-from dlo_planner.model.plug import with_plug
-from dlo_planner.model.point_load import PointLoad
-from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import Rod
-from dlo_planner.model.section import Section
+The names are those of `public`, which is imported with the first of them: it takes a second, in
+which a node that is only being started could not hear a signal.
+"""
 
-__all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact', 'Correction',
-           'CutOut', 'DeadlineExceeded', 'DirectSimulator', 'DirectionAt', 'DloPlannerError',
-           'Estimate', 'FarEnd', 'Fit', 'Found', 'GraspedInside', 'GripperNear', 'Infeasible',
-           'InvalidRod', 'InvalidTask', 'InverseSimulator', 'Limits', 'Modes', 'Motion',
-           'NotConverged', 'Observation', 'ObservedMotion', 'Observer', 'Phase', 'Piecewise',
-           'Plan', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'PredictedMiss',
-           'Report', 'Rod', 'Section', 'Shape', 'Sheet', 'Sphere', 'Spread', 'Steered', 'Through',
-           'Tolerance', 'Trajectory', 'Workspace', 'correct', 'fit_rod', 'gripper_at', 'joined',
-           'minimise_penalty', 'modes_along', 'replay', 'tolerance', 'with_plug']
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dlo_planner.public import *  # noqa: F403
+
+
+def __getattr__(name: str):
+    if name.startswith('__') and name != '__all__':
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    public = import_module('dlo_planner.public')
+    if name != '__all__' and name not in public.__all__:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    globals()[name] = getattr(public, name)
+    return globals()[name]
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *import_module('dlo_planner.public').__all__})

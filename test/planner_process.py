@@ -33,9 +33,12 @@ class Planner:
         """Whether it runs."""
         return self.process.poll() is None
 
-    def interrupt(self):
-        """Send SIGINT; return the exit status."""
-        self.process.send_signal(signal.SIGINT)
+    def interrupt(self, *signals):
+        """Send SIGINT, or these signals 0.1 s apart; return the exit status."""
+        for number in signals or (signal.SIGINT,):
+            self.process.send_signal(number)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self.process.wait(timeout=0.1)
         return self.process.wait(timeout=20)
 
 
@@ -54,9 +57,9 @@ def running_planner(directory, *arguments):
 
 
 @contextlib.contextmanager
-def connected_client(planner):
-    """Yield a PlannerClient once the planner answers."""
-    client = PlannerClient()
+def connected_client(planner, name='/dlo_planner'):
+    """Yield a PlannerClient once the planner, a node with this name, answers."""
+    client = PlannerClient(name)
     try:
         assert client.wait_until_ready(400.0, planner.alive), planner.log
         yield client

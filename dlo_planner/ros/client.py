@@ -237,3 +237,12 @@ class PlannerClient:
         if not done.wait(self.timeout):
             raise TimeoutError(f'service {name} did not answer within {self.timeout} s')
         return future.result(), monotonic() - started
+
+
+def drained(messages):
+    """Empty a queue; return what was in it."""
+    taken = []
+    with suppress(queue.Empty):
+        while True:
+            taken.append(messages.get_nowait())
+    return taken

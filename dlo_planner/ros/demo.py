@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import queue
 import signal
 import subprocess
 import sys
@@ -23,7 +22,7 @@ from dlo_planner.minimize.newton import residual_of
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.ros.client import PlannerClient
+from dlo_planner.ros.client import PlannerClient, drained
 from dlo_planner.ros.demo_figures import save_moving, save_threading, save_turning, save_two
 from dlo_planner.ros.execution import ACTIVE
 from dlo_planner.ros.follower import Follower
@@ -249,19 +248,11 @@ def executed(client, seconds, first):
         with suppress(TimeoutError):
             _, message, values = client.execution_in(*ACTIVE, 'succeeded', 'stopped', timeout=1.0)
             state = values['state']
-            progress('seconds executed', int(float(values['done [s]'])), int(seconds))
+            if state == 'running' and sys.stdout.isatty():
+                progress('seconds executed', int(float(values['done [s]'])), int(seconds) + 1)
     print(f'  {state}: {message}')
     robot.close()
     return [pose_from_msg(msg.pose) for msg in drained(client.commands)]
-
-
-def drained(messages):
-    """Empty a queue; return what was in it."""
-    taken = []
-    with suppress(queue.Empty):
-        while True:
-            taken.append(messages.get_nowait())
-    return taken
 
 
 def away_from(commands, grippers):

@@ -13,11 +13,13 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.frames import OneFrame
 from dlo_planner.ros.scene import Scene
+from msg_helpers.obstacles import obstacles_after
 from msg_helpers.poses import header, pose_from_msg, pose_from_stamped, pose_msg
 
 _ONE = OneFrame()
 _UNIT = 1e-2  # by which the length of a quaternion may be off 1, as for tf2
 _MOST_GOALS = 2
+_MOST_BODIES = 1000
 _OBSTACLE = re.compile(r'workspace\.keep_out\[(\d+)\]|\b(?:Box|Sphere|Capsule) (\d+)\b')
 
 
@@ -37,20 +39,59 @@ def pose_in(scene: Scene, msg: PoseStamped, name: str, frames: OneFrame = _ONE) 
         pose = pose_from_stamped(msg, msg.header.frame_id, name)
     except InvalidTask as error:
         raise Refused(Cause.INVALID_POSE, str(error)) from None
-    q = msg.pose.orientation
+    _judge_orientation(msg.pose.orientation, f'{name}.pose')
+    if origin is None:
+        _judge_distance(pose.position, scene, f'{name}.pose')
+        return pose
+    there = origin.compose(pose)
+    _judge_distance(there.position, scene, f'{name} in {scene.frame_id}: pose')
+    return there
+
+
+def bodies_in(scene: Scene, known: Mapping, msg: MarkerArray, name: str,
+              frames: OneFrame = _ONE) -> dict:
+    """Return the obstacles, by (namespace, id), after a visualization_msgs/MarkerArray.
+
+    Args:
+        scene: Scene; known: those before
+        msg: MarkerArray; name: how the sender knows it
+        frames: that know other frames
+
+    Raises:
+        Refused: naming marker, field and value; nothing of the message counts then
+    """
+    msg = markers_in(scene, msg, name, frames)
+    try:
+        bodies = obstacles_after(dict(known), msg, scene.frame_id, name)
+    except InvalidTask as error:
+        raise Refused(Cause.INVALID_OBSTACLES, str(error)) from None
+    for index, marker in enumerate(msg.markers):
+        if marker.action == Marker.ADD:
+            where = f'{name}.markers[{index}]'
+            _judge_orientation(marker.pose.orientation, f'{where}.pose', Cause.INVALID_OBSTACLES)
+            at, size = marker.pose.position, marker.scale
+            _judge_distance([at.x, at.y, at.z], scene, f'{where}.pose', Cause.INVALID_OBSTACLES)
+            if max(size.x, size.y, size.z) > 2 * scene.reach:
+                raise Refused(Cause.INVALID_OBSTACLES, f'{where}.scale = '
+                              f'{[size.x, size.y, size.z]}: expected at most twice '
+                              f'workspace.reach = {scene.reach:g} m')
+    if len(bodies) > _MOST_BODIES:
+        raise Refused(Cause.INVALID_OBSTACLES, f'{name}.markers: {len(bodies)} obstacles with '
+                      f'those that are there: expected {_MOST_BODIES} at most')
+    return bodies
+
+
+def _judge_orientation(q, name, cause=Cause.INVALID_POSE):
     quaternion = [q.x, q.y, q.z, q.w]
     if abs(np.linalg.norm(quaternion) - 1) > _UNIT:
-        raise Refused(Cause.INVALID_POSE, f'{name}.pose.orientation = {quaternion}: expected a '
-                      f'quaternion x, y, z, w of length 1, within {_UNIT:g}')
-    pose = pose if origin is None else origin.compose(pose)
-    away = float(np.linalg.norm(pose.position))
-    if away > scene.reach:
-        where = '' if origin is None else f' in {scene.frame_id}'
-        raise Refused(Cause.OUT_OF_REACH,
-                      f'{name}.pose.position = {pose.position.tolist()}{where}: '
-                      f'expected at most workspace.reach = {scene.reach:g} m from the origin of '
-                      f'{scene.frame_id}')
-    return pose
+        raise Refused(cause, f'{name}.orientation = {quaternion}: expected a quaternion x, y, z, w '
+                      f'of length 1, within {_UNIT:g}')
+
+
+def _judge_distance(position, scene, name, cause=Cause.OUT_OF_REACH):
+    if np.linalg.norm(position) > scene.reach:
+        raise Refused(cause, f'{name}.position = {[float(x) for x in position]}: expected at most '
+                      f'workspace.reach = {scene.reach:g} m from the origin of {scene.frame_id}')
 
 
 def goals_in(scene: Scene, msg: Goals, name: str,
@@ -80,6 +121,7 @@ def _marker_in(scene, marker, name, frames):
     origin = frames.origin(marker.header, scene.frame_id, name)
     if origin is None:
         return marker
+    _judge_orientation(marker.pose.orientation, f'{name}.pose', Cause.INVALID_OBSTACLES)
     try:
         pose = pose_msg(origin.compose(pose_from_msg(marker.pose)))
     except InvalidTask:

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from queue import SimpleQueue
 from threading import Event, Thread
 
-from dlo_planner.ros.log_folder import log_arguments
+from dlo_planner.ros.folders import find_temporary, log_arguments
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _STOPPING = 5.0  # s for a motion to decelerate, at most
@@ -72,6 +72,7 @@ class Process:
 
     def _work(self):
         try:
+            find_temporary()
             import rclpy  # noqa: PLC0415
             from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
             rclpy.init(args=self._args + log_arguments(),

@@ -50,6 +50,12 @@ class ManagedNode(LifecycleNodeMixin, Node):
         with suppress(rclpy_implementation.RCLError):  # it is final already, or changes just now
             self.trigger_shutdown()
 
+    def destroy_node(self):
+        """Leave, with the lifecycle's publisher, which rclpy leaves to the garbage collector."""
+        if self.lifecycle_state != 'starting':
+            self._state_machine.destroy_when_not_in_use()
+        super().destroy_node()
+
     # ---- what a node does -----------------------------------------------------------------------
 
     def configure(self):

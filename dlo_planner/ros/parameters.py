@@ -72,10 +72,11 @@ ENTRIES = {
                                     1e6),
     'gravity': Entry([0.0, 0.0, -9.81], 'Gravity in the world frame, m/s^2.'),
     'simulator.basis': Entry('chebyshev', 'How a shape is written: chebyshev | fourier | local.'),
-    'simulator.n_elements': Entry(64, 'Elements (unused with an accuracy).', 2, 5_000),
+    'simulator.n_elements': Entry(64, 'Elements (unused with an accuracy).', 2, 2_000),
     'simulator.n_terms': Entry(10, 'Terms of the series (unused by local and with an accuracy).',
                                1, 200),
-    'simulator.accuracy': Entry(0.0, 'Wanted accuracy, m; 0 = use n_elements and n_terms.',
+    'simulator.accuracy': Entry(0.0, 'Wanted accuracy, m, 1e-6 of the length at least; 0 = use '
+                                'n_elements and n_terms.',
                                 0.0, 1.0),
     'tool.position': Entry([0.0, 0.0, 0.0], 'Where the DLO leaves the gripper, in the tool frame '
                            'that gripper poses refer to, m.'),

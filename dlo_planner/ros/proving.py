@@ -9,13 +9,14 @@ import pickle
 import subprocess
 import sys
 from select import select
-from threading import Lock
-from time import monotonic
+from threading import Lock, Thread
+from time import monotonic, sleep
 
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError
 from dlo_planner.inverse.replay import replay
 
 _LOOK = 0.1      # s between looks whether an answer is still wanted
+_WATCH = 0.5     # s between looks whether the node still runs
 _PATIENCE = 120.0  # s beyond the deadline that was given, after which the process counts as lost
 
 
@@ -95,7 +96,8 @@ class Prover:
 
 
 def main():
-    """Answer until the input ends."""
+    """Answer until the input ends, or the process that asks."""
+    Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     answers = os.fdopen(os.dup(sys.stdout.fileno()), 'wb')
     sys.stdout = sys.stderr  # whatever is printed must not get among the answers
     while True:
@@ -114,6 +116,13 @@ def main():
             answers.flush()
         except BrokenPipeError:  # nobody is there to read it
             return
+
+
+def _end_with(parent):
+    """End when the parent has ended, whatever is computed: nobody waits for it any more."""
+    while os.getppid() == parent:
+        sleep(_WATCH)
+    os._exit(0)
 
 
 if __name__ == '__main__':

@@ -21,6 +21,8 @@ from dlo_planner.ros.observing import Seeing
 
 SECTIONS = ('round', 'tube', 'rectangular', 'stiffness')
 _MOST_TOLERANCE = 1.0  # m
+_MOST_GRAVITY = 1e4    # m/s^2
+_FINEST = 1e-6         # accuracy, of the length: a shape takes less than a second
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,7 @@ def build_scene(values, obstacles=()):
         DloPlannerError: a value, or their combination, makes no sense
     """
     rod = _rod(values)
+    _judge(values)
     options = {'accuracy': values['simulator.accuracy']}
     if not options['accuracy']:
         options = {'n_elements': values['simulator.n_elements']}
@@ -98,6 +101,20 @@ def build_scene(values, obstacles=()):
                  values['execute.start_distance'], values['execute.start_angle'],
                  values['threading.planning_deadline'], values['workspace.reach'],
                  1 / values['execute.rate'], _guards(values), _seeing(values))
+
+
+def _judge(values):
+    """Refuse sizes that no DLO in a cell has; what else makes no sense the library refuses."""
+    accuracy, reach = values['simulator.accuracy'], values['workspace.reach']
+    finest = _FINEST * values['rod.length']
+    if 0 < accuracy < finest:
+        raise InvalidTask(f'parameter simulator.accuracy = {accuracy:g}: expected at least '
+                          f'{finest:g} m, 1e-6 of the length; 0 for n_elements and n_terms')
+    for name, most, unit in (('tool.position', reach, 'm'),
+                             ('gravity', _MOST_GRAVITY, 'm/s^2')):
+        if not np.linalg.norm(np.nan_to_num(values[name], nan=0.0)) <= most:
+            raise InvalidTask(f'parameter {name} = {list(values[name])}: expected a length of at '
+                              f'most {most:g} {unit}')
 
 
 def _guards(values):

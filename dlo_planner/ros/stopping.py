@@ -13,6 +13,7 @@ _LONGER = 1.2     # from one duration that is tried to the next
 # a stop must not take long for that.
 _ALLOWED = (1.02, 1.5)
 _LONGEST = 20.0   # s
+_GUESSED = 1.5    # speeds over acceleration: hardly any deceleration is shorter
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Deceleration:
 
 
 def decelerate(way: TimedPath, start: float, shortest: float) -> Deceleration:
-    """Return the shortest Deceleration of `way` within its limits of acceleration.
+    """Return a short Deceleration of `way` within its limits of acceleration.
 
     It exceeds those of jerk by half at most.
 
@@ -46,7 +47,8 @@ def decelerate(way: TimedPath, start: float, shortest: float) -> Deceleration:
         start: s along it
         shortest: s that it takes at least
     """
-    length = shortest
+    speeds = np.linalg.norm(way.at([start])[1].reshape(2, 3), axis=1)
+    length = max(shortest, *(_GUESSED * speeds / way.limits.sizes[1]))
     while _used(way, Deceleration(start, length)) > 1 and length < _LONGEST:
         length *= _LONGER
     return Deceleration(start, length)

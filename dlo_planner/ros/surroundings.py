@@ -6,23 +6,21 @@ import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from visualization_msgs.msg import MarkerArray
 
-from dlo_planner.errors import DloPlannerError, InvalidTask
+from dlo_planner.errors import DloPlannerError
 from dlo_planner.inverse.clearance import clearance
 from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.surface import Surface
-from dlo_planner.ros.causes import Cause, Refused
-from dlo_planner.ros.door import body_name, markers_in
+from dlo_planner.ros.causes import Cause
+from dlo_planner.ros.door import bodies_in, body_name
 from dlo_planner.ros.latched import hear_latched
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.qos import CHANGES
 from dlo_planner.ros.scene import build_scene
 from dlo_planner.ros.state import State
 from msg_helpers.markers import obstacle_markers
-from msg_helpers.obstacles import obstacles_after
 
 _LOOKS = 60       # poses of the gripper on the rest of its way that are looked at
 _MOST_NAMED = 5   # obstacles that are named, or looked at
-_MOST_BODIES = 1000
 
 
 class Surroundings:
@@ -72,8 +70,7 @@ class Surroundings:
     def _on_obstacles(self, msg):
         with self._reporter.answering('obstacles', told=False), self._store.rebuilding:
             before = self._store.state
-            bodies = bodies_after(before, markers_in(before.scene, msg, 'obstacles',
-                                                     self._frames))
+            bodies = bodies_in(before.scene, before.bodies, msg, 'obstacles', self._frames)
             if bodies == before.bodies:
                 return
             changed = [key for key in {**before.bodies, **bodies}
@@ -95,22 +92,6 @@ class Surroundings:
         if before.made is not None and state.made is None:
             self._health.plan_void(reason)
             self._reporter.info(f'the plan is void: {reason}')
-
-
-def bodies_after(state: State, msg: MarkerArray) -> dict:
-    """Return the obstacles, by (namespace, id), after a visualization_msgs/MarkerArray.
-
-    Raises:
-        Refused: naming marker, field and value; nothing of the message counts then
-    """
-    try:
-        bodies = obstacles_after(dict(state.bodies), msg, state.scene.frame_id, 'obstacles')
-    except InvalidTask as error:
-        raise Refused(Cause.INVALID_OBSTACLES, str(error)) from None
-    if len(bodies) > _MOST_BODIES:
-        raise Refused(Cause.INVALID_OBSTACLES, f'obstacles.markers: {len(bodies)} obstacles with '
-                      f'those that are there: expected {_MOST_BODIES} at most')
-    return bodies
 
 
 def listed(keys: list) -> str:

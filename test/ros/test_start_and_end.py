@@ -1,19 +1,67 @@
 """Starting with good and bad parameters, and ending."""
 
+import signal
+import time
+
+import numpy as np
 import pytest
+import yaml
 from planner_process import ROOT, connected_client, running_planner
 
 from dlo_planner import Pose
 
+HEARD = 2.0  # s in which a signal ends the process
+
 
 @pytest.mark.parametrize('config', sorted(path.name for path in (ROOT / 'config').glob('*.yaml')))
-def test_every_dlo_in_config_hangs(domain, tmp_path, config):
-    arguments = ('--params-file', str(ROOT / 'config' / config))
-    with running_planner(tmp_path, *arguments) as planner, connected_client(planner) as client:
+def test_every_dlo_in_config_hangs_whatever_the_node_is_called(domain, tmp_path, config):
+    said = yaml.safe_load((ROOT / 'config' / config).read_text())['/**']['ros__parameters']
+    arguments = ('--params-file', str(ROOT / 'config' / config), '-r', '__ns:=/cell1', '-r',
+                 '__node:=held')
+    with running_planner(tmp_path, *arguments) as planner, \
+            connected_client(planner, '/cell1/held') as client:
         path, _ = client.predict_shape(Pose.looking_along((0, 0, 1), (1, 0, 0)))
+        ends = np.array([[getattr(one.pose.position, axis) for axis in 'xyz']
+                         for one in path.poses])
+        steps = np.linalg.norm(np.diff(ends, axis=0), axis=1)
+        assert steps.sum() == pytest.approx(said['rod']['length'], rel=1e-3)
+        assert f'ready: {said["rod"]["name"]}' in planner.log
         assert len(path.poses) == 65
         assert path.poses[-1].pose.position.z < 1.0
         assert planner.interrupt() == 0
+        assert 'Traceback' not in planner.log
+
+
+@pytest.mark.parametrize('seconds', [0.3, 1.0, 2.5])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signals_are_heard_while_it_starts(domain, tmp_path, seconds, number):
+    with running_planner(tmp_path) as planner:
+        time.sleep(seconds)
+        begun = time.monotonic()
+        assert planner.interrupt(number, number) == 0
+        assert time.monotonic() - begun < HEARD
+        assert 'Traceback' not in planner.log
+
+
+def test_signals_are_heard_during_a_long_plan_and_misspelt_parameters_are_named(domain, tmp_path):
+    arguments = ('-p', 'threading.waypoints:=10000', '-p', 'rod.diameter:=0.0015', '-p',
+                 'rod.lenght:=3.0')
+    with running_planner(tmp_path, *arguments) as planner, connected_client(planner) as client:
+        assert 'parameter rod.lenght does not exist' in planner.log
+        assert 'did you mean rod.length?' in planner.log
+        client.send_goal(Pose.looking_along((0, 0, 1), (1, 0, 0)))
+        time.sleep(0.3)
+        begun = time.monotonic()
+        assert planner.interrupt(signal.SIGTERM, signal.SIGINT) == 0
+        assert time.monotonic() - begun < HEARD
+        assert 'planned' not in planner.log
+        assert 'Traceback' not in planner.log
+
+
+def test_a_file_that_is_not_there_is_said_in_a_line(domain, tmp_path):
+    with running_planner(tmp_path, '--params-file', 'nonesuch.yaml') as planner:
+        assert planner.process.wait(timeout=60) == 1
+        assert 'dlo_planner: cannot start' in planner.log and 'nonesuch.yaml' in planner.log
         assert 'Traceback' not in planner.log
 
 

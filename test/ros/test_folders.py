@@ -1,11 +1,12 @@
-"""Where the ROS log goes."""
+"""Where the ROS log and temporary files go."""
 
 import os
 import tempfile
 
 import pytest
 
-from dlo_planner.ros.log_folder import log_arguments
+from dlo_planner.ros import folders
+from dlo_planner.ros.folders import find_temporary, log_arguments
 
 NO_FILE = ['--ros-args', '--disable-external-lib-logs']
 
@@ -46,3 +47,16 @@ def test_without_any_temporary_folder_it_goes_to_the_console(nothing_set):
         raise FileNotFoundError('no usable temporary directory')
     nothing_set.setattr(tempfile, 'gettempdir', nowhere)
     assert log_arguments() == NO_FILE
+
+
+def test_temporary_files_go_to_memory_where_there_is_no_other_place(nothing_set, tmp_path):
+    def nowhere():
+        raise FileNotFoundError('no usable temporary directory')
+    nothing_set.setattr(folders, '_IN_MEMORY', tmp_path)
+    nothing_set.setenv('TMPDIR', 'as it was')
+    find_temporary()
+    assert os.environ['TMPDIR'] == 'as it was'
+    nothing_set.setattr(tempfile, 'tempdir', None)
+    nothing_set.setattr(tempfile, 'gettempdir', nowhere)
+    find_temporary()
+    assert os.environ['TMPDIR'] == tempfile.tempdir == str(tmp_path)

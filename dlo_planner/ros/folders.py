@@ -1,10 +1,24 @@
-"""A folder for the ROS log, where the usual one cannot be written: no home, a read-only system."""
+"""Folders to write in, where the usual ones cannot be: no home, a read-only system."""
 
 import os
 import tempfile
 from pathlib import Path
 
+_IN_MEMORY = Path('/dev/shm')  # a container has it though all else is read-only
 _NO_FILE = ['--ros-args', '--disable-external-lib-logs']
+
+
+def find_temporary():
+    """Take the folder in memory for temporary files, where there is no other one.
+
+    Child processes take it as well. Libraries write there what they keep from one start to the
+    next, if there is no home; some do not load where they cannot.
+    """
+    try:
+        tempfile.gettempdir()
+    except FileNotFoundError:
+        if _can_be_written(_IN_MEMORY):
+            os.environ['TMPDIR'] = tempfile.tempdir = str(_IN_MEMORY)
 
 
 def log_arguments() -> list[str]:

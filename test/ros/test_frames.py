@@ -1,0 +1,172 @@
+"""Poses in other frames, through tf2 as it is documented (a stand-in has its interface)."""
+
+import sys
+from types import ModuleType
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped, TransformStamped
+from nav_msgs.msg import Goals
+from rclpy.duration import Duration
+from rclpy.time import Time as RosTime
+from scipy.spatial.transform import Rotation
+from std_msgs.msg import Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from dlo_planner import Pose
+from dlo_planner.ros.causes import Cause, Refused
+from dlo_planner.ros.door import goals_in, markers_in, pose_in
+from dlo_planner.ros.frames import OneFrame, TfFrames, frames_of
+from dlo_planner.ros.parameters import ENTRIES
+from dlo_planner.ros.scene import build_scene
+from msg_helpers.obstacles import obstacles_after
+from msg_helpers.poses import pose_from_msg, pose_msg, pose_stamped_msg
+
+SCENE = build_scene({name: entry.default for name, entry in ENTRIES.items()})
+CAMERA = Pose((1.0, 2.0, 3.0), Rotation.from_euler('xyz', (0.3, -0.4, 1.2)).as_quat())
+SEEN = Pose((0.1, 0.2, 0.3), Rotation.from_euler('xyz', (1.0, 0.5, 0.2)).as_quat())
+
+
+class TransformException(Exception):  # noqa: N818, as in tf2_ros
+    """Base of all that a lookup raises."""
+
+
+class Buffer:
+    """Static transforms from frames to `world`, by tf2_ros' calls."""
+
+    def __init__(self, cache_time=None, node=None):
+        self.known, self.asked = {}, []
+
+    def set_transform_static(self, transform, authority):
+        self.known[transform.header.frame_id, transform.child_frame_id] = transform
+
+    def lookup_transform(self, target_frame, source_frame, time, timeout=None):
+        assert isinstance(time, RosTime) and isinstance(timeout, Duration)
+        self.asked.append((target_frame, source_frame, time.nanoseconds))
+        try:
+            return self.known[target_frame, source_frame]
+        except KeyError:
+            raise TransformException(f'"{source_frame}" passed to lookupTransform argument '
+                                     'source_frame does not exist.') from None
+
+
+class TransformListener:
+    """Hears nothing."""
+
+    def __init__(self, buffer, node, *, spin_thread=False):
+        self.buffer, self.on = buffer, True
+
+    def unregister(self):
+        self.on = False
+
+
+@pytest.fixture
+def tf2(monkeypatch):
+    module = ModuleType('tf2_ros')
+    for kind in (Buffer, TransformListener, TransformException):
+        setattr(module, kind.__name__, kind)
+    monkeypatch.setitem(sys.modules, 'tf2_ros', module)
+    return module
+
+
+@pytest.fixture
+def frames(tf2):
+    """Return Frames that know where the camera is."""
+    frames = frames_of(None)
+    assert isinstance(frames, TfFrames)
+    transform = TransformStamped(header=Header(frame_id='world'), child_frame_id='camera')
+    place = pose_msg(CAMERA)
+    transform.transform.translation.x = place.position.x
+    transform.transform.translation.y = place.position.y
+    transform.transform.translation.z = place.position.z
+    transform.transform.rotation = place.orientation
+    frames._buffer.set_transform_static(transform, 'test')
+    return frames
+
+
+def expected():
+    """Return SEEN in the world, by matrices."""
+    return CAMERA.matrix @ SEEN.matrix
+
+
+def test_a_pose_is_transformed(frames):
+    stamp = Time(sec=12, nanosec=34)
+    pose = pose_in(SCENE, pose_stamped_msg(SEEN, 'camera', stamp), 'task_goal', frames)
+    np.testing.assert_allclose(pose.matrix, expected(), atol=1e-12)
+    assert frames._buffer.asked == [('world', 'camera', 12 * 10**9 + 34)]
+
+
+def test_the_own_frame_asks_nobody(frames):
+    pose = pose_in(SCENE, pose_stamped_msg(SEEN, 'world'), 'task_goal', frames)
+    np.testing.assert_array_equal(pose.matrix, SEEN.matrix)
+    assert frames._buffer.asked == []
+
+
+@pytest.mark.parametrize('outer', ['camera', 'world'])
+def test_goals_count_by_their_own_header_or_that_of_the_message(frames, outer):
+    msg = Goals(header=Header(frame_id=outer), goals=[
+        PoseStamped(pose=pose_msg(SEEN)), pose_stamped_msg(SEEN, 'camera')])
+    first, second = goals_in(SCENE, msg, 'task_goals', frames)
+    np.testing.assert_allclose(second.matrix, expected(), atol=1e-12)
+    np.testing.assert_allclose(first.matrix, expected() if outer == 'camera' else SEEN.matrix,
+                               atol=1e-12)
+
+
+def test_obstacles_are_transformed(frames):
+    marker = Marker(header=Header(frame_id='camera'), ns='cell', id=3, type=Marker.CUBE,
+                    pose=pose_msg(SEEN))
+    marker.scale.x, marker.scale.y, marker.scale.z = 0.1, 0.2, 0.3
+    gone = Marker(header=Header(frame_id='nowhere'), action=Marker.DELETEALL)
+    msg = markers_in(SCENE, MarkerArray(markers=[gone, marker]), 'obstacles', frames)
+    box, = obstacles_after({}, msg, 'world', 'obstacles').values()
+    np.testing.assert_allclose(box.pose.matrix, expected(), atol=1e-12)
+    assert marker.header.frame_id == 'camera'  # what came is not changed
+    np.testing.assert_allclose(pose_from_msg(marker.pose).matrix, SEEN.matrix)
+
+
+def test_a_frame_that_tf_does_not_know_is_refused_with_its_words(frames):
+    with pytest.raises(Refused, match=r"task_goal\.header\.frame_id = 'tool0': expected 'world', "
+                                      r"or a frame that tf .*does not exist") as refused:
+        pose_in(SCENE, pose_stamped_msg(SEEN, 'tool0'), 'task_goal', frames)
+    assert refused.value.cause == Cause.INVALID_FRAME
+    marker = Marker(header=Header(frame_id='tool0'))
+    with pytest.raises(Refused, match=r"obstacles\.markers\[0\]\.header\.frame_id = 'tool0'"):
+        markers_in(SCENE, MarkerArray(markers=[marker]), 'obstacles', frames)
+
+
+@pytest.mark.parametrize('known', [True, False])
+def test_no_frame_is_refused(frames, known):
+    with pytest.raises(Refused, match="header.frame_id = '': expected 'world'"):
+        pose_in(SCENE, pose_stamped_msg(SEEN, ''), 'goal', frames if known else OneFrame())
+
+
+def test_odd_poses_are_named_in_any_frame(frames):
+    msg = pose_stamped_msg(SEEN, 'camera')
+    msg.pose.position.x = float('nan')
+    with pytest.raises(Refused, match='task_goal') as refused:
+        pose_in(SCENE, msg, 'task_goal', frames)
+    assert refused.value.cause == Cause.INVALID_POSE
+
+
+def test_reach_counts_in_the_frame_of_the_scene(frames):
+    far = pose_stamped_msg(Pose((999.5, 0, 0), (0, 0, 0, 1)), 'camera')
+    reached = np.linalg.norm((CAMERA.matrix @ [999.5, 0, 0, 1])[:3])
+    assert reached > SCENE.reach
+    with pytest.raises(Refused, match='task_goal in world: pose.position') as refused:
+        pose_in(SCENE, far, 'task_goal', frames)
+    assert refused.value.cause == Cause.OUT_OF_REACH
+
+
+def test_without_tf2_other_frames_are_refused_by_name(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'tf2_ros', None)  # an import fails
+    frames = frames_of(None)
+    assert type(frames) is OneFrame
+    with pytest.raises(Refused, match="frame_id = 'camera': expected 'world'.*not installed"):
+        pose_in(SCENE, pose_stamped_msg(SEEN, 'camera'), 'task_goal', frames)
+    frames.close()
+
+
+def test_it_stops_listening(frames):
+    frames.close()
+    assert not frames._listener.on

@@ -1,0 +1,49 @@
+"""The SROS 2 policy allows what the node opens, and nothing else."""
+
+from xml.etree import ElementTree
+
+import pytest
+from planner_here import context_of_its_own, opened, planner_here
+from planner_process import ROOT
+
+POLICY = ROOT / 'config' / 'sros2_policy.xml'
+# What is opened only with use_sim_time, or where tf2_ros is installed.
+AT_TIMES = {'/clock', '/tf', '/tf_static'}
+RULES = {'publisher': ('topics', 'publish'), 'subscriber': ('topics', 'subscribe'),
+         'service': ('services', 'reply'), 'client': ('services', 'request')}
+
+
+def allowed(group, verb):
+    """Return the full names that the policy allows for a verb."""
+    root = ElementTree.parse(POLICY).getroot()
+    assert (root.tag, root.get('version')) == ('policy', '0.2.0')
+    profile, = root.iter('profile')
+    private = profile.get('ns').rstrip('/') + '/' + profile.get('node')
+    found = [one.text for rules in profile.iter(group) if rules.get(verb) == 'ALLOW'
+             for one in rules]
+    names = {private + name[1:] if name.startswith('~') else name for name in found}
+    assert len(names) == len(found), 'a name stands there twice'
+    assert all(name.startswith('/') for name in names)
+    return names
+
+
+@pytest.fixture(scope='module')
+def names(domain):
+    """Return what an active node has opened, by kind."""
+    with pytest.MonkeyPatch.context() as monkeypatch, context_of_its_own() as context, \
+            planner_here(monkeypatch, context) as node:
+        return {kind: opened(node, kind) for kind in RULES}
+
+
+@pytest.mark.parametrize('kind', RULES)
+def test_the_policy_is_what_the_node_opens(names, kind):
+    rules = allowed(*RULES[kind])
+    assert names[kind] - rules == set(), 'it is opened, but not allowed'
+    assert rules - names[kind] - AT_TIMES == set(), 'it is allowed, but never opened'
+
+
+def test_simulated_time_is_allowed(domain, monkeypatch):
+    with context_of_its_own() as context, \
+            planner_here(monkeypatch, context, use_sim_time=True) as node:
+        assert opened(node, 'subscriber') - allowed('topics', 'subscribe') == set()
+        assert '/clock' in opened(node, 'subscriber')
