@@ -1,0 +1,136 @@
+"""The page in the browser: what every page has, whatever it shows."""
+
+from threading import Event, Lock
+
+import numpy as np
+
+from dlo_planner.model.checks import instance, integer
+from dlo_planner.model.pose import Pose
+from dlo_planner.view.canvas import Canvas
+from dlo_planner.view.tables import color_bar
+
+LOCAL, PORT = 'localhost', 8080
+_THINNEST = 0.004  # of the size of what is shown: a thin wire would not be seen
+_VIEW = np.array([0.35, -1.0, 0.45])  # from where it is seen
+_FAR = 0.85        # of the size of what is shown
+_CELL = 0.1        # m, of the grid
+_FIELD = np.deg2rad(50)
+
+
+class Page:
+    """A viser server with a canvas, a grid in meters and a color bar; thread-safe.
+
+    Args:
+        title: of the panel
+        host: that it listens on; another one than localhost lets everybody in the network in
+        port: that it listens on, or the next free one
+
+    Raises:
+        ModuleNotFoundError: viser is not installed
+    """
+
+    def __init__(self, title: str, host: str = LOCAL, port: int = PORT):
+        instance('host', host, str)
+        port = integer('port', port, minimum=1, maximum=65_535)
+        self.server = _server(host, port, title)
+        self.gui, self.scene = self.server.gui, self.server.scene
+        self.gui.configure_theme(control_width='large', show_logo=False, show_share_button=False,
+                                 brand_color=(33, 104, 142))
+        self.canvas = Canvas(self.scene)
+        self._lock, self._closed = Lock(), Event()
+        self._framed = False
+        self._grid = self._note = None
+        self._bar = self.gui.add_html('', visible=False)
+        self.gui.add_button('Show everything').on_click(lambda _: self.frame())
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        return f'http://{self.server.get_host()}:{self.server.get_port()}'
+
+    def show(self, items) -> None:
+        """Show these Items and no others; the first ones also place the camera."""
+        items = list(items)
+        caption = next((item.text for item in items if item.group == 'scale'), '')
+        with self._lock, self.server.atomic():
+            self.canvas.show(item for item in items if item.group != 'scale')
+            if self._bar.content != color_bar(caption):
+                self._bar.content, self._bar.visible = color_bar(caption), bool(caption)
+        if not self._framed and self.canvas.bounds is not None:
+            self.frame()
+
+    def frame(self) -> None:
+        """Place the camera, of those who look already too, and the grid so that all is seen."""
+        with self._lock:
+            bounds = self.canvas.bounds
+            if bounds is None:
+                return
+            self._framed = True
+            low, high = bounds
+            size = max(float(np.linalg.norm(high - low)), 1e-3)
+            self.canvas.least_radius = 0.5 * _THINNEST * size
+            self.canvas.redraw()
+            middle = 0.5 * (low + high)
+            place = middle + _FAR * size * _VIEW / np.linalg.norm(_VIEW)
+            cameras = [self.server.initial_camera,
+                       *(client.camera for client in self.server.get_clients().values())]
+            for camera in cameras:
+                camera.fov = _FIELD
+                camera.look_at, camera.position = middle, place
+            self._ground(low, high)
+
+    def control(self, name: str, pose: Pose, scale: float):
+        """Return a handle with which a Pose can be dragged: arrows and arcs."""
+        return self.scene.add_transform_controls(
+            f'/controls/{name}', scale=scale, line_width=3.0, depth_test=False,
+            position=pose.position, wxyz=np.roll(pose.quaternion, 1))
+
+    def wait(self) -> None:
+        """Return when the page is closed, or at Ctrl-C."""
+        try:
+            while not self._closed.wait(0.2):
+                pass
+        except KeyboardInterrupt:
+            self.close()
+
+    def close(self) -> None:
+        """End the server."""
+        self._closed.set()
+        self.server.stop()
+
+    def _ground(self, low, high):
+        """Put the grid under what is shown, and say how high that is."""
+        corner = np.floor(low / _CELL) * _CELL
+        side = float(np.ceil(max(high[:2] - corner[:2]) / _CELL + 2) * _CELL)
+        place = np.array([*(0.5 * (corner + high)[:2] // _CELL * _CELL), corner[2]])
+        self._grid = self.scene.add_grid(
+            '/ground', width=side, height=side, cell_size=_CELL, section_size=5 * _CELL,
+            cell_color=(215, 215, 215), section_color=(170, 170, 170), position=place)
+        self._note = self.scene.add_label(
+            '/ground/note', f'grid {_CELL:g} m, at z = {place[2]:.3g} m', anchor='top-center',
+            font_screen_scale=0.8, position=(0.0, -side / 2, 0.0))
+
+
+def pose_of(handle) -> Pose:
+    """Return the Pose of a handle of viser, whose quaternion is w, x, y, z."""
+    return Pose(handle.position, np.roll(handle.wxyz, -1))
+
+
+def put_at(handle, pose: Pose) -> None:
+    """Move a handle of viser to a Pose."""
+    handle.position, handle.wxyz = pose.position, np.roll(pose.quaternion, 1)
+
+
+def _server(host, port, title):
+    """Return a viser server that no page can have shared through a tunnel."""
+    try:
+        import viser  # noqa: PLC0415 - an extra
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError('the page needs viser, which is the extra `view`: '
+                                  'pip install "dlo_planner[view]"') from error
+
+    class LocalServer(viser.ViserServer):
+        def request_share_url(self, verbose=True):
+            return None
+
+    return LocalServer(host=host, port=port, label=title, verbose=False)
