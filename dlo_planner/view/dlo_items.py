@@ -8,14 +8,15 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.checks import instance, integer, items, number
 from dlo_planner.model.pose import Pose
-from dlo_planner.view.colors import GREY, ORANGE, SKY_BLUE, VERMILION, coloring
+from dlo_planner.view.colors import GREY, ORANGE, VERMILION, coloring
 from dlo_planner.view.item import Item, rows_of_points
 
 _THIN = 0.001     # m, radius of a DLO whose radius is not known
 _AXIS = 0.05      # m, length of drawn axes
 _AXIS_COLORS = ((0.9, 0.1, 0.1), (0.1, 0.8, 0.1), (0.15, 0.3, 1.0))
 _LONGEST = 0.1    # m, arrow of the largest contact force
-_GHOST = 0.3      # alpha
+_GHOST = 0.45     # alpha
+_GHOST_COLOR = (0.1, 0.3, 0.5)
 _ARROW = (0.004, 0.008, 0.01)  # m: shaft, head, length of the head
 _LETTER = 0.03    # of the DLO's length
 
@@ -59,7 +60,7 @@ def ghost_items(shapes: Iterable[Shape], radius: float | None = None,
     shapes = items('shapes', shapes, Shape)
     number_shown = integer('number_shown', number_shown, minimum=0, maximum=1000)
     chosen = np.unique(np.linspace(0, len(shapes) - 1, number_shown).round().astype(int))
-    return [_tube('ghost', index, shapes[k], radius, SKY_BLUE, alpha=_GHOST)
+    return [_tube('ghost', index, shapes[k], radius, _GHOST_COLOR, alpha=_GHOST)
             for index, k in enumerate(chosen if len(shapes) else ())]
 
 

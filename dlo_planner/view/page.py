@@ -1,5 +1,7 @@
 """The page in the browser: what every page has, whatever it shows."""
 
+from contextlib import redirect_stdout
+from io import StringIO
 from threading import Event, Lock
 
 import numpy as np
@@ -10,9 +12,9 @@ from dlo_planner.view.canvas import Canvas
 from dlo_planner.view.tables import color_bar
 
 LOCAL, PORT = 'localhost', 8080
-_THINNEST = 0.004  # of the size of what is shown: a thin wire would not be seen
-_VIEW = np.array([0.35, -1.0, 0.45])  # from where it is seen
-_FAR = 0.85        # of the size of what is shown
+_THINNEST = 0.006  # of the size of what is shown: a thin wire would not be seen
+_VIEW = np.array([-0.45, -1.0, 0.5])  # from where it is seen
+_FAR = 1.0         # of the size of what is shown
 _CELL = 0.1        # m, of the grid
 _FIELD = np.deg2rad(50)
 
@@ -36,10 +38,10 @@ class Page:
         self.gui, self.scene = self.server.gui, self.server.scene
         self.gui.configure_theme(control_width='large', show_logo=False, show_share_button=False,
                                  brand_color=(33, 104, 142))
+        self.gui.main_panel.dock_right()
         self.canvas = Canvas(self.scene)
         self._lock, self._closed = Lock(), Event()
         self._framed = False
-        self._grid = self._note = None
         self._bar = self.gui.add_html('', visible=False)
         self.gui.add_button('Show everything').on_click(lambda _: self.frame())
 
@@ -96,19 +98,23 @@ class Page:
     def close(self) -> None:
         """End the server."""
         self._closed.set()
-        self.server.stop()
+        with redirect_stdout(StringIO()):
+            self.server.stop()
 
     def _ground(self, low, high):
         """Put the grid under what is shown, and say how high that is."""
-        corner = np.floor(low / _CELL) * _CELL
-        side = float(np.ceil(max(high[:2] - corner[:2]) / _CELL + 2) * _CELL)
-        place = np.array([*(0.5 * (corner + high)[:2] // _CELL * _CELL), corner[2]])
-        self._grid = self.scene.add_grid(
-            '/ground', width=side, height=side, cell_size=_CELL, section_size=5 * _CELL,
-            cell_color=(215, 215, 215), section_color=(170, 170, 170), position=place)
-        self._note = self.scene.add_label(
-            '/ground/note', f'grid {_CELL:g} m, at z = {place[2]:.3g} m', anchor='top-center',
-            font_screen_scale=0.8, position=(0.0, -side / 2, 0.0))
+        low, high = np.floor(low / _CELL) * _CELL, np.ceil(high / _CELL) * _CELL
+        width, height = (high - low)[:2] + 2 * _CELL
+        corner = low - (_CELL, _CELL, 0.0)
+        self.scene.add_grid(
+            '/ground', width=width, height=height, cell_size=_CELL, section_size=_CELL,
+            cell_color=(200, 200, 200), section_color=(200, 200, 200),
+            position=corner + (width / 2, height / 2, 0.0))
+        self.scene.add_frame('/axes', axes_length=_CELL, axes_radius=_CELL / 30, position=corner)
+        for name, place in zip('xyz', 1.15 * _CELL * np.eye(3), strict=True):
+            self.scene.add_label(f'/axes/{name}', name, position=place, anchor='center-center')
+        self.scene.add_label('/axes/grid', f'grid {_CELL:g} m, at z = {corner[2]:.3g} m',
+                             anchor='top-left', font_screen_scale=0.8)
 
 
 def pose_of(handle) -> Pose:
@@ -133,4 +139,5 @@ def _server(host, port, title):
         def request_share_url(self, verbose=True):
             return None
 
-    return LocalServer(host=host, port=port, label=title, verbose=False)
+    with redirect_stdout(StringIO()):  # it announces itself whatever it is told
+        return LocalServer(host=host, port=port, label=title, verbose=False)

@@ -9,6 +9,8 @@ from dlo_planner.inverse.plan import Plan
 from dlo_planner.view.colors import viridis
 
 _STEPS = 9
+_MARGINS = ('miss [', 'miss in', 'clearance', 'margin', 'stability', 'force', 'duration', 'swing')
+_TINY = 1e-6  # what is smaller is rounding
 LEVELS = {0: ('ok', '#1b7837'), 1: ('warning', '#b35806'), 2: ('error', '#b2182b'),
           3: ('stale', '#666666')}
 
@@ -21,9 +23,9 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
             f'font-weight:{600 if tag == "th" else 400}">{escape(str(cell))}</{tag}>'
             for k, cell in enumerate(cells)) + '</tr>'
 
-    return ('<table style="font-size:12px;line-height:1.35;border-collapse:collapse;width:100%;'
-            f'margin:2px 12px">{line(head, "th")}{"".join(line(row, "td") for row in rows)}'
-            '</table>')
+    body = line(head, 'th') + ''.join(line(row, 'td') for row in rows)
+    return ('<table style="font-size:12px;line-height:1.35;border-collapse:collapse;'
+            f'width:calc(100% - 12px);margin:2px 6px">{body}</table>')
 
 
 def margins(plan: Plan, index: int) -> str:
@@ -44,6 +46,12 @@ def margins(plan: Plan, index: int) -> str:
 def values_table(values: Mapping[str, str], first: str) -> str:
     """Return the table of named values, the names headed `first`."""
     return table((first, ''), list(values.items()))
+
+
+def margin_values(values: Mapping[str, str]) -> dict[str, str]:
+    """Return what diagnostics of the planner say of margins; 'nan' was not looked at."""
+    return {name: 'not looked at' if text == 'nan' else text for name, text in values.items()
+            if any(word in name for word in _MARGINS)}
 
 
 def message(text: str, level: int = 0) -> str:
@@ -67,4 +75,6 @@ def _rim_room(plan):
 
 
 def _figure(value):
+    if 0 < abs(value) < _TINY:
+        return f'< {_TINY:.0e}'
     return 'no limit' if np.isposinf(value) else f'{value:.3g}'
