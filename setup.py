@@ -16,8 +16,10 @@ setup(
     install_requires=['numpy>=1.26', 'scipy>=1.11', 'numba>=0.59', 'toppra>=0.6'],
     extras_require={
         'figures': ['matplotlib'],
+        'view': ['viser>=1.0'],
         'cell': ['mujoco>=3.13', 'matplotlib'],
-        'test': ['pytest', 'hypothesis', 'import-linter', 'ros-domain-coordinator'],
+        'test': ['pytest', 'hypothesis', 'import-linter', 'ros-domain-coordinator',
+                 'playwright', 'pyyaml'],
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
@@ -29,6 +31,7 @@ setup(
         'console_scripts': [
             'planner_node = dlo_planner.ros.planner_node:main',
             'demo = dlo_planner.ros.demo:main',
+            'viewer = dlo_planner.ros.viewer:main',
         ],
     },
     zip_safe=False,

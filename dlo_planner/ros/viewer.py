@@ -1,6 +1,7 @@
 """A page in the browser that shows a running planner: `ros2 run dlo_planner viewer`."""
 
 import sys
+from contextlib import suppress
 from threading import Lock
 
 import rclpy
@@ -50,6 +51,7 @@ class Viewer(Node):
         self._planner, self._frame = given['planner'].rstrip('/'), given['frame_id']
         self._allow_execute = given['allow_execute']
         self._items, self._changed, self._lock = {}, False, Lock()
+        self._heard = None  # geometry_msgs/Pose of the gripper, not shown yet
         self.page = LivePage(Page(f'dlo_planner: {self._planner}', given['host'], given['port']),
                              Actions(self._send_goal, lambda: self._trigger('replan'),
                                      self._execute, lambda: self._trigger('cancel')),
@@ -99,10 +101,7 @@ class Viewer(Node):
         self.page.put_state(name, _level(msg), msg.message)
 
     def _on_pose(self, msg):
-        try:
-            self.page.put_gripper(pose_from_msg(msg.pose))
-        except DloPlannerError:
-            return  # the planner says what is wrong with it
+        self._heard = msg.pose
 
     # ---- what the page does ---------------------------------------------------------------------
 
@@ -112,6 +111,10 @@ class Viewer(Node):
             items = list(self._items.values())
         if changed:
             self.page.show(items)
+        heard, self._heard = self._heard, None
+        if heard is not None:
+            with suppress(DloPlannerError):  # the planner says what is wrong with it
+                self.page.put_gripper(pose_from_msg(heard))
 
     def _send_gripper(self):
         pose = self.page.dragged

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from dlo_planner.view.item import Item
-from dlo_planner.view.triangles import bars_between, round_bar
+from dlo_planner.view.triangles import bars_between, round_bar, tube
 
 _LINE = 2.0       # pixels
 _OVERLAP = 1.02   # of a bar: no gaps where a tube bends
@@ -56,8 +56,7 @@ class Canvas:
 
     def _draw(self, item, before):
         handle = self._handles.get(item.name)
-        if handle is not None and _is_tube(item) and before is not None and _is_tube(before) and (
-                len(before.points), before.alpha) == (len(item.points), item.alpha):
+        if handle is not None and before is not None and _barred(item) == _barred(before) != 0:
             for name, value in self._bars(item).items():
                 setattr(handle, name, value)
             handle.position, handle.wxyz = item.pose.position, _wxyz(item.pose)
@@ -70,9 +69,12 @@ class Canvas:
         name = f'/{item.group}/{item.index}'
         where = {'wxyz': _wxyz(item.pose), 'position': item.pose.position}
         color, solid = _bytes(item.color), {'color': _bytes(item.color), 'opacity': item.alpha}
-        if _is_tube(item):
-            return self._scene.add_batched_meshes_simple(
-                name, *_BAR, **self._bars(item), opacity=item.alpha, lod='off', **where)
+        if _barred(item):
+            return self._scene.add_batched_meshes_simple(name, *_BAR, **self._bars(item),
+                                                         lod='off', **where)
+        if item.kind == 'line' and item.alpha < 1 and len(item.points) > 1:
+            mesh = tube(item.points, max(item.size[0] / 2, self.least_radius))
+            return self._scene.add_mesh_simple(name, *mesh, cast_shadow=False, **solid, **where)
         if item.kind == 'line':
             pairs = np.stack([item.points[:-1], item.points[1:]], axis=1)
             return self._lines(name, pairs, color, where)
@@ -103,19 +105,20 @@ class Canvas:
                                              thickness_units='screen', **where)
 
     def _bars(self, item):
-        """Return the arguments of batched meshes that make a tube, one bar between two points."""
+        """Return the arguments of batched meshes: one bar between two points."""
         turns, middles, lengths = bars_between(item.points)
         radius = max(item.size[0] / 2, self.least_radius)
-        colors = np.tile(item.color, (len(item.points), 1)) if item.colors is None else item.colors
+        colors = item.colors
         return {'batched_wxyzs': turns, 'batched_positions': middles,
                 'batched_scales': np.column_stack(
                     [_OVERLAP * lengths, np.full((len(lengths), 2), radius)]),
                 'batched_colors': (255 * 0.5 * (colors[1:] + colors[:-1])).astype(np.uint8)}
 
 
-def _is_tube(item):
-    return item.kind == 'line' and len(item.points) > 1 and (
-        item.colors is not None or item.alpha < 1)
+def _barred(item):
+    """Return of how many points a line in several colors is, which is drawn as bars; else 0."""
+    colored = item.kind == 'line' and item.colors is not None and len(item.points) > 1
+    return len(item.points) if colored else 0
 
 
 def _wxyz(pose):

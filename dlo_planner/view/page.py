@@ -1,11 +1,13 @@
 """The page in the browser: what every page has, whatever it shows."""
 
+import socket
 from contextlib import redirect_stdout
 from io import StringIO
 from threading import Event, Lock
 
 import numpy as np
 
+from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import instance, integer
 from dlo_planner.model.pose import Pose
 from dlo_planner.view.canvas import Canvas
@@ -14,7 +16,7 @@ from dlo_planner.view.tables import color_bar
 LOCAL, PORT = 'localhost', 8080
 _THINNEST = 0.006  # of the size of what is shown: a thin wire would not be seen
 _VIEW = np.array([-0.45, -1.0, 0.5])  # from where it is seen
-_FAR = 1.0         # of the size of what is shown
+_FAR = 0.85        # of the size of what is shown
 _CELL = 0.1        # m, of the grid
 _FIELD = np.deg2rad(50)
 
@@ -69,9 +71,11 @@ class Page:
                 return
             self._framed = True
             low, high = bounds
-            size = max(float(np.linalg.norm(high - low)), 1e-3)
-            self.canvas.least_radius = 0.5 * _THINNEST * size
+            self.canvas.least_radius = 0.5 * _THINNEST * float(np.linalg.norm(high - low))
             self.canvas.redraw()
+            low = np.floor(low / _CELL - (1, 1, 0)) * _CELL
+            high = np.ceil(high / _CELL + (1, 1, 0)) * _CELL
+            size = float(np.linalg.norm(high - low))
             middle = 0.5 * (low + high)
             place = middle + _FAR * size * _VIEW / np.linalg.norm(_VIEW)
             cameras = [self.server.initial_camera,
@@ -103,17 +107,15 @@ class Page:
 
     def _ground(self, low, high):
         """Put the grid under what is shown, and say how high that is."""
-        low, high = np.floor(low / _CELL) * _CELL, np.ceil(high / _CELL) * _CELL
-        width, height = (high - low)[:2] + 2 * _CELL
-        corner = low - (_CELL, _CELL, 0.0)
+        width, height = (high - low)[:2]
         self.scene.add_grid(
             '/ground', width=width, height=height, cell_size=_CELL, section_size=_CELL,
             cell_color=(200, 200, 200), section_color=(200, 200, 200),
-            position=corner + (width / 2, height / 2, 0.0))
-        self.scene.add_frame('/axes', axes_length=_CELL, axes_radius=_CELL / 30, position=corner)
+            position=low + (width / 2, height / 2, 0.0))
+        self.scene.add_frame('/axes', axes_length=_CELL, axes_radius=_CELL / 30, position=low)
         for name, place in zip('xyz', 1.15 * _CELL * np.eye(3), strict=True):
             self.scene.add_label(f'/axes/{name}', name, position=place, anchor='center-center')
-        self.scene.add_label('/axes/grid', f'grid {_CELL:g} m, at z = {corner[2]:.3g} m',
+        self.scene.add_label('/axes/grid', f'grid {_CELL:g} m, at z = {low[2]:.3g} m',
                              anchor='top-left', font_screen_scale=0.8)
 
 
@@ -134,6 +136,13 @@ def _server(host, port, title):
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError('the page needs viser, which is the extra `view`: '
                                   'pip install "dlo_planner[view]"') from error
+
+    try:
+        with socket.create_server((host, 0)):
+            pass  # viser would look for a free port for ever
+    except OSError as error:
+        raise InvalidTask(f'host = {host!r}: expected a name or address of this machine '
+                          f'({error})') from error
 
     class LocalServer(viser.ViserServer):
         def request_share_url(self, verbose=True):

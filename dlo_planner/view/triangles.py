@@ -1,4 +1,4 @@
-"""Surfaces as triangles: rectangles, plates with a hole, round bars; in their own frames."""
+"""Surfaces as triangles: rectangles, plates with a hole, tubes, bars; in their own frames."""
 
 import numpy as np
 
@@ -57,6 +57,26 @@ def round_bar(sides=12):
         faces += [(k, after, sides + k), (after, sides + after, sides + k),
                   (2 * sides, after, k), (2 * sides + 1, sides + k, sides + after)]
     return vertices, np.array(faces)
+
+
+def tube(points, radius, sides=10):
+    """Return vertices (n sides, 3) and faces (m, 3) of a tube through points (n, 3), n > 1."""
+    along = np.gradient(points, axis=0)
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    side = np.cross(along[0], np.eye(3)[np.argmin(np.abs(along[0]))])
+    angle = np.linspace(0, 2 * np.pi, sides, endpoint=False)
+    rings = []
+    for point, tangent in zip(points, along, strict=True):
+        side = side - (side @ tangent) * tangent  # carried along, so that the tube does not twist
+        side /= max(np.linalg.norm(side), 1e-12)
+        other = np.cross(tangent, side)
+        rings.append(point + radius * (np.outer(np.cos(angle), side)
+                                       + np.outer(np.sin(angle), other)))
+    k = np.arange(sides)
+    quad = np.vstack([np.column_stack([k, (k + 1) % sides, k + sides]),
+                      np.column_stack([(k + 1) % sides, (k + 1) % sides + sides, k + sides])])
+    faces = quad[None] + sides * np.arange(len(points) - 1)[:, None, None]
+    return np.vstack(rings), faces.reshape(-1, 3)
 
 
 def bars_between(points):
