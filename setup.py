@@ -16,7 +16,7 @@ setup(
     install_requires=['numpy>=1.26', 'scipy>=1.11', 'numba>=0.59', 'toppra>=0.6'],
     extras_require={
         'figures': ['matplotlib'],
-        'view': ['viser>=1.0'],
+        'view': ['viser>=1.1'],
         'cell': ['mujoco>=3.13', 'matplotlib'],
         'test': ['pytest', 'hypothesis', 'import-linter', 'ros-domain-coordinator',
                  'playwright', 'pyyaml'],
