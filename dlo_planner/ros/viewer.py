@@ -57,25 +57,25 @@ class Viewer(Node):
                                      self._execute, lambda: self._trigger('cancel')),
                              self._allow_execute)
         self._subscribe()
-        self._pose_out = self.create_publisher(PoseStamped, self._name('gripper_pose'),
+        self._pose_out = self.create_publisher(PoseStamped, self._topic('gripper_pose'),
                                                qos_profile_sensor_data)
-        self._goal_out = self.create_publisher(PoseStamped, self._name('task_goal'), _RELIABLE)
-        self._services = {name: self.create_client(Trigger, self._name(name))
+        self._goal_out = self.create_publisher(PoseStamped, self._topic('task_goal'), _RELIABLE)
+        self._triggers = {name: self.create_client(Trigger, self._topic(name))
                           for name in ('replan', 'execute', 'cancel')}
         self.create_timer(1 / min(max(given['rate'], 1.0), _FASTEST), self._draw)
         self.create_timer(_SENT, self._send_gripper)
         self.get_logger().info(f'{self._planner} is shown at {self.page.page.url}')
 
     def _subscribe(self):
-        self.create_subscription(MarkerArray, self._name('markers'), self._on_markers, _LATCHED)
+        self.create_subscription(MarkerArray, self._topic('markers'), self._on_markers, _LATCHED)
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, _RELIABLE)
-        self.create_subscription(PoseStamped, self._name('gripper_pose'), self._on_pose,
+        self.create_subscription(PoseStamped, self._topic('gripper_pose'), self._on_pose,
                                  qos_profile_sensor_data)
         for name in ('status', 'execution'):
-            self.create_subscription(DiagnosticStatus, self._name(name),
+            self.create_subscription(DiagnosticStatus, self._topic(name),
                                      lambda msg, name=name: self._on_state(name, msg), _LATCHED)
 
-    def _name(self, name):
+    def _topic(self, name):
         return f'{self._planner}/{name}'
 
     # ---- what is heard --------------------------------------------------------------------------
@@ -120,15 +120,15 @@ class Viewer(Node):
         pose = self.page.dragged
         if pose is None:
             return
-        if self.count_publishers(self._name('gripper_pose')) > 1:
-            self.page.stop_sending(f'another node publishes {self._name("gripper_pose")}: '
+        if self.count_publishers(self._topic('gripper_pose')) > 1:
+            self.page.stop_sending(f'another node publishes {self._topic("gripper_pose")}: '
                                    'the dragged gripper is not sent')
             return
         self._pose_out.publish(self._stamped(pose))
 
     def _send_goal(self, pose):
         self._goal_out.publish(self._stamped(pose))
-        self.page.say(f'goal sent on {self._name("task_goal")}')
+        self.page.say(f'goal sent on {self._topic("task_goal")}')
 
     def _stamped(self, pose):
         return pose_stamped_msg(pose, self._frame, self.get_clock().now().to_msg())
@@ -138,9 +138,9 @@ class Viewer(Node):
             self._trigger('execute')
 
     def _trigger(self, name):
-        client = self._services[name]
+        client = self._triggers[name]
         if not client.service_is_ready():
-            self.page.say(f'{name}: there is no service {self._name(name)}', 2)
+            self.page.say(f'{name}: there is no service {self._topic(name)}', 2)
             return
         self.page.say(f'{name}: asked')
         client.call_async(Trigger.Request()).add_done_callback(
