@@ -12,7 +12,7 @@ from matplotlib.image import imread
 _QUIET = ['--no-sandbox', '--disable-quic', '--no-first-run', '--disable-background-networking',
           '--disable-component-update', '--disable-sync']
 _WEBGL = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader']
-_LOADED = 30_000  # ms
+_LOADED = 60_000  # ms
 HARMLESS = ('THREE.Clock',)  # of viser's own page
 
 

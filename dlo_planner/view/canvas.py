@@ -17,7 +17,7 @@ class Canvas:
 
     Args:
         scene: viser.SceneApi
-        least_radius: m, a DLO is drawn no thinner than this
+        least_radius: m, a DLO is drawn no thinner than this (a transparent one, than half of it)
     """
 
     def __init__(self, scene, least_radius: float = 0.0):
@@ -73,7 +73,7 @@ class Canvas:
             return self._scene.add_batched_meshes_simple(name, *_BAR, **self._bars(item),
                                                          lod='off', **where)
         if item.kind == 'line' and item.alpha < 1 and len(item.points) > 1:
-            mesh = tube(item.points, max(item.size[0] / 2, self.least_radius))
+            mesh = tube(item.points, max(item.size[0] / 2, self.least_radius / 2))
             return self._scene.add_mesh_simple(name, *mesh, cast_shadow=False, **solid, **where)
         if item.kind == 'line':
             pairs = np.stack([item.points[:-1], item.points[1:]], axis=1)

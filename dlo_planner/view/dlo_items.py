@@ -15,7 +15,7 @@ _THIN = 0.001     # m, radius of a DLO whose radius is not known
 _AXIS = 0.05      # m, length of drawn axes
 _AXIS_COLORS = ((0.9, 0.1, 0.1), (0.1, 0.8, 0.1), (0.15, 0.3, 1.0))
 _LONGEST = 0.1    # m, arrow of the largest contact force
-_GHOST = 0.45     # alpha
+_GHOST = 0.4      # alpha
 _GHOST_COLOR = (0.1, 0.3, 0.5)
 _ARROW = (0.004, 0.008, 0.01)  # m: shaft, head, length of the head
 _LETTER = 0.03    # of the DLO's length
@@ -56,11 +56,12 @@ def contact_items(shape: Shape) -> list[Item]:
 
 def ghost_items(shapes: Iterable[Shape], radius: float | None = None,
                 number_shown: int = 6) -> list[Item]:
-    """Return some of the Shapes of a plan, evenly chosen, half transparent."""
+    """Return some of the Shapes of a plan, evenly chosen, thin and transparent."""
     shapes = items('shapes', shapes, Shape)
     number_shown = integer('number_shown', number_shown, minimum=0, maximum=1000)
     chosen = np.unique(np.linspace(0, len(shapes) - 1, number_shown).round().astype(int))
-    return [_tube('ghost', index, shapes[k], radius, _GHOST_COLOR, alpha=_GHOST)
+    thin = 0.5 * (_THIN if radius is None else number('radius', radius, minimum=0))
+    return [_tube('ghost', index, shapes[k], thin, _GHOST_COLOR, alpha=_GHOST)
             for index, k in enumerate(chosen if len(shapes) else ())]
 
 

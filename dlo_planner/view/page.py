@@ -3,6 +3,7 @@
 import socket
 from contextlib import redirect_stdout
 from io import StringIO
+from itertools import product
 from threading import Event, Lock
 
 import numpy as np
@@ -15,10 +16,10 @@ from dlo_planner.view.tables import color_bar
 
 LOCAL, PORT = 'localhost', 8080
 _THINNEST = 0.006  # of the size of what is shown: a thin wire would not be seen
-_VIEW = np.array([-0.45, -1.0, 0.5])  # from where it is seen
-_FAR = 0.85        # of the size of what is shown
+_VIEW = np.array([-0.45, -1.0, 0.5])  # from where it is seen, from its middle
 _CELL = 0.1        # m, of the grid
-_FIELD = np.deg2rad(50)
+_FIELD = np.deg2rad(50)  # of view, from top to bottom
+_ASPECT = 1.1  # of the scene beside the panel, about
 
 
 class Page:
@@ -75,9 +76,7 @@ class Page:
             self.canvas.redraw()
             low = np.floor(low / _CELL - (1, 1, 0)) * _CELL
             high = np.ceil(high / _CELL + (1, 1, 0)) * _CELL
-            size = float(np.linalg.norm(high - low))
-            middle = 0.5 * (low + high)
-            place = middle + _FAR * size * _VIEW / np.linalg.norm(_VIEW)
+            middle, place = 0.5 * (low + high), eye(low, high)
             cameras = [self.server.initial_camera,
                        *(client.camera for client in self.server.get_clients().values())]
             for camera in cameras:
@@ -117,6 +116,21 @@ class Page:
             self.scene.add_label(f'/axes/{name}', name, position=place, anchor='center-center')
         self.scene.add_label('/axes/grid', f'grid {_CELL:g} m, at z = {low[2]:.3g} m',
                              anchor='top-left', font_screen_scale=0.8)
+
+
+def eye(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return from where (3,) m a camera sees the box from `low` (3,) to `high` (3,) as a whole.
+
+    It looks at the middle of the box, its field of view is `_FIELD`.
+    """
+    back = _VIEW / np.linalg.norm(_VIEW)
+    right = np.cross((0.0, 0.0, 1.0), back)
+    right /= np.linalg.norm(right)
+    corners = 0.5 * (high - low) * np.array(list(product((-1, 1), repeat=3)))
+    up_slope = np.tan(0.5 * _FIELD)
+    across = np.abs(corners @ right) / (_ASPECT * up_slope)
+    upward = np.abs(corners @ np.cross(back, right)) / up_slope
+    return 0.5 * (low + high) + (np.maximum(across, upward) + corners @ back).max() * back
 
 
 def pose_of(handle) -> Pose:

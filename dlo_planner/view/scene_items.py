@@ -70,12 +70,12 @@ def margin_items(plan: Plan, cutouts: Iterable[CutOut], radius: float | None = N
             continue
         share = np.clip(margin / max(most - radius, 1e-12), 0.0, 1.0) if margin >= 0 else 2.0
         points = rim(cutout)
-        above = cutout.pose.position + (0.0, 0.0, np.abs(points).max() + _LETTER)
+        below = cutout.pose.position - (0.0, 0.0, np.abs(points).max() + 3 * _LETTER)
         drawn += [Item('margin', index, 'line', viridis([share])[0], points=points,
                        colors=np.repeat(viridis([share]), len(points), axis=0), pose=cutout.pose,
                        size=(2 * _THIN, 0.0, 0.0)),
                   Item('rim margin', index, 'text', (1.0, 1.0, 1.0), size=(0.0, 0.0, _LETTER),
-                       pose=Pose(above, (0.0, 0.0, 0.0, 1.0)),
+                       pose=Pose(below, (0.0, 0.0, 0.0, 1.0)),
                        text=f'rim margin {1e3 * margin:.2g} mm')]
     return drawn
 

@@ -15,7 +15,7 @@ from dlo_planner import (
     Rod,
 )
 from dlo_planner.view import view
-from dlo_planner.view.page import pose_of
+from dlo_planner.view.page import eye, pose_of
 from dlo_planner.view.replanning import Replanner, cutouts_of
 
 pytest.importorskip('viser', reason='extra [view] is not installed')
@@ -126,6 +126,21 @@ def test_it_needs_no_more_than_a_plan(plan):
 def test_odd_arguments_are_refused_by_name(plan, name, value):
     with pytest.raises(InvalidTask, match=f'{name} = '):
         view(**{'plan': plan, name: value})
+
+
+@pytest.mark.parametrize('size', [(1, 1, 1), (3, 0.1, 0.2), (0.1, 0.1, 4), (0, 2, 0)])
+def test_the_camera_sees_all_corners(size):
+    low, high = np.array((1.0, 2.0, 3.0)), np.array((1.0, 2.0, 3.0)) + size
+    place = eye(low, high)
+    forward = 0.5 * (low + high) - place
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, (0, 0, 1))
+    right /= np.linalg.norm(right)
+    corners = np.array([(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1])
+                        for z in (low[2], high[2])]) - place
+    seen = np.column_stack([corners @ right / 1.1, corners @ np.cross(right, forward)])
+    slopes = np.abs(seen / (corners @ forward)[:, None])
+    assert slopes.max() == pytest.approx(np.tan(np.deg2rad(25)))
 
 
 def test_nobody_can_share_it(page):
