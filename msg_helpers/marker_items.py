@@ -4,14 +4,15 @@ from collections.abc import Iterable
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, Vector3
+from geometry_msgs.msg import Point, Quaternion, Vector3
+from geometry_msgs.msg import Pose as PoseMsg
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import instance, integer, items
 from dlo_planner.view.item import Item
-from msg_helpers.poses import header, pose_from_msg, pose_msg
+from msg_helpers.poses import header, pose_from_msg
 
 _TYPES = {'line': Marker.LINE_STRIP, 'segments': Marker.LINE_LIST, 'arrow': Marker.ARROW,
           'box': Marker.CUBE, 'ball': Marker.SPHERE, 'cylinder': Marker.CYLINDER,
@@ -65,9 +66,12 @@ def items_after(known: dict, msg: MarkerArray) -> dict:
 
 
 def _marker(item, top):
+    """Return the Marker of an Item, whose numbers are known to be good."""
     r, g, b = item.color
+    (px, py, pz), (x, y, z, w) = item.pose.position.tolist(), item.pose.quaternion.tolist()
+    pose = PoseMsg(position=Point(x=px, y=py, z=pz), orientation=Quaternion(x=x, y=y, z=z, w=w))
     marker = Marker(header=top, ns=item.group, id=item.index, action=Marker.ADD,
-                    type=_TYPES[item.kind], pose=pose_msg(item.pose), text=item.text,
+                    type=_TYPES[item.kind], pose=pose, text=item.text,
                     color=ColorRGBA(r=r, g=g, b=b, a=item.alpha))
     x, y, z = (1.0, 1.0, 1.0) if item.kind == 'triangles' else item.size.tolist()
     marker.scale = Vector3(x=x, y=y, z=z)

@@ -1,5 +1,6 @@
 """What ~/markers shows, all of it in every message: a latched topic keeps only the last one."""
 
+from collections.abc import Callable, Iterable
 from threading import Lock
 
 from builtin_interfaces.msg import Time
@@ -16,28 +17,48 @@ from msg_helpers.markers import (
 
 
 class Picture:
-    """Collects markers by parts, and publishes them all when one part changes; thread-safe.
+    """Collects what is to be seen by parts, and publishes all of it when some part has changed.
 
-    Whatever was shown once and is not now is deleted in each message, so it does not matter which
-    ones a subscriber has missed.
+    Parts are told at any rate by any thread, which costs next to nothing; markers are made when
+    `flush` is called, of the newest alone. Whatever was shown once and is not now is deleted in
+    each message, so it does not matter which ones a subscriber has missed.
 
     Args:
         publish: takes a MarkerArray
     """
 
-    def __init__(self, publish):
+    def __init__(self, publish: Callable[[MarkerArray], object]):
         self._publish = publish
-        self._lock = Lock()
-        self._parts = {}      # name -> list of Markers
-        self._ever = {}       # (namespace, id) -> (frame_id, stamp) when it was last shown
+        self._telling, self._flushing = Lock(), Lock()
+        self._told = {}   # part -> function that makes its MarkerArrays; not made yet
+        self._parts = {}  # part -> list of Markers
+        self._ever = {}   # (namespace, id) -> (frame_id, stamp) when it was last shown
 
-    def show(self, part: str, *arrays: MarkerArray) -> None:
-        """Replace what one part shows; no arrays: nothing of it is left."""
-        markers = [marker for array in arrays for marker in array.markers
-                   if marker.action == Marker.ADD]
-        with self._lock:
-            self._parts = {**self._parts, part: markers}
-            self._publish(self._message())
+    def show(self, part: str, make: Callable[[], Iterable[MarkerArray]] = tuple) -> None:
+        """Replace one part by the MarkerArrays that `make` returns; by default nothing is left."""
+        with self._telling:
+            self._told[part] = make
+
+    def flush(self) -> bool:
+        """Publish if something has changed, and return whether it has; what `make` raises passes.
+
+        Called a few ten times a second.
+        """
+        with self._flushing:
+            with self._telling:
+                told, self._told = self._told, {}
+            problems = []
+            for part, make in told.items():
+                try:
+                    self._parts[part] = [marker for array in make() for marker in array.markers
+                                         if marker.action == Marker.ADD]
+                except Exception as error:  # the other parts are shown all the same
+                    problems.append(error)
+            if told:
+                self._publish(self._message())
+        if problems:
+            raise problems[0]
+        return bool(told)
 
     def _message(self):
         shown = [marker for markers in self._parts.values() for marker in markers]

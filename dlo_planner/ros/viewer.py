@@ -109,8 +109,11 @@ class Viewer(Node):
         with self._lock:
             changed, self._changed = self._changed, False
             items = list(self._items.values())
+            rim = self._items.get(('cutout', 0))
         if changed:
             self.page.show(items)
+            if rim is not None:
+                self.page.put_goal(rim.pose)
         heard, self._heard = self._heard, None
         if heard is not None:
             with suppress(DloPlannerError):  # the planner says what is wrong with it

@@ -14,6 +14,7 @@ from dlo_planner.model.value import Value, put
 # triangles (three points each): nothing.
 KINDS = ('line', 'segments', 'arrow', 'box', 'ball', 'cylinder', 'text', 'points', 'triangles')
 _NOWHERE = np.zeros((0, 3))
+_WORLD = Pose.identity()
 
 
 def rows_of_points(name, value):
@@ -48,7 +49,7 @@ class Item(Value):
     alpha: float = 1.0
     points: np.ndarray = field(default_factory=lambda: _NOWHERE)
     colors: np.ndarray | None = None
-    pose: Pose = field(default_factory=Pose.identity)
+    pose: Pose = _WORLD
     size: np.ndarray = field(default_factory=lambda: np.zeros(3))
     text: str = ''
 

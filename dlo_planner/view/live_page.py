@@ -41,25 +41,25 @@ class LivePage:
     def __init__(self, page: Page, actions: Actions, allow_execute: bool = False):
         self.page = page
         self._actions, self._allow_execute = actions, allow_execute
-        self._states, self._placed = {}, False
+        self._states = {}
         gui = page.gui
-        self.message = gui.add_html(tables.message(_UNHEARD, 3))
+        self.message = gui.add_html(tables.message('nothing asked yet'))
         with gui.add_folder('State'):
-            self.state = gui.add_html(tables.message(_UNHEARD, 3))
-        with gui.add_folder('Margins'):
-            self.margins = gui.add_html(tables.message(_UNHEARD, 3))
-        with gui.add_folder('Gripper'):
-            self.sending = gui.add_checkbox('send the dragged pose', False, hint='on '
-                                            '~/gripper_pose; where a robot sends it, it is refused')
-        with gui.add_folder('Goal'):
-            self.aiming = gui.add_checkbox('drag a cut-out', False)
-            self.send_goal = gui.add_button('Plan to the dragged cut-out', disabled=True)
+            self.state = gui.add_html(tables.message(_UNHEARD))
         with gui.add_folder('Plan'):
             self.replan = gui.add_button('Plan again')
             self.execute = gui.add_button(
                 'Execute ...', color='red', disabled=not allow_execute,
                 hint='asks first' if allow_execute else 'parameter allow_execute is false')
             self.cancel = gui.add_button('Cancel')
+        with gui.add_folder('Goal'):
+            self.aiming = gui.add_checkbox('drag a cut-out', False)
+            self.send_goal = gui.add_button('Plan to the dragged cut-out', disabled=True)
+        with gui.add_folder('Gripper'):
+            self.sending = gui.add_checkbox('send the dragged pose', False, hint='on '
+                                            '~/gripper_pose; where a robot sends it, it is refused')
+        with gui.add_folder('Margins'):
+            self.margins = gui.add_html(tables.message(_UNHEARD))
         self.gripper = page.control('gripper', _START_AT, _HANDLE)
         self.goal = page.control('goal', _GOAL_AT, _HANDLE)
         self.gripper.visible = self.goal.visible = False
@@ -91,12 +91,17 @@ class LivePage:
     def put_margins(self, values: Mapping[str, str]) -> None:
         """Show named figures."""
         self.margins.content = (tables.values_table(values, 'of the last shape and plan')
-                                if values else tables.message('no plan yet', 3))
+                                if values else tables.message('no plan yet'))
 
     def put_gripper(self, pose: Pose) -> None:
         """Place the gripper that can be dragged; not while it is."""
         if not self.sending.value:
             put_at(self.gripper, pose)
+
+    def put_goal(self, pose: Pose) -> None:
+        """Place the cut-out that can be dragged; not while it is."""
+        if not self.aiming.value:
+            put_at(self.goal, pose)
 
     @property
     def dragged(self) -> Pose | None:

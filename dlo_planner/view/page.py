@@ -19,7 +19,8 @@ _THINNEST = 0.006  # of the size of what is shown: a thin wire would not be seen
 _VIEW = np.array([-0.45, -1.0, 0.5])  # from where it is seen, from its middle
 _CELL = 0.1        # m, of the grid
 _FIELD = np.deg2rad(50)  # of view, from top to bottom
-_ASPECT = 1.1  # of the scene beside the panel, about
+_FRAMED = {'dlo', 'trajectory', 'cutout', 'obstacle'}  # what has to be seen when it first comes
+_ASPECT = 0.95 # of the scene beside the panel, about
 
 
 class Page:
@@ -44,7 +45,7 @@ class Page:
         self.gui.main_panel.dock_right()
         self.canvas = Canvas(self.scene)
         self._lock, self._closed = Lock(), Event()
-        self._framed = False
+        self._seen = set()  # of _FRAMED, what has been shown
         self._bar = self.gui.add_html('', visible=False)
         self.gui.add_button('Show everything').on_click(lambda _: self.frame())
 
@@ -54,14 +55,16 @@ class Page:
         return f'http://{self.server.get_host()}:{self.server.get_port()}'
 
     def show(self, items) -> None:
-        """Show these Items and no others; the first ones also place the camera."""
+        """Show these Items and no others; what is new among them moves the camera."""
         items = list(items)
         caption = next((item.text for item in items if item.group == 'scale'), '')
         with self._lock, self.server.atomic():
             self.canvas.show(item for item in items if item.group != 'scale')
             if self._bar.content != color_bar(caption):
                 self._bar.content, self._bar.visible = color_bar(caption), bool(caption)
-        if not self._framed and self.canvas.bounds is not None:
+        new = {item.group for item in items} & _FRAMED - self._seen
+        if new:
+            self._seen |= new
             self.frame()
 
     def frame(self) -> None:
@@ -70,7 +73,6 @@ class Page:
             bounds = self.canvas.bounds
             if bounds is None:
                 return
-            self._framed = True
             low, high = bounds
             self.canvas.least_radius = 0.5 * _THINNEST * float(np.linalg.norm(high - low))
             self.canvas.redraw()
@@ -81,7 +83,8 @@ class Page:
                        *(client.camera for client in self.server.get_clients().values())]
             for camera in cameras:
                 camera.fov = _FIELD
-                camera.look_at, camera.position = middle, place
+                camera.position = place  # takes along where it looks
+                camera.look_at = middle
             self._ground(low, high)
 
     def control(self, name: str, pose: Pose, scale: float):

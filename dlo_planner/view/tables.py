@@ -49,16 +49,17 @@ def values_table(values: Mapping[str, str], first: str) -> str:
 
 
 def margin_values(values: Mapping[str, str]) -> dict[str, str]:
-    """Return what diagnostics of the planner say of margins; 'nan' was not looked at."""
-    return {name: 'not looked at' if text == 'nan' else text for name, text in values.items()
+    """Return what diagnostics of the planner say of margins, as the page says it."""
+    return {name: _spoken(text) for name, text in values.items()
             if any(word in name for word in _MARGINS)}
 
 
-def message(text: str, level: int = 0) -> str:
-    """Return a line of text in the color of its level: 0 ok, 1 warning, 2 error, 3 stale."""
-    word, color = LEVELS.get(level, LEVELS[3])
+def message(text: str, level: int | None = None) -> str:
+    """Return a line of text in the color of its level: 0 ok, 1 warning, 2 error, 3 stale; None."""
+    word, color = LEVELS.get(level, ('', LEVELS[3][1]))
+    word = f'<b>{word}:</b> ' if word else ''
     return (f'<div style="font-size:13px;line-height:1.35;padding:2px 12px;color:{color}">'
-            f'<b>{word}:</b> {escape(text)}</div>')
+            f'{word}{escape(text)}</div>')
 
 
 def color_bar(caption: str) -> str:
@@ -72,6 +73,14 @@ def color_bar(caption: str) -> str:
 
 def _rim_room(plan):
     return plan.clearances[:, :, 0].min(axis=1, initial=np.inf)
+
+
+def _spoken(text):
+    try:
+        value = float(text)
+    except ValueError:
+        return text
+    return 'not looked at' if np.isnan(value) else _figure(value)
 
 
 def _figure(value):

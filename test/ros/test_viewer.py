@@ -106,14 +106,20 @@ def plan():
                           depths=np.linspace(0, 0.9, 8))
 
 
+def show_shape(planner, plan):
+    now = stamp(planner)
+    planner.picture.show('shape', lambda: markers_of_shape(plan.shapes[3], 2e-3, 'base', now,
+                                                           'curvature'))
+    planner.picture.flush()
+
+
 def show_all(planner, plan):
     now = stamp(planner)
     hole = plan.sheets[0][0].cutouts[0]
-    planner.picture.show('shape', *markers_of_shape(plan.shapes[3], 2e-3, 'base', now,
-                                                    'curvature'))
-    planner.picture.show('plan', *markers_of_plan(plan, [hole], 2e-3, 'base', now))
-    planner.picture.show('obstacles', obstacle_markers(
-        [Box(Pose((0.4, 0.4, 0.8), (0, 0, 0, 1)), (0.1, 0.1, 0.4))], 0, 'base', now))
+    block = Box(Pose((0.4, 0.4, 0.8), (0, 0, 0, 1)), (0.1, 0.1, 0.4))
+    planner.picture.show('plan', lambda: markers_of_plan(plan, [hole], 2e-3, 'base', now))
+    planner.picture.show('obstacles', lambda: (obstacle_markers([block], 0, 'base', now),))
+    show_shape(planner, plan)
 
 
 def tell(planner, text, **values):
@@ -136,7 +142,10 @@ def test_it_shows_what_the_planner_publishes(domain, plan):
         assert until(lambda: {name[0] for name in canvas.items} == groups), canvas.items.keys()
         tube = canvas.items['dlo', 0]
         np.testing.assert_allclose(tube.points, plan.shapes[3].positions)
+        hole = plan.sheets[0][0].cutouts[0].pose
+        assert until(lambda: np.allclose(pose_of(viewer.page.goal).matrix, hole.matrix))
         planner.picture.show('obstacles')
+        planner.picture.flush()
         assert until(lambda: ('obstacle', 0) not in canvas.items)
         tell(planner, 'all <i>well</i>', **{'report': 'held', 'report reason': 'none',
                                             'plan smallest clearance [m]': '0.004',
@@ -219,9 +228,12 @@ def test_no_planner_is_said(domain):
 def test_in_the_browser(domain, plan):
     with viewed(allow_execute=True) as (planner, viewer), looking_at(
             viewer.page.page.url) as look:
-        look.wait_for('nothing heard yet')
+        look.wait_for('nothing asked yet')
         before = look.picture()
-        show_all(planner, plan)
+        show_shape(planner, plan)
+        assert look.changed(before) > 1e-3
+        before = look.picture()
+        show_all(planner, plan)  # the camera goes back, so that all is seen
         tell(planner, 'ready', **{'plan smallest clearance [m]': '0.004'})
         look.wait_for('planner: ready')
         assert look.changed(before) > 1e-3

@@ -138,7 +138,7 @@ def test_the_camera_sees_all_corners(size):
     right /= np.linalg.norm(right)
     corners = np.array([(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1])
                         for z in (low[2], high[2])]) - place
-    seen = np.column_stack([corners @ right / 1.1, corners @ np.cross(right, forward)])
+    seen = np.column_stack([corners @ right / 0.95, corners @ np.cross(right, forward)])
     slopes = np.abs(seen / (corners @ forward)[:, None])
     assert slopes.max() == pytest.approx(np.tan(np.deg2rad(25)))
 
