@@ -6,6 +6,9 @@ from threading import Lock
 from builtin_interfaces.msg import Time
 from visualization_msgs.msg import Marker, MarkerArray
 
+from dlo_planner.direct.shape import Shape
+from dlo_planner.inverse.plan import Plan
+from dlo_planner.model.cutout import CutOut
 from msg_helpers.marker_items import deleting_marker
 from msg_helpers.markers import (
     contact_markers,
@@ -70,13 +73,15 @@ class Picture:
         return MarkerArray(markers=[*gone, *shown])
 
 
-def markers_of_shape(shape, radius, frame_id: str, stamp: Time, color: str) -> tuple:
+def markers_of_shape(shape: Shape, radius: float | None, frame_id: str, stamp: Time,
+                     color: str) -> tuple:
     """Return the MarkerArrays of a live Shape: DLO, gripper, contact forces."""
     return (shape_markers(shape, radius, frame_id, stamp, color),
             contact_markers(shape, frame_id, stamp))
 
 
-def markers_of_plan(plan, cutouts, radius, frame_id: str, stamp: Time) -> tuple:
+def markers_of_plan(plan: Plan, cutouts: Iterable[CutOut], radius: float | None, frame_id: str,
+                    stamp: Time) -> tuple:
     """Return the MarkerArrays of a Plan: cut-outs, the gripper's way, margins, ghost shapes."""
     return (plan_markers(cutouts, plan.grippers, frame_id, stamp),
             margin_markers(plan, cutouts, radius, frame_id, stamp),

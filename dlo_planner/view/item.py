@@ -17,9 +17,10 @@ _NOWHERE = np.zeros((0, 3))
 _WORLD = Pose.identity()
 
 
-def rows_of_points(name, value):
+def rows_of_points(name: str, value: object) -> np.ndarray:
     """Return points (n, 3), finite; none for an empty sequence; or raise InvalidTask."""
-    empty = isinstance(value, list | tuple | np.ndarray) and np.shape(value)[:1] == (0,)
+    empty = (value.shape[:1] == (0,) if isinstance(value, np.ndarray)
+             else isinstance(value, list | tuple) and not value)
     return _NOWHERE if empty else array(name, value, (None, 3))
 
 

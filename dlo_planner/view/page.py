@@ -1,6 +1,7 @@
 """The page in the browser: what every page has, whatever it shows."""
 
 import socket
+from collections.abc import Iterable
 from contextlib import redirect_stdout
 from io import StringIO
 from itertools import product
@@ -12,6 +13,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import instance, integer
 from dlo_planner.model.pose import Pose
 from dlo_planner.view.canvas import Canvas
+from dlo_planner.view.item import Item
 from dlo_planner.view.tables import color_bar
 
 LOCAL, PORT = 'localhost', 8080
@@ -54,7 +56,7 @@ class Page:
         """Where the page is."""
         return f'http://{self.server.get_host()}:{self.server.get_port()}'
 
-    def show(self, items) -> None:
+    def show(self, items: Iterable[Item]) -> None:
         """Show these Items and no others; what is new among them moves the camera."""
         items = list(items)
         caption = next((item.text for item in items if item.group == 'scale'), '')

@@ -1,5 +1,6 @@
 """A plan in the browser: looked at over time, its gripper and its cut-out dragged."""
 
+from collections.abc import Iterable
 from threading import RLock, Thread
 from time import monotonic, sleep
 
@@ -14,7 +15,7 @@ from dlo_planner.view.colors import COLORINGS
 from dlo_planner.view.dlo_items import axes_items, contact_items, dlo_items, ghost_items
 from dlo_planner.view.latest import Latest
 from dlo_planner.view.page import Page, pose_of, put_at
-from dlo_planner.view.replanning import cutouts_of
+from dlo_planner.view.replanning import Replanner, cutouts_of
 from dlo_planner.view.scene_items import cutout_items, margin_items, obstacle_items, path_items
 
 _FRAME = 0.05    # s between pictures of a plan that is played
@@ -33,7 +34,8 @@ class PlanPage:
         color: as in `coloring`
     """
 
-    def __init__(self, page: Page, plan: Plan, replanner, obstacles=(), color='curvature'):
+    def __init__(self, page: Page, plan: Plan, replanner: Replanner | str,
+                 obstacles: Iterable = (), color: str = 'curvature'):
         self.page, self.plan = page, plan
         self._replanner = None if isinstance(replanner, str) else replanner
         self._cutouts = cutouts_of(plan)

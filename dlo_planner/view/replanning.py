@@ -11,6 +11,7 @@ from dlo_planner.inverse.plan import Plan, joined
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.progress import OnProgress
 
 _SAME = 1e-9      # m
 _SECONDS = 30.0   # of computing, after which a plan is given up
@@ -78,7 +79,7 @@ class Replanner:
         return cls(direct, InverseSimulator(direct) if inverse is None else inverse,
                    np.linspace(0.0, deepest, min(len(plan), _WAYPOINTS)))
 
-    def plan(self, cutout: CutOut, gripper: Pose, whole: bool, progress) -> Plan:
+    def plan(self, cutout: CutOut, gripper: Pose, whole: bool, progress: OnProgress) -> Plan:
         """Return the Plan through a CutOut.
 
         Args:

@@ -1,5 +1,7 @@
 """A plan on the page: with callbacks alone, and in a browser."""
 
+import sys
+
 import numpy as np
 import pytest
 from browser import dragged_to, looking_at
@@ -126,6 +128,12 @@ def test_it_needs_no_more_than_a_plan(plan):
 def test_odd_arguments_are_refused_by_name(plan, name, value):
     with pytest.raises(InvalidTask, match=f'{name} = '):
         view(**{'plan': plan, name: value})
+
+
+def test_without_viser_the_extra_is_named(plan, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'viser', None)
+    with pytest.raises(ModuleNotFoundError, match=r'dlo_planner\[view\]'):
+        view(plan)
 
 
 @pytest.mark.parametrize('size', [(1, 1, 1), (3, 0.1, 0.2), (0.1, 0.1, 4), (0, 2, 0)])
