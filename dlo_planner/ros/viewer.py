@@ -87,9 +87,10 @@ class Viewer(Node):
                                 if marker.header.frame_id), self._frame)
 
     def _on_diagnostics(self, msg):
-        own = self._planner.rsplit('/', 1)[-1]
+        full = self._planner.lstrip('/')
+        own = {f'{name}: solver' for name in (full, full.rsplit('/', 1)[-1])}
         for status in msg.status:
-            if status.name.lstrip('/').split(':')[0] in (own, self._planner.lstrip('/')):
+            if status.name.lstrip('/') in own:
                 values = {item.key: item.value for item in status.values}
                 self.page.put_state('planner', _level(status), status.message)
                 if 'report' in values:

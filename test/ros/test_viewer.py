@@ -125,7 +125,9 @@ def show_all(planner, plan):
 def tell(planner, text, **values):
     status = DiagnosticStatus(name='planner: solver', level=DiagnosticStatus.WARN, message=text)
     status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
-    planner.diagnostics.publish(DiagnosticArray(status=[status]))
+    others = [DiagnosticStatus(name=name, message='of another') for name in (
+        'planner: execution', 'other: solver', '')]
+    planner.diagnostics.publish(DiagnosticArray(status=[status, *others]))
 
 
 def press(button):
@@ -154,6 +156,7 @@ def test_it_shows_what_the_planner_publishes(domain, plan):
         assert 'held' in viewer.page.state.content
         assert until(lambda: '0.004' in viewer.page.margins.content)
         assert 'not looked at' in viewer.page.margins.content
+        assert 'of another' not in viewer.page.state.content
         planner.status.publish(DiagnosticStatus(level=DiagnosticStatus.ERROR, message='refused'))
         assert until(lambda: 'status: refused' in viewer.page.state.content)
 
