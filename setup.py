@@ -17,8 +17,10 @@ setup(
     extras_require={
         'figures': ['matplotlib'],
         'arm': ['pin>=3'],
+        'view': ['viser>=1.1'],
         'cell': ['mujoco>=3.13', 'matplotlib'],
-        'test': ['pytest', 'hypothesis', 'import-linter', 'ros-domain-coordinator'],
+        'test': ['pytest', 'hypothesis', 'import-linter', 'ros-domain-coordinator',
+                 'playwright', 'pyyaml'],
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
@@ -30,6 +32,7 @@ setup(
         'console_scripts': [
             'planner_node = dlo_planner.ros.main:main',
             'demo = dlo_planner.ros.demo:main',
+            'viewer = dlo_planner.ros.viewer:main',
         ],
     },
     zip_safe=False,

@@ -56,6 +56,6 @@ __all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact', 
            'InvalidRod', 'InvalidTask', 'InverseSimulator', 'Limits', 'Modes', 'Motion',
            'NotConverged', 'Observation', 'ObservedMotion', 'Observer', 'Phase', 'Piecewise',
            'Plan', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'PredictedMiss',
-           'Report', 'Rod', 'Section', 'Shape', 'Sheet', 'Sphere', 'Spread', 'Steered', 'Through', 'Tolerance',
-           'Trajectory', 'Workspace', 'correct', 'fit_rod', 'gripper_at', 'joined',
+           'Report', 'Rod', 'Section', 'Shape', 'Sheet', 'Sphere', 'Spread', 'Steered', 'Through',
+           'Tolerance', 'Trajectory', 'Workspace', 'correct', 'fit_rod', 'gripper_at', 'joined',
            'minimise_penalty', 'modes_along', 'replay', 'tolerance', 'with_plug']

@@ -1,151 +1,132 @@
-"""What RViz shows: the DLO coloured by curvature, the gripper, the cut-out, the trajectory."""
+"""What RViz shows: the DLO, the gripper, cut-outs, the plan, obstacles, contacts, the estimate."""
 
-import numpy as np
+from collections.abc import Iterable
+
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, Vector3
-from std_msgs.msg import ColorRGBA
-from visualization_msgs.msg import Marker, MarkerArray
+from numpy.typing import ArrayLike
+from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.model.checks import instance, integer, items, number
+from dlo_planner.inverse.plan import Plan
+from dlo_planner.model.checks import instance, integer, items
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Box, Capsule, Sphere
 from dlo_planner.model.pose import Pose
-from msg_helpers.poses import header, point_msg, pose_msg
+from dlo_planner.view.dlo_items import (
+    axes_items,
+    contact_items,
+    dlo_items,
+    estimate_items,
+    ghost_items,
+)
+from dlo_planner.view.scene_items import cutout_items, margin_items, obstacle_items, path_items
+from msg_helpers.marker_items import deleting_marker, markers_from_items
 
-_THIN = 0.002  # m, of a line whose radius is not known
-_AXIS = 0.05   # m, length of drawn axes
 _MOST = 10_000  # markers
-_SHOWN_RADIUS = 0.02  # m, of a cut-out without a size
-_RED, _GREEN, _BLUE = (0.9, 0.1, 0.1), (0.1, 0.8, 0.1), (0.15, 0.3, 1.0)
-_ORANGE, _GREY = (1.0, 0.6, 0.0), (0.6, 0.6, 0.6)
+_COMMAND = 0.1  # m, axes of the command: longer than those of the gripper
 
 
-def shape_markers(shape, radius, frame_id, stamp) -> MarkerArray:
-    """Return MarkerArray: the DLO as a tube, blue (straight) to red (sharpest bend); its gripper.
+def shape_markers(shape: Shape, radius: float | None, frame_id: str, stamp: Time,
+                  color: str = 'curvature') -> MarkerArray:
+    """Return MarkerArray: the DLO ('dlo'), what its colors mean ('scale'), its gripper ('gripper').
 
     Args:
         shape: Shape
         radius: of the DLO, m; None = thin line
         frame_id: of the world; stamp: builtin_interfaces/Time
+        color: 'curvature' or 'yield', see `dlo_planner.view.colors.coloring`
     """
-    instance('shape', shape, Shape)
-    radius = None if radius is None else number('radius', radius, minimum=0)
-    tube = _line('dlo', 0, frame_id, stamp, 2 * radius if radius else _THIN, _GREY)
-    tube.points = [point_msg(position) for position in shape.positions.tolist()]
-    curvature = np.linalg.norm(shape.strains[:, 1:], axis=1)
-    share = curvature / max(curvature.max(), 1e-12)
-    tube.colors = [_colour((value, 0.2, 1 - value)) for value in share.tolist()]
-    return MarkerArray(markers=[tube, *_axes('gripper', shape.gripper, frame_id, stamp)])
+    drawn = dlo_items(shape, radius, color)
+    return markers_from_items([*drawn, *axes_items('gripper', shape.gripper)], frame_id, stamp)
 
 
-def plan_markers(cutouts, grippers, frame_id, stamp) -> MarkerArray:
-    """Return MarkerArray: the cut-outs' rims and normals, the gripper's way with its directions.
+def contact_markers(shape: Shape, frame_id: str, stamp: Time) -> MarkerArray:
+    """Return MarkerArray: arrows of contact forces ('contact'), their sizes in N ('contact force').
+
+    Args:
+        shape: Shape
+        frame_id: of the world; stamp: builtin_interfaces/Time
+    """
+    return markers_from_items(contact_items(shape), frame_id, stamp)
+
+
+def plan_markers(cutouts: Iterable[CutOut], grippers: Iterable[Pose], frame_id: str,
+                 stamp: Time) -> MarkerArray:
+    """Return MarkerArray: rims and normals ('cutout'), the gripper's way ('trajectory').
 
     Args:
         cutouts: CutOuts; grippers: n Pose
         frame_id: of the world; stamp: builtin_interfaces/Time
     """
     cutouts = items('cutouts', cutouts, CutOut)
-    grippers = items('grippers', grippers, Pose)
-    holes = []
-    for index, cutout in enumerate(cutouts):
-        rim = _line('cutout', 2 * index, frame_id, stamp, _THIN, _ORANGE)
-        rim.pose = pose_msg(cutout.pose)
-        rim.points = [point_msg(point) for point in _rim(cutout)]
-        normal = _arrow('cutout', 2 * index + 1, frame_id, stamp, _ORANGE)
-        normal.points = [point_msg(cutout.centre),
-                         point_msg(cutout.centre + _AXIS * cutout.normal)]
-        holes += [rim, normal]
+    markers = markers_from_items([*cutout_items(cutouts), *path_items(grippers)], frame_id,
+                                 stamp).markers
     if len(cutouts) == 1:  # the plan before may have had two
-        holes += [_gone('cutout', index, frame_id, stamp) for index in (2, 3)]
-    way = _line('trajectory', 0, frame_id, stamp, _THIN, _GREEN)
-    way.points = [point_msg(pose.position) for pose in grippers]
-    ticks = _line('trajectory', 1, frame_id, stamp, _THIN / 2, _GREEN)
-    ticks.type = Marker.LINE_LIST
-    ticks.points = [point_msg(end) for pose in grippers
-                    for end in (pose.position, pose.position + _AXIS * pose.direction)]
-    return MarkerArray(markers=[*holes, way, ticks])
+        markers += [deleting_marker('cutout', index, frame_id, stamp) for index in (2, 3)]
+    return MarkerArray(markers=markers)
 
 
-def obstacle_markers(obstacles, before, frame_id, stamp) -> MarkerArray:
+def ghost_markers(shapes: Iterable[Shape], radius: float | None, frame_id: str, stamp: Time,
+                  number_shown: int = 6) -> MarkerArray:
+    """Return MarkerArray: some of the shapes of a plan, half transparent ('ghost').
+
+    Args:
+        shapes: Shapes of the plan
+        radius: of the DLO, m; None = thin line
+        frame_id: of the world; stamp: builtin_interfaces/Time
+        number_shown: how many of them
+    """
+    return markers_from_items(ghost_items(shapes, radius, number_shown), frame_id, stamp)
+
+
+def margin_markers(plan: Plan, cutouts: Iterable[CutOut], radius: float | None, frame_id: str,
+                   stamp: Time) -> MarkerArray:
+    """Return MarkerArray: plates with holes ('plate'), rims colored by margin, and it in mm.
+
+    Args:
+        plan: Plan
+        cutouts: its CutOuts; those without a size are left out
+        radius: of the DLO, m; None: 0
+        frame_id: of the world; stamp: builtin_interfaces/Time
+    """
+    return markers_from_items(margin_items(plan, cutouts, radius), frame_id, stamp)
+
+
+def command_markers(pose: Pose, frame_id: str, stamp: Time) -> MarkerArray:
+    """Return MarkerArray: the axes of the pose that the gripper is told to have ('command').
+
+    Args:
+        pose: Pose of the gripper, x axis = tangent of the DLO
+        frame_id: of the world; stamp: builtin_interfaces/Time
+    """
+    return markers_from_items(axes_items('command', pose, _COMMAND), frame_id, stamp)
+
+
+def estimate_markers(shape: Shape, radius: float | None, points: ArrayLike, frame_id: str,
+                     stamp: Time) -> MarkerArray:
+    """Return MarkerArray: the DLO as it is estimated ('estimate'), what was seen ('observed').
+
+    Args:
+        shape: Shape, e.g. `Estimate.shape(gripper)`
+        radius: of the DLO, m; None = thin line
+        points: (n, 3) m that were seen, world frame; may be empty
+        frame_id: of the world; stamp: builtin_interfaces/Time
+    """
+    return markers_from_items(estimate_items(shape, radius, points), frame_id, stamp)
+
+
+def obstacle_markers(obstacles: Iterable, before: int, frame_id: str, stamp: Time) -> MarkerArray:
     """Return MarkerArray: obstacles (Box, Sphere, Capsule), half transparent.
 
     Args:
+        obstacles: Boxes, Spheres, Capsules
         before: how many have been shown before, so that those too many disappear
+        frame_id: of the world; stamp: builtin_interfaces/Time
     """
     obstacles = items('obstacles', obstacles, (Box, Sphere, Capsule))
     before = integer('before', before, minimum=0, maximum=_MOST)
-    header(frame_id, instance('stamp', stamp, Time))
-    markers = []
-    for index, obstacle in enumerate(obstacles):
-        marker = _marker('obstacle', index, frame_id, stamp, _GREY)
-        marker.color.a = 0.5
-        if isinstance(obstacle, Box):
-            marker.type, pose, size = Marker.CUBE, obstacle.pose, obstacle.size
-        elif isinstance(obstacle, Sphere):
-            marker.type, pose = Marker.SPHERE, Pose(obstacle.centre, (0.0, 0.0, 0.0, 1.0))
-            size = (2 * obstacle.radius,) * 3
-        else:
-            along = obstacle.end - obstacle.start
-            pose = Pose.looking_along(0.5 * (obstacle.start + obstacle.end), along)
-            pose = Pose.from_rotation(pose.position, pose.rotation[:, [1, 2, 0]])
-            marker.type = Marker.CYLINDER
-            size = (2 * obstacle.radius, 2 * obstacle.radius, np.linalg.norm(along))
-        marker.pose = pose_msg(pose)
-        marker.scale = Vector3(**dict(zip('xyz', map(float, size), strict=True)))
-        markers.append(marker)
-    return MarkerArray(markers=[*markers, *(_gone('obstacle', index, frame_id, stamp)
-                                            for index in range(len(obstacles), before))])
-
-
-def _gone(namespace, index, frame_id, stamp):
-    marker = _marker(namespace, index, frame_id, stamp, _GREY)
-    marker.action = Marker.DELETE
-    return marker
-
-
-def _rim(cutout):
-    if cutout.width is not None:
-        y, z = cutout.width / 2, cutout.height / 2
-        return np.array([(0, y, z), (0, -y, z), (0, -y, -z), (0, y, -z), (0, y, z)])
-    angle = np.linspace(0, 2 * np.pi, 49)
-    radius = cutout.radius or _SHOWN_RADIUS
-    return radius * np.column_stack([np.zeros_like(angle), np.cos(angle), np.sin(angle)])
-
-
-def _axes(namespace, pose, frame_id, stamp):
-    arrows = []
-    for axis, colour in enumerate((_RED, _GREEN, _BLUE)):
-        arrow = _arrow(namespace, axis, frame_id, stamp, colour)
-        tip = pose.position + _AXIS * pose.rotation[:, axis]
-        arrow.points = [point_msg(pose.position), point_msg(tip)]
-        arrows.append(arrow)
-    return arrows
-
-
-def _marker(namespace, index, frame_id, stamp, colour):
-    marker = Marker(header=header(frame_id, stamp), ns=namespace, id=index, action=Marker.ADD,
-                    color=_colour(colour))
-    marker.pose.orientation.w = 1.0
-    return marker
-
-
-def _line(namespace, index, frame_id, stamp, width, colour):
-    marker = _marker(namespace, index, frame_id, stamp, colour)
-    marker.type = Marker.LINE_STRIP
-    marker.scale = Vector3(x=float(width), y=0.0, z=0.0)
-    return marker
-
-
-def _arrow(namespace, index, frame_id, stamp, colour):
-    marker = _marker(namespace, index, frame_id, stamp, colour)
-    marker.type = Marker.ARROW
-    marker.scale = Vector3(x=0.004, y=0.008, z=0.01)
-    marker.points = [Point(), Point()]
-    return marker
-
-
-def _colour(rgb):
-    r, g, b = (float(value) for value in rgb)
-    return ColorRGBA(r=r, g=g, b=b, a=1.0)
+    instance('stamp', stamp, Time)
+    bodies = [item for item in obstacle_items(obstacles) if item.group == 'obstacle']
+    markers = markers_from_items(bodies, frame_id, stamp).markers
+    return MarkerArray(markers=markers + [deleting_marker('obstacle', index, frame_id, stamp)
+                                          for index in range(len(obstacles), before)])

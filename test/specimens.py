@@ -165,7 +165,9 @@ def arguments():
         # messages
         'name': 'wire', 'hardware_id': 'wire', 'level': b'\x00', 'message': 'ok',
         'diagnostics.diagnostics_msg.values': {'a': 1.0}, 'stamp': Time(), 'frame_id': 'world',
-        'markers.obstacle_markers.before': 0, 'known': {}, 'poses.pose_from_msg.msg':
+        'markers.obstacle_markers.before': 0, 'known': {}, 'color': 'yield', 'drawn': (),
+        'index': 0, 'group': 'dlo', 'number_shown': 2,
+        'marker_items.items_after.msg': MarkerArray(), 'poses.pose_from_msg.msg':
         PoseStamped().pose, 'obstacles.obstacles_after.msg': MarkerArray(),
         'poses.poses_from_goals.msg': Goals(), 'poses.pose_from_stamped.msg': _stamped(),
         'paths.poses_from_path.path': Path(), 'paths.times_from_path.path': Path(),

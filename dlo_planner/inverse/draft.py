@@ -85,7 +85,12 @@ class Brief:
 
 
 def utilisation(shape, yielding):
-    """Return the largest strain since the stress-free shape as a part of what yields.
+    """Return the largest of `yield_shares`."""
+    return float(yield_shares(shape, yielding).max())
+
+
+def yield_shares(shape, yielding):
+    """Return (N_L,) the strains since the stress-free shape as a part of what yields.
 
     Curvature counts by the ellipse of its two thresholds, that of a rectangle by what its corners
     are strained; torsion by itself.
@@ -96,7 +101,7 @@ def utilisation(shape, yielding):
     part = np.abs(shape.bent) / yielding
     cornered = shape.rod.section_outline[0] == 'rectangular'
     bend = part[:, 1] + part[:, 2] if cornered else np.hypot(part[:, 1], part[:, 2])
-    return float(max(part[:, 0].max(), bend.max()))
+    return np.maximum(part[:, 0], bend)
 
 
 class Draft:

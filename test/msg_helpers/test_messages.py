@@ -80,12 +80,14 @@ def test_seconds_carry_over():
 @pytest.mark.parametrize('cutout', [
     CutOut(POSE), CutOut(POSE, radius=0.01), CutOut(POSE, width=0.02, height=0.01)])
 def test_markers_are_complete(shape, cutout):
-    tube, *axes = over_the_wire(shape_markers(shape, 0.004, 'world', STAMP)).markers
+    tube, scale, *axes = over_the_wire(shape_markers(shape, 0.004, 'world', STAMP)).markers
     assert tube.scale.x == pytest.approx(0.008)
     assert [marker.type for marker in axes] == [Marker.ARROW] * 3
-    # the sharpest bend, at the gripper, is red, the free end blue
-    assert tube.colors[0].r == pytest.approx(1.0)
-    assert tube.colors[-1].b > 0.9
+    assert scale.type == Marker.TEXT_VIEW_FACING and '1/m' in scale.text
+    # the sharpest bend, at the gripper, is bright yellow, the free end dark violet
+    bright, dark = tube.colors[0], tube.colors[-1]
+    assert (bright.r, bright.g, bright.b) == pytest.approx((0.993, 0.906, 0.144), abs=1e-6)
+    assert (dark.r, dark.g, dark.b) == pytest.approx((0.267, 0.005, 0.329), abs=0.02)
     markers = over_the_wire(plan_markers([cutout], [POSE, POSE], 'world', STAMP)).markers
     rim = np.array([(p.x, p.y, p.z) for p in markers[0].points])
     np.testing.assert_allclose(rim[0], rim[-1], atol=1e-15)

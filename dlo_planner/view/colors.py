@@ -1,0 +1,86 @@
+"""Colors that tell how hard a DLO is bent: a colormap that is legible to the color-blind too."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.inverse.draft import yield_shares
+from dlo_planner.model.checks import choice, instance
+
+COLORINGS = ('curvature', 'yield')
+ALERT = (0.85, 0.11, 0.38)  # what is beyond its limit; nothing in viridis comes near to it
+GREY = (0.6, 0.6, 0.6)
+ORANGE = (0.9, 0.62, 0.0)        # these three: Okabe and Ito's palette for all kinds of sight
+SKY_BLUE = (0.34, 0.71, 0.91)
+VERMILION = (0.84, 0.37, 0.0)
+_SMALLEST = 1e-9  # 1/m: what bends less is straight
+
+# viridis (Smith, van der Walt; public domain) at even steps from 0 to 1, red, green, blue.
+_VIRIDIS = np.array([
+    (0.267, 0.005, 0.329), (0.283, 0.100, 0.422), (0.277, 0.185, 0.490), (0.254, 0.265, 0.530),
+    (0.222, 0.339, 0.549), (0.191, 0.407, 0.556), (0.164, 0.471, 0.558), (0.139, 0.534, 0.555),
+    (0.121, 0.596, 0.544), (0.135, 0.659, 0.518), (0.208, 0.719, 0.473), (0.328, 0.774, 0.407),
+    (0.478, 0.821, 0.318), (0.647, 0.858, 0.210), (0.825, 0.885, 0.106), (0.993, 0.906, 0.144)])
+
+
+class Coloring(NamedTuple):
+    """Colors of a DLO's nodes.
+
+    Attributes:
+        colors: (N_L + 1, 3) red, green, blue, 0 to 1
+        caption: what the colors mean, with the unit
+    """
+
+    colors: np.ndarray
+    caption: str
+
+
+def viridis(share: ArrayLike) -> np.ndarray:
+    """Return colors (n, 3) of shares (n,): 0 dark violet, 1 bright yellow, beyond it ALERT.
+
+    What is not known (nan) is grey.
+    """
+    share = np.asarray(share, dtype=float)
+    steps = np.linspace(0.0, 1.0, len(_VIRIDIS))
+    colors = np.column_stack([np.interp(share, steps, channel) for channel in _VIRIDIS.T])
+    colors[share > 1.0] = ALERT
+    colors[np.isnan(share)] = GREY
+    return colors
+
+
+def coloring(shape: Shape, color: str = 'curvature') -> Coloring:
+    """Return the Coloring of a Shape.
+
+    Args:
+        shape: Shape
+        color: 'curvature': from 0 to the rod's max_bend_curvature, or to the sharpest bend of this
+            shape if the rod has none; 'yield': strain since the stress-free shape as a part of what
+            yields, from 0 to 1. Nodes beyond the limit are in ALERT.
+
+    Raises:
+        InvalidTask: another `color`
+    """
+    instance('shape', shape, Shape)
+    if choice('color', color, COLORINGS) == 'yield':
+        return _by_yield(shape)
+    curvature = np.linalg.norm(shape.strains[:, 1:], axis=1)
+    limit = None if shape.rod is None else shape.rod.max_bend_curvature
+    top = max(curvature.max(), _SMALLEST) if limit is None else limit
+    share = np.minimum(curvature / top, 1.0) if limit is None else curvature / top
+    return Coloring(viridis(share), f'curvature: 0 to {top:.3g} 1/m'
+                    + ('' if limit is None else ' (limit)'))
+
+
+def _by_yield(shape):
+    rod, nodes = shape.rod, len(shape.s)
+    if rod is None:
+        return Coloring(viridis(np.full(nodes, np.nan)), 'part of the yield limit: rod not known')
+    if not rod.yields:
+        return Coloring(viridis(np.zeros(nodes)), 'part of the yield limit: this rod never yields')
+    limits = np.array([rod.yield_torsion or np.inf, *(rod.yield_curvature or (np.inf, np.inf))])
+    share = yield_shares(shape, limits)
+    worse = np.maximum(share[1:], share[:-1])  # of the two elements beside a node
+    return Coloring(viridis([share[0], *worse, share[-1]]),
+                    f'part of the yield limit: 0 to 1, largest {share.max():.2g}')

@@ -1,0 +1,83 @@
+"""One thing that is drawn: by RViz as a marker, by the page in the browser as a mesh."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dlo_planner.model.checks import array, choice, instance, integer, number, vector
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value, put
+
+# What an item is made of, and what `size` means: line, segments (pairs of points): width; arrow
+# (two points): diameters of shaft and head, length of the head; box: its sides; ball, cylinder
+# (about z): diameters and, along z, height; text: height of a letter; points: diameter;
+# triangles (three points each): nothing.
+KINDS = ('line', 'segments', 'arrow', 'box', 'ball', 'cylinder', 'text', 'points', 'triangles')
+_NOWHERE = np.zeros((0, 3))
+_WORLD = Pose.identity()
+
+
+def rows_of_points(name: str, value: object) -> np.ndarray:
+    """Return points (n, 3), finite; none for an empty sequence; or raise InvalidTask."""
+    empty = (value.shape[:1] == (0,) if isinstance(value, np.ndarray)
+             else isinstance(value, list | tuple) and not value)
+    return _NOWHERE if empty else array(name, value, (None, 3))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Item(Value):
+    """Something to be drawn.
+
+    Attributes:
+        group: what it belongs to; index: its number there; both together are its name
+        kind: one of KINDS
+        color: (3,) red, green, blue, 0 to 1
+        alpha: 1 opaque, 0 invisible
+        points: (n, 3) m, in the frame of `pose`
+        colors: (n, 3) of each point, or None: all have `color`
+        pose: Pose in the world; of a box, ball, cylinder, text: its center
+        size: (3,) m, see KINDS
+        text: what a text says
+
+    Raises:
+        InvalidTask: naming the attribute
+    """
+
+    group: str
+    index: int
+    kind: str
+    color: tuple
+    alpha: float = 1.0
+    points: np.ndarray = field(default_factory=lambda: _NOWHERE)
+    colors: np.ndarray | None = None
+    pose: Pose = _WORLD
+    size: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    text: str = ''
+
+    def __post_init__(self):
+        instance('Item.group', self.group, str)
+        instance('Item.text', self.text, str)
+        instance('Item.pose', self.pose, Pose)
+        choice('Item.kind', self.kind, KINDS)
+        points = rows_of_points('Item.points', self.points)
+        put(self, index=integer('Item.index', self.index, minimum=-2**31, maximum=2**31 - 1),
+            color=tuple(vector('Item.color', self.color, 3).tolist()),
+            alpha=number('Item.alpha', self.alpha, minimum=0, maximum=1), points=points,
+            size=vector('Item.size', self.size, 3))
+        if self.colors is not None:
+            put(self, colors=array('Item.colors', self.colors, points.shape))
+        super().__post_init__()
+
+    @property
+    def name(self) -> tuple[str, int]:
+        """Group and index."""
+        return self.group, self.index
+
+    @property
+    def corners(self) -> np.ndarray:
+        """(n, 3) points in the world that it reaches to: its own, or those around its size."""
+        points = self.points
+        if not len(points):
+            half = np.zeros(3) if self.kind == 'text' else 0.5 * self.size
+            points = np.array([-half, half])
+        return points @ self.pose.rotation.T + self.pose.position

@@ -1,0 +1,109 @@
+"""What a plan on the page can be made anew with: its cut-outs, its simulators."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import InvalidTask, NotConverged
+from dlo_planner.inverse.plan import Plan, joined
+from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose
+from dlo_planner.progress import OnProgress
+
+_SAME = 1e-9      # m
+_SECONDS = 30.0   # of computing, after which a plan is given up
+_WAYPOINTS = 60   # most of a plan that follows a hand
+
+
+def cutouts_of(plan: Plan) -> list[CutOut]:
+    """Return the CutOuts that a Plan passes, as far as it tells: those without a size have none."""
+    if not len(plan):
+        return []
+    sized = [cutout for sheet, _ in plan.sheets for cutout in sheet.cutouts]
+    cutouts = []
+    for centre, _, normal in plan.passes[-1]:
+        if normal is not None:
+            cutouts.append(next(
+                (cutout for cutout in sized if np.abs(cutout.centre - centre).max() < _SAME),
+                CutOut(Pose.looking_along(centre, normal))))
+    return cutouts
+
+
+def simulator_of(shape: Shape) -> DirectSimulator | None:
+    """Return a DirectSimulator of a Shape's rod and surroundings; None if it knows none."""
+    if shape.rod is None:
+        return None
+    around = shape._discretisation.surroundings
+    return DirectSimulator(around.rod, gravity=around.gravity, load=around.load, grip=around.grip,
+                           obstacles=around.obstacles, point_loads=around.point_loads)
+
+
+@dataclass(frozen=True)
+class Replanner:
+    """Makes plans through one cut-out like a given one, and shapes of the same DLO.
+
+    Attributes:
+        direct: DirectSimulator
+        inverse: InverseSimulator
+        depths: (n,) m, of the waypoints
+    """
+
+    direct: DirectSimulator
+    inverse: InverseSimulator
+    depths: np.ndarray
+
+    @classmethod
+    def of(cls, plan: Plan, inverse: InverseSimulator | None = None) -> 'Replanner':
+        """Return one for a Plan.
+
+        Args:
+            plan: Plan through one cut-out
+            inverse: InverseSimulator that it was made with; None: one of its shapes' rod and
+                surroundings, without a workspace
+
+        Raises:
+            InvalidTask: why it cannot be made anew
+        """
+        if not len(plan):
+            raise InvalidTask('plan: expected one with a waypoint')
+        direct = simulator_of(plan.shapes[-1]) if inverse is None else inverse.simulator
+        if direct is None:
+            raise InvalidTask('plan: its shapes know no rod (they come from a file): expected '
+                              '`inverse` to plan anew with')
+        if len(cutouts_of(plan)) != 1 or plan.shapes[-1].far_end is not None:
+            raise InvalidTask('plan: expected one through one cut-out where it is to be made anew')
+        deepest = float(plan.depths.max())
+        return cls(direct, InverseSimulator(direct) if inverse is None else inverse,
+                   np.linspace(0.0, deepest, min(len(plan), _WAYPOINTS)))
+
+    def plan(self, cutout: CutOut, gripper: Pose, whole: bool, progress: OnProgress) -> Plan:
+        """Return the Plan through a CutOut.
+
+        Args:
+            cutout: CutOut
+            gripper: Pose before, for the roll
+            whole: whether the plan begins at that pose
+            progress: called as progress(done, total) after each waypoint
+
+        Raises:
+            DloPlannerError: refused, with the reason
+        """
+        options = {'progress': progress, 'deadline': _SECONDS}
+        plan = self.inverse.thread(cutout, start=gripper, depths=self.depths, **options)
+        if not whole:
+            return plan
+        return joined(self.inverse.start_phase(cutout, plan, gripper, **options), plan)
+
+    def shape(self, gripper: Pose, before: Shape) -> Shape:
+        """Return the Shape at a gripper's Pose, coming from another Shape.
+
+        Raises:
+            NotConverged: none is found
+        """
+        shape = self.direct.track([gripper], initial=before)[0]
+        if not shape.converged:
+            raise NotConverged(f'no stable shape found: {shape.status}', shape)
+        return shape

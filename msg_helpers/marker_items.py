@@ -1,0 +1,95 @@
+"""Items to be drawn <-> visualization_msgs."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point, Quaternion, Vector3
+from geometry_msgs.msg import Pose as PoseMsg
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import instance, integer, items
+from dlo_planner.view.item import Item
+from msg_helpers.poses import header, pose_from_msg
+
+_TYPES = {'line': Marker.LINE_STRIP, 'segments': Marker.LINE_LIST, 'arrow': Marker.ARROW,
+          'box': Marker.CUBE, 'ball': Marker.SPHERE, 'cylinder': Marker.CYLINDER,
+          'text': Marker.TEXT_VIEW_FACING, 'points': Marker.SPHERE_LIST,
+          'triangles': Marker.TRIANGLE_LIST}
+_KINDS = {type_: kind for kind, type_ in _TYPES.items()}
+
+
+def markers_from_items(drawn: Iterable[Item], frame_id: str, stamp: Time) -> MarkerArray:
+    """Return a MarkerArray that shows Items.
+
+    Args:
+        drawn: Items
+        frame_id: of the world; stamp: builtin_interfaces/Time
+    """
+    header(frame_id, instance('stamp', stamp, Time))  # also judges them if there is no item
+    return MarkerArray(markers=[_marker(item, header(frame_id, stamp))
+                                for item in items('drawn', drawn, Item)])
+
+
+def deleting_marker(group: str, index: int, frame_id: str, stamp: Time) -> Marker:
+    """Return the Marker that takes the Item of this name away."""
+    return Marker(header=header(frame_id, instance('stamp', stamp, Time)),
+                  ns=instance('group', group, str), action=Marker.DELETE,
+                  id=integer('index', index, minimum=-2**31, maximum=2**31 - 1))
+
+
+def items_after(known: dict, msg: MarkerArray) -> dict:
+    """Return the dict of Items by name after a MarkerArray, as RViz would show it.
+
+    What cannot be shown is left out: types that Items do not have, values that are not finite.
+
+    Args:
+        known: dict of Items before
+        msg: visualization_msgs/MarkerArray
+    """
+    instance('msg', msg, MarkerArray)
+    after = dict(instance('known', known, dict))
+    for marker in msg.markers:
+        if marker.action == Marker.DELETEALL:
+            after = {name: item for name, item in after.items()
+                     if marker.ns and name[0] != marker.ns}
+        elif marker.action == Marker.DELETE:
+            after.pop((marker.ns, marker.id), None)
+        elif marker.action == Marker.ADD and marker.type in _KINDS:
+            try:
+                after[marker.ns, marker.id] = _item(marker)
+            except InvalidTask:
+                after.pop((marker.ns, marker.id), None)
+    return after
+
+
+def _marker(item, top):
+    """Return the Marker of an Item, whose numbers are known to be good."""
+    r, g, b = item.color
+    (px, py, pz), (x, y, z, w) = item.pose.position.tolist(), item.pose.quaternion.tolist()
+    pose = PoseMsg(position=Point(x=px, y=py, z=pz), orientation=Quaternion(x=x, y=y, z=z, w=w))
+    marker = Marker(header=top, ns=item.group, id=item.index, action=Marker.ADD,
+                    type=_TYPES[item.kind], pose=pose, text=item.text,
+                    color=ColorRGBA(r=r, g=g, b=b, a=item.alpha))
+    x, y, z = (1.0, 1.0, 1.0) if item.kind == 'triangles' else item.size.tolist()
+    marker.scale = Vector3(x=x, y=y, z=z)
+    if item.kind == 'points':
+        marker.scale = Vector3(x=x, y=x, z=x)
+    marker.points = [Point(x=x, y=y, z=z) for x, y, z in item.points.tolist()]
+    if item.colors is not None:
+        marker.colors = [ColorRGBA(r=r, g=g, b=b, a=item.alpha)
+                         for r, g, b in item.colors.tolist()]
+    return marker
+
+
+def _item(marker):
+    colors = None
+    if marker.colors and len(marker.colors) == len(marker.points):
+        colors = [(color.r, color.g, color.b) for color in marker.colors]
+    color = marker.color
+    return Item(marker.ns, marker.id, _KINDS[marker.type],
+                np.clip((color.r, color.g, color.b), 0.0, 1.0), min(max(color.a, 0.0), 1.0),
+                [(p.x, p.y, p.z) for p in marker.points], colors, pose_from_msg(marker.pose),
+                (marker.scale.x, marker.scale.y, marker.scale.z), marker.text)
