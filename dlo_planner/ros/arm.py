@@ -47,7 +47,8 @@ class ArmOutput:
         self._description = self._semantic = None
         self._positions = {}  # name -> (rad or m, when it was received)
         for name, (default, description) in PARAMETERS.items():
-            _declare(node, name, default, description)
+            if not node.has_parameter(name):
+                _declare(node, name, default, description)
         self._out = node.create_publisher(JointTrajectoryMsg, '~/joint_trajectory', _LATCHED)
 
     def subscribe(self, callback_group=None):

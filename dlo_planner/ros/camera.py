@@ -23,6 +23,7 @@ from dlo_planner.ros.observing import Observing, deviation
 from dlo_planner.ros.qos import LATEST
 from dlo_planner.ros.scene import Scene
 from msg_helpers.clouds import points_from_cloud
+from msg_helpers.markers import estimate_markers
 
 _REMEMBERED = 500    # gripper poses, until a first cloud comes
 _LONGEST_AGE = 1.0  # s, after which what was seen of the DLO says nothing of it now
@@ -73,11 +74,26 @@ class Camera:
             if observing is None or not observing.due(stamp):
                 return
             points = points_in(state.scene, msg, 'observed_points', self._frames)
-            estimate = observing.look(stamp, points)
+            estimate = self._look(observing, stamp, points)
             self._health.estimated(estimate)
+            self._draw(state, estimate, points, msg.header.stamp)
             if state.executing:
                 self._compare(state, stamp, points)
                 self._correct(state, stamp, estimate)
+
+    def _look(self, observing, stamp, points):
+        try:
+            return observing.look(stamp, points)
+        except InvalidTask as error:
+            raise Refused(Cause.INVALID_POINTS, str(error)) from None
+
+    def _draw(self, state, estimate, points, stamp):
+        """Show the DLO as it is estimated."""
+        if state.gripper is not None:
+            shape, scene = estimate.shape(state.gripper), state.scene
+            if shape.converged:
+                self._drawing.draw('estimate', estimate_markers(
+                    shape, scene.direct.rod.radius, points, scene.frame_id, stamp))
 
     def _observing_of(self, state):
         """Return the Observing of the DLO as it is stated; None where nothing is uncertain."""

@@ -24,7 +24,7 @@ class Gate:
         self._node = node
         self._entities = []
         self._open, self._calls, self._changed = False, 0, Condition()
-        for name in ('get_clock', 'get_logger', 'get_name', 'get_parameter',
+        for name in ('get_clock', 'get_logger', 'get_name', 'get_parameter', 'has_parameter',
                      'add_on_set_parameters_callback', 'add_post_set_parameters_callback',
                      'remove_on_set_parameters_callback', 'remove_post_set_parameters_callback'):
             setattr(self, name, getattr(node, name))

@@ -6,6 +6,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.parameter import Parameter
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.ros.arm import PARAMETERS as ARM
 from dlo_planner.ros.overrides import take_overrides, unknown_override
 
 
@@ -139,6 +140,7 @@ ENTRIES = {
     'observe.correction_period': Entry(0.5, 'Seconds between two corrections.', 0.0, 60.0),
     'observe.largest_correction': Entry(0.02, 'A correction that moves the gripper farther is not '
                                         'executed, m.', 0.0, 10.0),
+    **{name: Entry(default, description) for name, (default, description) in ARM.items()},
     'autostart': Entry(True, 'Whether the node configures and activates itself, without a '
                        'lifecycle manager.', read_only=True),
     'execute.rate': Entry(50.0, 'Commands per second on gripper_command.', 1.0, 1000.0,
@@ -196,6 +198,10 @@ def _as_declared(name, value, default):
 
     if isinstance(default, float) and number(value):
         return float(value)
+    if isinstance(default, list) and isinstance(default[0], str):
+        if isinstance(value, str) or any(not isinstance(item, str) for item in value):
+            raise InvalidTask(f'parameter {name} = {value!r}: expected a list of strings')
+        return list(value) or default
     if isinstance(default, list):
         items = list(value) if not isinstance(value, str) and hasattr(value, '__iter__') else None
         if items is None or not all(number(item) for item in items):

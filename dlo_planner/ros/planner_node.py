@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 
+from dlo_planner.ros.arm import ArmOutput
 from dlo_planner.ros.camera import Camera
 from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.drawing import Drawing
@@ -112,7 +113,9 @@ class PlannerNode(ManagedNode):
         self._camera = Camera(gate, parts, seeing, self.set_parameters)
         self._live = LiveShapes(gate, parts, hearing, asking, self._camera.gripper)
         self._planning = Planning(gate, parts, planning)
-        self._verification = Verification(gate, parts, self._prover, self._steady, proving)
+        arm = ArmOutput(gate)
+        arm.subscribe(hearing)
+        self._verification = Verification(gate, parts, self._prover, arm, self._steady, proving)
         self._drive = Drive(gate, parts, self._planning, self._steady, moving)
         self._gate, self._parts = gate, parts
 

@@ -5,6 +5,7 @@ from functools import partial
 import numpy as np
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
+from dlo_planner.arm import rolls_freely
 from dlo_planner.ros.proof import proofs
 from dlo_planner.ros.qos import LATCHED
 from msg_helpers.trajectories import timed_trajectory
@@ -19,10 +20,12 @@ class Verification:
     Args:
         node: rclpy Node; parts: Parts
         prover: Prover
+        arm: ArmOutput, which gets what is proved
         clock: steady Clock; group: callback group
     """
 
-    def __init__(self, node, parts, prover, clock, group):
+    def __init__(self, node, parts, prover, arm, clock, group):
+        self._arm = arm
         self._store, self._health, self._reporter = parts.store, parts.health, parts.reporter
         self._prover, self._begun = prover, None  # Made whose proof has begun
         self._out = node.create_publisher(MultiDOFJointTrajectory, '~/gripper_trajectory_timed',
@@ -46,6 +49,7 @@ class Verification:
                     return
                 if proof.safe:
                     self._publish(made, proof.report)
+                    self._move_arm(made, proof.report)
                 self._health.plan_proved(proof)
                 if proof.done and not proof.safe:
                     self._reporter.failed('report', proof.cause,
@@ -57,3 +61,9 @@ class Verification:
         self._out.publish(timed_trajectory(way, number, scene.tool, scene.frame_id, made.stamp))
         self._reporter.info(f'the plan is safe: {way.duration:.1f} s, largest miss in motion '
                             f'{report.dynamic_miss:.1e} m, at most {way.tolerance:.1e} m')
+
+    def _move_arm(self, made, report):
+        """Publish the motion of the robot's joints, where an arm is described."""
+        with self._reporter.answering('joint_trajectory', told=False):
+            self._arm.on_proof(report.trajectory, made.scene.tool, made.stamp,
+                               rolls_freely(made.scene.direct, made.plan))
