@@ -5,7 +5,7 @@ from pathlib import Path
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterFile
+from launch_ros.parameter_descriptions import ParameterFile, ParameterValue
 
 from launch import LaunchDescription
 
@@ -21,7 +21,11 @@ def generate_launch_description():
                               description='The DLO: name of a file in config/, without .yaml.'),
         DeclareLaunchArgument('namespace', default_value='',
                               description='Of the node, e.g. cell1: /cell1/dlo_planner.'),
+        DeclareLaunchArgument('autostart', default_value='true', choices=['true', 'false'],
+                              description='Whether the node configures and activates itself.'),
         Node(package='dlo_planner', executable='planner_node', name='dlo_planner',
              namespace=LaunchConfiguration('namespace'), output='screen',
-             parameters=[ParameterFile([f'{CONFIG}/', LaunchConfiguration('rod'), '.yaml'])]),
+             parameters=[ParameterFile([f'{CONFIG}/', LaunchConfiguration('rod'), '.yaml']),
+                         {'autostart': ParameterValue(LaunchConfiguration('autostart'),
+                                                      value_type=bool)}]),
     ])

@@ -63,7 +63,7 @@ class Cause(IntEnum):
 MEANINGS = {
     Cause.DONE: 'done as asked',
     Cause.INVALID_REQUEST: 'a field or a value of the request makes no sense',
-    Cause.INVALID_FRAME: 'a pose is given in another frame than `frame_id`',
+    Cause.INVALID_FRAME: 'a pose is given in a frame that cannot be transformed to `frame_id`',
     Cause.INVALID_POSE: 'a coordinate is not finite, or a quaternion is not of length 1',
     Cause.OUT_OF_REACH: 'a pose is farther from the origin than `workspace.reach`',
     Cause.IN_OBSTACLE: 'the gripper is inside an obstacle',

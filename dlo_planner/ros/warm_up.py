@@ -47,3 +47,11 @@ def warm_up_proofs(prover):
 
 def _hole(x):
     return CutOut(Pose.looking_along((x, 0, 0), (1, 0, 0)), radius=0.1)
+
+
+if __name__ == '__main__':  # compile ahead, e.g. when an image is built
+    from dlo_planner.ros.proving import Prover
+    warm_up()
+    proving = Prover()
+    warm_up_proofs(proving)
+    proving.close()

@@ -17,7 +17,8 @@ ALLOWED = {
     'EmitEvent': 'launch.actions', 'RegisterEventHandler': 'launch.actions',
     'OnProcessExit': 'launch.event_handlers', 'Shutdown': 'launch.events',
     'LaunchConfiguration': 'launch.substitutions', 'Node': 'launch_ros.actions',
-    'ParameterFile': 'launch_ros.parameter_descriptions', 'Path': 'pathlib'}
+    'ParameterFile': 'launch_ros.parameter_descriptions',
+    'ParameterValue': 'launch_ros.parameter_descriptions', 'Path': 'pathlib'}
 
 
 class LaunchConfiguration:

@@ -2,7 +2,9 @@
 
 import threading
 import time
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
@@ -17,9 +19,20 @@ from rclpy.qos import qos_profile_sensor_data
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dlo_planner import InvalidTask, Pose
+from dlo_planner import (
+    CutOut,
+    DirectSimulator,
+    InvalidTask,
+    InverseSimulator,
+    Limits,
+    Pose,
+    Rod,
+    Trajectory,
+)
+from dlo_planner.ros.causes import Cause
+from dlo_planner.ros.execution import Execution, Guards, Heard
 from dlo_planner.ros.qos import LATCHED
-from msg_helpers.poses import pose_msg, pose_stamped_msg
+from msg_helpers.poses import pose_from_msg, pose_msg, pose_stamped_msg
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0, 0, 0, 1))
 NAME = '/dlo_planner'
@@ -175,6 +188,33 @@ def test_nothing_is_seen_before_it_is_ready_but_that_it_starts(monkeypatch, cont
         go.set()
         thread.join(20)
     assert made
+
+
+def test_a_motion_comes_to_rest_before_it_is_inactive(monkeypatch, context, witness):
+    wire = DirectSimulator(Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34))
+    plan = InverseSimulator(wire).thread(CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0))),
+                                         depths=np.linspace(0, 0.95, 12))
+    way = Trajectory(plan, Limits(), tolerance=np.inf)
+    unguarded = Guards(path_position=0.0, path_angle=0.0, incoming_command_timeout=0.0,
+                       longest_pause=0.0)
+    execution = Execution(way, Pose.identity(), 'world', unguarded, 0.02)
+    with planner_here(monkeypatch, context) as node:
+        commands = witness.hear(PoseStamped, f'{NAME}/gripper_command')
+        assert witness.wait_for(lambda: node.count_subscribers(f'{NAME}/gripper_command'))
+        heard = Heard(plan.grippers[0], time.monotonic())
+        node._parts.store.change(lambda now: replace(now, execution=execution, heard=heard))
+        node._drive._finished = False
+        assert witness.wait_for(lambda: len(commands) > 50)
+        assert change(witness, 'deactivate')
+        witness.wait_for(lambda: False, 0.1)
+        number = len(commands)
+        assert not witness.wait_for(lambda: len(commands) > number, 0.2)
+        steps = np.linalg.norm(np.diff([pose_from_msg(one.pose).position for one in commands],
+                                       axis=0), axis=1)
+        regular = 0.02 * Limits().linear_speed
+        assert 0.5 * regular < steps.max() <= 1.2 * regular  # no jump
+        assert steps[-1] < 0.05 * regular
+        assert node._parts.store.state.execution.cause == Cause.SHUTDOWN
 
 
 def test_names_and_namespaces_go_everywhere(monkeypatch, context):
