@@ -1,12 +1,39 @@
 """How far a long computation has come, and when it has to end."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from time import monotonic
 
 from dlo_planner.errors import DeadlineExceeded, InvalidTask
 from dlo_planner.model.checks import callback, number, shown
 
 OnProgress = Callable[[int, int], object] | None  # called as progress(done, total)
+
+
+_INTERRUPT = ContextVar('interrupt', default=None)
+
+
+@contextmanager
+def interrupted_by(check: Callable[[], object]) -> Iterator[None]:
+    """Let `check` end the computations that begin inside, whatever they are made of.
+
+    It is called between their steps, where a deadline is looked at too; what it raises leaves the
+    computation. Other threads are not concerned.
+
+    Args:
+        check: function without arguments
+
+    Raises:
+        InvalidTask: it is no function
+    """
+    if callback('check', check) is None:
+        raise InvalidTask('check = None: expected a function')
+    token = _INTERRUPT.set(check)
+    try:
+        yield
+    finally:
+        _INTERRUPT.reset(token)
 
 
 class Progress:
@@ -24,6 +51,7 @@ class Progress:
         self._report = callback('progress', report)
         self._seconds = None if deadline is None else number('deadline', deadline, above=0)
         self._begun = monotonic()
+        self._interrupt = _INTERRUPT.get()
 
     def done(self, done: int, total: int) -> None:
         """Report that `done` of `total` steps are finished; raises DeadlineExceeded."""
@@ -41,6 +69,7 @@ class Progress:
         """Return one with the same end that reports nothing: for parts of the computation."""
         other = Progress()
         other._seconds, other._begun = self._seconds, self._begun
+        other._interrupt = self._interrupt
         return other
 
     def left(self) -> float | None:
@@ -49,7 +78,12 @@ class Progress:
             self._seconds - (monotonic() - self._begun), 1e-9)
 
     def check(self) -> None:
-        """Raise DeadlineExceeded if the time is over: called in loops that may be long."""
+        """Raise DeadlineExceeded if the time is over: called in loops that may be long.
+
+        What a check of `interrupted_by` raises leaves it too.
+        """
+        if self._interrupt is not None:
+            self._interrupt()
         if self._seconds is None:
             return
         elapsed = monotonic() - self._begun

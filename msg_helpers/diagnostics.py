@@ -10,8 +10,8 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 _LEVELS = (OK, WARN, ERROR, DiagnosticStatus.STALE)
 
 
-def diagnostics_msg(name, hardware_id, level, message, values, stamp) -> DiagnosticArray:
-    """Return a DiagnosticArray with one status.
+def status_msg(name, hardware_id, level, message, values) -> DiagnosticStatus:
+    """Return a DiagnosticStatus.
 
     Args:
         name: of the status, 'node: topic'
@@ -19,7 +19,6 @@ def diagnostics_msg(name, hardware_id, level, message, values, stamp) -> Diagnos
         level: OK, WARN or ERROR of this module (bytes, as the message wants them)
         message: one line of text
         values: dict of str -> anything; numbers are written with six digits
-        stamp: builtin_interfaces/Time
     """
     for argument, value in (('name', name), ('hardware_id', hardware_id), ('message', message)):
         instance(argument, value, str)
@@ -28,11 +27,21 @@ def diagnostics_msg(name, hardware_id, level, message, values, stamp) -> Diagnos
         raise InvalidTask(f'level = {level!r}: expected OK, WARN, ERROR or STALE')
     instance('values', values, dict)
     items('values', tuple(values), str)
-    instance('stamp', stamp, Time)
     status = DiagnosticStatus(name=name, hardware_id=hardware_id, level=level, message=message)
     status.values = [KeyValue(key=key, value=_text(value)) for key, value in values.items()]
+    return status
+
+
+def diagnostics_msg(name, hardware_id, level, message, values, stamp) -> DiagnosticArray:
+    """Return a DiagnosticArray with one status.
+
+    Args:
+        name, hardware_id, level, message, values: as for `status_msg`
+        stamp: builtin_interfaces/Time
+    """
+    status = status_msg(name, hardware_id, level, message, values)
     array = DiagnosticArray(status=[status])
-    array.header.stamp = stamp
+    array.header.stamp = instance('stamp', stamp, Time)
     return array
 
 

@@ -6,7 +6,7 @@ from contextlib import suppress
 from time import monotonic
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Goals, Path
 from nav_msgs.srv import GetPlan
@@ -20,8 +20,8 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.ros.health import stamp_text
-from dlo_planner.ros.planner_node import LATCHED, REQUEST
 from dlo_planner.ros.proof import DONE
+from dlo_planner.ros.qos import LATCHED, REQUEST
 from msg_helpers.poses import header, pose_stamped_msg
 
 
@@ -41,6 +41,9 @@ class PlannerClient:
         self.node = Node('dlo_planner_client', context=self.context)
         self.shapes, self.trajectories, self.timed = queue.Queue(), queue.Queue(), queue.Queue()
         self.diagnostics, self.commands = queue.Queue(), queue.Queue()
+        self.statuses, self.executions = queue.Queue(), queue.Queue()
+        for name, came in (('status', self.statuses), ('execution', self.executions)):
+            self.node.create_subscription(DiagnosticStatus, f'{planner}/{name}', came.put, LATCHED)
         self.node.create_subscription(Path, f'{planner}/predicted_shape', self.shapes.put, LATCHED)
         self.node.create_subscription(Path, f'{planner}/gripper_trajectory',
                                       self.trajectories.put, LATCHED)
@@ -195,6 +198,29 @@ class PlannerClient:
                     return timed
         raise TimeoutError(f'no timed trajectory of this plan came within {self.timeout} s')
 
+    def status_of(self, request, timeout=None):
+        """Return the next outcome of a request by its name, as (code, message, values).
+
+        Raises:
+            TimeoutError: none came within `timeout` s (None: the client's)
+        """
+        return self._next(self.statuses, timeout, lambda values: values['request'] == request)
+
+    def execution_in(self, *states, timeout=None):
+        """Return the next report on the execution in one of these states, as `status_of` does."""
+        return self._next(self.executions, timeout, lambda values: values['state'] in states)
+
+    def _next(self, came, timeout, wanted):
+        timeout = self.timeout if timeout is None else timeout
+        end = monotonic() + timeout
+        while monotonic() < end:
+            with suppress(queue.Empty):
+                status = came.get(timeout=0.1)
+                values = {item.key: item.value for item in status.values}
+                if wanted(values):
+                    return int(values['code']), status.message, values
+        raise TimeoutError(f'nothing of that kind came within {timeout} s')
+
     def _client(self, kind, name):
         if name not in self._clients:
             self._clients[name] = self.node.create_client(kind, f'{self.planner}/{name}')
@@ -211,3 +237,12 @@ class PlannerClient:
         if not done.wait(self.timeout):
             raise TimeoutError(f'service {name} did not answer within {self.timeout} s')
         return future.result(), monotonic() - started
+
+
+def drained(messages):
+    """Empty a queue; return what was in it."""
+    taken = []
+    with suppress(queue.Empty):
+        while True:
+            taken.append(messages.get_nowait())
+    return taken

@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import queue
 import signal
 import subprocess
 import sys
@@ -10,7 +9,7 @@ import tempfile
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from time import monotonic
+from time import monotonic, sleep
 
 import numpy as np
 from scipy.optimize import brentq
@@ -23,8 +22,10 @@ from dlo_planner.minimize.newton import residual_of
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.ros.client import PlannerClient
+from dlo_planner.ros.client import PlannerClient, drained
 from dlo_planner.ros.demo_figures import save_moving, save_threading, save_turning, save_two
+from dlo_planner.ros.execution import ACTIVE
+from dlo_planner.ros.follower import Follower
 from msg_helpers.paths import poses_from_path
 from msg_helpers.poses import pose_from_msg
 
@@ -201,7 +202,7 @@ def move_calmly(client, folder):
     proof = client.proof(path)
     print(f'  proof: {proof["report"]}')
     times, grippers = times_and_poses(client.timed_for(path))
-    commands = executed(client, times[-1])
+    commands = executed(client, times[-1], pose_from_msg(path.poses[0].pose))
     off = max(away_from(commands, grippers), default=np.inf)
     motion = DirectSimulator(rod).simulate(grippers, times[1])
     misses = [missed(shape) for shape in motion.shapes]
@@ -229,26 +230,29 @@ def times_and_poses(timed):
         [getattr(way.rotation, axis) for axis in 'xyzw']) for way in ways]
 
 
-def executed(client, seconds):
-    """Have the last plan, which takes so long, executed; return the Poses that were commanded."""
+def executed(client, seconds, first):
+    """Have the last plan executed by a robot; return the Poses that were commanded.
+
+    Args:
+        client: PlannerClient; seconds: that it takes
+        first: Pose of the tool frame at its beginning
+    """
+    robot = Follower(client.node, client.planner, first)
+    sleep(0.5)  # its first poses have to be heard
+    for messages in (client.commands, client.executions):
+        drained(messages)
     answer = client.trigger('execute')
     print(f'  execute: {answer.message}')
-    came, told, end = [], 0, monotonic() + seconds + _PATIENCE
-    while answer.success and monotonic() < end:
-        with suppress(queue.Empty):
-            came.append(client.commands.get(timeout=0.5))
-            if told < int(spent(came)) <= seconds:
-                told = int(spent(came))
-                progress('seconds executed', told, int(seconds))
-            if spent(came) >= seconds:
-                break
-    return [pose_from_msg(msg.pose) for msg in came]
-
-
-def spent(messages):
-    """Return the s between the stamps of the first and the last message."""
-    first, last = (msg.header.stamp for msg in (messages[0], messages[-1]))
-    return last.sec - first.sec + 1e-9 * (last.nanosec - first.nanosec)
+    state, message, end = 'running', 'nothing came', monotonic() + seconds + _PATIENCE
+    while answer.success and state in ACTIVE and monotonic() < end:
+        with suppress(TimeoutError):
+            _, message, values = client.execution_in(*ACTIVE, 'succeeded', 'stopped', timeout=1.0)
+            state = values['state']
+            if state == 'running' and sys.stdout.isatty():
+                progress('seconds executed', int(float(values['done [s]'])), int(seconds) + 1)
+    print(f'  {state}: {message}')
+    robot.close()
+    return [pose_from_msg(msg.pose) for msg in drained(client.commands)]
 
 
 def away_from(commands, grippers):

@@ -1,79 +1,227 @@
-"""A trajectory streamed in real time: where the gripper should be now."""
+"""The motion that is executed, as a machine without ROS: what is commanded now, and when it ends.
 
-from threading import Lock
+Time is that of a steady clock, in s. A machine does not change: `tick` returns the next one.
+"""
+
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dlo_planner.errors import InvalidTask
-from dlo_planner.model.pose import angle_between
-from dlo_planner.ros.proof import Proof
+from dlo_planner.inverse.timed_path import TimedPath
+from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.ros.causes import Cause
+from dlo_planner.ros.stopping import Deceleration, decelerate
+
+ACTIVE = ('running', 'settling', 'stopping')  # phases in which commands are sent
 
 
-def ready(made, proof, now):
-    """Return the Trajectory to be executed: the one that was proved.
+@dataclass(frozen=True)
+class Guards:
+    """When an execution has to end; 0 switches a guard off, as in joint_trajectory_controller.
 
-    Args:
-        made: Made, the last plan, or None
-        proof: the newest Proof, or None; it counts if it is of that plan
-        now: Pose of the gripper, or None
-
-    Raises:
-        InvalidTask: naming what is missing, or why it must not be executed
+    Attributes:
+        path_position, path_angle: m, rad: from the command to the gripper, on the way
+        path_shape: m: from the plan to the observed DLO, on the way
+        goal_position, goal_angle: m, rad: from the last command to the gripper, at the end
+        goal_time: s after the end of the motion in which the gripper has to come there
+        cmd_timeout: s after which the last command is not repeated any more; counts if it is more
+            than goal_time
+        incoming_command_timeout: s: age of the last gripper pose
+        decelerate_on_cancel: whether `cancel` lets the motion run out, or ends it at once
+        longest_pause: s between two commands: after a longer one the rest is another motion
     """
-    if made is None:
-        raise InvalidTask('there is no plan yet')
-    if proof is None or proof.plan is not made.plan:
-        proof = Proof(made.plan)
-    if not proof.safe:
-        raise InvalidTask(proof.reason)
-    if now is None:
-        raise InvalidTask('no gripper pose is known: send ~/gripper_pose')
-    scene, first = made.scene, made.plan.grippers[0]
-    away = float(np.linalg.norm(now.position - first.position))
-    if away > scene.start_distance:
-        raise InvalidTask(f'the gripper is {away:.3g} m from where the plan begins: expected '
-                          f'execute.start_distance = {scene.start_distance:g} m at most')
-    angle = angle_between(now.rotation, first.rotation)
-    if angle > scene.start_angle:
-        raise InvalidTask(f'the gripper is turned by {angle:.3g} rad from where the plan begins: '
-                          f'expected execute.start_angle = {scene.start_angle:g} rad at most')
-    return proof.report.trajectory
+
+    path_position: float = 0.02
+    path_angle: float = 0.1
+    path_shape: float = 0.0
+    goal_position: float = 0.01
+    goal_angle: float = 0.05
+    goal_time: float = 2.0
+    cmd_timeout: float = 0.0
+    incoming_command_timeout: float = 0.1
+    decelerate_on_cancel: bool = True
+    longest_pause: float = 0.5
+
+    @property
+    def patience(self) -> float:
+        """How long after the end of the motion the gripper is waited for, s; inf: for good."""
+        given = [time for time in (self.goal_time, self.cmd_timeout) if time > 0]
+        return given[0] if given else np.inf
 
 
+@dataclass(frozen=True)
+class Heard:
+    """A gripper pose that came.
+
+    Attributes:
+        pose: Pose of the tool frame
+        arrived: s, steady
+        age: s that it had then, by its stamp
+        deviation: m, of the observed DLO from the plan; nan: it is not observed
+    """
+
+    pose: Pose
+    arrived: float
+    age: float = 0.0
+    deviation: float = np.nan
+
+
+@dataclass(frozen=True)
 class Execution:
-    """At most one Trajectory that runs; safe to use from several threads."""
+    """One motion along a TimedPath, from its first command to rest.
 
-    def __init__(self):
-        self._lock = Lock()
-        self._running = None
+    Attributes:
+        way: TimedPath of the gripper frame
+        back: Pose of the tool frame in the gripper frame
+        frame_id: in which commands are given
+        guards: Guards
+        period: s between two ticks
+        phase: 'running', 'settling' (the end is commanded, the gripper is on its way there),
+            'stopping' (it decelerates), 'stopped', 'succeeded'
+        done: s along the way that are commanded
+        command: Pose of the tool frame, the last command; None before the first one
+        cause, reason: why it stops or has stopped
+    """
 
-    def start(self, trajectory, tool, frame_id, now):
-        """Begin at the time `now` in s.
+    way: TimedPath
+    back: Pose
+    frame_id: str
+    guards: Guards = field(default_factory=Guards)
+    period: float = 0.02
+    phase: str = 'running'
+    done: float = 0.0
+    command: Pose | None = None
+    cause: Cause = Cause.DONE
+    reason: str = ''
+    deceleration: Deceleration | None = None
+    since: float = 0.0        # s since it began to decelerate, or since the end
+    last: float | None = None  # time of the last tick
+    owed: float = 0.0         # s by which the motion is behind, at most a period
+    heard: Heard | None = None
+    silent: float = np.inf    # s, age of `heard`; in ticks that were late a period counts
+
+    @property
+    def active(self) -> bool:
+        """Whether commands are sent."""
+        return self.phase in ACTIVE
+
+    def stop(self, cause: Cause, reason: str, at_once: bool = False) -> 'Execution':
+        """Return the execution that decelerates, for the first reason that was given.
 
         Args:
-            trajectory: Trajectory of the gripper frame
-            tool: Pose of the gripper frame in the tool frame
-            frame_id: in which poses are given
+            cause: Cause; reason: in words
+            at_once: whether the last command is the end
         """
-        with self._lock:
-            self._running = (trajectory, tool.inverse(), frame_id, now)
+        if self.phase not in ('running', 'settling'):
+            return self
+        named = replace(self, cause=cause, reason=reason, since=0.0)
+        if at_once or self.command is None or self.phase == 'settling':
+            return replace(named, phase='stopped')
+        return replace(named, phase='stopping',
+                       deceleration=decelerate(self.way, self.done, 2 * self.period))
 
-    def stop(self):
-        """Stop; return whether something ran."""
-        with self._lock:
-            ran, self._running = self._running is not None, None
-        return ran
+    def canceled(self) -> 'Execution':
+        """Return the execution after `cancel`."""
+        return self.stop(Cause.CANCELED, 'canceled', not self.guards.decelerate_on_cancel)
 
-    def command(self, now):
-        """Return Pose of the tool frame and frame_id for the time `now` in s; None if nothing runs.
+    def tick(self, now: float, heard: Heard | None = None) -> 'Execution':
+        """Return the execution with its next command.
 
-        The last command is the end of the trajectory, after that nothing runs.
+        However late it is called, the motion goes on by one period at most: it stands still
+        meanwhile, and does not leap.
+
+        Args:
+            now: s; heard: the last gripper pose
         """
-        with self._lock:
-            if self._running is None:
-                return None
-            trajectory, back, frame_id, begun = self._running
-            since = now - begun
-            if since >= trajectory.duration:
-                self._running = None
-        return trajectory.at([since])[0][0].compose(back), frame_id
+        if not self.active:
+            return self
+        waited = 0.0 if self.last is None else max(now - self.last, 0.0)
+        limit = self.guards.longest_pause
+        if limit and waited > limit:
+            paused = f'no command was sent for {waited:.3g} s: expected execute.longest_pause = ' \
+                     f'{limit:g} s at most'
+            return replace(self, phase='stopped', last=now,
+                           cause=self.cause or Cause.PAUSED, reason=self.reason or paused)
+        step = min(waited + self.owed, self.period)
+        timed = replace(self, last=now, owed=min(waited + self.owed - step, self.period),
+                        heard=heard, silent=self._silence(heard, now, min(waited, self.period)))
+        fault = timed._fault()
+        return (timed.stop(*fault) if fault else timed)._advanced(step)
+
+    def _advanced(self, step):
+        """Return the execution `step` s later."""
+        if self.phase == 'stopping':
+            since = self.since + step
+            done = float(self.deceleration.at(since))
+            phase = 'stopped' if since >= self.deceleration.length else 'stopping'
+            return replace(self, done=done, since=since, phase=phase, command=self._pose(done))
+        if self.phase == 'settling':
+            return replace(self, since=self.since + step)._settled()
+        if self.phase != 'running':
+            return self
+        done = self.done + (step if self.command is not None else 0.0)
+        if done < self.way.duration:
+            return replace(self, done=done, command=self._pose(done))
+        end = self.way.duration
+        return replace(self, done=end, command=self._pose(end), phase='settling',
+                       since=done - end)._settled()
+
+    def _settled(self):
+        """Return the execution at the end of its way: succeeded, too late, or still waiting."""
+        guards = self.guards
+        if not (guards.goal_position or guards.goal_angle):
+            return replace(self, phase='succeeded')
+        away = self._off(guards.goal_position, guards.goal_angle, 'constraints.goal')
+        if away is None and self.heard is not None:
+            return replace(self, phase='succeeded')
+        if self.since > guards.patience:
+            late = f'{guards.patience:g} s after the end of the motion {away or "no pose came"}'
+            return replace(self, phase='stopped', cause=Cause.GOAL_TOLERANCE, reason=late)
+        return self
+
+    def _pose(self, done):
+        return self.way.at([done])[0][0].compose(self.back)
+
+    def _silence(self, heard, now, step):
+        """Return the age of a gripper pose, s.
+
+        Where this machine is late, poses may be as late to be heard: a tick adds a period at most.
+        """
+        if heard is None:
+            return np.inf
+        if heard is not self.heard:
+            return heard.age + min(max(now - heard.arrived, 0.0), self.period)
+        return self.silent + step
+
+    def _fault(self):
+        """Return the cause and the reason to stop, or None."""
+        guards, heard, age = self.guards, self.heard, self.silent
+        limit = guards.incoming_command_timeout
+        if limit and not age <= limit:
+            came = 'none came' if heard is None else f'the last one is {age:.3g} s old'
+            return (Cause.GRIPPER_POSE_LOST, f'gripper_pose: {came}: expected '
+                    f'incoming_command_timeout = {limit:g} s at most, by its stamp')
+        if self.phase != 'running' or heard is None or self.command is None:
+            return None
+        away = self._off(guards.path_position, guards.path_angle, 'constraints.path')
+        if away is not None:
+            return Cause.PATH_TOLERANCE, away
+        if guards.path_shape and heard.deviation > guards.path_shape:
+            return (Cause.SHAPE_TOLERANCE, f'the DLO is {heard.deviation:.3g} m from its plan: '
+                    f'expected constraints.path.shape = {guards.path_shape:g} m at most')
+        return None
+
+    def _off(self, position, angle, name):
+        """Return in words how the gripper is off the command; None: it is within tolerances."""
+        heard = self.heard
+        if heard is None:
+            return None
+        away = float(np.linalg.norm(heard.pose.position - self.command.position))
+        if position and away > position:
+            return (f'the gripper is {away:.3g} m from its command: expected {name}.position = '
+                    f'{position:g} m at most')
+        turned = angle_between(heard.pose.rotation, self.command.rotation)
+        if angle and turned > angle:
+            return (f'the gripper is turned by {turned:.3g} rad from its command: expected '
+                    f'{name}.angle = {angle:g} rad at most')
+        return None

@@ -86,6 +86,11 @@ class Health:
             for name, text in _REPORTED.items():
                 self._values[f'report {text}'] = float(getattr(report, name, np.nan))
 
+    def plan_void(self, reason):
+        """Take why the last plan must not be executed any more."""
+        with self._lock:
+            self._values |= {'report': 'void', 'report reason': reason}
+
     def failed(self, reason):
         """Take the reason of a refusal or failure."""
         with self._lock:

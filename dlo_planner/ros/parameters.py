@@ -1,20 +1,11 @@
-"""The node's parameters: one table of them, and the immutable scene they describe."""
+"""The node's parameters: one table of them, and how they are declared."""
 
-from dataclasses import dataclass, fields
-from math import isnan
+from dataclasses import dataclass
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.parameter import Parameter
 
-from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.limits import Limits
-from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.workspace import Workspace
-from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import Rod
-
-SECTIONS = ('round', 'tube', 'rectangular', 'stiffness')
-_MOST_TOLERANCE = 1.0  # m
 
 
 @dataclass(frozen=True)
@@ -77,10 +68,11 @@ ENTRIES = {
                                     1e6),
     'gravity': Entry([0.0, 0.0, -9.81], 'Gravity in the world frame, m/s^2.'),
     'simulator.basis': Entry('chebyshev', 'How a shape is written: chebyshev | fourier | local.'),
-    'simulator.n_elements': Entry(64, 'Elements (unused with an accuracy).', 2, 100_000),
+    'simulator.n_elements': Entry(64, 'Elements (unused with an accuracy).', 2, 2_000),
     'simulator.n_terms': Entry(10, 'Terms of the series (unused by local and with an accuracy).',
                                1, 200),
-    'simulator.accuracy': Entry(0.0, 'Wanted accuracy, m; 0 = use n_elements and n_terms.',
+    'simulator.accuracy': Entry(0.0, 'Wanted accuracy, m, 1e-6 of the length at least; 0 = use '
+                                'n_elements and n_terms.',
                                 0.0, 1.0),
     'tool.position': Entry([0.0, 0.0, 0.0], 'Where the DLO leaves the gripper, in the tool frame '
                            'that gripper poses refer to, m.'),
@@ -105,6 +97,8 @@ ENTRIES = {
                                  'quarter of the room in the hole, 0.001 where it has no size.'),
     'threading.deadline': Entry(60.0, 'Computing after which the search for a calm motion is given '
                                 'up, s.', 0.1, 3600.0),
+    'threading.planning_deadline': Entry(60.0, 'Computing after which the search for a plan is '
+                                         'given up, s.', 0.01, 3600.0),
     'threading.may_yield': Entry(True, 'Whether a plan may set the DLO for good.'),
     'cutouts.radius': Entry(0.0, 'Of round cut-outs, for clearances, m; 0 = not known.', 0.0,
                             10.0),
@@ -112,35 +106,38 @@ ENTRIES = {
     'workspace.upper': Entry([float('inf')] * 3, 'The other corner, m.'),
     'workspace.gripper_radius': Entry(0.0, 'Of the sphere about the gripper that keeps out of '
                                       'obstacles and in the box, m.', 0.0, 10.0),
+    'workspace.reach': Entry(1000.0, 'Farthest from the origin of frame_id that any pose may be, '
+                             'm.', 1e-3, 1e6),
     'execute.rate': Entry(50.0, 'Commands per second on gripper_command.', 1.0, 1000.0,
                           read_only=True),
     'execute.start_distance': Entry(0.02, 'How far from a plan\'s beginning the gripper may be to '
                                     'execute it, m.', 0.0, 10.0),
     'execute.start_angle': Entry(0.1, 'How far it may be turned against that, rad.', 0.0, 3.2),
+    'execute.longest_pause': Entry(0.5, 'Seconds between two commands after which an execution '
+                                   'ends: the rest is not the motion that was proved; 0 = any.',
+                                   0.0, 60.0),
+    # Named and meant as those of joint_trajectory_controller and moveit_servo: 0 = not checked.
+    'constraints.path.position': Entry(0.02, 'Farthest that the gripper may be from its command '
+                                       'on the way; more than speed times lag, m; 0 = any.', 0.0,
+                                       10.0),
+    'constraints.path.angle': Entry(0.1, 'How far it may be turned against that, rad; 0 = any.',
+                                    0.0, 3.2),
+    'constraints.path.shape': Entry(0.0, 'Farthest that the observed DLO may be from its plan, m; '
+                                    '0 = any.', 0.0, 10.0),
+    'constraints.goal.position': Entry(0.01, 'Farthest that the gripper may be from the last '
+                                       'command at the end, m; 0 = any.', 0.0, 10.0),
+    'constraints.goal.angle': Entry(0.05, 'How far it may be turned against that, rad; 0 = any.',
+                                    0.0, 3.2),
+    'constraints.goal_time': Entry(2.0, 'Seconds after the end of the motion in which the gripper '
+                                   'has to come there; 0 = waits for good.', 0.0, 3600.0),
+    'cmd_timeout': Entry(0.0, 'Seconds after the end of the motion for which the last command is '
+                         'repeated, where constraints.goal_time is 0; 0 = for good.', 0.0, 3600.0),
+    'incoming_command_timeout': Entry(0.1, 'Age of the last gripper_pose, by its stamp, from which '
+                                      'on an execution is refused or stops, s; 0 = any.', 0.0,
+                                      60.0),
+    'decelerate_on_cancel': Entry(True, 'Whether `cancel` lets the motion run out within the '
+                                  'limits of acceleration, or ends it with the last command.'),
 }
-
-
-@dataclass(frozen=True)
-class Scene:
-    """What the node works on; replaced as a whole when a parameter changes."""
-
-    frame_id: str
-    name: str
-    direct: DirectSimulator
-    inverse: InverseSimulator
-    tool: Pose
-    waypoints: int
-    deepest: float
-    linear_speed: float
-    angular_speed: float
-    limits: Limits
-    standoff: float
-    gripper_clearance: float
-    tolerance: float | None
-    deadline: float
-    cutout_radius: float | None
-    start_distance: float
-    start_angle: float
 
 
 def declare(node):
@@ -172,74 +169,20 @@ def _as_declared(name, value, default):
     return value
 
 
-def build_scene(values, obstacles=()):
-    """Return the Scene of parameter values.
+def as_declared(parameters: list[Parameter]) -> list[Parameter]:
+    """Return Parameters with whole numbers made floats where floats are declared.
 
-    Args:
-        values: dict of all names in ENTRIES -> value
-        obstacles: for the DLO and for the gripper
-
-    Raises:
-        DloPlannerError: a value, or their combination, makes no sense
+    A pre-set callback: `ros2 param set dlo_planner rod.length 1` sends an integer. What cannot be
+    made what is declared stays as it is, and is refused by rclpy.
     """
-    rod = _rod(values)
-    options = {'accuracy': values['simulator.accuracy']}
-    if not options['accuracy']:
-        options = {'n_elements': values['simulator.n_elements']}
-        if values['simulator.basis'] != 'local':
-            options['n_terms'] = values['simulator.n_terms']
-    direct = DirectSimulator(rod, basis=values['simulator.basis'], gravity=values['gravity'],
-                             obstacles=obstacles, **options)
-    workspace = Workspace(values['workspace.lower'], values['workspace.upper'], obstacles,
-                          values['workspace.gripper_radius'])
-    inverse = InverseSimulator(direct, workspace=workspace,
-                               may_yield=values['threading.may_yield'])
-    return Scene(values['frame_id'], values['rod.name'], direct, inverse,
-                 Pose(values['tool.position'], values['tool.orientation']),
-                 values['threading.waypoints'], values['threading.deepest'],
-                 values['threading.linear_speed'], values['threading.angular_speed'],
-                 Limits(**{item.name: values[f'threading.{item.name}'] for item in fields(Limits)}),
-                 values['threading.standoff'], values['threading.gripper_clearance'],
-                 _tolerance(values['threading.tolerance']), values['threading.deadline'],
-                 values['cutouts.radius'] or None,
-                 values['execute.start_distance'], values['execute.start_angle'])
-
-
-def _rod(values):
-    section = values['rod.section']
-    more = {name: values[f'rod.{name}'] for name in (
-        'natural_curvature', 'natural_twist', 'tip_mass', 'damping', 'hardening')}
-    more['section_model'] = values['rod.section_model'] or None
-    more['max_bend_curvature'] = values['rod.max_bend_curvature'] or None
-    stress = {'yield_stress': values['rod.yield_stress'] or None}
-    material = [values[f'rod.{name}'] for name in ('density', 'youngs_modulus', 'poisson_ratio')]
-    length, diameter = values['rod.length'], values['rod.diameter']
-    if section == 'round':
-        return Rod.circular(length, diameter, *material, **stress, **more)
-    if section == 'tube':
-        return Rod.tube(length, diameter, values['rod.inner_diameter'], *material, **stress, **more)
-    if section == 'rectangular':
-        return Rod.rectangular(length, values['rod.width'], values['rod.thickness'], *material,
-                               **stress, **more)
-    if section == 'stiffness':
-        return Rod(length, values['rod.mass_per_length'], tuple(values['rod.bending_stiffness']),
-                   values['rod.torsional_stiffness'], radius=diameter / 2,
-                   yield_curvature=_limits(values['rod.yield_curvature']),
-                   yield_torsion=values['rod.yield_torsion'] or None, **more)
-    raise InvalidTask(f'parameter rod.section = {section!r}: expected one of '
-                      f'{", ".join(SECTIONS)}')
-
-
-def _tolerance(value):
-    """Return the tolerance in m; None, which means the default, for 0 and nan."""
-    if isnan(value) or value == 0:
-        return None
-    if not 0 < value <= _MOST_TOLERANCE:
-        raise InvalidTask(f'parameter threading.tolerance = {value!r}: expected more than 0 and at '
-                          f'most {_MOST_TOLERANCE:g} m; 0 or nan for the default')
-    return value
-
-
-def _limits(curvatures):
-    """Return the pair for `Rod.yield_curvature`; None if both are 0, which means never."""
-    return tuple(value or 1e12 for value in curvatures) if any(curvatures) else None
+    result = []
+    for parameter in parameters:
+        entry = ENTRIES.get(parameter.name)
+        try:
+            value = parameter.value if entry is None else _as_declared(
+                parameter.name, parameter.value, entry.default)
+        except (InvalidTask, OverflowError):
+            value = parameter.value
+        result.append(parameter if value is parameter.value or entry is None
+                      else Parameter(parameter.name, value=value))
+    return result

@@ -9,7 +9,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.inverse.plan import Plan, joined
 from dlo_planner.inverse.threading import kept_before
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.ros.parameters import Scene
+from dlo_planner.ros.scene import Scene
 
 
 @dataclass(frozen=True)

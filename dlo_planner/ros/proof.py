@@ -1,13 +1,17 @@
 """The proof of a plan, step by step: slowly, which is known quickly, then as it is executed."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.replay import Report
+from dlo_planner.ros.causes import Cause
+from dlo_planner.ros.proving import ProcessLost
 
 DONE = ('held', 'refused')  # states of a proof that has no step left
 _CHECKED = 'the plan is still being checked: ask again'
+_ATTEMPTS = 4  # at a step whose process ends: the first one, and three more
 _MOVED = 'the motion along the plan is still being made and checked: ask again'
 
 
@@ -20,12 +24,14 @@ class Proof:
         report: Report, of the last step that was done, or None
         reason: why its trajectory must not be executed; empty: it may be
         done: whether no step is left
+        cause: number of the reason
     """
 
     plan: Plan
     report: Report | None = None
     reason: str = _CHECKED
     done: bool = False
+    cause: Cause = Cause.PROOF_PENDING
 
     @property
     def safe(self) -> bool:
@@ -44,7 +50,8 @@ def proofs(replayed, scene, plan, before):
     """Yield the Proof of a Plan after each step; the last one is `done`.
 
     Args:
-        replayed: takes the arguments of `replay`, returns its Report; None: give up
+        replayed: takes the arguments of `replay`, returns its Report; None: give up. Where it
+            raises ProcessLost it is called again, three times at most.
         scene: Scene in which the plan was made
         plan: Plan
         before: Shape before the first pose, or None
@@ -57,23 +64,36 @@ def proofs(replayed, scene, plan, before):
     known = None
     for step in (slowly, moving):
         try:
-            report = replayed(**step)
+            report = _persistent(replayed, step)
         except DeadlineExceeded:
             yield Proof(plan, known, 'no calm motion was found in threading.deadline = '
-                        f'{scene.deadline:g} s of computing', True)
+                        f'{scene.deadline:g} s of computing', True, Cause.PROOF_DEADLINE)
+            return
+        except ProcessLost as error:
+            yield Proof(plan, known, f'tried {_ATTEMPTS} times: {error}', True,
+                        Cause.PROOF_PROCESS)
             return
         except Exception as error:  # whatever it is: the plan must not wait for ever
             name = '' if isinstance(error, DloPlannerError) else f'{type(error).__name__}: '
-            yield Proof(plan, known, f'{name}{error}', True)
+            yield Proof(plan, known, f'{name}{error}', True, Cause.PROOF_FAILED)
             return
         if report is None:
             return
         known = report
         if not report.converged:
-            yield Proof(plan, report, _lost(report), True)
+            yield Proof(plan, report, _lost(report), True, Cause.NOT_FOLLOWED)
             return
         last = step is moving
-        yield Proof(plan, report, report.reason if last else _MOVED, last)
+        yield Proof(plan, report, *((report.reason, True, Cause.NOT_CALM if report.reason else
+                                     Cause.DONE) if last else (_MOVED,)))
+
+
+def _persistent(replayed, arguments):
+    """Return the Report of `replayed`, after some attempts if its process ends."""
+    for _ in range(_ATTEMPTS - 1):
+        with suppress(ProcessLost):
+            return replayed(**arguments)
+    return replayed(**arguments)
 
 
 def _lost(report):

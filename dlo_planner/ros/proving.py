@@ -10,11 +10,17 @@ import subprocess
 import sys
 from select import select
 from threading import Lock
+from time import monotonic
 
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError
 from dlo_planner.inverse.replay import replay
 
-_LOOK = 0.1  # s between looks whether an answer is still wanted
+_LOOK = 0.1      # s between looks whether an answer is still wanted
+_PATIENCE = 120.0  # s beyond the deadline that was given, after which the process counts as lost
+
+
+class ProcessLost(DloPlannerError):
+    """The process that proves plans ended, or does not answer; another one can be started."""
 
 
 class Prover:
@@ -33,11 +39,13 @@ class Prover:
 
         Raises:
             DeadlineExceeded: of `replay`
-            DloPlannerError: it failed there, or the process ended
+            ProcessLost: the process ended, or it is long past the deadline
+            DloPlannerError: it failed there
         """
         process = self._running()
         if process is None:
             return None
+        end = monotonic() + _PATIENCE + (arguments.get('deadline') or 0.0)
         try:
             pickle.dump(arguments, process.stdin)
             process.stdin.flush()
@@ -45,11 +53,16 @@ class Prover:
                 if not wanted():
                     self._end(process)
                     return None
+                if monotonic() > end:
+                    self._end(process)
+                    raise ProcessLost('the process that proves plans does not answer')
             report, error = pickle.load(process.stdout)
         except (OSError, EOFError, pickle.UnpicklingError) as lost:
             if self._closed:
                 return None
-            raise DloPlannerError(f'the process that proves plans has ended: {lost}') from None
+            self._end(process)
+            raise ProcessLost('the process that proves plans has ended, status '
+                              f'{process.returncode}: {lost}') from None
         if isinstance(error, DeadlineExceeded):
             raise error
         if error is not None:

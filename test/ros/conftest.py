@@ -1,10 +1,12 @@
 """A ROS domain for this run, a planner in it, and its client."""
 
 import os
+import time
 
 import pytest
 from domain_coordinator import domain_id
-from planner_process import ROOT, connected_client, running_planner
+from node_inside import Alive, served_node
+from planner_process import ROOT, connected_client, drain, running_planner
 
 
 @pytest.fixture(scope='session')
@@ -21,7 +23,9 @@ def planner(domain, tmp_path_factory):
     with running_planner(tmp_path_factory.mktemp('planner'), '--params-file',
                          str(ROOT / 'config' / 'copper_wire.yaml'),
                          '-p', 'diagnostics_period:=0.1', '-p', 'rod.diameter:=0.0015',
-                         '-p', 'threading.waypoints:=25') as running:
+                         '-p', 'threading.waypoints:=25',
+                         # of a robot, 0.1 s; a busy machine for tests is later than that
+                         '-p', 'incoming_command_timeout:=0.5') as running:
         yield running
 
 
@@ -30,3 +34,26 @@ def client(planner):
     """Yield a client of `planner`."""
     with connected_client(planner) as connected:
         yield connected
+
+
+@pytest.fixture(scope='module')
+def node(domain):
+    """Yield a PlannerNode in this process."""
+    with served_node() as served:
+        yield served
+
+
+@pytest.fixture(scope='module')
+def _connected(node):
+    with connected_client(Alive()) as connected:
+        yield connected
+
+
+@pytest.fixture
+def inside(_connected):
+    """Yield a client of `node`; what was asked for before is answered and forgotten."""
+    time.sleep(0.05)
+    for messages in (_connected.statuses, _connected.executions, _connected.commands,
+                     _connected.diagnostics):
+        drain(messages)
+    return _connected

@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from visualization_msgs.msg import Marker
 
 from dlo_planner import DirectSimulator, Pose, Rod
+from dlo_planner.ros.follower import Follower
 from msg_helpers.paths import poses_from_path
 from msg_helpers.poses import pose_from_msg, pose_msg
 
@@ -73,14 +74,23 @@ def test_obstacles_come_and_go(client):
 
 
 @pytest.fixture
-def begun(client):
-    """Plan from where the gripper is, and wait for the proof; yield the Path."""
+def robot(client):
+    """Yield a robot that stands where the plan begins, and follows."""
+    follower = Follower(client.node, client.planner, AWAY)
+    yield follower
+    follower.close()
+
+
+@pytest.fixture
+def begun(client, robot):
+    """Plan from where the gripper is; yield the Path."""
     client.set_parameters(threading__standoff=0.05, cutouts__radius=0.01,
                           rod__damping=[0.5, 0.01])
     client.shape_for(AWAY)
     path, _ = client.plan_threading(AWAY, GOAL)
     yield path
-    client.trigger('cancel')
+    if client.trigger('cancel').success:
+        client.execution_in('stopped')
     client.set_parameters(threading__standoff=0.0, cutouts__radius=0.0, rod__damping=[0.0, 0.0])
 
 
@@ -111,7 +121,11 @@ def test_execution_before_the_proof_is_refused_with_the_reason(client, begun):
     answer = client.trigger('execute')
     assert not answer.success and 'ask again' in answer.message
     assert client.proof(path)['report'] == 'held'
+    drain(client.executions)
     assert client.trigger('execute').success
+    assert client.execution_in('running')[0] == 0
+    again = client.trigger('execute')
+    assert not again.success and 'is being executed' in again.message
 
 
 def test_what_streams_is_the_timed_trajectory_that_was_proved(client, begun):
@@ -140,26 +154,84 @@ def test_what_streams_is_the_timed_trajectory_that_was_proved(client, begun):
     assert client.trigger('cancel').success
 
 
-def test_execution_streams_until_cancelled(client, begun):
+def test_execution_streams_until_cancelled_and_decelerates(client, begun):
     assert client.proof(begun)['report'] == 'held'
-    client.shape_for(AWAY)
-    drain(client.commands)
+    for messages in (client.commands, client.executions, client.statuses):
+        drain(messages)
     assert client.trigger('execute').success
-    client.commands.get(timeout=5)
+    time.sleep(2.0)
     assert client.trigger('cancel').success
+    code, reason, values = client.execution_in('stopped')
+    assert (code, reason) == (405, 'canceled') and 1.9 < float(values['done [s]']) < 3.0
+    assert client.status_of('cancel')[0] == 0
+    assert 'canceled' in client.status_of('execute')[1]
     time.sleep(0.2)
-    drain(client.commands)
+    places = np.array([pose_from_msg(one.pose).position for one in drain(client.commands)])
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    assert steps.max() > 5e-4, steps.max()
+    assert steps[-1] < 1e-5  # it went, and came to rest
+    assert np.abs(np.diff(steps)).max() < 1.5 * 0.5 * 0.02**2 + 1e-4
     with pytest.raises(queue.Empty):
         client.commands.get(timeout=0.3)
     assert not client.trigger('cancel').success
+    answer = client.trigger('execute')  # what was not finished has to be planned again
+    assert not answer.success and 'canceled' in answer.message
 
 
-def test_execution_far_from_the_beginning_is_refused(client, begun):
+def test_execution_far_from_the_beginning_is_refused(client, robot, begun):
     assert client.proof(begun)['report'] == 'held'
-    client.shape_for(Pose((-1.3, 0.5, 1.1), (0, 0, 0, 1)))
+    away = Pose((-1.3, 0.5, 1.1), (0, 0, 0, 1))
+    robot.put(away)
+    client.shape_for(away)
     answer = client.trigger('execute')
     assert not answer.success and 'execute.start_distance' in answer.message
     assert 'execute.start_distance' in status(client, lambda _, m: 'where the plan' in m)[1]
+
+
+def test_a_robot_whose_poses_vanish_is_not_moved_on(client, robot, begun):
+    assert client.proof(begun)['report'] == 'held'
+    drain(client.executions)
+    assert client.trigger('execute').success
+    time.sleep(1.0)
+    robot.close()
+    code, reason, _ = client.execution_in('stopped')
+    assert code == 409 and 'incoming_command_timeout = 0.5 s' in reason
+    answer = client.trigger('execute')
+    assert not answer.success and 'incoming_command_timeout' in answer.message
+
+
+def test_obstacles_that_change_void_the_plan_and_end_its_execution(client, begun):
+    assert client.proof(begun)['report'] == 'held'
+    drain(client.executions)
+    assert client.trigger('execute').success
+    time.sleep(1.0)
+    box = cube(1.0, 7)
+    box.pose = pose_msg(poses_from_path(begun)[-1])
+    client.send_obstacles([box])
+    try:
+        code, reason, _ = client.execution_in('stopped')
+        assert code == 410 and 'cell/7 is 0.1 m in the way of the gripper' in reason
+        answer = client.trigger('execute')
+        assert not answer.success and 'cell/7' in answer.message
+    finally:
+        client.send_obstacles([cube(0, action=Marker.DELETEALL)])
+        end = time.monotonic() + 10
+        while client.plan_threading(AWAY, GOAL)[0].poses == [] and time.monotonic() < end:
+            time.sleep(0.1)
+
+
+def test_limits_that_change_void_the_plan_and_others_do_not(client, begun):
+    assert client.proof(begun)['report'] == 'held'
+    assert client.set_parameters(constraints__path__position=0.03, rod__name='w')[0].successful
+    drain(client.executions)
+    assert client.trigger('execute').success
+    assert client.set_parameters(threading__linear_speed=0.09)[0].successful
+    try:
+        code, reason, _ = client.execution_in('stopped')
+        assert code == 411 and 'threading.linear_speed = 0.09' in reason
+    finally:
+        client.set_parameters(threading__linear_speed=0.1, constraints__path__position=0.02,
+                              rod__name='copper wire')
 
 
 def test_a_motion_that_cannot_be_made_calm_is_not_executed(client, planner, begun):

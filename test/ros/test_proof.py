@@ -5,9 +5,12 @@ import pytest
 
 from dlo_planner import Limits, Plane, Pose, replay
 from dlo_planner.errors import DloPlannerError, InvalidTask
-from dlo_planner.ros.parameters import ENTRIES, build_scene
+from dlo_planner.ros.causes import Cause
+from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.planning import make_plan
 from dlo_planner.ros.proof import proofs
+from dlo_planner.ros.proving import ProcessLost
+from dlo_planner.ros.scene import build_scene
 
 VALUES = {**{name: entry.default for name, entry in ENTRIES.items()},
           'rod.diameter': 1.5e-3, 'threading.waypoints': 12, 'threading.deepest': 0.3}
@@ -63,6 +66,7 @@ def test_a_motion_that_cannot_be_made_calm_is_refused_with_the_figure_that_fails
     _, (slowly, moving) = proved(scene_with(threading__tolerance=2e-5))
     assert slowly.state == 'held slowly'
     assert (moving.state, moving.done, moving.safe) == ('refused', True, False)
+    assert moving.cause == Cause.NOT_CALM
     assert 'expected at most 2e-05 m' in moving.reason and 'm at best' in moving.reason
 
 
@@ -72,6 +76,7 @@ def test_a_plan_that_the_dlo_does_not_follow_is_not_even_moved():
     asked = []
     _, (only,) = proved(other, plan, lambda **given: asked.append(given) or replay(**given))
     assert (only.state, only.done, only.safe) == ('refused', True, False)
+    assert only.cause == Cause.NOT_FOLLOWED
     assert 'does not follow' in only.reason and len(asked) == 1
 
 
@@ -87,10 +92,30 @@ def test_what_goes_wrong_is_the_reason(kind):
     assert 'has ended' in last.reason and last.report is slowly.report
 
 
+@pytest.mark.parametrize(('losses', 'state'), [(1, 'held'), (3, 'held'), (4, 'refused')])
+def test_a_proof_whose_process_dies_is_made_again_three_times(losses, state):
+    calls = []
+
+    def dying(**given):
+        if 'limits' in given:
+            calls.append(given)
+            if len(calls) <= losses:
+                raise ProcessLost('it has ended, status -9')
+        return replay(**given)
+
+    last = proved(scene_with(rod__damping=[0.2, 0.0]), replayed=dying)[1][-1]
+    assert (last.state, last.done) == (state, True)
+    assert len(calls) == min(losses + 1, 4)
+    if state == 'refused':
+        assert last.cause == Cause.PROOF_PROCESS and 'tried 4 times' in last.reason
+        assert 'status -9' in last.reason
+
+
 def test_a_search_that_takes_too_long_is_given_up():
     _, (slowly, last) = proved(scene_with(threading__deadline=0.1))
     assert (slowly.state, last.state) == ('held slowly', 'refused')
     assert 'threading.deadline = 0.1 s' in last.reason
+    assert last.cause == Cause.PROOF_DEADLINE
 
 
 def test_what_is_not_wanted_any_more_ends_the_proof():

@@ -1,5 +1,6 @@
 """The process that proves plans: the same report as here, errors told, ended at will."""
 
+import signal
 import threading
 import time
 
@@ -8,7 +9,7 @@ import pytest
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, replay
 from dlo_planner.errors import DloPlannerError
-from dlo_planner.ros.proving import Prover
+from dlo_planner.ros.proving import ProcessLost, Prover
 
 DIRECT = DirectSimulator(Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34))
 HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=0.01)
@@ -57,6 +58,26 @@ def test_what_is_not_wanted_any_more_ends_at_once(prover):
                          tolerance=1e-9) is None
     assert time.monotonic() < asked + 1.0
     assert prover.report(simulator=DIRECT, plan=PLAN).converged  # the next plan does not wait
+
+
+def test_a_process_that_is_killed_at_work_is_said_to_be_lost(prover):
+    prover.report(simulator=DIRECT, plan=PLAN)
+    killing = threading.Timer(0.5, prover._process.kill)
+    killing.start()
+    with pytest.raises(ProcessLost, match='status -9'):
+        prover.report(simulator=DIRECT, plan=PLAN, limits=Limits(linear_speed=1e-3),
+                      tolerance=1e-9)
+    assert prover.report(simulator=DIRECT, plan=PLAN).converged
+
+
+def test_a_process_that_does_not_answer_is_said_to_be_lost(prover, monkeypatch):
+    prover.report(simulator=DIRECT, plan=PLAN)
+    monkeypatch.setattr('dlo_planner.ros.proving._PATIENCE', 0.2)
+    prover._process.send_signal(signal.SIGSTOP)
+    with pytest.raises(ProcessLost, match='does not answer'):
+        prover.report(simulator=DIRECT, plan=PLAN)
+    monkeypatch.undo()
+    assert prover.report(simulator=DIRECT, plan=PLAN).converged
 
 
 def test_closing_ends_it_at_once(prover):

@@ -1,0 +1,124 @@
+"""What comes in from outside: poses are judged here, and obstacles called by their names."""
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Goals
+from visualization_msgs.msg import Marker, MarkerArray
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.pose import Pose
+from dlo_planner.ros.causes import Cause, Refused
+from dlo_planner.ros.scene import Scene
+from msg_helpers.obstacles import obstacles_after
+from msg_helpers.poses import header, pose_from_stamped
+
+_UNIT = 1e-2  # by which the length of a quaternion may be off 1, as for tf2
+_MOST_GOALS = 2
+_MOST_BODIES = 1000
+_OBSTACLE = re.compile(r'workspace\.keep_out\[(\d+)\]|\b(?:Box|Sphere|Capsule) (\d+)\b')
+
+
+def pose_in(scene: Scene, msg: PoseStamped, name: str) -> Pose:
+    """Return the Pose of a geometry_msgs/PoseStamped.
+
+    Args:
+        scene: Scene; msg: PoseStamped
+        name: how the sender knows the field
+
+    Raises:
+        Refused: naming the field, its value, and what would be right
+    """
+    try:
+        pose = pose_from_stamped(msg, scene.frame_id, name)
+    except InvalidTask as error:
+        framed = msg.header.frame_id == scene.frame_id
+        raise Refused(Cause.INVALID_POSE if framed else Cause.INVALID_FRAME, str(error)) from None
+    _judge_orientation(msg.pose.orientation, f'{name}.pose')
+    _judge_distance(pose.position, scene, f'{name}.pose')
+    return pose
+
+
+def bodies_in(scene: Scene, known: Mapping, msg: MarkerArray, name: str) -> dict:
+    """Return the obstacles, by (namespace, id), after a visualization_msgs/MarkerArray.
+
+    Args:
+        scene: Scene; known: those before
+        msg: MarkerArray; name: how the sender knows it
+
+    Raises:
+        Refused: naming marker, field and value; nothing of the message counts then
+    """
+    try:
+        bodies = obstacles_after(dict(known), msg, scene.frame_id, name)
+    except InvalidTask as error:
+        raise Refused(Cause.INVALID_OBSTACLES, str(error)) from None
+    for index, marker in enumerate(msg.markers):
+        if marker.action == Marker.ADD:
+            where = f'{name}.markers[{index}]'
+            _judge_orientation(marker.pose.orientation, f'{where}.pose', Cause.INVALID_OBSTACLES)
+            at, size = marker.pose.position, marker.scale
+            _judge_distance([at.x, at.y, at.z], scene, f'{where}.pose', Cause.INVALID_OBSTACLES)
+            if max(size.x, size.y, size.z) > 2 * scene.reach:
+                raise Refused(Cause.INVALID_OBSTACLES, f'{where}.scale = '
+                              f'{[size.x, size.y, size.z]}: expected at most twice '
+                              f'workspace.reach = {scene.reach:g} m')
+    if len(bodies) > _MOST_BODIES:
+        raise Refused(Cause.INVALID_OBSTACLES, f'{name}.markers: {len(bodies)} obstacles with '
+                      f'those that are there: expected {_MOST_BODIES} at most')
+    return bodies
+
+
+def _judge_orientation(q, name, cause=Cause.INVALID_POSE):
+    quaternion = [q.x, q.y, q.z, q.w]
+    if abs(np.linalg.norm(quaternion) - 1) > _UNIT:
+        raise Refused(cause, f'{name}.orientation = {quaternion}: expected a quaternion x, y, z, w '
+                      f'of length 1, within {_UNIT:g}')
+
+
+def _judge_distance(position, scene, name, cause=Cause.OUT_OF_REACH):
+    if np.linalg.norm(position) > scene.reach:
+        raise Refused(cause, f'{name}.position = {[float(x) for x in position]}: expected at most '
+                      f'workspace.reach = {scene.reach:g} m from the origin of {scene.frame_id}')
+
+
+def goals_in(scene: Scene, msg: Goals, name: str) -> tuple[Pose, ...]:
+    """Return the Poses of a nav_msgs/Goals, one or two; an empty header is that of the message."""
+    if not 1 <= len(msg.goals) <= _MOST_GOALS:
+        raise Refused(Cause.INVALID_GOALS, f'{name}.goals has {len(msg.goals)} poses: expected one '
+                      'or two')
+    return tuple(pose_in(scene, PoseStamped(
+        header=header(goal.header.frame_id or msg.header.frame_id), pose=goal.pose),
+        f'{name}.goals[{index}]') for index, goal in enumerate(msg.goals))
+
+
+def named(text: str, bodies: Mapping) -> str:
+    """Return a text in which obstacles are called as in RViz, 'cell/3', not by their index.
+
+    Args:
+        text: of an error of the library
+        bodies: (namespace, id) -> obstacle, in the order in which the library has them
+    """
+    names = [body_name(key) for key in bodies]
+
+    def name(found):
+        index = int(found[1] or found[2])
+        return f'obstacle {names[index]}' if index < len(names) else found[0]
+
+    return _OBSTACLE.sub(name, text)
+
+
+def body_name(key: tuple) -> str:
+    """Return how an obstacle is called, of its (namespace, id)."""
+    return f'{key[0]}/{key[1]}'
+
+
+def inside_of(scene: Scene, bodies: Mapping, gripper: Pose, name: str) -> str:
+    """Return in words in which obstacle a gripper is, '' if in none."""
+    if not bodies:
+        return ''
+    found, room = scene.solid.least_room(gripper)
+    return '' if room >= 0 else named(f'{name}: the gripper is {-room:.3g} m inside {found}: '
+                                      'expected a pose outside of all obstacles', bodies)

@@ -1,0 +1,63 @@
+"""A robot that does as it is told, a little later: for demonstrations and tests."""
+
+from collections import deque
+from threading import Lock
+from time import monotonic
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+
+from dlo_planner.model.pose import Pose
+from dlo_planner.ros.qos import REQUEST
+from msg_helpers.poses import pose_from_msg, pose_stamped_msg
+
+_KEPT = 1000  # commands
+
+
+class Follower:
+    """Publishes the commands of a planner as the gripper's poses, some time after they came.
+
+    Args:
+        node: rclpy Node that it lives in
+        planner: full name of the planner node
+        pose: Pose of the tool frame at which it stands
+        lag: s by which it is late; rate: poses in a second
+    """
+
+    def __init__(self, node: Node, planner: str, pose: Pose, lag: float = 0.05,
+                 rate: float = 50.0):
+        self._node, self._lag, self._lock = node, lag, Lock()
+        self._pose, self._frame_id, self._coming = pose, 'world', deque(maxlen=_KEPT)
+        self._out = node.create_publisher(PoseStamped, f'{planner}/gripper_pose',
+                                          qos_profile_sensor_data)
+        self._in = node.create_subscription(PoseStamped, f'{planner}/gripper_command',
+                                            self._on_command, REQUEST)
+        self._timer = node.create_timer(1 / rate, self._publish,
+                                        clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def put(self, pose: Pose):
+        """Move to a Pose at once, and follow from there."""
+        with self._lock:
+            self._pose = pose
+            self._coming.clear()
+
+    def close(self):
+        """Stop publishing."""
+        self._node.destroy_timer(self._timer)
+        self._node.destroy_subscription(self._in)
+        self._node.destroy_publisher(self._out)
+
+    def _on_command(self, msg):
+        with self._lock:
+            self._frame_id = msg.header.frame_id
+            self._coming.append((monotonic(), pose_from_msg(msg.pose)))
+
+    def _publish(self):
+        with self._lock:
+            while self._coming and self._coming[0][0] <= monotonic() - self._lag:
+                self._pose = self._coming.popleft()[1]
+            pose = self._pose
+        self._out.publish(pose_stamped_msg(pose, self._frame_id,
+                                           self._node.get_clock().now().to_msg()))

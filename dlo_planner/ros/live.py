@@ -1,0 +1,122 @@
+"""Gripper poses in, shapes out: live on topics, and by service."""
+
+from threading import Condition, Thread
+from time import monotonic
+
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from nav_msgs.srv import GetPlan
+from std_srvs.srv import Trigger
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.model.pose import Pose
+from dlo_planner.ros.causes import Cause, Refused
+from dlo_planner.ros.door import inside_of, pose_in
+from dlo_planner.ros.execution import Heard
+from dlo_planner.ros.qos import LATCHED, LATEST
+from dlo_planner.ros.state import State
+from msg_helpers.markers import shape_markers
+from msg_helpers.paths import shape_path
+
+
+def predicted(state: State, gripper: Pose, name: str, initial: Shape | None = None) -> Shape:
+    """Return the Shape of the DLO in a gripper Pose.
+
+    Args:
+        state: State
+        gripper: Pose of the gripper frame; name: how the sender knows it
+        initial: Shape before, None: the natural one
+
+    Raises:
+        Refused: there is none, and why
+    """
+    shape = state.scene.direct.track([gripper], initial=initial)[0]
+    if shape.converged:
+        return shape
+    inside = inside_of(state.scene, state.bodies, gripper, name)
+    if inside:
+        raise Refused(Cause.IN_OBSTACLE, inside)
+    raise Refused(Cause.NO_SHAPE, f'{name}: no stable shape found: residual {shape.residual:.3g}, '
+                  f'stability {shape.stability:.3g} after {shape.iterations} iterations')
+
+
+class LiveShapes:
+    """Hears the gripper, and predicts the DLO's shape for its newest pose in a thread of its own.
+
+    Args:
+        node: rclpy Node; parts: Parts
+        hearing, asking: callback groups
+    """
+
+    def __init__(self, node, parts, hearing, asking):
+        self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
+        self._reporter, self._drawing = parts.reporter, parts.drawing
+        self._waiting, self._newest, self._closed = Condition(), None, False
+        self._out = node.create_publisher(Path, '~/predicted_shape', LATCHED)
+        node.create_subscription(PoseStamped, '~/gripper_pose', self._on_pose, LATEST,
+                                 callback_group=hearing)
+        node.create_service(Trigger, '~/reset', self._on_reset, callback_group=hearing)
+        node.create_service(GetPlan, '~/predict_shape', self._on_predict_shape,
+                            callback_group=asking)
+        self._thread = Thread(target=self._work, name='shapes', daemon=True)
+        self._thread.start()
+
+    def close(self):
+        """End the thread."""
+        with self._waiting:
+            self._closed = True
+            self._waiting.notify()
+        self._thread.join(timeout=1.0)
+
+    def _on_pose(self, msg):
+        with self._reporter.answering('gripper_pose', counter='poses refused', told=False):
+            self._health.count('poses received')
+            arrived = monotonic()
+            pose = pose_in(self._store.state.scene, msg, 'gripper_pose')
+            stamp = msg.header.stamp
+            age = 1e-9 * (self._clock.now().nanoseconds - stamp.nanosec) - stamp.sec
+            state = self._store.change(lambda state: state.hearing(Heard(pose, arrived, age)))
+            with self._waiting:
+                self._newest = pose.compose(state.scene.tool), stamp, arrived
+                self._waiting.notify()
+
+    def _work(self):
+        while True:
+            with self._waiting:
+                while self._newest is None and not self._closed:
+                    self._waiting.wait()
+                if self._closed:
+                    return
+                newest, self._newest = self._newest, None
+            with self._reporter.answering('gripper_pose', counter='poses refused', told=False):
+                self._predict(*newest)
+
+    def _predict(self, gripper, stamp, arrived):
+        before = self._store.state
+        shape = predicted(before, gripper, 'gripper_pose', before.shape)
+        if self._closed:
+            return
+        self._store.change(lambda state: state.with_shape(shape, before))
+        if shape.jumped:
+            self._reporter.warn('jump', 'the DLO jumped into another shape on the way to this pose')
+        frame_id = before.scene.frame_id
+        self._out.publish(shape_path(shape, frame_id, stamp))
+        self._health.shape_done(shape, monotonic() - arrived)
+        self._drawing.draw('shape', shape_markers(shape, before.scene.direct.rod.radius, frame_id,
+                                                  stamp))
+
+    def _on_predict_shape(self, request, response):
+        stamp = request.start.header.stamp
+        with self._reporter.answering('predict_shape', stamp=stamp) as outcome:
+            state, name = self._store.state, 'predict_shape.start'
+            gripper = pose_in(state.scene, request.start, name).compose(state.scene.tool)
+            shape = predicted(state, gripper, name)
+            response.plan = shape_path(shape, state.scene.frame_id, stamp)
+            outcome.message = f'{len(response.plan.poses)} nodes'
+        return response
+
+    def _on_reset(self, _, response):
+        with self._reporter.answering('reset', answer=response) as outcome:
+            self._store.change(State.reset)
+            outcome.message = 'the next pose starts from the natural shape'
+        return response

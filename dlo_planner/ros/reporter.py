@@ -1,0 +1,130 @@
+"""How requests end, said in one place: status topic, answers, log and diagnostics."""
+
+import traceback
+from contextlib import contextmanager
+from threading import Lock
+from time import monotonic
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from dlo_planner.errors import DloPlannerError
+from dlo_planner.ros.causes import Cause, cause_of
+from dlo_planner.ros.door import named
+from dlo_planner.ros.health import stamp_text
+from dlo_planner.ros.qos import LATCHED
+from msg_helpers.diagnostics import ERROR, OK, WARN, status_msg
+
+_QUIET = 1.0  # s between lines of the log about the same thing
+
+
+class Throttle:
+    """Lets one line in a second through, of each kind; safe to use from several threads."""
+
+    def __init__(self, quiet: float = _QUIET):
+        self._quiet, self._lock, self._last = quiet, Lock(), {}
+
+    def passes(self, key: object, now: float) -> bool:
+        """Whether a line of this kind may be written at `now` s."""
+        with self._lock:
+            if now - self._last.get(key, -np.inf) < self._quiet:
+                return False
+            self._last[key] = now
+            return True
+
+
+class Outcome:
+    """What is said of a request that is done.
+
+    Attributes:
+        message: one line
+        values: dict of what else there is to say
+    """
+
+    def __init__(self):
+        self.message, self.values = 'done', {}
+
+
+class Reporter:
+    """Tells how requests ended.
+
+    Args:
+        node: rclpy Node; store: Store; health: Health
+    """
+
+    def __init__(self, node, store, health):
+        self._node, self._store, self._health = node, store, health
+        self._log, self._throttle, self._seen = node.get_logger(), Throttle(), set()
+        self._out = node.create_publisher(DiagnosticStatus, '~/status', LATCHED)
+
+    @contextmanager
+    def answering(self, what, *, stamp=None, answer=None, counter=None, told=True):
+        """Let no exception out of a callback: refuse with a reason, keep the last good output.
+
+        Yields:
+            Outcome, to be filled
+
+        Args:
+            what: is asked for
+            stamp: builtin_interfaces/Time of the request, None: now
+            answer: Trigger response that carries the outcome
+            counter: of refusals, in Health
+            told: whether the outcome goes to ~/status: it was a request
+        """
+        outcome = Outcome()
+        stamp = stamp or self._node.get_clock().now().to_msg()
+        try:
+            yield outcome
+        except Exception as error:  # an exception that leaves a callback ends the node
+            cause, reason = self._refusal(what, error)
+            if counter is not None:
+                self._health.count(counter)
+            self.failed(what, cause, reason)
+            if told:
+                self.tell(what, cause, reason, stamp)
+        else:
+            cause, reason = Cause.DONE, outcome.message
+            if told:
+                self.tell(what, cause, reason, stamp, outcome.values)
+        if answer is not None:
+            answer.success, answer.message = cause == Cause.DONE, reason
+
+    def _refusal(self, what, error):
+        """Return Cause and reason of an exception; an unknown one is traced once."""
+        cause = cause_of(error)
+        if isinstance(error, DloPlannerError):
+            return cause, named(f'{what} refused: {error}', self._store.state.bodies)
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        place = type(error).__name__, last.filename, last.lineno
+        if place not in self._seen:
+            self._seen.add(place)
+            self._log.error(''.join(traceback.format_exception(error)))
+        return cause, f'{what} failed: {type(error).__name__}: {error}'
+
+    def tell(self, what, cause, message, stamp, values=None):
+        """Publish the outcome of a request on ~/status.
+
+        Args:
+            what: was asked for; cause: Cause; message: one line
+            stamp: builtin_interfaces/Time of the request
+            values: dict of what else there is to say
+        """
+        level = OK if cause == Cause.DONE else ERROR if cause == Cause.INTERNAL else WARN
+        self._out.publish(status_msg(
+            f'{self._node.get_name()}: {what}', self._store.state.scene.name, level, message,
+            {'request': what, 'stamp': stamp_text(stamp), 'code': int(cause), 'cause': cause.name,
+             **(values or {})}))
+
+    def failed(self, what, cause, reason):
+        """Take a refusal or failure to diagnostics and, at most once a second, to the log."""
+        self._health.failed(reason)
+        self.warn((what, cause), reason)
+
+    def warn(self, key, text):
+        """Write a warning, at most once a second of each kind."""
+        if self._throttle.passes(key, monotonic()):
+            self._log.warning(' '.join(text.split()))
+
+    def info(self, text):
+        """Write a line."""
+        self._log.info(text)

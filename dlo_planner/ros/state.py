@@ -1,0 +1,242 @@
+"""All that the node knows, as one value: callbacks read it once, and change it in one place."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from threading import Lock
+
+import numpy as np
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.ros.causes import Cause, Refused
+from dlo_planner.ros.execution import Execution, Heard
+from dlo_planner.ros.planning import Made
+from dlo_planner.ros.proof import Proof
+from dlo_planner.ros.scene import Scene
+
+_SAME_LENGTH = 1e-9  # relative
+
+
+@dataclass(frozen=True)
+class State:
+    """What the node knows; its methods return the next State.
+
+    Attributes:
+        scene: Scene; values: of the parameters, and bodies: (namespace, id) -> obstacle, that it
+            is made of
+        shape: the last Shape of the DLO, None: it begins with its natural one
+        resets: how often the shape was forgotten
+        pose: Pose of the tool frame, the last one that came, or None
+        heard: the last one that was not too old when it came, or None
+        goals: Poses of the last cut-outs
+        made: the last plan, None: there is none, `void` says why
+        proof: Proof of it, as far as it has come
+        execution: the last Execution, or None; running: the plan that it executes
+    """
+
+    scene: Scene
+    values: Mapping
+    bodies: Mapping = field(default_factory=dict)
+    shape: Shape | None = None
+    resets: int = 0
+    pose: Pose | None = None
+    heard: Heard | None = None
+    goals: tuple[Pose, ...] = ()
+    made: Made | None = None
+    void: str = 'there is no plan yet'
+    proof: Proof | None = None
+    execution: Execution | None = None
+    running: Made | None = None
+
+    @property
+    def gripper(self) -> Pose | None:
+        """The last Pose of the gripper frame, or None."""
+        return None if self.pose is None else self.pose.compose(self.scene.tool)
+
+    @property
+    def executing(self) -> bool:
+        """Whether commands are sent."""
+        return self.execution is not None and self.execution.active
+
+    # ---- scene ------------------------------------------------------------------------------
+
+    def in_scene(self, scene: Scene, cause: Cause, reason: str, **parts) -> 'State':
+        """Return the State in another Scene, in which is kept what can be kept.
+
+        Args:
+            scene: Scene
+            cause, reason: why a plan is void that does not hold in it
+            parts: `values` or `bodies` that it is made of
+        """
+        state = replace(self, scene=scene, shape=carried(self.shape, self.scene, scene), **parts)
+        return state if self.scene.keeps_plans(scene) else state.without_plan(cause, reason)
+
+    def without_plan(self, cause: Cause, reason: str) -> 'State':
+        """Return the State in which the plan is void, and what is executed comes to rest."""
+        state = self.stopped(cause, reason)
+        return state if state.made is None else replace(state, made=None, proof=None, void=reason)
+
+    # ---- shapes -----------------------------------------------------------------------------
+
+    def hearing(self, heard: Heard) -> 'State':
+        """Return the State after a gripper pose; one that is too old is no news of the gripper."""
+        limit = self.scene.guards.incoming_command_timeout
+        fresh = not limit or abs(heard.age) <= limit
+        return replace(self, pose=heard.pose, heard=replace(heard, age=max(heard.age, 0.0))
+                       if fresh else self.heard)
+
+    def with_shape(self, shape: Shape, before: 'State') -> 'State':
+        """Return the State with a Shape that was found from the State `before`."""
+        if self.resets != before.resets:
+            return self
+        return replace(self, shape=carried(shape, before.scene, self.scene))
+
+    def reset(self) -> 'State':
+        """Return the State in which the DLO begins with its natural shape."""
+        return replace(self, shape=None, resets=self.resets + 1)
+
+    # ---- plans ------------------------------------------------------------------------------
+
+    def with_goals(self, goals: tuple[Pose, ...]) -> 'State':
+        """Return the State with the cut-outs that were asked for last."""
+        return replace(self, goals=goals)
+
+    def planned(self, made: Made) -> 'State':
+        """Return the State with a plan; raise Refused if it was made for another scene."""
+        if not made.scene.keeps_plans(self.scene):
+            raise Refused(Cause.SCENE_CHANGED, 'obstacles or parameters changed while the plan was '
+                          'made: ask again')
+        return replace(self, made=made, proof=Proof(made.plan))
+
+    def proved(self, proof: Proof) -> 'State':
+        """Return the State with a Proof, if it is of the last plan."""
+        if self.made is None or proof.plan is not self.made.plan:
+            return self
+        return replace(self, proof=proof)
+
+    # ---- execution --------------------------------------------------------------------------
+
+    def started(self, now: float) -> 'State':
+        """Return the State in which the last plan is executed, from `now` s on.
+
+        Raises:
+            Refused: naming what is missing, or why it must not be executed
+        """
+        way, scene = ready(self, now), self.made.scene
+        execution = Execution(way, scene.tool.inverse(), scene.frame_id, self.scene.guards,
+                              scene.period)
+        return replace(self, execution=execution, running=self.made)
+
+    def ticked(self, now: float) -> 'State':
+        """Return the State with the next command, at `now` s."""
+        return self._with_execution(self.execution.tick(now, self.heard))
+
+    def canceled(self) -> 'State':
+        """Return the State in which what is executed comes to rest, after `cancel`."""
+        return self._with_execution(self.execution.canceled()) if self.executing else self
+
+    def stopped(self, cause: Cause, reason: str) -> 'State':
+        """Return the State in which what is executed comes to rest, if anything is."""
+        return self._with_execution(self.execution.stop(cause, reason)) if self.executing else self
+
+    def detailed(self, cause: Cause, reason: str) -> 'State':
+        """Return the State that says more of why the plan is void, if that is the cause."""
+        execution = self.execution
+        if execution is None or execution.cause != cause:
+            return self
+        return replace(self, execution=replace(execution, reason=reason),
+                       void=reason if self.made is None else self.void)
+
+    def _with_execution(self, execution):
+        """Return the State with another Execution; a plan that was not finished is void."""
+        state = replace(self, execution=execution)
+        if execution.phase in ('stopping', 'stopped') and self.made is self.running:
+            return replace(state, made=None, proof=None, void=execution.reason)
+        return state
+
+
+def carried(shape: Shape | None, before: Scene, after: Scene) -> Shape | None:
+    """Return what is left of the last Shape in another Scene.
+
+    The same DLO keeps its shape and its permanent set. Another one begins with the shape, without
+    the set, if it is as long and does not yield: of one that yields it is not known what the way
+    to that shape has left in it.
+    """
+    rod, other = before.direct.rod, after.direct.rod
+    if shape is None or rod == other:
+        return shape
+    if other.yields or abs(rod.length - other.length) > _SAME_LENGTH * rod.length:
+        return None
+    return replace(shape, _history=None)
+
+
+def ready(state: State, now: float):
+    """Return the Trajectory to be executed: the one that was proved.
+
+    Args:
+        state: State; now: s, steady
+
+    Raises:
+        Refused: naming what is missing, or why it must not be executed
+    """
+    if state.executing:
+        raise Refused(Cause.EXECUTING, 'a plan is being executed: expected its end, or ~/cancel')
+    if state.made is None:
+        raise Refused(Cause.NO_PLAN, f'there is no plan: {state.void}')
+    if not state.proof.safe:
+        raise Refused(state.proof.cause, state.proof.reason)
+    _heard_lately(state, now)
+    way, scene = state.proof.report.trajectory, state.scene
+    first = way.at([0.0])[0][0].compose(state.made.scene.tool.inverse())
+    here = state.heard.pose
+    away = float(np.linalg.norm(here.position - first.position))
+    if away > scene.start_distance:
+        raise Refused(Cause.NOT_AT_START, f'the gripper is {away:.3g} m from where the plan '
+                      f'begins: expected execute.start_distance = {scene.start_distance:g} m at '
+                      'most')
+    angle = angle_between(here.rotation, first.rotation)
+    if angle > scene.start_angle:
+        raise Refused(Cause.NOT_AT_START, f'the gripper is turned by {angle:.3g} rad from where '
+                      f'the plan begins: expected execute.start_angle = {scene.start_angle:g} rad '
+                      'at most')
+    return way
+
+
+def _heard_lately(state, now):
+    if state.pose is None:
+        raise Refused(Cause.NO_GRIPPER_POSE, 'no gripper pose is known: send ~/gripper_pose')
+    limit = state.scene.guards.incoming_command_timeout
+    expected = f'expected incoming_command_timeout = {limit:g} s at most, by its stamp'
+    if state.heard is None:
+        raise Refused(Cause.OLD_GRIPPER_POSE, 'gripper_pose: each one that came was too old, or '
+                      f'from the future: {expected}')
+    age = state.heard.age + now - state.heard.arrived
+    if limit and age > limit:
+        raise Refused(Cause.OLD_GRIPPER_POSE,
+                      f'gripper_pose: the last one is {age:.3g} s old: {expected}')
+
+
+class Store:
+    """Holds the State; every change of it goes through one lock."""
+
+    def __init__(self, state: State):
+        self._lock = Lock()
+        self._state = state
+        # Scenes take long to build. Whoever replaces it holds this one from reading to writing:
+        # shapes, plans and commands do not wait for it.
+        self.rebuilding = Lock()
+
+    @property
+    def state(self) -> State:
+        """The State now."""
+        return self._state
+
+    def change(self, change: Callable[[State], State]) -> State:
+        """Replace the State by what `change` returns of it, and return that.
+
+        Args:
+            change: pure and quick; what it raises leaves the State as it is
+        """
+        with self._lock:
+            self._state = change(self._state)
+            return self._state

@@ -1,0 +1,123 @@
+"""What changes the scene: parameters, and obstacles as RViz shows them."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from rcl_interfaces.msg import SetParametersResult
+from visualization_msgs.msg import MarkerArray
+
+from dlo_planner.errors import DloPlannerError
+from dlo_planner.inverse.clearance import clearance
+from dlo_planner.inverse.workspace import Workspace
+from dlo_planner.model.surface import Surface
+from dlo_planner.ros.causes import Cause
+from dlo_planner.ros.door import bodies_in, body_name
+from dlo_planner.ros.parameters import ENTRIES, as_declared
+from dlo_planner.ros.qos import CHANGES
+from dlo_planner.ros.scene import build_scene
+from dlo_planner.ros.state import State
+from msg_helpers.markers import obstacle_markers
+
+_LOOKS = 60       # poses of the gripper on the rest of its way that are looked at
+_MOST_NAMED = 5   # obstacles that are named, or looked at
+
+
+class Surroundings:
+    """Keeps the scene in line with parameters and obstacles.
+
+    Args:
+        node: rclpy Node, its parameters declared
+        parts: Parts
+        group: callback group
+    """
+
+    def __init__(self, node, parts, group):
+        self._node, self._store, self._health = node, parts.store, parts.health
+        self._reporter, self._drawing = parts.reporter, parts.drawing
+        node.add_pre_set_parameters_callback(as_declared)
+        node.add_on_set_parameters_callback(self._judge)
+        node.add_post_set_parameters_callback(self._apply)
+        node.create_subscription(MarkerArray, '~/obstacles', self._on_obstacles, CHANGES,
+                                 callback_group=group)
+
+    def _judge(self, parameters):
+        changed = {one.name: one.value for one in parameters if one.name in ENTRIES}
+        state = self._store.state
+        try:
+            build_scene({**state.values, **changed}, tuple(state.bodies.values()))
+        except DloPlannerError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        except Exception as error:  # whatever it is, it must not end the node
+            return SetParametersResult(successful=False, reason=f'{type(error).__name__}: {error}')
+        return SetParametersResult(successful=True)
+
+    def _apply(self, parameters):
+        with self._reporter.answering('parameters', told=False), self._store.rebuilding:
+            state = self._store.state
+            changed = {one.name: one.value for one in parameters if one.name in ENTRIES}
+            values = {**state.values, **changed}
+            scene = build_scene(values, tuple(state.bodies.values()))
+            names = ', '.join(f'{name} = {value}' for name, value in changed.items()
+                              if value != state.values[name])
+            self._change(scene, Cause.PARAMETERS_CHANGED,
+                         f'parameters changed ({names})', values=values)
+
+    def _on_obstacles(self, msg):
+        with self._reporter.answering('obstacles', told=False), self._store.rebuilding:
+            before = self._store.state
+            bodies = bodies_in(before.scene, before.bodies, msg, 'obstacles')
+            if bodies == before.bodies:
+                return
+            changed = [key for key in {**before.bodies, **bodies}
+                       if before.bodies.get(key) != bodies.get(key)]
+            scene = build_scene(before.values, tuple(bodies.values()))
+            reason = f'obstacles changed ({listed(changed)})'
+            self._change(scene, Cause.OBSTACLES_CHANGED, reason, bodies=bodies)
+            self._drawing.draw('obstacles', obstacle_markers(
+                tuple(bodies.values()), len(before.bodies), scene.frame_id,
+                self._node.get_clock().now().to_msg()))
+        if before.executing:  # it stops already: what is said of it now does not delay that
+            said = in_the_way(before, {key: bodies[key] for key in changed if key in bodies})
+            self._store.change(lambda now: now.detailed(Cause.OBSTACLES_CHANGED,
+                                                        f'{reason}: {said}'))
+
+    def _change(self, scene, cause, reason, **parts):
+        before = self._store.state
+        state = self._store.change(lambda now: now.in_scene(scene, cause, reason, **parts))
+        if before.made is not None and state.made is None:
+            self._health.plan_void(reason)
+            self._reporter.info(f'the plan is void: {reason}')
+
+
+def listed(keys: list) -> str:
+    """Return the names of obstacles in a line, some of them if there are many."""
+    names = [body_name(key) for key in keys[:_MOST_NAMED]]
+    more = len(keys) - len(names)
+    return ', '.join(names) + (f' and {more} more' if more > 0 else '')
+
+
+def in_the_way(state: State, bodies: Mapping) -> str:
+    """Return in words which obstacles are in the way of what is still to be executed.
+
+    The gripper is looked at along the rest of its way, the DLO in the planned shapes that are
+    still to come.
+
+    Args:
+        state: State with an execution
+        bodies: (namespace, id) -> obstacle, the new ones
+    """
+    execution, plan, scene = state.execution, state.running.plan, state.running.scene
+    way, here = execution.way, execution.done
+    grippers = way.at(np.linspace(here, way.duration, _LOOKS))[0]
+    since = float(way.progress([here])[0])
+    shapes = [shape for shape, time in zip(plan.shapes, plan.times, strict=True) if time >= since]
+    surface, radius = Surface.of(scene.direct.rod), scene.inverse.workspace.gripper_radius
+    said = []
+    for key, body in list(bodies.items())[:_MOST_NAMED]:
+        space = Workspace(keep_out=[body], gripper_radius=radius)
+        rooms = {'gripper': min(space.least_room(pose)[1] for pose in grippers),
+                 'DLO': min((clearance([body], surface, shape) for shape in shapes),
+                            default=np.inf)}
+        said += [f'{body_name(key)} is {-room:.3g} m in the way of the {who}'
+                 for who, room in rooms.items() if room < 0]
+    return '; '.join(said) or 'none of them is on the rest of the way'

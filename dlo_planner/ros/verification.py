@@ -1,0 +1,59 @@
+"""The last plan is proved, and its motion published when it may be executed."""
+
+from functools import partial
+
+import numpy as np
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+
+from dlo_planner.ros.proof import proofs
+from dlo_planner.ros.qos import LATCHED
+from msg_helpers.trajectories import timed_trajectory
+
+_LOOK = 0.1   # s between looks whether there is a plan to be proved
+_TIMED_STEP, _TIMED_MOST = 0.05, 20_000  # s between points of the timed trajectory; points
+
+
+class Verification:
+    """Has plans proved, the newest one first.
+
+    Args:
+        node: rclpy Node; parts: Parts
+        prover: Prover
+        clock: steady Clock; group: callback group
+    """
+
+    def __init__(self, node, parts, prover, clock, group):
+        self._store, self._health, self._reporter = parts.store, parts.health, parts.reporter
+        self._prover, self._begun = prover, None  # Made whose proof has begun
+        self._out = node.create_publisher(MultiDOFJointTrajectory, '~/gripper_trajectory_timed',
+                                          LATCHED)
+        node.create_timer(_LOOK, self._prove, callback_group=group, clock=clock)
+
+    def _prove(self):
+        with self._reporter.answering('report', told=False):
+            made = self._store.state.made
+            if made is None or made is self._begun:
+                return
+            self._begun = made
+
+            def wanted():
+                return self._store.state.made is made
+
+            replayed = partial(self._prover.report, wanted)
+            for proof in proofs(replayed, made.scene, made.plan, made.before):
+                state = self._store.change(lambda now, proof=proof: now.proved(proof))
+                if state.proof is not proof:
+                    return
+                if proof.safe:
+                    self._publish(made, proof.report)
+                self._health.plan_proved(proof)
+                if proof.done and not proof.safe:
+                    self._reporter.failed('report', proof.cause,
+                                          f'the plan is not safe: {proof.reason}')
+
+    def _publish(self, made, report):
+        scene, way = made.scene, report.trajectory
+        number = 1 + int(np.clip(np.ceil(way.duration / _TIMED_STEP), 1, _TIMED_MOST))
+        self._out.publish(timed_trajectory(way, number, scene.tool, scene.frame_id, made.stamp))
+        self._reporter.info(f'the plan is safe: {way.duration:.1f} s, largest miss in motion '
+                            f'{report.dynamic_miss:.1e} m, at most {way.tolerance:.1e} m')

@@ -1,0 +1,82 @@
+"""A node in the process of a test: its state at hand, what it is sent, what is waited for."""
+
+import threading
+import time
+from contextlib import contextmanager
+
+import rclpy
+from rclpy.parameter import Parameter
+from visualization_msgs.msg import Marker
+
+from dlo_planner import Pose
+from dlo_planner.ros.executor import PatientExecutor
+from dlo_planner.ros.planner_node import PlannerNode
+from msg_helpers.poses import pose_msg
+
+HERE = Pose.looking_along((0.1, -0.2, 1.0), (1.0, 0.3, 0.2))
+GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+OVERRIDES = {'rod.diameter': 1.5e-3, 'threading.waypoints': 12, 'diagnostics_period': 0.1,
+             'threading.deepest': 0.5, 'rod.damping': [0.5, 0.0], 'incoming_command_timeout': 0.5}
+
+
+@contextmanager
+def served_node():
+    """Yield a PlannerNode that is served by a thread."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    planner = PlannerNode(context=context, parameter_overrides=[
+        Parameter(name, value=value) for name, value in OVERRIDES.items()])
+    executor = PatientExecutor(8, context=context)
+    executor.add_node(planner)
+    ended = threading.Event()
+
+    def serve():
+        while not ended.is_set():
+            executor.spin_once(timeout_sec=0.05)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    yield planner
+    ended.set()
+    thread.join()
+    executor.shutdown()
+    planner.destroy_node()
+    rclpy.try_shutdown(context=context)
+
+
+class Alive:
+    """Stands for the process of a node that has none of its own."""
+
+    log = ''
+
+    def alive(self):
+        """Whether it runs."""
+        return True
+
+
+def state(node):
+    """Return what the node knows."""
+    return node._store.state
+
+
+def until(wanted, timeout=10.0):
+    """Wait until `wanted()`; return whether it is."""
+    end = time.monotonic() + timeout
+    while not wanted() and time.monotonic() < end:
+        time.sleep(0.01)
+    return wanted()
+
+
+def box(number, x=3.0, size=0.1, namespace='cell'):
+    """Return the Marker of a cube."""
+    marker = Marker(ns=namespace, id=number, type=Marker.CUBE, action=Marker.ADD)
+    marker.header.frame_id = 'world'
+    marker.pose = pose_msg(Pose((x, 5.0, 0.0), (0, 0, 0, 1)))
+    marker.scale.x = marker.scale.y = marker.scale.z = size
+    return marker
+
+
+def clear(client, node):
+    """Take all obstacles away."""
+    client.send_obstacles([Marker(action=Marker.DELETEALL)])
+    assert until(lambda: not state(node).bodies)

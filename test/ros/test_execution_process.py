@@ -1,0 +1,96 @@
+"""A real process that executes, and what happens to it: stopped, told to end, at any moment."""
+
+import signal
+import time
+
+import numpy as np
+import pytest
+from planner_process import connected_client, drain, running_planner
+
+from dlo_planner import Pose
+from dlo_planner.ros.follower import Follower
+from msg_helpers.poses import pose_from_msg
+
+AWAY = Pose.looking_along((-1.3, 0.2, 1.1), (1.0, 0.2, 0.1))
+GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+OPTIONS = [part for option in ('rod.diameter:=0.0015', 'threading.waypoints:=25',
+                               'threading.standoff:=0.05', 'cutouts.radius:=0.01',
+                               'rod.damping:=[0.5, 0.01]', 'incoming_command_timeout:=0.5',
+                               'diagnostics_period:=0.1') for part in ('-p', option)]
+
+
+@pytest.fixture
+def planner(domain, tmp_path):
+    with running_planner(tmp_path, *OPTIONS) as running:
+        yield running
+
+
+@pytest.fixture
+def client(planner):
+    with connected_client(planner) as connected:
+        yield connected
+
+
+@pytest.fixture
+def robot(client):
+    follower = Follower(client.node, client.planner, AWAY)
+    yield follower
+    follower.close()
+
+
+def executing(client):
+    """Plan, wait for the proof, execute for 2 s; return the largest step of the way in a period."""
+    client.shape_for(AWAY)
+    path, _ = client.plan_threading(AWAY, GOAL)
+    assert client.proof(path)['report'] == 'held'
+    timed = client.timed_for(path)
+    speeds = [np.linalg.norm([v.x, v.y, v.z]) for v in (
+        point.velocities[0].linear for point in timed.points)]
+    for messages in (client.commands, client.executions):
+        drain(messages)
+    assert client.trigger('execute').success
+    time.sleep(2.0)
+    return 0.02 * max(speeds)
+
+
+def steps(client):
+    places = [pose_from_msg(one.pose).position for one in drain(client.commands)]
+    assert len(places) > 60
+    return np.linalg.norm(np.diff(places, axis=0), axis=1)
+
+
+def test_a_process_that_was_stopped_for_seconds_makes_no_leap(planner, client, robot):
+    regular = executing(client)
+    planner.process.send_signal(signal.SIGSTOP)
+    time.sleep(4.0)
+    planner.process.send_signal(signal.SIGCONT)
+    code, reason, _ = client.execution_in('stopped')
+    assert code == 412 and 'execute.longest_pause = 0.5 s' in reason
+    assert client.status_of('execute')[0] in (0, 412)
+    moved = steps(client)
+    assert 0.2 * regular < moved.max() <= 1.2 * regular
+    assert moved[-1] == 0.0  # where it was, once more
+
+
+@pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGINT])
+def test_a_process_that_is_told_to_end_decelerates_first(planner, client, robot, number):
+    regular = executing(client)
+    planner.process.send_signal(number)
+    assert planner.process.wait(timeout=10) == 0
+    time.sleep(0.2)
+    moved = steps(client)
+    assert 0.2 * regular < moved.max() <= 1.2 * regular
+    assert moved[-1] < 1e-5
+    assert np.abs(np.diff(moved)).max() < 1.1 * 0.5 * 0.02**2 + 0.1 * regular
+    assert 'the node ends' in planner.log and 'Traceback' not in planner.log
+
+
+def test_a_process_that_plans_ends_when_it_is_told_to(planner, client):
+    client.set_parameters(threading__waypoints=10_000)
+    client.send_goal(GOAL)
+    time.sleep(1.0)
+    asked = time.monotonic()
+    planner.process.send_signal(signal.SIGTERM)
+    assert planner.process.wait(timeout=10) == 0
+    assert time.monotonic() - asked < 4.0
+    assert 'Traceback' not in planner.log

@@ -1,0 +1,221 @@
+"""The node in this process: nothing is lost, planning ends when asked to, clocks may jump."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped
+from node_inside import GOAL, HERE, box, clear, state, until
+from planner_process import drain
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from visualization_msgs.msg import MarkerArray
+
+from dlo_planner.ros.causes import Cause
+from dlo_planner.ros.follower import Follower
+from msg_helpers.poses import pose_from_msg, pose_msg
+
+
+def test_of_obstacles_and_parameters_sent_at_once_none_is_lost(inside, node):
+    rng, number = np.random.default_rng(5), 250
+    pauses = rng.uniform(0, 4e-3, (2, number))
+
+    def send_obstacles():
+        for k, pause in enumerate(pauses[0]):
+            inside._obstacles_out.publish(MarkerArray(markers=[box(k, 3 + 0.2 * k)]))
+            time.sleep(pause)
+
+    sending = threading.Thread(target=send_obstacles)
+    sending.start()
+    not_in_force = 0
+    for k, pause in enumerate(pauses[1]):
+        value = 0.05 + 1e-4 * k
+        assert inside.set_parameters(threading__linear_speed=value)[0].successful
+        not_in_force += state(node).scene.linear_speed != value
+        time.sleep(pause)
+    sending.join()
+    assert until(lambda: len(state(node).bodies) == number)
+    assert not_in_force == 0
+    assert len(state(node).scene.direct.obstacles) == number
+    assert set(state(node).bodies) == {('cell', k) for k in range(number)}
+    clear(inside, node)
+    inside.set_parameters(threading__linear_speed=0.1)
+
+
+def test_a_limit_keeps_the_shape_and_the_pose(inside, node):
+    inside.shape_for(HERE)
+    before = state(node)
+    assert inside.set_parameters(threading__linear_speed=0.11)[0].successful
+    assert state(node).shape is before.shape and state(node).pose == before.pose
+    assert inside.set_parameters(rod__tip_mass=0.001, threading__linear_speed=0.1)[0].successful
+    assert state(node).pose == before.pose  # the gripper is where it was, whatever it holds
+    inside.send_goal(GOAL)
+    assert inside.status_of('task_goal')[0] == Cause.DONE
+    inside.set_parameters(rod__tip_mass=0.0)
+
+
+def test_obstacles_that_come_again_unchanged_change_nothing(inside, node):
+    inside.send_obstacles([box(1)])
+    assert until(lambda: state(node).bodies)
+    inside.plan_threading(HERE, GOAL)
+    made = state(node).made
+    for _ in range(3):
+        inside.send_obstacles([box(1)])
+    time.sleep(0.2)
+    assert state(node).made is made
+    inside.send_obstacles([box(1, x=3.5)])
+    assert until(lambda: state(node).made is None)
+    answer = inside.trigger('execute')
+    assert not answer.success and 'obstacles changed (cell/1)' in answer.message
+    clear(inside, node)
+
+
+@pytest.fixture
+def long_plan(inside):
+    """Let plans take long."""
+    inside.set_parameters(threading__waypoints=10_000)
+    yield
+    inside.set_parameters(threading__waypoints=12, threading__planning_deadline=60.0)
+
+
+def test_cancel_ends_the_planning(inside, node, long_plan):
+    inside.send_goal(GOAL)
+    assert until(lambda: node._planning._run is not None)
+    time.sleep(0.2)
+    asked = time.monotonic()
+    answer = inside.trigger('cancel')
+    assert answer.success and 'planning ends' in answer.message
+    code, message, _ = inside.status_of('task_goal')
+    assert code == Cause.PLANNING_CANCELED and 'canceled' in message
+    assert time.monotonic() - asked < 2.0
+    assert not inside.trigger('cancel').success
+
+
+def test_planning_has_a_deadline(inside, node, long_plan):
+    assert inside.set_parameters(threading__planning_deadline=0.2)[0].successful
+    asked = time.monotonic()
+    assert inside.plan_threading(HERE, GOAL)[0].poses == []
+    assert time.monotonic() - asked < 2.0
+    code, message, _ = inside.status_of('plan_threading')
+    assert code == Cause.PLANNING_DEADLINE
+    assert 'threading.planning_deadline = 0.2 s' in message
+
+
+def test_a_plan_of_a_scene_that_changed_meanwhile_is_refused(inside, node, long_plan):
+    inside.set_parameters(threading__waypoints=400)
+    inside.send_goal(GOAL)
+    assert until(lambda: node._planning._run is not None)
+    inside.send_obstacles([box(1)])
+    assert inside.status_of('task_goal')[0] == Cause.SCENE_CHANGED
+    clear(inside, node)
+
+
+def test_a_proof_whose_process_is_killed_is_made_again(inside, node):
+    inside.plan_threading(HERE, GOAL)
+    made = state(node).made
+    assert until(lambda: state(node).proof.report is not None)  # the motion is being made
+    time.sleep(0.2)
+    node._prover._process.kill()
+    assert until(lambda: state(node).made is made and state(node).proof.done, 60.0)
+    assert state(node).proof.safe
+
+
+@pytest.fixture
+def simulated_time(inside, node):
+    """Yield a function that publishes /clock; node and inside live by it, the clock at 100 s."""
+    out = inside.node.create_publisher(Clock, '/clock', 10)
+    parameter = Parameter('use_sim_time', value=True)
+
+    def tell(seconds):
+        msg = Clock()
+        msg.clock.sec, msg.clock.nanosec = int(seconds), int(1e9 * (seconds % 1))
+        out.publish(msg)
+
+    node.set_parameters([parameter])
+    inside.node.set_parameters([parameter])
+    yield tell
+    for one in (node, inside.node):
+        one.set_parameters([Parameter('use_sim_time', value=False)])
+    inside.node.destroy_publisher(out)
+
+
+def test_without_a_clock_plans_are_proved_and_diagnostics_come(inside, node, simulated_time):
+    path, _ = inside.plan_threading(HERE, GOAL)
+    assert inside.proof(path)['report'] == 'held'
+    assert len(inside.shape_for(HERE)[0].poses) == 65
+
+
+@pytest.mark.parametrize('jump', [5.0, -60.0])
+def test_a_clock_that_jumps_makes_no_leap(inside, node, simulated_time, jump):
+    begun, shift = time.monotonic(), [100.0]
+    ended = threading.Event()
+
+    def tick():
+        while not ended.wait(0.01):
+            simulated_time(shift[0] + time.monotonic() - begun)
+
+    ticking = threading.Thread(target=tick)
+    ticking.start()
+    robot = Follower(inside.node, inside.planner, HERE)
+    try:
+        path, _ = inside.plan_threading(HERE, GOAL)
+        robot.put(pose_from_msg(path.poses[0].pose))
+        assert inside.proof(path)['report'] == 'held'
+        drain(inside.commands)
+        drain(inside.executions)
+        answer = inside.trigger('execute')
+        assert answer.success, answer.message
+        time.sleep(1.5)
+        shift[0] += jump
+        time.sleep(1.5)
+        inside.trigger('cancel')
+        inside.execution_in('stopped')
+    finally:
+        ended.set()
+        ticking.join()
+        robot.close()
+    places = np.array([pose_from_msg(one.pose).position for one in drain(inside.commands)])
+    way = np.array(state(node).execution.way.at(np.arange(0, 4, 0.02))[0])
+    regular = max(np.linalg.norm(b.position - a.position)
+                  for a, b in zip(way, way[1:], strict=False))
+    assert len(places) > 60
+    assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() <= 1.2 * regular
+
+
+def test_execution_is_on_diagnostics_and_on_its_topic(inside, node):
+    robot = Follower(inside.node, inside.planner, HERE)
+    try:
+        path, _ = inside.plan_threading(HERE, GOAL)
+        robot.put(pose_from_msg(path.poses[0].pose))
+        inside.proof(path)
+        inside.trigger('execute')
+        _, _, values = inside.execution_in('running')
+        first = float(values['progress [%]'])
+        drain(inside.executions)
+        time.sleep(0.5)
+        came = drain(inside.executions)
+        assert 1 <= len(came) <= 5
+        later = inside.execution_in('running')[2]
+        assert 0 <= first < float(later['progress [%]']) < 100
+        drain(inside.diagnostics)
+        status = inside.diagnostics.get(timeout=5).status[1]
+        assert status.name.endswith(': execution') and status.message == 'running'
+        inside.trigger('cancel')
+        inside.execution_in('stopped')
+        time.sleep(0.2)
+        drain(inside.diagnostics)
+        values = {v.key: v.value for v in inside.diagnostics.get(timeout=5).status[1].values}
+        assert values['state'] == 'stopped' and values['cause'] == 'CANCELED'
+    finally:
+        robot.close()
+
+
+def test_a_pose_without_a_stamp_is_predicted_but_not_executed_from(inside, node):
+    msg = PoseStamped()
+    msg.header.frame_id, msg.pose = 'world', pose_msg(HERE)
+    heard = state(node).heard
+    drain(inside.shapes)
+    inside._pose_out.publish(msg)
+    assert inside.shapes.get(timeout=5).header.stamp.sec == 0
+    assert state(node).heard is heard and state(node).pose == HERE

@@ -1,0 +1,159 @@
+"""The node in this process: how requests end, and what is said where they are refused."""
+
+import time
+from pathlib import Path
+
+import pytest
+from nav_msgs.msg import Goals
+from node_inside import GOAL, HERE, box, clear, state, until
+from planner_process import drain
+from visualization_msgs.msg import Marker
+
+from dlo_planner import Pose
+from dlo_planner.ros.causes import MEANINGS, Cause
+from msg_helpers.poses import pose_msg, pose_stamped_msg
+
+
+def stamped(pose=HERE, frame_id='world', **orientation):
+    msg = pose_stamped_msg(pose, frame_id)
+    msg.header.stamp.sec = 77
+    for name, value in orientation.items():
+        setattr(msg.pose.orientation, name, value)
+    return msg
+
+
+REQUESTS = {
+    'good goal': (lambda c: c._goal_out.publish(stamped(GOAL)), 'task_goal', 0, '12 gripper poses'),
+    'frame': (lambda c: c._goal_out.publish(stamped(GOAL, 'map')), 'task_goal', 101,
+              "task_goal.header.frame_id = 'map': expected 'world'"),
+    'odd quaternion': (lambda c: c._goal_out.publish(stamped(GOAL, w=1e60)), 'task_goal', 102,
+                       'task_goal.pose.orientation = [0.0, 0.0, 0.0, 1e+60]'),
+    'huge quaternion': (lambda c: c._goal_out.publish(stamped(GOAL, w=1e200)), 'task_goal', 102,
+                        'task_goal: Pose.quaternion = [0.0, 0.0, 0.0, 1e+200]'),
+    'far': (lambda c: c._goal_out.publish(stamped(Pose((1e20, 0, 0), (0, 0, 0, 1)))), 'task_goal',
+            103, 'workspace.reach = 1000 m'),
+    'no goals': (lambda c: c._goals_out.publish(Goals()), 'task_goals', 105, 'one or two'),
+    'goals': (lambda c: c.send_goals([GOAL]), 'task_goals', 0, '12 gripper poses'),
+    'shape': (lambda c: c.predict_shape(HERE), 'predict_shape', 0, '65 nodes'),
+    'far shape': (lambda c: c.predict_shape(Pose((0, 2e3, 0), (0, 0, 0, 1))), 'predict_shape', 103,
+                  'predict_shape.start.pose.position = [0.0, 2000.0, 0.0]'),
+    'plan': (lambda c: c.plan_threading(HERE, GOAL), 'plan_threading', 0, '12 gripper poses'),
+    'two': (lambda c: c.plan_two_cutouts(GOAL, Pose((0.25, 0, 0.98), (0, 0, 0, 1))),
+            'plan_two_cutouts', 0, '12 gripper poses'),
+    'replan': (lambda c: c.trigger('replan'), 'replan', 0, '12 gripper poses'),
+    'reset': (lambda c: c.trigger('reset'), 'reset', 0, 'natural shape'),
+    'cancel': (lambda c: c.trigger('cancel'), 'cancel', 414, 'nothing was planned or executed'),
+}
+
+
+@pytest.mark.parametrize('name', REQUESTS)
+def test_each_request_has_one_outcome_with_stamp_and_number(inside, node, name):
+    ask, request, code, text = REQUESTS[name]
+    ask(inside)
+    came, message, values = inside.status_of(request)
+    assert came == code and text in message
+    assert values['cause'] == Cause(code).name
+    if name in ('good goal', 'frame', 'odd quaternion', 'huge quaternion', 'far'):
+        assert values['stamp'] == '77.000000000'
+    else:
+        assert values['stamp'] != ''
+    time.sleep(0.05)
+    assert not drain(inside.statuses)
+
+
+def test_a_plan_that_cannot_be_made_says_why(inside, node):
+    assert inside.set_parameters(rod__diameter=1e-3, threading__deepest=0.95)[0].successful
+    assert inside.plan_threading(HERE, GOAL)[0].poses == []
+    assert inside.status_of('plan_threading')[0] == Cause.UNSTABLE
+    answer = inside.trigger('replan')
+    assert not answer.success and 'waypoint 0' in answer.message
+    inside.set_parameters(rod__diameter=1.5e-3, threading__deepest=0.5)
+    inside.set_parameters(workspace__upper=[-2.0, 9.0, 9.0])
+    inside.plan_threading(HERE, GOAL)
+    code, message, _ = inside.status_of('plan_threading')
+    inside.set_parameters(workspace__upper=[float('inf')] * 3)
+    assert code == Cause.WORKSPACE and 'workspace.upper.x' in message
+
+
+def test_obstacles_are_called_by_their_names(inside, node):
+    inside.send_obstacles([box(8), box(3, namespace='table')])
+    assert until(lambda: len(state(node).bodies) == 2)
+    where = pose_msg(HERE)
+    inside = box(5, size=0.5)
+    inside.pose = where
+    inside.send_obstacles([inside])
+    assert until(lambda: len(state(node).bodies) == 3)
+    assert inside.predict_shape(HERE)[0].poses == []
+    code, message, _ = inside.status_of('predict_shape')
+    assert code == Cause.IN_OBSTACLE and 'inside obstacle cell/5' in message
+    # a cube before the hole: the DLO would have to go through it
+    inside.send_obstacles([Marker(action=Marker.DELETEALL)])
+    assert until(lambda: not state(node).bodies)
+    before = box(4, size=0.2, namespace='jig')
+    before.pose = pose_msg(Pose((-0.3, 0.0, 1.1), (0, 0, 0, 1)))
+    inside.send_obstacles([box(8), before])
+    assert until(lambda: len(state(node).bodies) == 2)
+    assert inside.plan_threading(HERE, GOAL)[0].poses == []
+    code, message, _ = inside.status_of('plan_threading')
+    assert code in (Cause.COLLISION, Cause.WORKSPACE) and 'jig/4' in message
+    assert 'Box' not in message and 'keep_out' not in message
+    clear(inside, node)
+
+
+@pytest.mark.parametrize(('spoil', 'named'), [
+    (lambda marker: setattr(marker.pose.position, 'x', 1e20),
+     'obstacles.markers[0].pose.position = [1e+20, 5.0, 0.0]'),
+    (lambda marker: setattr(marker.pose.orientation, 'w', 2.0),
+     'obstacles.markers[0].pose.orientation = [0.0, 0.0, 0.0, 2.0]'),
+    (lambda marker: setattr(marker.scale, 'y', 1e20), 'obstacles.markers[0].scale'),
+    (lambda marker: setattr(marker.scale, 'y', -1.0), 'obstacles.markers[0]: scale'),
+    (lambda marker: setattr(marker, 'type', Marker.TEXT_VIEW_FACING), 'CUBE, SPHERE')])
+def test_absurd_obstacles_are_refused_by_name(inside, node, spoil, named):
+    marker = box(9)
+    spoil(marker)
+    inside.send_obstacles([marker])
+    assert until(lambda: named in node._health.report()[1])
+    assert not state(node).bodies
+
+
+def test_a_flood_of_odd_poses_is_a_line_a_second(inside, node, capfd):
+    begun = time.monotonic()
+    for _ in range(300):
+        inside._pose_out.publish(stamped(HERE, w=1e200))
+        time.sleep(1e-3)
+    until(lambda: node._health.report()[2]['poses refused'] >= 100)
+    lines = [line for line in capfd.readouterr().err.splitlines() if line]
+    assert 1 <= len(lines) <= 2 + (time.monotonic() - begun)
+    assert all('1e+200' in line and 'gripper_pose' in line for line in lines)
+    assert inside.shape_for(HERE)
+
+
+@pytest.mark.parametrize(('name', 'value', 'reason'), [
+    ('rod__length', 1, None), ('threading__deepest', 0, None), ('gravity', [0, 0, -10], None),
+    ('rod__damping', [0.5], 'rod.damping = [0.5]: expected two numbers'),
+    ('simulator__n_elements', 100_000, 'simulator.n_elements'),
+    ('simulator__n_terms', 11, None), ('simulator__accuracy', 1e-9, 'simulator.accuracy = 1e-09'),
+    ('tool__position', [1e20, 0.0, 0.0], 'tool.position'), ('gravity', [0.0, 0.0, 1e20], 'gravity'),
+    ('rod__length', 'long', 'DOUBLE'), ('rod__length', 2**60, 'rod.length'),
+    ('execute__rate', 10, 'execute.rate'), ('constraints__goal_time', -1.0, 'constraints'),
+    ('decelerate_on_cancel', 1, 'BOOL')])
+def test_parameters_at_run_time(inside, node, name, value, reason):
+    before = state(node).values
+    result = inside.set_parameters(**{name: value})[0]
+    assert result.successful == (reason is None), result.reason
+    assert reason is None or reason in result.reason
+    plain = name.replace('__', '.')
+    if reason is None:
+        assert state(node).values[plain] == value
+        assert type(state(node).values[plain]) is type(before[plain])
+        inside.set_parameters(**{name: before[plain]})
+    assert state(node).values[plain] == before[plain]
+
+
+def test_table_and_page_of_causes_agree():
+    page = (Path(__file__).parents[2] / 'docs' / 'ros_interface.md').read_text()
+    rows = [line for line in page.splitlines() if line.startswith('| ')]
+    for cause in Cause:
+        assert f'| {cause.value} | `{cause.name}` | {MEANINGS[cause]} |' in rows
+    named = [row for row in rows if row.split('|')[1].strip().isdigit()]
+    assert len(named) == len(Cause)

@@ -1,0 +1,204 @@
+"""The state of the node, and what is kept of it when its scene changes; without a node."""
+
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dlo_planner import Pose, Sphere, replay
+from dlo_planner.ros.causes import Cause, Refused
+from dlo_planner.ros.execution import Heard
+from dlo_planner.ros.parameters import ENTRIES
+from dlo_planner.ros.planning import Made, make_plan
+from dlo_planner.ros.proof import Proof, proofs
+from dlo_planner.ros.scene import build_scene
+from dlo_planner.ros.state import State, Store, carried, ready
+
+VALUES = {**{name: entry.default for name, entry in ENTRIES.items()}, 'rod.diameter': 1.5e-3,
+          'threading.waypoints': 8, 'threading.deepest': 0.3, 'rod.damping': [0.5, 0.0]}
+GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+HERE = Pose.looking_along((0.0, 0.1, 1.0), (1.0, 0.2, 0.0))
+BALL = {('cell', 3): Sphere((0, 5, 5), 0.1)}
+
+
+def values(**changed):
+    return {**VALUES, **{name.replace('__', '.'): value for name, value in changed.items()}}
+
+
+def scene(bodies=(), **changed):
+    return build_scene(values(**changed), tuple(bodies))
+
+
+@pytest.fixture(scope='module')
+def proved():
+    """Return a State whose plan is proved, with a gripper at its beginning at time 10."""
+    state = State(scene(), VALUES)
+    plan, _, before = make_plan(state.scene, [GOAL], None, None)
+    made = Made(state.scene, plan, before, None)
+    proof = list(proofs(replay, state.scene,
+                        plan, before))[-1]
+    assert proof.safe and proof.cause == Cause.DONE
+    return state.planned(made).proved(proof).hearing(Heard(plan.grippers[0], 10.0))
+
+
+def hanging(state):
+    shape = state.scene.direct.solve(HERE)
+    return replace(state, shape=shape).hearing(Heard(HERE, 0.0))
+
+
+def changed(state, bodies=None, **parts):
+    """Return the State after other parameters or obstacles."""
+    if bodies is not None:
+        return state.in_scene(scene(bodies.values(), **parts), Cause.OBSTACLES_CHANGED, 'a ball',
+                              bodies=bodies)
+    return state.in_scene(scene(**parts), Cause.PARAMETERS_CHANGED, 'a limit',
+                          values=values(**parts))
+
+
+def test_a_parameter_that_does_not_change_the_dlo_touches_nothing_of_it():
+    before = hanging(State(scene(rod__yield_stress=40e6), values(rod__yield_stress=40e6)))
+    after = changed(before, rod__yield_stress=40e6, threading__linear_speed=0.05)
+    assert after.shape is before.shape and after.gripper == HERE
+    assert after.scene.linear_speed == 0.05
+    assert changed(before, bodies=BALL, rod__yield_stress=40e6).shape is before.shape
+    # and the next shape goes on from it, with its set
+    down = Pose.looking_along(HERE.position, (0, 0, -1))
+    tips = [state.scene.direct.track([down], initial=state.shape)[0].positions[-1]
+            for state in (before, after)]
+    np.testing.assert_array_equal(*tips)
+    natural = after.scene.direct.solve(down).positions[-1]
+    assert np.linalg.norm(tips[0] - natural) > 0.01
+
+
+@pytest.mark.parametrize(('parts', 'kept'), [
+    ({'rod__tip_mass': 0.01}, 'shape'), ({'rod__length': 1.2}, 'nothing'),
+    ({'simulator__n_elements': 32}, 'all'), ({'gravity': [0.0, 0.0, -5.0]}, 'all'),
+    ({'rod__yield_stress': 40e6}, 'nothing')])
+def test_what_can_be_kept_of_another_dlo_is_kept(parts, kept):
+    before = hanging(State(scene(), VALUES))
+    after = changed(before, **parts)
+    assert after.gripper == HERE
+    assert (after.shape is None) == (kept == 'nothing')
+    assert (after.shape is before.shape) == (kept == 'all')
+    shape = after.scene.direct.track([HERE], initial=after.shape)[0]
+    assert shape.converged
+    np.testing.assert_allclose(shape.positions[-1],
+                               after.scene.direct.solve(HERE).positions[-1], atol=1e-6)
+
+
+def test_the_set_of_one_dlo_is_not_that_of_another():
+    yielding = scene(rod__yield_stress=40e6)
+    shape = yielding.direct.solve(HERE)
+    assert carried(shape, yielding, yielding) is shape
+    kept = carried(shape, yielding, scene())
+    assert kept is not None
+    down = Pose.looking_along(HERE.position, (0, 0, -1))
+    np.testing.assert_allclose(scene().direct.track([down], initial=kept)[0].positions[-1],
+                               down.position - (0, 0, 1.0), atol=1e-6)
+
+
+def test_a_shape_found_for_a_scene_that_is_gone_is_carried_over_or_forgotten():
+    before = State(scene(), VALUES)
+    shape = before.scene.direct.solve(HERE)
+    assert before.with_shape(shape, before).shape is shape
+    assert before.reset().with_shape(shape, before).shape is None
+    assert changed(before, rod__length=1.2).with_shape(shape, before).shape is None
+    assert changed(before, bodies=BALL).with_shape(shape, before).shape is shape
+
+
+def test_a_proved_plan_is_executed_and_only_once(proved):
+    state = proved.started(10.05)
+    assert state.executing and state.running is proved.made
+    with pytest.raises(Refused) as refused:
+        state.started(10.05)
+    assert refused.value.cause == Cause.EXECUTING
+    assert state.ticked(10.06).execution.command is not None
+    assert state.scene.guards == state.execution.guards
+
+
+@pytest.mark.parametrize(('spoil', 'cause', 'named'), [
+    (lambda s: replace(s, made=None, void='a box came'), Cause.NO_PLAN, 'a box came'),
+    (lambda s: replace(s, proof=Proof(s.made.plan)), Cause.PROOF_PENDING, 'ask again'),
+    (lambda s: replace(s, proof=replace(s.proof, reason='it swings', cause=Cause.NOT_CALM)),
+     Cause.NOT_CALM, 'it swings'),
+    (lambda s: replace(s, pose=None, heard=None), Cause.NO_GRIPPER_POSE, 'gripper_pose'),
+    (lambda s: replace(s, heard=None), Cause.OLD_GRIPPER_POSE, 'incoming_command_timeout = 0.1'),
+    (lambda s: s.hearing(Heard(s.pose, 9.9, 0.0)), Cause.OLD_GRIPPER_POSE, '0.15 s old'),
+    (lambda s: s.hearing(Heard(s.pose, 10.0, 0.08)), Cause.OLD_GRIPPER_POSE, '0.13 s old'),
+    (lambda s: s.hearing(Heard(Pose(s.pose.position + (0, 0.03, 0), s.pose.quaternion), 10.0)),
+     Cause.NOT_AT_START, 'execute.start_distance = 0.02'),
+    (lambda s: s.hearing(Heard(Pose(s.pose.position, (0, 0, 0, 1)), 10.0)),
+     Cause.NOT_AT_START, 'execute.start_angle = 0.1')])
+def test_what_is_missing_is_named(proved, spoil, cause, named):
+    assert ready(proved, 10.05) is proved.proof.report.trajectory
+    with pytest.raises(Refused, match=named) as refused:
+        ready(spoil(proved), 10.05)
+    assert refused.value.cause == cause
+
+
+@pytest.mark.parametrize('age', [0.2, 5.0, -0.2, -60.0, 1.7e9])
+def test_a_pose_that_is_too_old_or_from_the_future_is_no_news_of_the_gripper(proved, age):
+    after = proved.hearing(Heard(HERE, 10.04, age))
+    assert after.pose is HERE and after.heard is proved.heard
+    assert proved.hearing(Heard(HERE, 10.04, np.sign(age) * 0.05)).heard.pose is HERE
+
+
+def test_what_changes_the_scene_voids_the_plan_and_stops_what_runs(proved):
+    running = proved.started(10.0).ticked(10.0).ticked(10.02)
+    for after, cause, reason in (
+            (changed(running, bodies=BALL), Cause.OBSTACLES_CHANGED, 'a ball'),
+            (changed(running, rod__tip_mass=0.01), Cause.PARAMETERS_CHANGED, 'a limit'),
+            (changed(running, threading__linear_jerk=4.0), Cause.PARAMETERS_CHANGED, 'a limit'),
+            (changed(running, tool__position=[0.0, 0.0, 0.1]), Cause.PARAMETERS_CHANGED,
+             'a limit')):
+        assert (after.made, after.proof, after.void) == (None, None, reason)
+        assert after.execution.phase == 'stopping' and after.execution.cause == cause
+        assert after.detailed(cause, 'more').execution.reason == 'more'
+        assert after.detailed(Cause.SHUTDOWN, 'more') is after
+    for name, value in (('rod__name', 'w'), ('constraints__path__position', 0.5),
+                        ('threading__waypoints', 20), ('execute__start_angle', 0.2)):
+        kept = changed(running, **{name: value})
+        assert kept.made is running.made and kept.execution is running.execution
+
+
+def test_a_plan_that_was_not_finished_is_void(proved):
+    running = proved.started(10.0).ticked(10.0).ticked(10.02)
+    after = running.canceled()
+    assert after.made is None and after.void == 'canceled'
+    newer = replace(running, made=replace(running.made))  # planned while it runs
+    assert newer.canceled().made is newer.made
+    assert proved.canceled() is proved and proved.stopped(Cause.SHUTDOWN, 'end') is proved
+
+
+def test_a_plan_of_a_scene_that_is_gone_is_refused(proved):
+    with pytest.raises(Refused) as refused:
+        changed(proved, bodies=BALL).planned(proved.made)
+    assert refused.value.cause == Cause.SCENE_CHANGED
+    assert changed(proved, rod__name='w').planned(proved.made).made is proved.made
+    other = Proof(None)  # of another plan
+    assert proved.proved(other) is proved
+
+
+def test_nothing_is_lost_when_several_threads_change_it():
+    store = Store(State(scene(), VALUES))
+    numbers = range(500)
+
+    def count():
+        for _ in numbers:
+            store.change(State.reset)
+
+    threads = [threading.Thread(target=count) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert store.state.resets == 4 * len(numbers)
+
+
+def test_what_a_change_raises_leaves_the_state_as_it_is(proved):
+    store = Store(proved)
+    with pytest.raises(Refused):
+        store.change(lambda state: state.started(99.0))
+    assert store.state is proved
+    assert store.change(State.reset) is store.state  # the lock is free again
