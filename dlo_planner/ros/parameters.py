@@ -108,6 +108,7 @@ ENTRIES = {
                                       'obstacles and in the box, m.', 0.0, 10.0),
     'workspace.reach': Entry(1000.0, 'Farthest from the origin of frame_id that any pose may be, '
                              'm.', 1e-3, 1e6),
+    'markers.color': Entry('curvature', 'What the color of the DLO tells: curvature | yield.'),
     'execute.rate': Entry(50.0, 'Commands per second on gripper_command.', 1.0, 1000.0,
                           read_only=True),
     'execute.start_distance': Entry(0.02, 'How far from a plan\'s beginning the gripper may be to '

@@ -13,15 +13,16 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError
 from dlo_planner.ros.causes import Cause
-from dlo_planner.ros.drawing import Drawing
 from dlo_planner.ros.drive import Drive, described
 from dlo_planner.ros.executor import PatientExecutor
 from dlo_planner.ros.health import Health
 from dlo_planner.ros.live import LiveShapes
 from dlo_planner.ros.parameters import ENTRIES, declare
+from dlo_planner.ros.picture import Picture
 from dlo_planner.ros.proving import Prover
 from dlo_planner.ros.qos import LATCHED, REQUEST
 from dlo_planner.ros.reporter import Reporter
@@ -37,17 +38,18 @@ __all__ = ['LATCHED', 'REQUEST', 'PlannerNode', 'main']
 
 _THREADS = 8    # one for each callback group below, and the default one
 _ENDING = 2.0   # s in which a motion may come to rest when the node is told to end
+_PICTURE = 0.03  # s between pictures, if something has changed
 _LOOK = 0.05    # s between looks whether it has
 
 
 @dataclass(frozen=True)
 class Parts:
-    """What the parts of the node share: Store, Health, Reporter, Drawing."""
+    """What the parts of the node share: Store, Health, Reporter, Picture."""
 
     store: Store
     health: Health
     reporter: Reporter
-    drawing: Drawing
+    picture: Picture
 
 
 class PlannerNode(Node):
@@ -68,7 +70,8 @@ class PlannerNode(Node):
         # Timers stand still with a clock of simulated time that does; these must not.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         reporter = Reporter(self, store, self._health)
-        parts = Parts(store, self._health, reporter, Drawing(self))
+        picture = Picture(self.create_publisher(MarkerArray, '~/markers', LATCHED).publish)
+        parts = Parts(store, self._health, reporter, picture)
         scene, hearing, asking, planning, proving, moving, health = (
             MutuallyExclusiveCallbackGroup() for _ in range(_THREADS - 1))
         self._health_out = self.create_publisher(DiagnosticArray, '/diagnostics', REQUEST)
@@ -79,6 +82,8 @@ class PlannerNode(Node):
         self._drive = Drive(self, parts, self._planning, steady, moving)
         self.create_timer(values['diagnostics_period'], self._publish_health,
                           callback_group=health, clock=steady)
+        self.create_timer(_PICTURE, lambda: self._show(reporter, picture), callback_group=health,
+                          clock=steady)
 
     def _warm_up(self, scene):
         self.get_logger().info('loading the solver; the very first start compiles it (minutes)')
@@ -103,6 +108,10 @@ class PlannerNode(Node):
         self._prover.close()
         self._live.close()
         super().destroy_node()
+
+    def _show(self, reporter, picture):
+        with reporter.answering('markers', told=False):
+            picture.flush()
 
     def _publish_health(self):
         level, message, values = self._health.report()
