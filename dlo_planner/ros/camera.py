@@ -40,7 +40,7 @@ class Camera:
 
     def __init__(self, node, parts, group, set_parameters):
         self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
-        self._reporter, self._drawing, self._frames = parts.reporter, parts.drawing, parts.frames
+        self._reporter, self._picture, self._frames = parts.reporter, parts.picture, parts.frames
         self._set, self._lock = set_parameters, Lock()
         self._grippers = deque(maxlen=_REMEMBERED)  # (stamp, Pose of the tool frame)
         self._at = None, None, 0  # Scene, Observing of its DLO or None, State.resets
@@ -92,8 +92,8 @@ class Camera:
         if state.gripper is not None:
             shape, scene = estimate.shape(state.gripper), state.scene
             if shape.converged:
-                self._drawing.draw('estimate', estimate_markers(
-                    shape, scene.direct.rod.radius, points, scene.frame_id, stamp))
+                self._picture.show('estimate', lambda: (estimate_markers(
+                    shape, scene.direct.rod.radius, points, scene.frame_id, stamp),))
 
     def _observing_of(self, state):
         """Return the Observing of the DLO as it is stated; None where nothing is uncertain."""

@@ -11,6 +11,7 @@ from dlo_planner.ros.execution import Execution
 from dlo_planner.ros.qos import LATCHED, REQUEST
 from dlo_planner.ros.state import State
 from msg_helpers.diagnostics import OK, WARN, status_msg
+from msg_helpers.markers import command_markers
 from msg_helpers.poses import pose_stamped_msg
 
 _TOLD = 0.2      # s between messages on ~/execution
@@ -29,6 +30,7 @@ class Drive:
     def __init__(self, node, parts, planning, clock, group):
         self._node, self._store, self._planning = node, parts.store, planning
         self._reporter, self._health = parts.reporter, parts.health
+        self._picture = parts.picture
         self._stamp, self._told = None, -1.0  # of the request; when ~/execution was published
         self._finished = True  # whether its end was told
         self._command_out = node.create_publisher(PoseStamped, '~/gripper_command', REQUEST)
@@ -84,15 +86,21 @@ class Drive:
             before = self._store.state.execution
             execution = self._store.change(lambda state: state.ticked(monotonic())).execution
             if before.active and execution.command is not None:
-                self._command_out.publish(pose_stamped_msg(
-                    execution.command, execution.frame_id, self._node.get_clock().now().to_msg()))
+                self._send(execution.command, execution.frame_id)
             if execution.phase != before.phase or monotonic() - self._told >= _TOLD:
                 self._tell(execution)
             if not execution.active:
                 self._end(execution)
 
+    def _send(self, command, frame_id):
+        stamp, tool = self._node.get_clock().now().to_msg(), self._store.state.scene.tool
+        self._command_out.publish(pose_stamped_msg(command, frame_id, stamp))
+        self._picture.show('command', lambda: (command_markers(command.compose(tool), frame_id,
+                                                               stamp),))
+
     def _end(self, execution):
         self._finished = True
+        self._picture.show('command')
         if execution.cause == Cause.DONE:
             reason = f'executed: {execution.way.duration:.1f} s'
             self._reporter.info(reason)

@@ -13,9 +13,9 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.door import inside_of, pose_in
 from dlo_planner.ros.execution import Heard
+from dlo_planner.ros.picture import markers_of_shape
 from dlo_planner.ros.qos import LATCHED, LATEST
 from dlo_planner.ros.state import State
-from msg_helpers.markers import shape_markers
 from msg_helpers.paths import shape_path
 
 
@@ -53,7 +53,7 @@ class LiveShapes:
     def __init__(self, node, parts, hearing, asking, follows):
         self._follows = follows
         self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
-        self._reporter, self._drawing = parts.reporter, parts.drawing
+        self._reporter, self._picture = parts.reporter, parts.picture
         self._frames = parts.frames
         self._waiting, self._newest, self._closed = Condition(), None, False
         self._out = node.create_publisher(Path, '~/predicted_shape', LATCHED)
@@ -107,8 +107,8 @@ class LiveShapes:
         frame_id = before.scene.frame_id
         self._out.publish(shape_path(shape, frame_id, stamp))
         self._health.shape_done(shape, monotonic() - arrived)
-        self._drawing.draw('shape', shape_markers(shape, before.scene.direct.rod.radius, frame_id,
-                                                  stamp))
+        radius, color = before.scene.direct.rod.radius, before.scene.color
+        self._picture.show('shape', lambda: markers_of_shape(shape, radius, frame_id, stamp, color))
 
     def _on_predict_shape(self, request, response):
         stamp = request.start.header.stamp

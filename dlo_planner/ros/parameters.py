@@ -143,6 +143,7 @@ ENTRIES = {
     **{name: Entry(default, description) for name, (default, description) in ARM.items()},
     'autostart': Entry(True, 'Whether the node configures and activates itself, without a '
                        'lifecycle manager.', read_only=True),
+    'markers.color': Entry('curvature', 'What the color of the DLO tells: curvature | yield.'),
     'execute.rate': Entry(50.0, 'Commands per second on gripper_command.', 1.0, 1000.0,
                           read_only=True),
     'execute.start_distance': Entry(0.02, 'How far from a plan\'s beginning the gripper may be to '

@@ -14,11 +14,11 @@ from time import monotonic, sleep
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
+from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.ros.arm import ArmOutput
 from dlo_planner.ros.camera import Camera
 from dlo_planner.ros.causes import Cause
-from dlo_planner.ros.drawing import Drawing
 from dlo_planner.ros.drive import Drive, described
 from dlo_planner.ros.frames import frames_of
 from dlo_planner.ros.gate import Gate
@@ -26,6 +26,7 @@ from dlo_planner.ros.health import Health
 from dlo_planner.ros.live import LiveShapes
 from dlo_planner.ros.managed import ManagedNode
 from dlo_planner.ros.parameters import ENTRIES, as_declared, declare
+from dlo_planner.ros.picture import Picture
 from dlo_planner.ros.proving import Prover
 from dlo_planner.ros.qos import LATCHED, REQUEST
 from dlo_planner.ros.reporter import Reporter
@@ -39,20 +40,21 @@ from msg_helpers.diagnostics import WARN, diagnostics_msg, status_msg
 
 __all__ = ['LATCHED', 'REQUEST', 'THREADS', 'PlannerNode']
 
-THREADS = 11    # one for each callback group: below, of transitions, of tf, and the default one
-_GROUPS = 7
+THREADS = 12    # one for each callback group: below, of transitions, of tf, and the default one
+_GROUPS = 8
 _ENDING = 2.0   # s in which a motion may come to rest when the node is told to end
+_PICTURE = 0.03  # s between pictures, if something has changed
 _LOOK = 0.02    # s between looks whether it has
 
 
 @dataclass(frozen=True)
 class Parts:
-    """What the parts of the node share: Store, Health, Reporter, Drawing, Frames."""
+    """What the parts of the node share: Store, Health, Reporter, Picture, Frames."""
 
     store: Store
     health: Health
     reporter: Reporter
-    drawing: Drawing
+    picture: Picture
     frames: object
 
 
@@ -106,8 +108,9 @@ class PlannerNode(ManagedNode):
         values = self._values()
         store = Store(State(build_scene(values), values))
         gate, health = Gate(self), Health()
-        parts = Parts(store, health, Reporter(gate, store, health), Drawing(gate), frames_of(self))
-        scene, seeing, hearing, asking, planning, proving, moving = (
+        picture = Picture(gate.create_publisher(MarkerArray, '~/markers', LATCHED).publish)
+        parts = Parts(store, health, Reporter(gate, store, health), picture, frames_of(self))
+        scene, seeing, hearing, asking, planning, proving, moving, drawing = (
             MutuallyExclusiveCallbackGroup() for _ in range(_GROUPS))
         self._surroundings = Surroundings(gate, parts, scene)
         self._camera = Camera(gate, parts, seeing, self.set_parameters)
@@ -117,6 +120,8 @@ class PlannerNode(ManagedNode):
         arm.subscribe(hearing)
         self._verification = Verification(gate, parts, self._prover, arm, self._steady, proving)
         self._drive = Drive(gate, parts, self._planning, self._steady, moving)
+        gate.create_timer(_PICTURE, self._show_picture, clock=self._steady,
+                          callback_group=drawing)
         self._gate, self._parts = gate, parts
 
     def activate(self):
@@ -124,7 +129,6 @@ class PlannerNode(ManagedNode):
         self._planning.allow()
         self._gate.open()
         self._drive.announce()
-        self._parts.drawing.again()
         scene = self._parts.store.state.scene
         self.get_logger().info(f'ready: {scene.name}, {scene.direct.rod.length:g} m')
 
@@ -156,6 +160,10 @@ class PlannerNode(ManagedNode):
         self._prover.close()
         self.clean_up()
         super().destroy_node()
+
+    def _show_picture(self):
+        with self._parts.reporter.answering('markers', told=False):
+            self._parts.picture.flush()
 
     # ---- diagnostics ----------------------------------------------------------------------------
 

@@ -11,10 +11,10 @@ from std_srvs.srv import Trigger
 from dlo_planner.progress import interrupted_by
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.door import goals_in, pose_in
+from dlo_planner.ros.picture import markers_of_plan
 from dlo_planner.ros.planning import Made, make_plan
 from dlo_planner.ros.proof import Proof
 from dlo_planner.ros.qos import LATCHED, REQUEST
-from msg_helpers.markers import plan_markers
 from msg_helpers.paths import plan_path
 
 
@@ -54,7 +54,7 @@ class Planning:
 
     def __init__(self, node, parts, group):
         self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
-        self._reporter, self._drawing = parts.reporter, parts.drawing
+        self._reporter, self._picture = parts.reporter, parts.picture
         self._frames = parts.frames
         self._lock, self._run, self._ended = Lock(), None, ''
         self._out = node.create_publisher(Path, '~/gripper_trajectory', LATCHED)
@@ -151,7 +151,8 @@ class Planning:
         path = plan_path([pose.compose(back) for pose in plan.grippers], plan.times,
                          scene.frame_id, stamp)
         self._out.publish(path)
-        self._drawing.draw('plan', plan_markers(cutouts, plan.grippers, scene.frame_id, stamp))
+        self._picture.show('plan', lambda: markers_of_plan(plan, cutouts, scene.direct.rod.radius,
+                                                           scene.frame_id, stamp))
         self._health.plan_proved(Proof(plan))  # what was said of the plan before is over
         self._health.plan_done(plan, seconds, stamp)
         outcome.message = f'{len(plan)} gripper poses'

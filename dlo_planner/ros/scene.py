@@ -13,11 +13,12 @@ from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tolerance import Spread
 from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.along import Expanded
-from dlo_planner.model.checks import vector
+from dlo_planner.model.checks import choice, vector
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.ros.execution import Guards
 from dlo_planner.ros.observing import Seeing
+from dlo_planner.view.colors import COLORINGS
 
 SECTIONS = ('round', 'tube', 'rectangular', 'stiffness')
 _MOST_TOLERANCE = 1.0  # m
@@ -51,6 +52,7 @@ class Scene:
     period: float
     guards: Guards
     seeing: Seeing
+    color: str
 
     @cached_property
     def solid(self) -> Workspace:
@@ -100,11 +102,13 @@ def build_scene(values, obstacles=()):
                  values['cutouts.radius'] or None,
                  values['execute.start_distance'], values['execute.start_angle'],
                  values['threading.planning_deadline'], values['workspace.reach'],
-                 1 / values['execute.rate'], _guards(values), _seeing(values))
+                 1 / values['execute.rate'], _guards(values), _seeing(values),
+                 values['markers.color'])
 
 
 def _judge(values):
     """Refuse sizes that no DLO in a cell has; what else makes no sense the library refuses."""
+    choice('parameter markers.color', values['markers.color'], COLORINGS)
     accuracy, reach = values['simulator.accuracy'], values['workspace.reach']
     finest = _FINEST * values['rod.length']
     if 0 < accuracy < finest:

@@ -34,7 +34,7 @@ class Surroundings:
 
     def __init__(self, node, parts, group):
         self._node, self._store, self._health = node, parts.store, parts.health
-        self._reporter, self._drawing = parts.reporter, parts.drawing
+        self._reporter, self._picture = parts.reporter, parts.picture
         self._frames = parts.frames
         node.add_on_set_parameters_callback(self._judge)
         node.add_post_set_parameters_callback(self._apply)
@@ -78,9 +78,9 @@ class Surroundings:
             scene = build_scene(before.values, tuple(bodies.values()))
             reason = f'obstacles changed ({listed(changed)})'
             self._change(scene, Cause.OBSTACLES_CHANGED, reason, bodies=bodies)
-            self._drawing.draw('obstacles', obstacle_markers(
-                tuple(bodies.values()), len(before.bodies), scene.frame_id,
-                self._node.get_clock().now().to_msg()))
+            stamp = self._node.get_clock().now().to_msg()
+            self._picture.show('obstacles', lambda: (obstacle_markers(
+                tuple(bodies.values()), 0, scene.frame_id, stamp),))
         if before.executing:  # it stops already: what is said of it now does not delay that
             said = in_the_way(before, {key: bodies[key] for key in changed if key in bodies})
             self._store.change(lambda now: now.detailed(Cause.OBSTACLES_CHANGED,
