@@ -112,7 +112,7 @@ class PlannerNode(ManagedNode):
         self._planning = Planning(gate, parts, planning)
         self._verification = Verification(gate, parts, self._prover, self._steady, proving)
         self._drive = Drive(gate, parts, self._planning, self._steady, moving)
-        self._gate, self._parts = gate, parts
+        self._gate, self._parts, self._store, self._health = gate, parts, store, health
 
     def activate(self):
         """Answer, and hear the gripper."""
