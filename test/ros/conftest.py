@@ -5,7 +5,7 @@ import time
 
 import pytest
 from domain_coordinator import domain_id
-from node_inside import Alive, served_node
+from node_inside import Alive, clear, served_node, state
 from planner_process import ROOT, connected_client, drain, running_planner
 
 
@@ -50,8 +50,10 @@ def _connected(node):
 
 
 @pytest.fixture
-def inside(_connected):
+def inside(_connected, node):
     """Yield a client of `node`; what was asked for before is answered and forgotten."""
+    if state(node).bodies:
+        clear(_connected, node)
     time.sleep(0.05)
     for messages in (_connected.statuses, _connected.executions, _connected.commands,
                      _connected.diagnostics):

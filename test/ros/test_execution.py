@@ -84,6 +84,13 @@ def test_ticks_that_are_late_now_and_then_do_not_slow_the_motion_down():
     assert largest_step(places) <= 1.2 * REGULAR
 
 
+def test_what_was_lost_is_not_made_up_for():
+    # 0.4 s late once, and from then on two ticks a period: one of them catches up, no more
+    times = np.concatenate([np.arange(100) * PERIOD, 2.4 + np.arange(100) * PERIOD / 2])
+    execution = run(begun(), times)[0]
+    assert execution.done <= 99 * PERIOD + 2 * PERIOD + times[-1] - 2.4 + 1e-9
+
+
 FAULTS = {'stopped for 4 s': 4.0, 'loaded machine': 0.3}
 
 

@@ -79,9 +79,9 @@ def test_obstacles_are_called_by_their_names(inside, node):
     inside.send_obstacles([box(8), box(3, namespace='table')])
     assert until(lambda: len(state(node).bodies) == 2)
     where = pose_msg(HERE)
-    inside = box(5, size=0.5)
-    inside.pose = where
-    inside.send_obstacles([inside])
+    around = box(5, size=0.5)
+    around.pose = where
+    inside.send_obstacles([around])
     assert until(lambda: len(state(node).bodies) == 3)
     assert inside.predict_shape(HERE)[0].poses == []
     code, message, _ = inside.status_of('predict_shape')
