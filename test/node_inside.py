@@ -56,7 +56,7 @@ class Alive:
 
 def state(node):
     """Return what the node knows."""
-    return node._parts.store.state
+    return node._store.state
 
 
 def until(wanted, timeout=10.0):

@@ -122,7 +122,7 @@ class PlannerNode(ManagedNode):
         self._drive = Drive(gate, parts, self._planning, self._steady, moving)
         gate.create_timer(_PICTURE, self._show_picture, clock=self._steady,
                           callback_group=drawing)
-        self._gate, self._parts = gate, parts
+        self._gate, self._parts, self._store, self._health = gate, parts, store, health
 
     def activate(self):
         """Answer, and hear the gripper."""

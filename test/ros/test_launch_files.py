@@ -14,7 +14,7 @@ FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
 # Of launch and launch_ros 3.4.3; name -> module
 ALLOWED = {
     'LaunchDescription': 'launch', 'DeclareLaunchArgument': 'launch.actions',
-    'EmitEvent': 'launch.actions', 'RegisterEventHandler': 'launch.actions',
+    'IfCondition': 'launch.conditions', 'EmitEvent': 'launch.actions', 'RegisterEventHandler': 'launch.actions',
     'OnProcessExit': 'launch.event_handlers', 'Shutdown': 'launch.events',
     'LaunchConfiguration': 'launch.substitutions', 'Node': 'launch_ros.actions',
     'ParameterFile': 'launch_ros.parameter_descriptions',
@@ -93,6 +93,10 @@ def test_every_value_is_one_that_the_first_jazzy_takes(description):
             if isinstance(value, list) and any(isinstance(one, Recorded) for one in value):
                 for one in of_kind(value, 'ParameterFile'):
                     substitutions(one.positional[0])
+            elif isinstance(value, list) and any(isinstance(one, dict) for one in value):
+                for one in value:  # parameters by name
+                    for content in one.values():
+                        substitutions([content])
             elif isinstance(value, str | LaunchConfiguration | list):
                 substitutions(value)
 
