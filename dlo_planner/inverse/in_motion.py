@@ -7,8 +7,8 @@ import numpy as np
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import clearance, room_in
 from dlo_planner.inverse.continuity import apart
-from dlo_planner.inverse.inserted import Feed, held_after, pushed
-from dlo_planner.inverse.passing import worst_miss
+from dlo_planner.inverse.inserted import Feed, pushed
+from dlo_planner.inverse.passing import held_after, worst_miss
 from dlo_planner.inverse.periods import slowest_period
 from dlo_planner.model.checks import figure, flag
 from dlo_planner.model.surface import Surface
@@ -85,10 +85,11 @@ def in_motion(simulator, plan, way, first, obstacles, progress):
     times = np.linspace(0, way.duration + period, _instants(way.duration + period, period))
     grippers, done = way.at(times)[0], way.progress(times)
     seen = _seen(simulator, plan, grippers, done, times[1], first, progress)
-    passed, watched = any(plan.passes), bool(plan.sheets or obstacles)
+    obstacles = watched(simulator, plan, obstacles)
+    passed, anything = any(plan.passes), bool(plan.sheets or obstacles)
     if seen is None:
         return InMotion(False, np.inf if passed else np.nan, np.inf, np.inf if passed else np.nan,
-                        np.inf, -np.inf if watched else np.nan, np.inf, way.duration, times[1])
+                        np.inf, -np.inf if anything else np.nan, np.inf, way.duration, times[1])
     miss, swing = seen.miss, seen.swing
     return InMotion(
         True, miss.max() if passed else np.nan, swing.max(),
@@ -148,6 +149,14 @@ def _freely(simulator, plan, grippers, done, dt, first, progress):
     force = max((contact.force for shape in motion.shapes for contact in shape.contacts),
                 default=0.0)
     return _Seen(motion.shapes, miss, swing, force), motion
+
+
+def watched(simulator, plan, obstacles):
+    """Return the obstacles (tuple) whose clearance is wanted: those given, and of an insertion all.
+
+    What is outside of a bore is simulated without contacts.
+    """
+    return obstacles if held_after(plan) is None else (*obstacles, *simulator.obstacles)
 
 
 def _instants(duration, period):

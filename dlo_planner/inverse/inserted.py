@@ -31,7 +31,7 @@ from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
 
 _ELEMENTS, _FEWEST = 64, 24  # of the whole DLO, of what is left of it
-_PIECE = 0.01      # of the length, by which the DLO goes in before it is cut anew
+_PIECE = 0.01
 _TAKEN_OVER = 0.1  # of a weight, by which the mouth takes it over before
 _SAME = 1e-12      # of the length
 _LONGEST = 50      # instants of a piece
@@ -58,14 +58,18 @@ class Feed:
 
     @classmethod
     def of(cls, simulator: DirectSimulator, plan: Plan) -> 'Feed':
-        """Return that of a Plan which `held_after` knows."""
+        """Return that of a Plan in which a bore holds the DLO."""
         held = [shape.far_end is not None for shape in plan.shapes]
         mouth = plan.shapes[held.index(True)].far_end.pose
-        gravity = simulator.gravity
-        up = -gravity / (np.linalg.norm(gravity) or 1.0)
+        up = _up(simulator.gravity)
         borne = np.array([shape.far_wrench[:3] @ up if inside else 0.0
                           for shape, inside in zip(plan.shapes, held, strict=True)])
         return cls(simulator.elastic().without_obstacles(), mouth, plan.times, plan.depths, borne)
+
+    @property
+    def up(self):
+        """(3,) unit vector against gravity."""
+        return _up(self.simulator.gravity)
 
     def depth(self, u):
         """Return the depth in m at the plan's time u."""
@@ -89,9 +93,7 @@ class Feed:
         end = next((s for s, _ in rod.point_masses if abs(s - end) <= _SAME * rod.length), end)
         part = before(rod, end)
         mass = _mass_beyond(rod, end)
-        gravity = around.gravity
-        up = -gravity / (np.linalg.norm(gravity) or 1.0)
-        loads = (PointLoad(lifted * up - mass * gravity),)
+        loads = (PointLoad(lifted * self.up - mass * around.gravity),)
         part = replace(part, tip_mass=part.tip_mass + mass)
         around = replace(around, rod=part, point_loads=loads)
         size = rod.length / _ELEMENTS
@@ -114,6 +116,10 @@ class Feed:
                                   self.mouth.rotation @ half @ half)
 
 
+def _up(gravity):
+    return -gravity / (np.linalg.norm(gravity) or 1.0)
+
+
 @dataclass(frozen=True)
 class Outside:
     """What is outside of the bore at n instants, up to where the motion could be simulated.
@@ -130,12 +136,6 @@ class Outside:
     converged: bool
 
 
-def held_after(plan: Plan) -> int | None:
-    """Return the index of the waypoint after which a bore holds the DLO of a Plan; None: none."""
-    held = [shape.far_end is not None for shape in plan.shapes]
-    return max(held.index(True) - 1, 0) if any(held) else None
-
-
 def pushed(feed: Feed, grippers, u, dt, start: Shape, velocity, progress) -> Outside:
     """Return what is Outside while the gripper goes through n Poses.
 
@@ -149,7 +149,8 @@ def pushed(feed: Feed, grippers, u, dt, start: Shape, velocity, progress) -> Out
     shapes, calm, forces, k, now = [start], [start], [0.0], 0, None
     while k < len(grippers) - 1:
         count = _instants(feed, u[k:])
-        mesh = feed.outside(feed.depth(u[k]), feed.lifted(u[k]))
+        lifted = feed.lifted(u[k])
+        mesh = feed.outside(feed.depth(u[k]), lifted)
         if now is None and velocity is None:
             start = calm[-1] = shapes[-1] = _at_rest(feed, mesh, grippers[0], start)
         stepper, begun = _begun(feed, mesh, _Later(guide, k), u[k:k + count + 1], start, velocity)
@@ -160,7 +161,7 @@ def pushed(feed: Feed, grippers, u, dt, start: Shape, velocity, progress) -> Out
                                    far_end=FarEnd(place, 'sleeve'))
             shapes.append(now.shape)
             calm.append(still)
-            forces.append(np.linalg.norm(now.shape.far_wrench[:3]))
+            forces.append(np.linalg.norm(now.shape.far_wrench[:3] + lifted * feed.up))
             solved = solved and still.converged
         if not solved:
             return Outside(shapes, calm, np.array(forces), False)
@@ -206,15 +207,23 @@ def _begun(feed, mesh, guide, u, start, velocity):
     """
     cut, velocity = _cut(start, velocity, mesh.s[-1])
     end = Pose.from_rotation(*cut.frame_at(float(cut.s[-1]))[::-1])
-    depths = [feed.depth(one) for one in u]
-    ends = [between(end, feed.held(mesh, depth - depths[0]), j / (len(u) - 1))
-            for j, depth in enumerate(depths)]
+    depths = np.array([feed.depth(one) for one in u])
+    shares = np.linspace(0, 1, len(u))
+    ends = [_aside(feed.held(mesh, way), feed.mouth, end, 1 - share**2 * (3 - 2 * share))
+            for way, share in zip(depths - depths[0], shares, strict=True)]
     dt = guide.guide.dt
     stepper = Stepper(mesh, Grips(guide, Guide(ends, dt, False), 'sleeve'), dt)
     first = first_shape(mesh, guide.at(0), FarEnd(end, 'sleeve'), cut, None)
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, cut.s, one) for one in velocity.T])
     return stepper, stepper.begin(first, velocity)
+
+
+def _aside(pose, one, other, part):
+    """Return a Pose that is displaced by a part of what leads from `one` to `other`."""
+    turn = other.rotation @ one.rotation.T
+    there = Pose.from_rotation(pose.position + other.position - one.position, turn @ pose.rotation)
+    return between(pose, there, part)
 
 
 def _cut(shape, velocity, end):

@@ -65,3 +65,14 @@ def holes_passed(plan, u):
         inside = (u >= times[0]) & (u <= times[-1])
         row[inside] = np.interp(u[inside], times, [s[k] for k in known])
     return out
+
+
+def held_after(plan):
+    """Return the index of the waypoint after which a bore holds the DLO of a Plan; None: none."""
+    held = [shape.far_end is not None for shape in plan.shapes]
+    return max(held.index(True) - 1, 0) if any(held) else None
+
+
+def means_to_touch(plan):
+    """Whether a Plan has contacts, or a bore that holds the DLO."""
+    return any(shape.contacts or shape.far_end is not None for shape in plan.shapes)

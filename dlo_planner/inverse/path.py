@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.passing import held_after
 from dlo_planner.model.checks import array
 from dlo_planner.model.value import Value, put
 
@@ -152,15 +153,18 @@ class GripperPath(Value):
     def of(cls, plan):
         """Return the path through the poses of a Plan, in its order.
 
-        The gripper stops at corners, and where a pose comes again later it stays.
+        The gripper stops at corners and where a bore takes the DLO; where a pose comes again later
+        it stays.
 
         Raises:
             InvalidTask: naming the argument: less than two poses, or no time between two
         """
         if len(plan) < 2:
             raise InvalidTask(f'plan has {len(plan)} poses: expected two or more')
+        bore = held_after(plan)
+        stops = plan.stops if bore is None else (*plan.stops, bore)
         return cls.through(plan.grippers, plan.times, max(shape.s[-1] for shape in plan.shapes),
-                           plan.stops)
+                           stops)
 
     @classmethod
     def through(cls, grippers, times, length, stops=()):

@@ -11,6 +11,7 @@ from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.continuity import apart
 from dlo_planner.inverse.in_motion import in_motion, least_clearance
 from dlo_planner.inverse.limits import Limits
+from dlo_planner.inverse.passing import means_to_touch
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.inverse.workspace import Workspace
@@ -110,7 +111,7 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
     Args:
         simulator: DirectSimulator, the planner's own or a better one
         plan: Plan; of an insertion, whose shapes are parts of the DLO, each is held at the mouth
-            as planned, and it is not run dynamically
+            as planned
         obstacles: whose clearance is wanted besides the cut-outs' with a size
         limits: Limits; a Trajectory is made within them, and looked at (None: none is)
         tolerance: m, with limits, of that Trajectory
@@ -122,8 +123,8 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
         deadline: s of computing after which DeadlineExceeded is raised; None: no limit
 
     Raises:
-        InvalidTask: an argument makes no sense, limits with an insertion, tolerance without
-            limits, or a motion of more than 20000 instants; the message names it
+        InvalidTask: an argument makes no sense, tolerance without limits, or a motion of more than
+            20000 instants; the message names it
         DeadlineExceeded: as asked for
 
     A motion that cannot be made calm is reported as it is within limits alone, and is not `safe`.
@@ -140,8 +141,6 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
         raise InvalidTask(f'tolerance = {shown(tolerance)}: expected limits with it, within which '
                           'the motion is made')
     whole = all(shape.s[-1] == simulator.rod.length for shape in plan.shapes)
-    if (limits is not None or trajectory is not None) and not whole:
-        raise InvalidTask('limits: expected None for an insertion; it is not run dynamically')
     steps = Progress(progress, deadline)
     if initial is None and plan.shapes[0].contacts:
         initial = plan.shapes[0]
@@ -169,7 +168,7 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
                     'dynamic_contact_force': motion.contact_force,
                     **{name: getattr(motion, name) for name in (
                         'swing', 'arrival', 'departure', 'duration', 'step')}}
-        figures['reason'] = _reason(figures, motion, any(shape.contacts for shape in plan.shapes))
+        figures['reason'] = _reason(figures, motion, means_to_touch(plan))
     return Report(**figures, not_looked_at=tuple(
         name for name in _MAY_BE_LEFT_OUT if np.isnan(figures.get(name, np.nan))))
 
