@@ -62,10 +62,12 @@ class InMotion(Value):
                 ('duration', 's')) if np.isfinite(getattr(self, name))))
 
     def worse(self, other: 'InMotion') -> 'InMotion':
-        """Return the worse of both figures, each by itself."""
-        least = {'converged', 'clearance'}
-        return InMotion(**{item.name: (min if item.name in least else max)(
-            getattr(self, item.name), getattr(other, item.name)) for item in fields(self)})
+        """Return the worse of both figures, each by itself; nan in one of them does not count."""
+        both = {item.name: (getattr(self, item.name), getattr(other, item.name))
+                for item in fields(self)}
+        worse = {name: float((np.fmin if name == 'clearance' else np.fmax)(*pair))
+                 for name, pair in both.items() if name != 'converged'}
+        return InMotion(converged=all(both['converged']), **worse)
 
 
 def in_motion(simulator, plan, way, first, obstacles, progress):

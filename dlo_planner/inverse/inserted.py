@@ -1,4 +1,4 @@
-"""The motion of a DLO that is pushed into a bore: what is outside of it becomes shorter and shorter.
+"""The motion of a DLO that is pushed into a bore: what is outside of it gets shorter.
 
 The bore is tight and smooth. At the mouth the DLO keeps the mouth's direction and roll and slides
 along it freely. The walls carry the weight of what is inside, as the plan assumes; its inertia
@@ -227,7 +227,7 @@ def _aside(pose, one, other, part):
 
 
 def _cut(shape, velocity, end):
-    """Return a Shape, and the velocities (n, 3) of its nodes or None, up to the arc length `end`."""
+    """Return a Shape and the velocities (n, 3) of its nodes, or None, up to the arc length `end`."""
     end = float(min(end, shape.s[-1]))
     kept = shape.s < end * (1 - 1e-12)
     s = np.append(shape.s[kept], end)

@@ -55,8 +55,9 @@ class Plan(Value):
         depths: (n,) arc length that has gone through the cut-out, m
         grippers: n Pose
         shapes: n Shape, the DLO at each waypoint
-        misalignment: (n,) angle between DLO and normal at the cut-out, rad
-        miss: (n,) distance of the DLO from the cut-out's centre, m
+        misalignment: (n,) angle between DLO and normal at the cut-out, rad; of a contact against
+            the direction that was asked for
+        miss: (n,) distance of the DLO from the cut-out's centre, or that place, m
         times: (n,) seconds from the first waypoint, see `timing`
         passes: n tuples of (centre (3,), s, normal (3,) or None): which arc length should be where
         clearances: (n, k, 3) distances in m between the DLO's surface and the sheets around the k

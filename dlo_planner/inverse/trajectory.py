@@ -44,13 +44,14 @@ class Trajectory(TimedPath):
     Args:
         plan: Plan with two poses at least
         limits: Limits; None: the default ones
-        tolerance: m, by which the DLO in motion may miss the centres of its cut-outs, come nearer
-            to a rim or an obstacle than the plan says (or by a quarter of that room, if it is
-            more), or still vibrate when the gripper has stopped. None: a quarter of the least room
-            at the rims, 1 mm where no cut-out has a size. Infinite: the fastest motion within
-            limits, nothing is simulated.
+        tolerance: m, by which the DLO in motion may miss the centres of its cut-outs more than the
+            plan does, come nearer to a rim or an obstacle than the plan says (or by a quarter of
+            that room, if it is more), or still vibrate when the gripper has stopped; what is
+            outside of a bore may deviate by as much from its shape at rest. None: a quarter of the
+            least room at the rims, 1 mm where no cut-out has a size. Infinite: the fastest motion
+            within limits, nothing is simulated.
         simulator: DirectSimulator that verifies; None: one of the plan's shapes' DLO, with its
-            load, without obstacles
+            load, and with its obstacles if the plan touches them
         initial: Shape at the first pose, at rest; None: the plan's first
         obstacles: from which the DLO has to stay away in motion, besides the sheets of the plan
         progress, deadline: as for `InverseSimulator.thread`
@@ -192,7 +193,7 @@ class _Search:
         """Return the name of what uses most of the tolerance, and which part of it."""
         if not motion.converged:
             return 'motion', np.inf
-        used = {'miss': motion.miss / self._tolerance,
+        used = {'miss': self._missed(motion) / self._tolerance,
                 'departure': motion.departure / self._tolerance}
         if not np.isnan(motion.clearance):
             # far from everything more may be lost than where it is narrow
@@ -206,13 +207,17 @@ class _Search:
         return max(((name, part) for name, part in used.items() if not np.isnan(part)),
                    key=lambda one: one[1])
 
+    def _missed(self, motion):
+        """Return by how much a motion misses more than the plan, m; nan without a centre."""
+        return motion.miss - self._plan.miss.max()
+
     def _margin(self, way, motion):
         """Return by which part frequencies may be off until the miss is twice the tolerance."""
         known = [(task, law) for task, law in zip(self._tasks, way.laws, strict=True)
                  if task is not None]
         if not known:
             return np.nan
-        worst = max(motion.departure, np.nan_to_num(motion.miss))
+        worst = max(motion.departure, np.nan_to_num(self._missed(motion)))
         return min(margin(task, law, 2 * self._tolerance * max(
             1.0, predicted(task, law) / worst)) for task, law in known)
 
@@ -231,21 +236,26 @@ def _simulator(simulator, plan):
         raise InvalidTask('simulator = None: expected the DirectSimulator of the whole DLO for an '
                           f'insertion that begins {plan.depths[0]:g} m deep')
     if simulator is None:
-        return simulator_of(first)
+        return simulator_of(first, means_to_touch(plan))
     if abs(clamping('simulator', simulator).rod.length - length) > _SAME * length:
         raise InvalidTask(f'simulator: expected one of the plan\'s DLO, {length:g} m long, its rod '
                           f'has {simulator.rod.length:g} m')
     return simulator
 
 
-def simulator_of(shape):
-    """Return a DirectSimulator of the DLO that a Shape is of, with its load, without obstacles."""
+def simulator_of(shape, touching):
+    """Return a DirectSimulator of the DLO that a Shape is of, with its load.
+
+    Args:
+        touching: whether its obstacles are touched; else there are none
+    """
     if shape._discretisation is None:
         raise InvalidTask('simulator = None: expected a DirectSimulator, the shapes of this plan '
                           'do not know of theirs')
     around = shape._discretisation.surroundings
     return DirectSimulator(around.rod, gravity=around.gravity, load=around.load,
-                           point_loads=around.point_loads)
+                           point_loads=around.point_loads,
+                           obstacles=around.obstacles if touching else ())
 
 
 def _quick(simulator):
