@@ -227,7 +227,7 @@ def _aside(pose, one, other, part):
 
 
 def _cut(shape, velocity, end):
-    """Return a Shape and the velocities (n, 3) of its nodes, or None, up to the arc length `end`."""
+    """Return a Shape and the velocities (n, 3) of its nodes, or None, up to arc length `end`."""
     end = float(min(end, shape.s[-1]))
     kept = shape.s < end * (1 - 1e-12)
     s = np.append(shape.s[kept], end)

@@ -73,8 +73,8 @@ def test_refusals():
     inverse = over_bar(basis='local', n_elements=24)
     with pytest.raises(InvalidTask, match='way'):
         inverse.slide_contact(TOP, LENGTHS, way='curved')
-    with pytest.raises(Infeasible) as caught:  # it slips off the bar
-        inverse.slide_contact(TOP, [0.6, 0.99], way='straight')
+    with pytest.raises(Infeasible, match='on the straight way') as caught:  # it lifts off the bar
+        inverse.slide_contact(TOP, [0.7, 0.69, 0.3], way='straight', forces=[2e-3])
     error = caught.value
-    assert error.constraint in ('contact', 'continuity') and error.amount > 0
-    assert error.waypoint == 1 and len(error.plan) == 1
+    assert error.constraint == 'contact' and 0 < error.amount < 0.05
+    assert error.waypoint == 2 and len(error.plan) == 2
