@@ -48,6 +48,17 @@ def _distance(shape, centre, low, high):
     return best
 
 
+def first_centre(passes):
+    """Return the centre (3,) that a plan's waypoints pass first, None if none does."""
+    return next((one[0][0] for one in passes if one), None)
+
+
+def arc_lengths_at(centre, passes):
+    """Return (n,) the arc lengths in m at which a centre or None is passed, nan where it is not."""
+    return np.array([np.nan if s is None else s
+                     for s in (arc_length_at(centre, one) for one in passes)])
+
+
 def holes_passed(plan, u):
     """Return (k, n) arc lengths at which the k centres of a Plan are passed at parameters u (n,).
 
