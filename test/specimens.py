@@ -44,7 +44,7 @@ from dlo_planner import (
     fit_rod,
     minimise_penalty,
     replay,
-    tolerance,
+    robustness,
 )
 from dlo_planner.direct.sensitivity import Sensitivity
 
@@ -75,7 +75,7 @@ def values():
         Sheet.around(hole, 1.0, 1.0), FarEnd(LEVEL), simulator.simulate([LEVEL] * 3, 0.01),
         replay(simulator, plan), Limits(), Workspace((-9, -9, -9), keep_out=[floor]),
         shape.modes(2),
-        Spread(length=0.01), tolerance(simulator, plan, Spread(length=0.01), samples=2),
+        Spread(length=0.01), robustness(simulator, plan, Spread(length=0.01), samples=2),
         PositionAt(0.5, (0.4, 0, 1)), DirectionAt(0.5, (1, 0, 0)), GripperNear(LEVEL),
         Through((0.4, 0, 1)), AwayFrom((floor,), 0.1), BentAtMost(1.0),
         Observation(LEVEL, shape.positions[1:], shape.s[1:]), Trajectory(plan),

@@ -19,7 +19,7 @@ from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.observation import Observation
 from dlo_planner.inverse.observer import Observer
 from dlo_planner.inverse.plan import PlanStatus, first_part, joined
-from dlo_planner.inverse.tolerance import Spread
+from dlo_planner.inverse.robustness import Spread
 from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.model.pose import Pose
 
