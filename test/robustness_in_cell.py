@@ -60,8 +60,9 @@ def main(count, radii):
         passed = sum(one.threaded and not one.touched for one in outcomes)
         low, high = interval(passed, count)
         print(f'radius {radius:g} mm: predicted {predicted.success:.3f} (the motion misses by '
-              f'{1e3 * motion.motion.miss:.2f} mm); in the cell {passed} of {count}, {passed / count:.3f} ({low:.3f} to {high:.3f} '
-              f'with 95 %), {motion.duration:.1f} s each', flush=True)
+              f'{1e3 * motion.motion.miss:.2f} mm); in the cell {passed} of {count}, '
+              f'{passed / count:.3f} ({low:.3f} to {high:.3f} with 95 %), '
+              f'{motion.duration:.1f} s each', flush=True)
 
 
 if __name__ == '__main__':
