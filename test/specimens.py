@@ -114,7 +114,8 @@ def arguments():
         'Capsule.start': (1.0, 0.0, 0.0), 'cutout': hole,
         # simulators
         'at': 0.4, 'gripper': LEVEL, 'grippers': [LEVEL, LEVEL], 'dt': 0.01, 'shape': shape,
-        's': 0.5, 'Plan.at_arc_length.s': 0.9, 'Rod.masses_per_length.s': [0.1, 0.2], 'Rod.natural_strains.s': [0.1, 0.2],
+        's': 0.5, 'Plan.at_arc_length.s': 0.9,
+        'Rod.masses_per_length.s': [0.1, 0.2], 'Rod.natural_strains.s': [0.1, 0.2],
         'Rod.radii.s': [0.1, 0.2], 'Rod.stiffnesses.s': [0.1, 0.2], 'nodes': (),
         'Rod.mean_natural_strains.s': [0.0, 1.0], 'Rod.mean_stiffnesses.s': [0.0, 1.0],
         'Rod.node_masses.s': [0.0, 1.0], 'mass': 0.1, 'inertia': None, 'with_plug.centre': None,
