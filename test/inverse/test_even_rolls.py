@@ -26,7 +26,7 @@ def test_rolls_in_jerks_become_even():
     jerks = 0.1 * np.floor(np.linspace(0, 8, 41))
     found = list(even_rolls(TASK, depths, rolled(jerks)))
     steps = [np.diff(route.turned) for route in found]
-    for route, step in zip(found, steps, strict=True):
+    for route in found:
         assert route.turned.sum() == pytest.approx(jerks.sum())  # about the same way
         assert np.abs(route.turned - jerks).max() < 0.1
         assert route.roll(TASK, None, 0.1, 0.2) == pytest.approx(
