@@ -4,6 +4,7 @@ The names are those of `public`, which is imported with the first of them: it ta
 which a node that is only being started could not hear a signal.
 """
 
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -11,10 +12,17 @@ if TYPE_CHECKING:
     from dlo_planner.public import *  # noqa: F403
 
 
+_RENAMED = {'tolerance': 'robustness', 'Tolerance': 'Robustness'}  # gone after the next version
+
+
 def __getattr__(name: str):
     if name.startswith('__') and name != '__all__':
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     public = import_module('dlo_planner.public')
+    if name in _RENAMED:
+        warnings.warn(f'dlo_planner.{name} is now dlo_planner.{_RENAMED[name]}', DeprecationWarning,
+                      stacklevel=2)
+        return getattr(public, _RENAMED[name])
     if name != '__all__' and name not in public.__all__:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     globals()[name] = getattr(public, name)

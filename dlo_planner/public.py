@@ -33,11 +33,11 @@ from dlo_planner.inverse.penalties import (
 from dlo_planner.inverse.plan import Plan, PlanStatus, joined
 from dlo_planner.inverse.predicted_miss import PredictedMiss
 from dlo_planner.inverse.replay import Report, replay
+from dlo_planner.inverse.robustness import Robustness, Spread, robustness
 from dlo_planner.inverse.search import Found, minimise_penalty
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.stamped import gripper_at
 from dlo_planner.inverse.steering import Steered
-from dlo_planner.inverse.tolerance import Spread, Tolerance, tolerance
 from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.along import Piecewise
@@ -56,6 +56,6 @@ __all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact', 
            'InvalidRod', 'InvalidTask', 'InverseSimulator', 'Limits', 'Modes', 'Motion',
            'NotConverged', 'Observation', 'ObservedMotion', 'Observer', 'Phase', 'Piecewise',
            'Plan', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'PredictedMiss',
-           'Report', 'Rod', 'Section', 'Shape', 'Sheet', 'Sphere', 'Spread', 'Steered', 'Through',
-           'Tolerance', 'Trajectory', 'Workspace', 'correct', 'fit_rod', 'gripper_at', 'joined',
-           'minimise_penalty', 'modes_along', 'replay', 'tolerance', 'with_plug']
+           'Report', 'Robustness', 'Rod', 'Section', 'Shape', 'Sheet', 'Sphere', 'Spread',
+           'Steered', 'Through', 'Trajectory', 'Workspace', 'correct', 'fit_rod', 'gripper_at',
+           'joined', 'minimise_penalty', 'modes_along', 'replay', 'robustness', 'with_plug']

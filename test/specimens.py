@@ -46,7 +46,7 @@ from dlo_planner import (
     fit_rod,
     minimise_penalty,
     replay,
-    tolerance,
+    robustness,
 )
 from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
@@ -78,7 +78,7 @@ def values():
         Sheet.around(hole, 1.0, 1.0), FarEnd(LEVEL), simulator.simulate([LEVEL] * 3, 0.01),
         replay(simulator, plan), Limits(), Workspace((-9, -9, -9), keep_out=[floor]),
         shape.modes(2),
-        Spread(length=0.01), tolerance(simulator, plan, Spread(length=0.01), samples=2),
+        Spread(length=0.01), robustness(simulator, plan, Spread(length=0.01), samples=2),
         PositionAt(0.5, (0.4, 0, 1)), DirectionAt(0.5, (1, 0, 0)), GripperNear(LEVEL),
         Through((0.4, 0, 1)), AwayFrom((floor,), 0.1), BentAtMost(1.0),
         Observation(LEVEL, shape.positions[1:], shape.s[1:]), Trajectory(plan),
@@ -118,7 +118,8 @@ def arguments():
         'Capsule.start': (1.0, 0.0, 0.0), 'cutout': hole,
         # simulators
         'at': 0.4, 'gripper': LEVEL, 'grippers': [LEVEL, LEVEL], 'dt': 0.01, 'shape': shape,
-        's': 0.5, 'Rod.masses_per_length.s': [0.1, 0.2], 'Rod.natural_strains.s': [0.1, 0.2],
+        's': 0.5, 'Plan.at_arc_length.s': 0.9,
+        'Rod.masses_per_length.s': [0.1, 0.2], 'Rod.natural_strains.s': [0.1, 0.2],
         'Rod.radii.s': [0.1, 0.2], 'Rod.stiffnesses.s': [0.1, 0.2], 'nodes': (),
         'Rod.mean_natural_strains.s': [0.0, 1.0], 'Rod.mean_stiffnesses.s': [0.0, 1.0],
         'Rod.node_masses.s': [0.0, 1.0], 'mass': 0.1, 'inertia': None, 'with_plug.centre': None,
@@ -147,6 +148,7 @@ def arguments():
         'plan': known['Plan'], 'joined.one': known['Plan'],
         'joined.other': _back(known['Plan']), 'depths': DEPTHS,
         'contact': Pose((0.5, 0, 0.9), (0, 0, 0, 1)),
+        'way': 'straight',
         'lengths': [0.5], 'forces': [1.0], 'deadline': 2.0, 'penalties': known['PositionAt'],
         'target': (0.4, 0.0, 1.0), 'obstacles': (known['Sphere'],), 'distance': 0.1,
         'curvature': 1.0, 'sensitivity': Sensitivity(shape), 'max_iterations': 5,

@@ -22,9 +22,9 @@ from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.observation import Observation
 from dlo_planner.inverse.observer import Observer
 from dlo_planner.inverse.plan import PlanStatus, first_part, joined
+from dlo_planner.inverse.robustness import Spread
 from dlo_planner.inverse.stamped import gripper_at
 from dlo_planner.inverse.steering import Steered
-from dlo_planner.inverse.tolerance import Spread
 from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.model.pose import Pose
 

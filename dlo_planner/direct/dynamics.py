@@ -61,6 +61,16 @@ def simulate(stepper, start, velocity, instants, integrator, tolerance, progress
     return _motion(stepper, reached, tolerance, local, status, why, estimate)
 
 
+def run(stepper, first, instants, tolerance, progress):
+    """Return the Instants at 0, 1, 2 ... of a motion that goes on from `first`.
+
+    And whether all steps were solved; the last Instant is the one that was not.
+    """
+    plan = Recipe(instants, 'generalized_alpha', tolerance)
+    reached, _, _, status, _ = _run(stepper, first, plan, progress)
+    return reached, status == 'complete'
+
+
 def _run(stepper, first, plan, progress):
     """Return the Instants at 0, 1, 2 ..., the halvings of all steps, the sum of their local errors.
 

@@ -80,7 +80,7 @@ class Motion(Value):
                      '' if self.status == 'complete' else self.status)
 
     def save(self, path: str | PathLike) -> None:
-        """Write the motion as npz: everything but the rod and its surroundings.
+        """Write the motion as npz, or JSON (see `Plan.save`): all but rod and surroundings.
 
         The error estimate is written if it was read before; else it will be nan, not known.
         """

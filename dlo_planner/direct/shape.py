@@ -353,7 +353,7 @@ class Shape(Value):
                        _history=None if self._history is None else self._history.on(s))
 
     def save(self, path: str | PathLike) -> None:
-        """Write the shape as npz: everything but the rod and its surroundings."""
+        """Write the shape as npz, or JSON (see `Plan.save`): all but rod and surroundings."""
         save(path, pack(self))
 
     @classmethod

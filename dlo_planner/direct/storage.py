@@ -1,12 +1,14 @@
-"""Shapes and motions as npz files."""
+"""Shapes and motions as npz or JSON files."""
 
 from dataclasses import fields
 from os import PathLike
+from pathlib import Path
 
 import numpy as np
 
 from dlo_planner.direct.contacts import Contact
 from dlo_planner.direct.history import History
+from dlo_planner.direct.json_arrays import read_json, write_json
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import instance, shown
 from dlo_planner.model.far_end import FarEnd
@@ -73,37 +75,51 @@ def unpack(shape_class, stored, prefix=''):
 
 
 def save(path, arrays):
-    """Write a mapping of arrays as compressed npz.
+    """Write a mapping of arrays: as JSON where `path` ends with .json, else as compressed npz.
+
+    Both keep every number exactly.
 
     Raises:
         InvalidTask: nothing can be written there
     """
     instance('path', path, (str, PathLike))
     try:
-        np.savez_compressed(path, format=_FORMAT, **arrays)
+        if _is_json(path):
+            write_json(path, {'format': np.asarray(_FORMAT), **arrays})
+        else:
+            np.savez_compressed(path, format=_FORMAT, **arrays)
     except (OSError, ValueError) as error:
         raise InvalidTask(f'path = {shown(str(path))}: expected a file to write, '
                           f'{error}') from None
 
 
 def load(path, read):
-    """Return what `read` makes of the mapping of arrays in an npz file written by `save`.
+    """Return what `read` makes of the mapping of arrays in a file written by `save`.
 
     Raises:
-        InvalidTask: not such a file
+        InvalidTask: not such a file; the message names it
     """
     instance('path', path, (str, PathLike))
+    kind = 'a JSON' if _is_json(path) else 'an npz'
     try:
-        with np.load(path) as stored:
-            arrays = dict(stored)
-        known = int(arrays.pop('format', -1)) == _FORMAT
+        arrays = read_json(path) if _is_json(path) else _read_npz(path)
+        known = int(arrays.pop('format', -1))
     except Exception as error:  # whatever another file makes of the reader
-        raise InvalidTask(f'path = {shown(str(path))}: expected an npz file, {error}') from None
-    if not known:
+        raise InvalidTask(f'path = {shown(str(path))}: expected {kind} file, {error}') from None
+    if known != _FORMAT:
         raise InvalidTask(f'path = {shown(str(path))}: expected a file saved by this package, '
-                          f'format {_FORMAT}')
+                          f'format {_FORMAT}, it has {known if known >= 0 else "none"}')
     try:
         return read(arrays)
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+    except Exception as error:  # the same
         raise InvalidTask(f'path = {shown(str(path))}: expected another kind of file, or it is '
                           f'damaged: {error}') from None
+
+
+def _is_json(path):
+    return Path(path).suffix.lower() == '.json'
+
+
+def _read_npz(path):
+    with np.load(path) as stored:
+        return dict(stored)

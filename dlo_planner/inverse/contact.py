@@ -54,8 +54,7 @@ def slide_contact(simulator, contact, lengths, forces, condition, start, brief):
         before, task = (task, force), Contacting.at(simulator, contact, s, brief)
         parts = task.parts(forces, draft)
         if not draft.waypoints:
-            how = 'least_energy' if condition == 'least_motion' and start is None else condition
-            force, shape = _chosen(task, parts, how, start, draft)
+            force, shape = first_choice(task, parts, condition, start, draft)
         else:
             force, shape = _continued(task, parts, condition, before, draft)
         draft.add(task.waypoint(shape))
@@ -83,6 +82,12 @@ def _minima_of(task, parts, condition, start):
     """Return [(cost, force)], best first, of the local minima in all `parts`."""
     cost = _cost_of(task, condition, start)
     return sorted(found for part in parts for found in minima(cost, task.merit, part))
+
+
+def first_choice(task, parts, condition, start, draft):
+    """Return force and confirmed Shape with which a slide begins; raise Infeasible."""
+    how = 'least_energy' if condition == 'least_motion' and start is None else condition
+    return _chosen(task, parts, how, start, draft)
 
 
 def _chosen(task, parts, condition, start, draft):

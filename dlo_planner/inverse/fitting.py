@@ -18,7 +18,7 @@ from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.inverse.likelihood import LOSSES, Errors
 from dlo_planner.inverse.observation import Observation, ObservedMotion
 from dlo_planner.inverse.observed import Observed
-from dlo_planner.inverse.tolerance import Spread
+from dlo_planner.inverse.robustness import Spread
 from dlo_planner.inverse.unknowns import Unknowns
 from dlo_planner.model.checks import choice, figure, flag, instance, items, number, results
 from dlo_planner.model.pose import Pose

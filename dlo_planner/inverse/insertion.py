@@ -19,6 +19,7 @@ import numpy as np
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.beginnings import beginnings, with_free_end
+from dlo_planner.inverse.clearance import sheet_of
 from dlo_planner.inverse.continuity import gripper_motion, refusal_for_leap
 from dlo_planner.inverse.draft import Draft
 from dlo_planner.inverse.marching import hanging
@@ -58,6 +59,7 @@ class _Insertion:
     def __init__(self, simulator, bore, end, brief):
         self.simulator, self.bore, self.brief = simulator, bore, brief
         self.end = np.array(end, order='C')
+        self.sheet = sheet_of(bore, simulator.rod.length, brief.obstacles)
 
     def plan(self, depths):
         """Return the Plan; raise Infeasible."""
@@ -69,7 +71,8 @@ class _Insertion:
             if index:
                 shape = self._shape(stop, draft, stops[index - 1][0])
                 self._check_step(stops[index - 1], stop, shape, draft)
-            draft.add(waypoint_at(shape, self.bore.centre, shape.s[-1], self.bore.normal))
+            waypoint = waypoint_at(shape, self.bore.centre, shape.s[-1], self.bore.normal)
+            draft.add(waypoint.inside([self.bore], [self.sheet], self.brief.surface))
         return draft.finished()
 
     def _stops(self, depths):

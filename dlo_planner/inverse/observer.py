@@ -14,8 +14,8 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.estimate import Estimate
 from dlo_planner.inverse.observation import Observation
+from dlo_planner.inverse.robustness import Spread
 from dlo_planner.inverse.smoothing import Search, symmetric
-from dlo_planner.inverse.tolerance import Spread
 from dlo_planner.inverse.uncertain import Uncertain
 from dlo_planner.model.checks import instance, integer, number, vector
 from dlo_planner.model.rod import Rod

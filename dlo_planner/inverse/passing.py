@@ -48,6 +48,17 @@ def _distance(shape, centre, low, high):
     return best
 
 
+def first_centre(passes):
+    """Return the centre (3,) that a plan's waypoints pass first, None if none does."""
+    return next((one[0][0] for one in passes if one), None)
+
+
+def arc_lengths_at(centre, passes):
+    """Return (n,) the arc lengths in m at which a centre or None is passed, nan where it is not."""
+    return np.array([np.nan if s is None else s
+                     for s in (arc_length_at(centre, one) for one in passes)])
+
+
 def holes_passed(plan, u):
     """Return (k, n) arc lengths at which the k centres of a Plan are passed at parameters u (n,).
 
@@ -65,3 +76,14 @@ def holes_passed(plan, u):
         inside = (u >= times[0]) & (u <= times[-1])
         row[inside] = np.interp(u[inside], times, [s[k] for k in known])
     return out
+
+
+def held_after(plan):
+    """Return the index of the waypoint after which a bore holds the DLO of a Plan; None: none."""
+    held = [shape.far_end is not None for shape in plan.shapes]
+    return max(held.index(True) - 1, 0) if any(held) else None
+
+
+def means_to_touch(plan):
+    """Whether a Plan has contacts, or a bore that holds the DLO."""
+    return any(shape.contacts or shape.far_end is not None for shape in plan.shapes)

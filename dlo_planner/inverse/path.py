@@ -11,7 +11,9 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.passing import held_after
 from dlo_planner.model.checks import array
+from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
 
 _CORNER = 0.5     # cosine between directions: a sharper turn is a corner
@@ -152,15 +154,18 @@ class GripperPath(Value):
     def of(cls, plan):
         """Return the path through the poses of a Plan, in its order.
 
-        The gripper stops at corners, and where a pose comes again later it stays.
+        The gripper stops at corners and where a bore takes the DLO; where a pose comes again later
+        it stays.
 
         Raises:
             InvalidTask: naming the argument: less than two poses, or no time between two
         """
         if len(plan) < 2:
             raise InvalidTask(f'plan has {len(plan)} poses: expected two or more')
+        bore = held_after(plan)
+        stops = plan.stops if bore is None else (*plan.stops, bore)
         return cls.through(plan.grippers, plan.times, max(shape.s[-1] for shape in plan.shapes),
-                           plan.stops)
+                           stops)
 
     @classmethod
     def through(cls, grippers, times, length, stops=()):
@@ -207,6 +212,28 @@ class GripperPath(Value):
     def goal(self, u) -> int:
         """Return the index of the waypoint to which the gripper is going at the parameter u."""
         return int(np.clip(np.searchsorted(self.times, u, side='left'), 1, self.times.size - 1))
+
+
+def pose_at_arc_length(plan, known, s):
+    """Return the Pose on a Plan's path at which the arc length `s`, m, first passes a cut-out.
+
+    Args:
+        known: (n,) arc lengths that pass it at the waypoints, m, nan where none does
+
+    Raises:
+        InvalidTask: it does not pass between the waypoints
+    """
+    between = np.flatnonzero((known[1:] - s) * (known[:-1] - s) <= 0)
+    if not between.size:
+        passing = known[np.isfinite(known)]
+        raise InvalidTask(f's = {s:g}: expected an arc length that passes a cut-out, ' + (
+            f'{passing.min():g} to {passing.max():g} m' if passing.size > 1 else 'none does'))
+    one, other = between[0], between[0] + 1
+    step = known[other] - known[one]
+    share = (s - known[one]) / step if step else 0.0
+    u = plan.times[one] + share * (plan.times[other] - plan.times[one])
+    position, rotation = GripperPath.of(plan).at(u)
+    return Pose.from_rotation(position[0], rotation[0])
 
 
 def _ways(grippers, length):

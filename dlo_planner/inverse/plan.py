@@ -13,6 +13,8 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import room_in
+from dlo_planner.inverse.passing import arc_lengths_at, first_centre
+from dlo_planner.inverse.path import pose_at_arc_length
 from dlo_planner.inverse.plan_storage import plan_arrays, plan_contents
 from dlo_planner.inverse.timing import times_at_speed
 from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
@@ -55,8 +57,9 @@ class Plan(Value):
         depths: (n,) arc length that has gone through the cut-out, m
         grippers: n Pose
         shapes: n Shape, the DLO at each waypoint
-        misalignment: (n,) angle between DLO and normal at the cut-out, rad
-        miss: (n,) distance of the DLO from the cut-out's centre, m
+        misalignment: (n,) angle between DLO and normal at the cut-out, rad; of a contact against
+            the direction that was asked for
+        miss: (n,) distance of the DLO from the cut-out's centre, or that place, m
         times: (n,) seconds from the first waypoint, see `timing`
         passes: n tuples of (centre (3,), s, normal (3,) or None): which arc length should be where
         clearances: (n, k, 3) distances in m between the DLO's surface and the sheets around the k
@@ -122,7 +125,10 @@ class Plan(Value):
                         if np.isfinite(self.clearance).any() else ''] if n else []))
 
     def save(self, path: str | PathLike) -> None:
-        """Write the plan as npz: everything but the rods of its shapes, and what surrounds them."""
+        """Write the plan: everything but the rods of its shapes, and what surrounds them.
+
+        As JSON where `path` ends with .json, else as npz; both keep every number exactly.
+        """
         save(path, plan_arrays(self))
 
     @classmethod
@@ -130,7 +136,7 @@ class Plan(Value):
         """Return the Plan saved at `path`; its shapes know no rod, see `Shape.load`.
 
         Raises:
-            InvalidTask: not such a file
+            InvalidTask: not such a file; the message names it
         """
         return load(path, lambda arrays: cls(
             **plan_contents(arrays), status=PlanStatus(str(arrays['status']))))
@@ -145,6 +151,21 @@ class Plan(Value):
         """N lists of the DLO's distances from each centre that it should pass there, m."""
         return [[float(np.linalg.norm(shape.frame_at(s)[1] - centre)) for centre, s, _ in passes]
                 for shape, passes in zip(self.shapes, self.passes, strict=True)]
+
+    @property
+    def arc_lengths(self) -> np.ndarray:
+        """(n,) arc length that is to be in the first cut-out, or in contact, m; nan: none is."""
+        return arc_lengths_at(first_centre(self.passes), self.passes)
+
+    def at_arc_length(self, s: float) -> Pose:
+        """Return the Pose of the gripper at which the DLO passes the first cut-out at `s` in m.
+
+        On the path of its `Trajectory`, where it first does.
+
+        Raises:
+            InvalidTask: `s` does not pass it between the waypoints
+        """
+        return pose_at_arc_length(self, self.arc_lengths, number('s', s))
 
     @property
     def velocities(self) -> np.ndarray:

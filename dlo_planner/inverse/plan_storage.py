@@ -1,4 +1,4 @@
-"""Plans as npz files."""
+"""Plans as arrays for files."""
 
 import json
 

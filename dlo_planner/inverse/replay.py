@@ -9,8 +9,9 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.continuity import apart
-from dlo_planner.inverse.in_motion import in_motion, least_clearance
+from dlo_planner.inverse.in_motion import in_motion, least_clearance, watched
 from dlo_planner.inverse.limits import Limits
+from dlo_planner.inverse.passing import means_to_touch
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.inverse.workspace import Workspace
@@ -110,7 +111,7 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
     Args:
         simulator: DirectSimulator, the planner's own or a better one
         plan: Plan; of an insertion, whose shapes are parts of the DLO, each is held at the mouth
-            as planned, and it is not run dynamically
+            as planned
         obstacles: whose clearance is wanted besides the cut-outs' with a size
         limits: Limits; a Trajectory is made within them, and looked at (None: none is)
         tolerance: m, with limits, of that Trajectory
@@ -122,8 +123,8 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
         deadline: s of computing after which DeadlineExceeded is raised; None: no limit
 
     Raises:
-        InvalidTask: an argument makes no sense, limits with an insertion, tolerance without
-            limits, or a motion of more than 20000 instants; the message names it
+        InvalidTask: an argument makes no sense, tolerance without limits, or a motion of more than
+            20000 instants; the message names it
         DeadlineExceeded: as asked for
 
     A motion that cannot be made calm is reported as it is within limits alone, and is not `safe`.
@@ -140,8 +141,6 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
         raise InvalidTask(f'tolerance = {shown(tolerance)}: expected limits with it, within which '
                           'the motion is made')
     whole = all(shape.s[-1] == simulator.rod.length for shape in plan.shapes)
-    if (limits is not None or trajectory is not None) and not whole:
-        raise InvalidTask('limits: expected None for an insertion; it is not run dynamically')
     steps = Progress(progress, deadline)
     if initial is None and plan.shapes[0].contacts:
         initial = plan.shapes[0]
@@ -151,7 +150,8 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
     if workspace is not None:
         figures['workspace_margin'] = float(min(workspace.least_room(gripper)[1]
                                                 for gripper in plan.grippers))
-    if limits is not None and trajectory is None:
+    given = trajectory is not None
+    if limits is not None and not given:
         try:
             trajectory = Trajectory(plan, limits, tolerance=tolerance, simulator=simulator,
                                     initial=shapes[0], obstacles=obstacles, progress=steps.done,
@@ -161,21 +161,23 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
             trajectory = Trajectory(plan, limits, tolerance=np.inf)
     if trajectory is not None:
         motion = trajectory.motion
-        if motion is None:
-            motion = in_motion(simulator, plan, trajectory, shapes[0], obstacles, steps)
+        if motion is None or given and watched(simulator, plan, obstacles):
+            seen = in_motion(simulator, plan, trajectory, shapes[0], obstacles, steps)
+            motion = seen if motion is None else motion.worse(seen)  # it knew other obstacles
         figures |= {'trajectory': trajectory, 'tolerance': trajectory.tolerance,
                     'mode_margin': trajectory.mode_margin, 'dynamic_miss': motion.miss,
                     'dynamic_clearance': motion.clearance,
                     'dynamic_contact_force': motion.contact_force,
                     **{name: getattr(motion, name) for name in (
                         'swing', 'arrival', 'departure', 'duration', 'step')}}
-        figures['reason'] = _reason(figures, motion, any(shape.contacts for shape in plan.shapes))
+        figures['reason'] = _reason(figures, motion, plan)
     return Report(**figures, not_looked_at=tuple(
         name for name in _MAY_BE_LEFT_OUT if np.isnan(figures.get(name, np.nan))))
 
 
-def _reason(figures, motion, touching):
-    """Return why a motion must not be executed, '' if it may be."""
+def _reason(figures, motion, plan):
+    """Return why the motion of a Plan must not be executed, '' if it may be."""
+    missed = plan.miss.max()  # as planned: more than two cut-outs are not hit exactly
     if not figures['converged']:
         return 'the DLO does not follow the poses, even slowly'
     if not motion.converged:
@@ -186,11 +188,11 @@ def _reason(figures, motion, touching):
         return f'the gripper is {-figures["workspace_margin"]:.3g} m beyond its workspace'
     if motion.clearance < 0:
         return f'in motion the DLO is {-motion.clearance:.3g} m in the sheet or an obstacle'
-    if motion.contact_force > 0 and not touching:
+    if motion.contact_force > 0 and not means_to_touch(plan):
         return f'in motion the DLO touches something, with {motion.contact_force:.3g} N'
-    if motion.miss > figures['tolerance']:
+    if motion.miss > missed + figures['tolerance']:
         return (f'in motion the DLO misses by {motion.miss:.3g} m: expected at most '
-                f'{figures["tolerance"]:.3g} m')
+                f'{missed + figures["tolerance"]:.3g} m')
     if not np.isfinite(figures['tolerance']):
         return 'its trajectory has no tolerance, nothing was made calm'
     return ''

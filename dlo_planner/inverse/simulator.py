@@ -16,6 +16,7 @@ from dlo_planner.inverse.plan import Plan, Waypoint
 from dlo_planner.inverse.search import Found, minimise_penalty
 from dlo_planner.inverse.sequence import thread_sequence
 from dlo_planner.inverse.start_phase import start_phase
+from dlo_planner.inverse.straight import slide_straight
 from dlo_planner.inverse.threading import kept_before, thread
 from dlo_planner.inverse.two_cutouts import thread_two
 from dlo_planner.inverse.workspace import Workspace
@@ -344,9 +345,9 @@ class InverseSimulator(Value):
 
     def slide_contact(self, contact: Pose, lengths: ArrayLike, *, condition: str = 'least_motion',
                       forces: ArrayLike | None = None, start: Pose | None = None,
-                      linear_speed: float = 0.1, angular_speed: float = 0.5,
+                      way: str = 'aligned', linear_speed: float = 0.1, angular_speed: float = 0.5,
                       progress: OnProgress = None, deadline: float | None = None) -> Plan:
-        """Plan how to draw the DLO over an obstacle, its direction there kept (Fig. 15).
+        """Plan how to draw the DLO over an obstacle, its direction there kept (Fig. 15), or not.
 
         Args:
             lengths: (n,) arc lengths between gripper and contact, m, one after the other
@@ -354,6 +355,11 @@ class InverseSimulator(Value):
                 waypoint to the next, the first one has the least energy if there is no `start`.
                 The others choose the first waypoint; each further one is the local minimum of the
                 same that is nearest to the one before.
+            way: 'aligned': the DLO keeps its place and direction at the contact; 'straight': the
+                gripper keeps its orientation and goes straight from the first waypoint towards the
+                contact, or away from it (footnote 19 of the paper). The DLO then touches where and
+                as it comes to lie: `Plan.misalignment` is by how much its direction has drifted,
+                `Plan.miss` how far the place. `condition` and `forces` choose the first waypoint.
             linear_speed, angular_speed, progress, deadline: as for `thread`
 
         Returns:
@@ -363,14 +369,16 @@ class InverseSimulator(Value):
             InvalidTask: an argument makes no sense; the message names it
             Infeasible: as for `hold_contact`; or 'continuity': no admissible shapes lead from one
                 waypoint to the next, the amount is the gripper's leap (rad plus parts of the
-                length); carries the plan up to it
+                length); on a straight way how far the DLO falls, in m, or 'contact': how far the
+                arc length that touches is from the one asked for, in m; carries the plan up to it
         """
         lengths = row('lengths', lengths, most=_MOST, above=0, below=self.simulator.rod.length)
         choice('condition', condition, CONDITIONS)
+        slide = {'aligned': slide_contact, 'straight': slide_straight}[
+            choice('way', way, ('aligned', 'straight'))]
         forces = self._contact(contact, forces, condition, start)
-        return slide_contact(self.simulator, contact, lengths, forces, condition, start,
-                             self._brief(linear_speed, angular_speed, progress, deadline,
-                                         touching=True))
+        return slide(self.simulator, contact, lengths, forces, condition, start,
+                     self._brief(linear_speed, angular_speed, progress, deadline, touching=True))
 
     def check(self, plan: Plan, *, progress: OnProgress = None,
               deadline: float | None = None) -> Plan:

@@ -9,6 +9,7 @@ from dlo_planner.inverse.beginnings import beginnings, rolls_are_alike, with_fre
 from dlo_planner.inverse.clearance import sheet_of
 from dlo_planner.inverse.continuity import largest_turn
 from dlo_planner.inverse.draft import Brief, Draft
+from dlo_planner.inverse.even_rolls import EvenRolls, even_rolls
 from dlo_planner.inverse.following import follow, refusal_for_step
 from dlo_planner.inverse.hanging import hanging_shapes
 from dlo_planner.inverse.one_point import Aligned
@@ -21,6 +22,7 @@ from dlo_planner.model.pose import Pose, angle_between
 
 _ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
 _DOUBTFUL = 0.05    # stability below which another roll is looked for
+_AS_STABLE = 0.8    # of that, or of what there is: rolled evenly it may be less
 _FEW = 60           # waypoints at most where a way is only looked for
 _CURVES = 32        # depths at which a route is looked for
 _STARTS = 80, 24    # shapes looked at: set down in the natural shape, brought from an initial one
@@ -184,7 +186,7 @@ def _thread_from(simulator, asked, begin, route, method):
     task = Aligned(simulator, cutout.normal, method)
     alike = rolls_are_alike(simulator)
     guess, reference, depth = begin
-    here = task.from_guess(guess, depth, reference)
+    here, passings, jerks = task.from_guess(guess, depth, reference), [], False
     for wanted in asked.depths:
         brief.progress.check()
         found, reached, too_far = (None, depth, 0.0) if here is None else follow(
@@ -192,7 +194,8 @@ def _thread_from(simulator, asked, begin, route, method):
         before = here if draft.waypoints else None
         refusal = _refusal(simulator, draft, before, found, wanted, reached, too_far)
         doubtful = refusal is not None or found.shape.stability < _DOUBTFUL
-        if doubtful and draft.waypoints and not alike:
+        if doubtful and draft.waypoints and not alike and not isinstance(route, EvenRolls):
+            jerks = True
             found = _rolled(simulator, draft, task, here, depth, wanted,
                             found if refusal is None else None)
         elif refusal is not None:
@@ -200,9 +203,29 @@ def _thread_from(simulator, asked, begin, route, method):
         if found is None:
             raise refusal
         here, depth = found, wanted
+        passings.append(here)
         draft.add(waypoint_of(here.shape, cutout.centre, length - wanted, cutout.normal).inside(
             [cutout], [sheet], brief.surface))
-    return draft.finished()
+    plan = draft.finished()
+    return _evenly(simulator, asked, begin, method, plan, passings) if jerks else plan
+
+
+def _evenly(simulator, asked, begin, method, plan, passings):
+    """Return a Plan that rolls as a whole like `plan` but evenly; that one if none will do.
+
+    Args:
+        passings: n Passing of its waypoints
+    """
+    silent = replace(asked, brief=asked.brief.silent())
+    for route in even_rolls(Aligned(simulator, asked.cutout.normal, method), asked.depths,
+                            passings):
+        try:
+            even = _thread_from(simulator, silent, begin, route, method)
+        except Infeasible:
+            continue
+        if even.stability.min() >= _AS_STABLE * min(_DOUBTFUL, plan.stability.min()):
+            return even
+    return plan
 
 
 def _refusal(simulator, draft, before, found, wanted, reached, too_far):

@@ -9,10 +9,10 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.calm import LegTask, calm_law, margin, predicted
-from dlo_planner.inverse.in_motion import in_motion, least_clearance
+from dlo_planner.inverse.in_motion import in_motion, least_clearance, watched
 from dlo_planner.inverse.leg_response import Response
 from dlo_planner.inverse.limits import Limits
-from dlo_planner.inverse.passing import holes_passed
+from dlo_planner.inverse.passing import held_after, holes_passed, means_to_touch
 from dlo_planner.inverse.path import GripperPath
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.timed_path import TimedPath, fastest_law
@@ -28,6 +28,7 @@ _SLOWEST = 16.0     # times as long as the limits ask for: slower is no motion a
 _ROUNDS = 7         # of aiming lower
 _SPARE = 0.9        # part of the tolerance that is aimed at again
 _TOUCHED = 2.0      # times the tolerance: what a touch that is not planned counts as
+_SAME = 1e-9        # of the length
 _ELEMENTS = 32      # of the DLO whose modes are looked at
 
 
@@ -43,13 +44,14 @@ class Trajectory(TimedPath):
     Args:
         plan: Plan with two poses at least
         limits: Limits; None: the default ones
-        tolerance: m, by which the DLO in motion may miss the centres of its cut-outs, come nearer
-            to a rim or an obstacle than the plan says (or by a quarter of that room, if it is
-            more), or still vibrate when the gripper has stopped. None: a quarter of the least room
-            at the rims, 1 mm where no cut-out has a size. Infinite: the fastest motion within
-            limits, nothing is simulated.
+        tolerance: m, by which the DLO in motion may miss the centres of its cut-outs more than the
+            plan does, come nearer to a rim or an obstacle than the plan says (or by a quarter of
+            that room, if it is more), or still vibrate when the gripper has stopped; what is
+            outside of a bore may deviate by as much from its shape at rest. None: a quarter of the
+            least room at the rims, 1 mm where no cut-out has a size. Infinite: the fastest motion
+            within limits, nothing is simulated.
         simulator: DirectSimulator that verifies; None: one of the plan's shapes' DLO, with its
-            load, without obstacles
+            load, and with its obstacles if the plan touches them
         initial: Shape at the first pose, at rest; None: the plan's first
         obstacles: from which the DLO has to stay away in motion, besides the sheets of the plan
         progress, deadline: as for `InverseSimulator.thread`
@@ -110,14 +112,15 @@ class _Search:
 
     def __init__(self, plan, fastest, tolerance, simulator, first, obstacles, progress):
         self._plan, self._fastest, self._tolerance = plan, fastest, tolerance
-        self._obstacles, self._progress = obstacles, progress
+        self._obstacles, self._progress = watched(simulator, plan, obstacles), progress
+        self._bore = held_after(plan)
         rod = simulator.rod
         self._simulators = [simulator] + [simulator.with_rod(replace(rod, damping=0.0))] * any(
             rod.damping)
-        self._first = simulator.solve(first.gripper, first)
+        self._first = first if first.far_end is not None else simulator.solve(first.gripper, first)
         self._tasks = self._leg_tasks(simulator)
         # as planned, nan if there is nothing to be near to
-        self._room = least_clearance(plan, obstacles, Surface.of(rod), plan.shapes)
+        self._room = least_clearance(plan, self._obstacles, Surface.of(rod), plan.shapes)
 
     def found(self):
         """Return the TimedPath, its InMotion, and the part by which frequencies may be off."""
@@ -152,7 +155,7 @@ class _Search:
             self._progress.check()
             task = None
             try:
-                if not leg.still:
+                if not leg.still and not self._in_bore(leg):
                     shape = shape or quick.solve(self._first.gripper, self._first)
                     response = Response.of(quick, leg, shape)
                     shape = response.shapes[-1]
@@ -162,6 +165,10 @@ class _Search:
                 return [None] * len(legs)
             tasks.append(task)
         return tasks
+
+    def _in_bore(self, leg):
+        """Whether a bore holds the DLO on a Leg: what is outside vibrates quickly, and little."""
+        return self._bore is not None and leg.knots[-1] > self._plan.times[self._bore]
 
     def _way(self, aim, slower):
         laws = []
@@ -186,7 +193,7 @@ class _Search:
         """Return the name of what uses most of the tolerance, and which part of it."""
         if not motion.converged:
             return 'motion', np.inf
-        used = {'miss': motion.miss / self._tolerance,
+        used = {'miss': self._missed(motion) / self._tolerance,
                 'departure': motion.departure / self._tolerance}
         if not np.isnan(motion.clearance):
             # far from everything more may be lost than where it is narrow; between two waypoints
@@ -196,10 +203,14 @@ class _Search:
             if motion.clearance <= 0:
                 used['clearance'] = np.fmax(used['clearance'],
                                             1 - motion.clearance / self._tolerance)
-        if motion.contact_force > 0 and not any(shape.contacts for shape in self._plan.shapes):
+        if motion.contact_force > 0 and not means_to_touch(self._plan):
             used['contact'] = _TOUCHED
         return max(((name, part) for name, part in used.items() if not np.isnan(part)),
                    key=lambda one: one[1])
+
+    def _missed(self, motion):
+        """Return by how much a motion misses more than the plan, m; nan without a centre."""
+        return motion.miss - self._plan.miss.max()
 
     def _margin(self, way, motion):
         """Return by which part frequencies may be off until the miss is twice the tolerance."""
@@ -207,31 +218,45 @@ class _Search:
                  if task is not None]
         if not known:
             return np.nan
-        worst = max(motion.departure, np.nan_to_num(motion.miss))
+        worst = max(motion.departure, np.nan_to_num(self._missed(motion)))
         return min(margin(task, law, 2 * self._tolerance * max(
             1.0, predicted(task, law) / worst)) for task, law in known)
 
 
 def _simulator(simulator, plan):
     """Return the DirectSimulator that verifies a Plan; raise InvalidTask if there is none."""
-    length = plan.shapes[0].s[-1]
-    if any(shape.parts is not None or abs(shape.s[-1] - length) > 1e-9 * length
-           for shape in plan.shapes):
-        raise InvalidTask('tolerance: expected infinity for an insertion, whose DLO is held at the '
-                          'mouth as well')
-    if simulator is not None:
-        return clamping('simulator', simulator)
-    return simulator_of(plan.shapes[0])
+    first = plan.shapes[0]
+    length = float(first.s[-1]) + (0.0 if first.far_end is None else float(plan.depths[0]))
+    if any(shape.parts is not None for shape in plan.shapes) or any(
+            shape.far_end is None and abs(shape.s[-1] - length) > _SAME * length
+            for shape in plan.shapes):
+        raise InvalidTask('plan: expected shapes of one DLO that the gripper holds at its '
+                          'beginning, as `simulate` has it; a tolerance of infinity asks for no '
+                          'simulation')
+    if simulator is None and first.far_end is not None:
+        raise InvalidTask('simulator = None: expected the DirectSimulator of the whole DLO for an '
+                          f'insertion that begins {plan.depths[0]:g} m deep')
+    if simulator is None:
+        return simulator_of(first, means_to_touch(plan))
+    if abs(clamping('simulator', simulator).rod.length - length) > _SAME * length:
+        raise InvalidTask(f'simulator: expected one of the plan\'s DLO, {length:g} m long, its rod '
+                          f'has {simulator.rod.length:g} m')
+    return simulator
 
 
-def simulator_of(shape):
-    """Return a DirectSimulator of the DLO that a Shape is of, with its load, without obstacles."""
+def simulator_of(shape, touching):
+    """Return a DirectSimulator of the DLO that a Shape is of, with its load.
+
+    Args:
+        touching: whether its obstacles are touched; else there are none
+    """
     if shape._discretisation is None:
         raise InvalidTask('simulator = None: expected a DirectSimulator, the shapes of this plan '
                           'do not know of theirs')
     around = shape._discretisation.surroundings
     return DirectSimulator(around.rod, gravity=around.gravity, load=around.load,
-                           point_loads=around.point_loads)
+                           point_loads=around.point_loads,
+                           obstacles=around.obstacles if touching else ())
 
 
 def _quick(simulator):

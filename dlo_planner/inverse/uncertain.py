@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.tolerance import variation_deviations
+from dlo_planner.inverse.robustness import variation_deviations
 from dlo_planner.model.along import Expanded, scaled
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put

@@ -18,8 +18,8 @@ from dlo_planner.inverse.observation import Observation
 from dlo_planner.inverse.observer import Observer
 from dlo_planner.inverse.periods import slowest_period
 from dlo_planner.inverse.plan import Plan
+from dlo_planner.inverse.robustness import Spread
 from dlo_planner.inverse.stamped import gripper_at
-from dlo_planner.inverse.tolerance import Spread
 from dlo_planner.model.pose import Pose
 
 _REMEMBERED = 1000   # gripper poses: 2 s of them at 500 Hz

@@ -14,7 +14,6 @@ from dlo_planner import (
     Infeasible,
     InvalidTask,
     InverseSimulator,
-    Limits,
     Pose,
     Rod,
     replay,
@@ -84,8 +83,6 @@ def test_refused_and_named():
         stiff.insert(3)
     with pytest.raises(InvalidTask, match=r'depths\[1\]'):
         stiff.insert(BORE, depths=[0, 1.0])
-    with pytest.raises(InvalidTask, match='limits'):
-        replay(DirectSimulator(WIRE), stiff.insert(BORE, depths=[0.2, 0.3]), limits=Limits())
 
 
 def test_the_bore_straightens_what_is_bent():

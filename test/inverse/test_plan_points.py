@@ -1,5 +1,7 @@
 """The deepest that a threading comes; waypoints one by one; plans in files."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -60,15 +62,16 @@ def test_waypoints_one_by_one():
         plan[len(plan)]
 
 
-def test_a_plan_in_a_file(tmp_path):
+@pytest.mark.parametrize('name', ['plan.npz', 'plan.json'])
+def test_a_plan_in_a_file(tmp_path, name):
     inverse = planner(np.inf)
     plan = inverse.thread(HOLE, depths=DEPTHS)
     whole = joined(inverse.start_phase(HOLE, plan, Pose((-1.2, 0, 1), (0, 0, 0, 1))), plan)
     for made in (plan, whole):
-        made.save(tmp_path / 'plan.npz')
-        again = Plan.load(tmp_path / 'plan.npz')
-        for name in ('depths', 'times', 'miss', 'misalignment', 'clearances'):
-            np.testing.assert_array_equal(getattr(again, name), getattr(made, name))
+        made.save(tmp_path / name)
+        again = Plan.load(tmp_path / name)
+        for what in ('depths', 'times', 'miss', 'misalignment', 'clearances'):
+            np.testing.assert_array_equal(getattr(again, what), getattr(made, what))
         assert again.stops == made.stops and again.status is made.status
         assert again.sheets[0][0] == made.sheets[0][0] and again.fraction == made.fraction
         assert [len(one) for one in again.passes] == [len(one) for one in made.passes]
@@ -80,6 +83,63 @@ def test_a_plan_in_a_file(tmp_path):
     assert stored.duration == pytest.approx(known.duration, rel=1e-6)
     with pytest.raises(InvalidTask, match='simulator'):
         Trajectory(again)
-    (tmp_path / 'other.npz').write_bytes(b'no plan')
-    with pytest.raises(InvalidTask, match='path'):
-        Plan.load(tmp_path / 'other.npz')
+    (tmp_path / name).write_bytes(b'no plan')
+    with pytest.raises(InvalidTask, match=f'path = .*{name}'):
+        Plan.load(tmp_path / name)
+
+
+def test_both_kinds_of_files_say_the_same(tmp_path):
+    inverse = planner(np.inf)
+    bore = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)))
+    for made in (inverse.thread(HOLE, depths=DEPTHS), inverse.insert(bore, depths=DEPTHS[:4])):
+        loaded = []
+        for name in ('plan.npz', 'plan.json'):
+            made.save(tmp_path / name)
+            loaded.append(Plan.load(tmp_path / name))
+        assert loaded[0] == loaded[1]
+        loaded[1].save(tmp_path / 'again.JSON')
+        assert (tmp_path / 'again.JSON').read_bytes() == (tmp_path / 'plan.json').read_bytes()
+
+
+@pytest.mark.parametrize(('name', 'odd'), [
+    ('format', {'type': 'int', 'shape': [], 'data': [2]}),
+    ('format', {'type': 'int', 'shape': [], 'data': [True]}), ('depths', None), ('depths', [0.0]),
+    ('depths', {'type': 'object', 'shape': [], 'data': [{}]}),
+    ('depths', {'type': 'float', 'shape': [10], 'data': ['1'] * 10}),
+    ('depths', {'type': 'float', 'shape': [10**9, 10**9], 'data': [1.0]}),
+    ('times', {'type': 'float', 'shape': [1], 'data': [0.0]}),
+    ('status', {'type': 'str', 'shape': [], 'data': ['done']}),
+    ('sheets', {'type': 'str', 'shape': [], 'data': ['[3]']}),
+    ('passes', {'type': 'float', 'shape': [1, 8], 'data': [99.0] * 8})])
+def test_odd_files_are_refused_by_their_name(tmp_path, name, odd):
+    plan = planner(np.inf).thread(HOLE, depths=DEPTHS)
+    plan.save(tmp_path / 'plan.json')
+    known = json.loads((tmp_path / 'plan.json').read_text())
+    known[name] = odd
+    (tmp_path / 'plan.json').write_text(json.dumps(known))
+    with pytest.raises(InvalidTask, match=r'path = .*plan\.json'):
+        Plan.load(tmp_path / 'plan.json')
+    for content in ('[' * 100_000, '[1]', '{"format": 1}', '', '\x00'):
+        (tmp_path / 'plan.json').write_text(content)
+        with pytest.raises(InvalidTask, match=r'path = .*plan\.json'):
+            Plan.load(tmp_path / 'plan.json')
+
+
+def test_where_an_arc_length_stands_in_the_hole():
+    inverse = planner(np.inf)
+    plan = inverse.thread(HOLE, depths=DEPTHS)
+    way = joined(inverse.start_phase(HOLE, plan, Pose((-1.2, 0, 1), (0, 0, 0, 1))), plan)
+    np.testing.assert_allclose(plan.arc_lengths, 1 - DEPTHS)
+    assert np.isnan(way.arc_lengths[:-len(plan) + 1]).sum() > 2
+    direct = inverse.simulator
+    for s in (1.0, 0.8, 0.73, 0.45, 0.1):
+        gripper = plan.at_arc_length(s)
+        shape = direct.solve(gripper, plan.shapes[np.argmin(np.abs(plan.arc_lengths - s))])
+        assert np.linalg.norm(shape.at(s).position - HOLE.centre) < 2e-3
+        if s <= way.arc_lengths[-len(plan) + 1]:  # a joined plan passes from its second waypoint on
+            np.testing.assert_allclose(way.at_arc_length(s).matrix, gripper.matrix, atol=1e-3)
+    exact = inverse.thread(HOLE, depths=[0.2, 0.27]).grippers[1]
+    assert np.linalg.norm(plan.at_arc_length(0.73).position - exact.position) < 1e-3
+    for s in (0.05, 1.01):
+        with pytest.raises(InvalidTask, match='0.1 to 1 m'):
+            plan.at_arc_length(s)

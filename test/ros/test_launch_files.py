@@ -14,7 +14,8 @@ FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
 # Of launch and launch_ros 3.4.3; name -> module
 ALLOWED = {
     'LaunchDescription': 'launch', 'DeclareLaunchArgument': 'launch.actions',
-    'IfCondition': 'launch.conditions', 'EmitEvent': 'launch.actions', 'RegisterEventHandler': 'launch.actions',
+    'IfCondition': 'launch.conditions',
+    'EmitEvent': 'launch.actions', 'RegisterEventHandler': 'launch.actions',
     'OnProcessExit': 'launch.event_handlers', 'Shutdown': 'launch.events',
     'LaunchConfiguration': 'launch.substitutions', 'Node': 'launch_ros.actions',
     'ParameterFile': 'launch_ros.parameter_descriptions',

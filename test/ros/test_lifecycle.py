@@ -221,7 +221,9 @@ def test_names_and_namespaces_go_everywhere(monkeypatch, context):
     with planner_here(monkeypatch, context, '-r', '__ns:=/cell1', '-r', '__node:=hose') as node:
         private = [name for kind in ('publisher', 'subscriber', 'service')
                    for name in opened(node, kind)]
-        shared = {'/diagnostics', '/parameter_events', '/rosout'}
+        robot = {'joint_states', 'robot_description', 'robot_description_semantic'}
+        shared = {'/diagnostics', '/parameter_events', '/rosout',
+                  *(f'/cell1/{name}' for name in robot)}
         assert {name for name in private if not name.startswith('/cell1/hose/')} == shared
 
 

@@ -1,4 +1,4 @@
-"""What a plan tolerates: by how much it misses when the DLO or the robot are not as assumed.
+"""What a plan bears: by how much it misses when the DLO or the robot are not as assumed.
 
 To first order from the sensitivities of the equilibrium, which separates the causes, and sampled,
 which needs no smallness. A miss is the distance of the DLO, extended straight on where it is too
@@ -76,7 +76,7 @@ def variation_deviations(count: int) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Tolerance(Value):
+class Robustness(Value):
     """How far off a plan is under a Spread; n waypoints, m samples.
 
     Attributes:
@@ -95,16 +95,16 @@ class Tolerance(Value):
     success: float
 
     def __post_init__(self):
-        causes = items('Tolerance.causes', self.causes, str, least=1)
-        first_order = results('Tolerance.first_order', self.first_order, (None,))
-        by_cause = results('Tolerance.by_cause', self.by_cause, (None, len(causes)))
+        causes = items('Robustness.causes', self.causes, str, least=1)
+        first_order = results('Robustness.first_order', self.first_order, (None,))
+        by_cause = results('Robustness.by_cause', self.by_cause, (None, len(causes)))
         n = len(by_cause)
         if first_order.size != n:
-            raise InvalidTask(f'Tolerance.by_cause has {n} rows, Tolerance.first_order '
+            raise InvalidTask(f'Robustness.by_cause has {n} rows, Robustness.first_order '
                               f'{first_order.size} entries: expected as many')
         put(self, causes=causes, first_order=first_order, by_cause=by_cause,
-            sampled=results('Tolerance.sampled', self.sampled, (None, n)),
-            success=figure('Tolerance.success', self.success))
+            sampled=results('Robustness.sampled', self.sampled, (None, n)),
+            success=figure('Robustness.success', self.success))
         super().__post_init__()
 
     def __repr__(self):
@@ -131,10 +131,10 @@ class Tolerance(Value):
         return np.sort(self.sampled, axis=0)[int(np.ceil(part * (len(self.sampled) - 1)))]
 
 
-def tolerance(simulator: DirectSimulator, plan: Plan, spread: Spread, *, samples: int = 0,
+def robustness(simulator: DirectSimulator, plan: Plan, spread: Spread, *, samples: int = 0,
               seed: int = 0, executor: Executor | None = None, progress: OnProgress = None,
-              deadline: float | None = None) -> Tolerance:
-    """Return the Tolerance of a plan under a Spread.
+              deadline: float | None = None) -> Robustness:
+    """Return the Robustness of a plan under a Spread.
 
     Args:
         simulator: DirectSimulator for which the plan was made
@@ -182,7 +182,7 @@ def tolerance(simulator: DirectSimulator, plan: Plan, spread: Spread, *, samples
     success = np.nan
     if samples and np.isfinite(room).any():
         success = float((sampled < room).all(axis=1).mean())
-    return Tolerance(CAUSES, by_cause, np.sqrt((by_cause**2).sum(axis=1)), sampled, success)
+    return Robustness(CAUSES, by_cause, np.sqrt((by_cause**2).sum(axis=1)), sampled, success)
 
 
 def _acts_alike(shape, simulator):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import dlo_planner
 from dlo_planner import (
     Capsule,
     CutOut,
@@ -18,7 +19,7 @@ from dlo_planner import (
     Rod,
     Sheet,
     Spread,
-    tolerance,
+    robustness,
 )
 
 ROD = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2), tip_mass=0.01, radius=0.003,
@@ -56,7 +57,7 @@ def rods(cause):
 @pytest.mark.parametrize('cause', ['bending_stiffness', 'torsional_stiffness', 'mass', 'length',
                                    'natural_curvature'])
 def test_causes_in_the_dlo_against_solving_again(cause):
-    got = tolerance(DIRECT, PLAN, Spread(**{cause: SMALL}))
+    got = robustness(DIRECT, PLAN, Spread(**{cause: SMALL}))
     assert got.worst == cause
     for k, shape in enumerate(PLAN.shapes):
         squares = 0.0
@@ -75,7 +76,7 @@ def wavy(j, change):
 
 
 def test_a_curvature_that_varies_against_solving_again():
-    got = tolerance(DIRECT, PLAN, Spread(curvature_variation=SMALL))
+    got = robustness(DIRECT, PLAN, Spread(curvature_variation=SMALL))
     shares = 1 / np.arange(1, 6) ** 2
     shares = shares / shares.sum()  # of the mean square; that of P_j is 1 / (2 j + 1)
     shape, squares = PLAN.shapes[1], 0.0
@@ -90,7 +91,7 @@ def test_a_curvature_that_varies_against_solving_again():
 
 @pytest.mark.parametrize('cause', ['gripper_position', 'gripper_rotation'])
 def test_causes_in_the_robot_against_solving_again(cause):
-    got = tolerance(DIRECT, PLAN, Spread(**{cause: SMALL}))
+    got = robustness(DIRECT, PLAN, Spread(**{cause: SMALL}))
     for k, shape in enumerate(PLAN.shapes):
         squares = 0.0
         for axis in np.eye(3):
@@ -111,7 +112,7 @@ SPREAD = Spread(0.02, 0.05, 0.02, 0.001, 0.01, 0.5e-3, 0.002)
 
 
 def test_samples_scatter_as_the_first_order_says():
-    got = tolerance(DIRECT, PLAN, SPREAD, samples=300)
+    got = robustness(DIRECT, PLAN, SPREAD, samples=300)
     np.testing.assert_allclose(got.first_order, np.sqrt((got.by_cause**2).sum(axis=1)))
     ratio = np.sqrt((got.sampled**2).mean(axis=0)) / got.first_order
     assert (np.abs(ratio - 1) < 0.15).all()  # 300 samples scatter by 4 % and more
@@ -123,18 +124,18 @@ def test_samples_scatter_as_the_first_order_says():
 def test_a_mesh_that_follows_the_accuracy():
     direct = DirectSimulator(ROD, accuracy=1e-5)
     plan = InverseSimulator(direct).thread(HOLE, depths=[0.0, 0.3])
-    got, other = (tolerance(simulator, one, SPREAD, samples=4)
+    got, other = (robustness(simulator, one, SPREAD, samples=4)
                   for simulator, one in ((direct, plan), (DIRECT, PLAN)))
     np.testing.assert_allclose(got.first_order, other.first_order[:2], rtol=1e-2)
     np.testing.assert_allclose(got.sampled, other.sampled[:, :2], rtol=2e-2)
 
 
 def test_samples_do_not_depend_on_the_executor():
-    few = tolerance(DIRECT, PLAN, SPREAD, samples=40, seed=3)
+    few = robustness(DIRECT, PLAN, SPREAD, samples=40, seed=3)
     with ThreadPoolExecutor(2) as executor:
-        other = tolerance(DIRECT, PLAN, SPREAD, samples=40, seed=3, executor=executor)
+        other = robustness(DIRECT, PLAN, SPREAD, samples=40, seed=3, executor=executor)
     np.testing.assert_array_equal(few.sampled, other.sampled)
-    assert not np.array_equal(few.sampled, tolerance(DIRECT, PLAN, SPREAD, samples=40).sampled)
+    assert not np.array_equal(few.sampled, robustness(DIRECT, PLAN, SPREAD, samples=40).sampled)
 
 
 def test_a_held_contact():
@@ -143,7 +144,7 @@ def test_a_held_contact():
     # inside an element: at a node the nearest point of a row of arcs has a kink
     plan = InverseSimulator(direct).hold_contact(Pose((0.5, 0, 0.72), (0, 0, 0, 1)), 0.51,
                                                  forces=[0.2])
-    got = tolerance(direct, plan, Spread(mass=SMALL))
+    got = robustness(direct, plan, Spread(mass=SMALL))
     shape, (place, s, _) = plan.shapes[0], plan.passes[0][0]
     ahead, back = (across(DirectSimulator(both, basis='local', n_elements=32, obstacles=[bar])
                           .solve(shape.gripper, shape), place, s) for both in rods('mass')[0])
@@ -154,24 +155,24 @@ def test_a_held_contact():
     ({'plan': 3}, 'plan'), ({'spread': 0.1}, 'spread'), ({'samples': -1}, 'samples')])
 def test_nonsense_is_named(change, named):
     with pytest.raises(InvalidTask, match=named):
-        tolerance(DIRECT, **{'plan': PLAN, 'spread': SPREAD, **change})
+        robustness(DIRECT, **{'plan': PLAN, 'spread': SPREAD, **change})
     with pytest.raises(InvalidTask, match=r'Spread\.mass'):
         Spread(mass=-1)
     inserted = InverseSimulator(DIRECT).insert(HOLE, depths=[0.2])
     with pytest.raises(InvalidTask, match='whole DLO'):
-        tolerance(DIRECT, inserted, SPREAD)
+        robustness(DIRECT, inserted, SPREAD)
 
 
 def test_neither_a_rim_nor_yield_hides_a_miss():
     # what holds the DLO in its place, or would let it be set, is not what is asked
-    few = tolerance(DIRECT, PLAN, SPREAD, samples=6)
+    few = robustness(DIRECT, PLAN, SPREAD, samples=6)
     tight = CutOut(HOLE.pose, radius=0.0032)
     rim = DirectSimulator(ROD, n_elements=32, obstacles=[Sheet.around(tight)])
     assert few.sampled.max() > 1e-3
     soft = DirectSimulator(replace(ROD, yield_curvature=0.2, yield_torsion=0.1, hardening=0.1),
                            n_elements=32)
     for simulator in (rim, soft):
-        other = tolerance(simulator, PLAN, SPREAD, samples=6)
+        other = robustness(simulator, PLAN, SPREAD, samples=6)
         np.testing.assert_allclose(other.sampled, few.sampled, atol=1e-9)
         np.testing.assert_allclose(other.first_order, few.first_order, atol=1e-9)
 
@@ -180,15 +181,15 @@ def test_a_mass_at_the_end_stays_on_a_shorter_dlo():
     rod = replace(ROD, point_masses=((1.0, 0.01),), tip_mass=0.0)
     direct = DirectSimulator(rod, n_elements=32)
     plan = InverseSimulator(direct).thread(HOLE, depths=[0.0, 0.3])
-    got = tolerance(direct, plan, Spread(length=0.01), samples=8)
+    got = robustness(direct, plan, Spread(length=0.01), samples=8)
     assert np.isfinite(got.sampled).all() and (got.sampled[:, 0] > 0).any()
 
 
 def test_success_asks_for_every_waypoint():
-    got = tolerance(DIRECT, PLAN, SPREAD, samples=60)
+    got = robustness(DIRECT, PLAN, SPREAD, samples=60)
     room = np.quantile(got.sampled, 0.5, axis=0)  # half the samples keep it, at each waypoint
     tight = replace(PLAN, clearances=np.tile(room[:, None, None], (1, 1, 3)))
-    again = tolerance(DIRECT, tight, SPREAD, samples=60)
+    again = robustness(DIRECT, tight, SPREAD, samples=60)
     inside = again.sampled < room
     assert again.success == inside.all(axis=1).mean() < inside.any(axis=1).mean()
     for part in (0.1, 0.5, 0.9, 0.99):
@@ -199,8 +200,16 @@ def test_success_asks_for_every_waypoint():
 
 def test_progress_and_deadline():
     seen, spread = [], Spread(length=1e-4)
-    tolerance(DIRECT, PLAN, spread, samples=30, progress=lambda *step: seen.append(step))
+    robustness(DIRECT, PLAN, spread, samples=30, progress=lambda *step: seen.append(step))
     assert seen == [(1, 2), (2, 2)]
     for samples in (0, 30):
         with pytest.raises(DeadlineExceeded, match='deadline'):
-            tolerance(DIRECT, PLAN, spread, samples=samples, deadline=1e-9)
+            robustness(DIRECT, PLAN, spread, samples=samples, deadline=1e-9)
+
+
+def test_the_old_names_go_on_and_warn():
+    for old, new in (('tolerance', robustness), ('Tolerance', dlo_planner.Robustness)):
+        with pytest.warns(DeprecationWarning, match=f'dlo_planner.{old} is now'):
+            assert getattr(dlo_planner, old) is new
+    with pytest.raises(AttributeError, match='no attribute'):
+        _ = dlo_planner.toleranz
