@@ -6,6 +6,7 @@ It follows a planner's `gripper_command`, and publishes what a real cell would: 
 and the points of the DLO that its tracker sees. What came of the task is on `~/outcome`.
 """
 
+import signal
 import sys
 from collections import deque
 from contextlib import suppress
@@ -22,6 +23,8 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
@@ -42,7 +45,9 @@ UNKNOWNS = {'nothing': (NOTHING_UNKNOWN, GOOD), 'much': (UNCERTAIN, GOOD),
 TOUCH = 0.05   # N, below which nobody minds
 _FRAME = 'world'
 _PERIOD = 0.01  # s between two poses
+_LAG = 0.03     # s, of each of two stages by which the robot follows its commands
 _TOLD = 0.5     # s between outcomes and pictures of the DLO
+_HEARD = 0.2    # s, after which a signal is heard at the latest
 _STOP = 5.0     # N, at which a robot stops
 _REMEMBERED = 100
 _NODES = 65     # of the DLO as it is published
@@ -101,6 +106,7 @@ class CellNode(Node):
         self._plant = Plant(self.task.rod, self.task.start, [self.task.sheet], truth=truth,
                             step=STEP, damping=self._values['damping'])
         self._viewer, self._miss, self._broken = Viewer(camera, rng), np.nan, ''
+        self._gripper = self._behind = self.task.start
         self._clock_of = deque(maxlen=_REMEMBERED)  # (plant's time, ns of the clock)
 
     def _on_command(self, msg):
@@ -128,16 +134,15 @@ class CellNode(Node):
             due = max(due + _PERIOD, monotonic() - _PERIOD)  # a slow machine is not caught up with
             with self._lock:
                 self._step()
-            if monotonic() - told >= _TOLD:
-                told = monotonic()
-                self._tell()
+                if monotonic() - told >= _TOLD:
+                    told = monotonic()
+                    self._tell()
 
     def _step(self):
         plant, broken = self._plant, self._broken
-        pose = plant.commanded if self._wanted is None or broken else self._wanted
         try:
             if not broken:
-                plant.move(pose, _PERIOD)
+                plant.move(self._followed(), _PERIOD)
         except NotConverged as error:
             self._broken = str(error)
         if plant.largest_forces.max(initial=0.0) > _STOP:
@@ -150,6 +155,14 @@ class CellNode(Node):
         self._pose_out.publish(pose_stamped_msg(plant.commanded, _FRAME, _stamp(now)))
         for image in self._viewer.images(plant, self.task.cutout):
             self._cloud_out.publish(cloud_msg(image.points, _FRAME, self._stamped(image.stamp)))
+
+    def _followed(self):
+        """Return where the gripper is to be next: it follows its commands smoothly, and late."""
+        if self._wanted is not None:
+            share = 1 - np.exp(-_PERIOD / _LAG)
+            self._behind = nearer(self._behind, self._wanted, share)
+            self._gripper = nearer(self._gripper, self._behind, share)
+        return self._gripper
 
     def _stamped(self, time):
         """Return the stamp of a time of the plant, which may be late against the clock."""
@@ -175,6 +188,13 @@ class CellNode(Node):
         return self.get_clock().now().to_msg()
 
 
+def nearer(one: Pose, other: Pose, share: float) -> Pose:
+    """Return the Pose that is by a share of the way from one to another."""
+    turn = Rotation.from_matrix(other.rotation @ one.rotation.T).as_rotvec()
+    return Pose.from_rotation(one.position + share * (other.position - one.position),
+                              Rotation.from_rotvec(share * turn).as_matrix() @ one.rotation)
+
+
 def seen(plant: Plant) -> list[Pose]:
     """Return Poses along the DLO, x axis = tangent."""
     positions = plant.points(np.linspace(0, plant.length, _NODES))
@@ -188,11 +208,14 @@ def _stamp(nanoseconds):
 
 def main(args=None):
     """Run the cell until it is interrupted; return the exit status."""
-    rclpy.init(args=args)
+    # its own handlers would end the context while the plant's thread publishes
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     node = None
     try:
         node = CellNode()
-        rclpy.spin(node)
+        while True:  # a wait without an end would not hear signals
+            rclpy.spin_once(node, timeout_sec=_HEARD)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except DloPlannerError as error:

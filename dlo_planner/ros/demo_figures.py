@@ -140,6 +140,60 @@ def save_moving(path, times, grippers, goal, shapes, misses, tolerance):
     plt.close(figure)
 
 
+def save_cell(path, goal, radius, shapes, way):
+    """Save what a wire did in the cell: from the side, from above, and in the plane of the hole.
+
+    Args:
+        goal: Pose of the hole; radius: m
+        shapes: n (N + 1, 3) positions in time, m
+        way: (k, 3) of the gripper, m
+    """
+    figure, axes = plt.subplot_mosaic([['side', 'hole'], ['above', 'hole']], figsize=(12, 6.4),
+                                      width_ratios=(1.6, 1), layout='constrained')
+    colours, normal = plt.get_cmap('viridis'), goal.direction
+    level = np.array([normal[0], normal[1], 0.0]) / np.hypot(*normal[:2])
+    aside, up = np.array([-level[1], level[0], 0.0]), np.array([0.0, 0.0, 1.0])
+    for name, across, label in (('side', up, 'height'), ('above', aside, 'aside')):
+        axis = axes[name]
+        for number in np.linspace(0, len(shapes) - 1, 2 * _SHOWN).round().astype(int):
+            points = shapes[number] - goal.position
+            axis.plot(points @ level, points @ across, color=colours(number / len(shapes)), lw=1.2)
+        off = way - goal.position
+        axis.plot(off @ level, off @ across, color='tab:red', lw=1.2, label='gripper')
+        edge = np.cross(goal.rotation[:, 2] if across is aside else goal.rotation[:, 1], normal)
+        for side in (-1, 1):
+            ends = np.array([side * 0.02 * edge, side * 0.15 * edge])
+            axis.plot(ends @ level, ends @ across, color='k', lw=3)
+        axis.set(aspect='equal', xlabel='along the way through, level [m]', ylabel=f'{label} [m]',
+                 title=f'wire in the cell, from {"the side" if across is up else name}')
+        axis.grid(alpha=0.3)
+    axes['side'].legend(loc='lower right', fontsize=9)
+    pierced = np.array([one for one in (_pierced(points, goal) for points in shapes)
+                        if one is not None]).reshape(-1, 2)
+    axis = axes['hole']
+    axis.add_patch(plt.Circle((0, 0), 1e3 * radius, fill=False, color='k', lw=3, label='hole'))
+    axis.plot(*1e3 * pierced.T, 'o-', ms=4, color='tab:blue', label='where the wire passes')
+    axis.set(aspect='equal', xlabel='across [mm]', ylabel='across [mm]',
+             xlim=1.3e3 * radius * np.array([-1, 1]), ylim=1.3e3 * radius * np.array([-1, 1]),
+             title='in the plane of the hole')
+    axis.legend(loc='upper right', fontsize=9)
+    axis.grid(alpha=0.3)
+    figure.suptitle('A wire that the planner did not know: seen, identified, threaded, corrected')
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def _pierced(points, goal):
+    """Return where a DLO passes the plane of a cut-out, (2,) m in its axes, or None."""
+    depth = (points - goal.position) @ goal.direction
+    if depth[-1] <= 0 or depth.min() >= 0:
+        return None
+    last = np.flatnonzero(depth[:-1] < 0)[-1]
+    share = -depth[last] / (depth[last + 1] - depth[last])
+    place = points[last] + share * (points[last + 1] - points[last]) - goal.position
+    return place @ goal.rotation[:, 1:]
+
+
 def _draw_sheet(axis, goal):
     """Draw the sheet as a line across the normal with a gap where the cut-out is."""
     along = np.array([-goal.direction[2], goal.direction[0]])

@@ -1,0 +1,159 @@
+"""The demo's last part: a wire that is not as its data sheet says, in a cell with a camera.
+
+The cell is a process of its own (extra `cell`), a physics engine that shares no code with the
+planner. The node sees the wire, identifies it, plans, and corrects what it executes.
+"""
+
+import os
+import queue
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from importlib.util import find_spec
+from time import monotonic, sleep
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from rclpy.qos import qos_profile_sensor_data
+
+from dlo_planner.ros.demo_figures import save_cell
+from dlo_planner.ros.execution import ACTIVE
+from dlo_planner.ros.qos import LATCHED
+from msg_helpers.paths import poses_from_path
+from msg_helpers.poses import pose_from_msg
+
+RADIUS, DIAMETER = 5e-3, 1.5e-3  # of the hole and of the wire, m
+_WAYPOINTS = 40
+_LOOKING = 3.0   # s for which the wire hangs at rest before the camera
+_PATIENCE = 5.0  # s
+_TASK, _SEED = 0, 0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of it.
+
+    Attributes:
+        planned: s for the plan; threaded: whether the wire is through, in the engine
+        depth, wanted: m
+        miss, force: largest ones there, m, N
+        blind: m, by how much the plan for the wire of the data sheet would have missed
+        corrections: how many were executed
+    """
+
+    planned: float
+    threaded: bool
+    depth: float
+    wanted: float
+    miss: float
+    force: float
+    blind: float
+    corrections: int
+
+
+def installed() -> bool:
+    """Return whether there is an engine for the cell."""
+    return find_spec('mujoco') is not None
+
+
+def close_the_loop(client, folder, progress) -> Outcome:
+    """Have the wire of a cell threaded that the planner does not know; save a picture.
+
+    Args:
+        client: PlannerClient
+        folder: of the picture
+        progress: called as progress(what, done, total)
+
+    Raises:
+        TimeoutError: something does not come
+    """
+    client.set_parameters(rod__diameter=DIAMETER, cutouts__radius=RADIUS, threading__standoff=0.05,
+                          threading__deepest=0.7, incoming_command_timeout=0.5)
+    client.trigger('reset')
+    heard = {name: queue.Queue() for name in ('shape', 'outcome', 'cutout', 'pose')}
+    for kind, topic, qos in ((Path, 'shape', LATCHED), (DiagnosticStatus, 'outcome', LATCHED),
+                             (PoseStamped, 'cutout', LATCHED)):
+        client.node.create_subscription(kind, f'/dlo_cell/{topic}', heard[topic].put, qos)
+    client.node.create_subscription(PoseStamped, f'{client.planner}/gripper_pose',
+                                    heard['pose'].put, qos_profile_sensor_data)
+    with cell_process():
+        goal = pose_from_msg(_next(heard['cutout']).pose)
+        start = pose_from_msg(_next(heard['pose']).pose)
+        blind, _ = client.plan_threading(start, goal)
+        sleep(_LOOKING)
+        answer = client.trigger('identify')
+        print(f'  identify: {answer.message}')
+        path, planned = client.plan_threading(start, goal)
+        missed = _missed(client, blind, goal)
+        proof = client.proof(path)
+        print(f'  proof: {proof["report"]}, {proof["report duration [s]"]} s')
+        corrections = _executed(client, float(proof['report duration [s]']), progress)
+        sleep(1.0)
+        outcome = [{item.key: item.value for item in msg.values}
+                   for msg in _drained(heard['outcome'])][-1]
+    shapes = [np.array([pose.position for pose in poses_from_path(msg)])
+              for msg in _drained(heard['shape'])]
+    way = np.array([pose_from_msg(msg.pose).position for msg in _drained(heard['pose'])])
+    save_cell(folder / 'closed_loop.png', goal, RADIUS, shapes, way)
+    return Outcome(planned, outcome['threaded'] == 'True', float(outcome['depth [m]']),
+                   float(outcome['of [m]']), float(outcome['largest miss [m]']),
+                   float(outcome['largest force [N]']), missed, corrections)
+
+
+@contextmanager
+def cell_process():
+    """Run the cell as a process in the ROS domain of this one."""
+    process = subprocess.Popen([
+        sys.executable, '-m', 'dlo_planner.cell.node', '--ros-args', '-p', f'task:={_TASK}',
+        '-p', f'seed:={_SEED}', '-p', f'radius:={RADIUS}'], env=os.environ)
+    try:
+        yield process
+    finally:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(timeout=10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+
+
+def _missed(client, path, goal):
+    """Return how far from the hole a wire as identified comes there, on a plan made before, m."""
+    entry = poses_from_path(path)[len(path.poses) - _WAYPOINTS]
+    tip = poses_from_path(client.predict_shape(entry)[0])[-1].position
+    return float(np.linalg.norm(np.cross(tip - goal.position, goal.direction)))
+
+
+def _executed(client, seconds, progress):
+    """Have the plan executed to its end; return how often it was corrected."""
+    _drained(client.executions)
+    answer = client.trigger('execute')
+    print(f'  execute: {answer.message}')
+    state, end = 'running', monotonic() + seconds + _PATIENCE
+    while answer.success and state in ACTIVE and monotonic() < end:
+        with suppress(TimeoutError):
+            _, message, values = client.execution_in(*ACTIVE, 'succeeded', 'stopped', timeout=1.0)
+            state = values['state']
+            progress('seconds executed', int(float(values['done [s]'])), int(seconds))
+    _drained(client.diagnostics)
+    values = {item.key: item.value for item in client.diagnostics.get(timeout=5.0).status[0].values}
+    print(f'  {state}: {message}; {values["corrections"]} corrections')
+    return int(values['corrections'])
+
+
+def _next(messages):
+    try:
+        return messages.get(timeout=30.0)
+    except queue.Empty:
+        raise TimeoutError('the cell did not come up') from None
+
+
+def _drained(messages):
+    taken = []
+    with suppress(queue.Empty):
+        while True:
+            taken.append(messages.get_nowait())
+    return taken
