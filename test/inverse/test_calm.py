@@ -56,7 +56,7 @@ def test_from_a_start_pose_of_its_own_it_threads_calmly(name):
         assert missed(name, rod, trajectory)[0].max() <= miss
 
 
-STIFFER = pytest.mark.xfail(reason='motion adds more than twice the promised miss')
+STIFFER = pytest.mark.xfail(reason='motion adds more than twice the promised miss', strict=True)
 
 
 @pytest.mark.parametrize(('name', 'factor'), [
