@@ -12,8 +12,8 @@ def slowest_period(rod: Rod) -> float:
     """Return the period (s) of the slowest vibration of a Rod clamped at one end, roughly.
 
     As if it were straight and weightless (`Shape.modes` knows shape and weight). By Dunkerley's
-    formula, which is never below the period of such a rod: a mass at s counts as (s / L)^3 of it at
-    the tip, and so the mass of a uniform rod counts a quarter.
+    formula, which for an even stiffness is never below the period of such a rod: a mass at s counts
+    as (s / L)^3 of it at the tip, and so the mass of a uniform rod counts a quarter.
     """
     x, weights = 0.5 * (_GAUSS[0] + 1), 0.5 * _GAUSS[1]
     mass = rod.length * float(weights @ (rod.masses_per_length(rod.length * x) * x**3))

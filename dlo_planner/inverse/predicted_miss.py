@@ -23,7 +23,7 @@ _STILL = 1e-12    # of the length: the last step
 _MOST = 1_000_000  # largest index of a waypoint
 _OTHER = 0.1      # of the length: a shape whose length differs by more is of another DLO
 _SHARE = 0.95     # probability that a bound is kept
-_RINGS, _SPOKES = 24, 32  # points that represent a normal distribution in a plane
+_POINTS = 1024    # that represent a normal distribution in a plane
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -190,12 +190,14 @@ def _bound(off, covariance):
 
 
 def _plane():
-    """Return points (k, 2), equally likely, of a standard normal distribution in a plane."""
-    parts = (np.arange(_RINGS) + 0.5) / _RINGS
-    radii = np.sqrt(-2 * np.log(1 - parts))
-    angles = 2 * np.pi * (np.arange(_SPOKES) + 0.5) / _SPOKES
-    directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    return (radii[:, None, None] * directions).reshape(-1, 2)
+    """Return points (k, 2), equally likely, of a standard normal distribution in a plane.
+
+    On a spiral in steps of the golden angle: radii and directions are evenly likely.
+    """
+    k = np.arange(_POINTS)
+    radii = np.sqrt(-2 * np.log1p(-(k + 0.5) / _POINTS))
+    angles = np.pi * (3 - np.sqrt(5)) * k
+    return radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 _PLANE = _plane()

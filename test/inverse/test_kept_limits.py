@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import Limits, Pose
 from dlo_planner.inverse.fastest import fastest_rates
-from dlo_planner.inverse.kept_limits import most_used
+from dlo_planner.inverse.kept_limits import _jerks, _sizes, _slopes, most_used
 from dlo_planner.inverse.path import GripperPath
 from dlo_planner.inverse.time_law import TimeLaw
 from dlo_planner.inverse.timed_path import smoothed
@@ -56,3 +56,48 @@ def test_what_is_slowed_down_keeps_its_limits(rng):
         assert sampled(leg, law, limits).max() <= 1 and most_used(leg, law, limits) <= 1
         if windows:
             np.testing.assert_allclose(law.windows, windows)
+
+
+@pytest.mark.parametrize('windows', [[0.3], [0.8, 0.5]])
+def test_slopes_and_jerks_are_bounded_within_every_interval(rng, windows):
+    tight = 0.0
+    for _ in range(4):
+        leg = wandering(rng)
+        law = TimeLaw(*fastest_rates(leg, Limits()), windows)
+        edges = np.linspace(0, law.duration, 60)
+        edges = np.unique(np.concatenate([edges, law.arrivals(leg.knots[1:-1])]))
+        slopes, jerks = (bound(leg, law, edges[:-1], edges[1:]) for bound in (_slopes, _jerks))
+        for k, (a, b) in enumerate(zip(edges, edges[1:], strict=False)):
+            times = np.linspace(a, b, 201)
+            step = times[1] - times[0]
+            u, *rates = law.at(times)
+            _, _, first, second = leg.at(u)
+            changes = np.diff(rates[1][:, None] * first + rates[0][:, None] ** 2 * second, axis=0)
+            steepest = np.abs(np.diff(_sizes(leg, u, rates), axis=0)).max(axis=0) / step
+            jerk = np.linalg.norm(changes.reshape(-1, 2, 3), axis=2).max(axis=0) / step
+            assert (steepest <= slopes[k] * (1 + 1e-6) + 1e-7).all()
+            assert (jerk <= jerks[k] * (1 + 1e-6) + 1e-7).all()
+            tight = max(tight, (jerk / jerks[k]).max())
+    assert tight > 0.45  # jerks are bounded as if from -most to most
+
+
+def test_a_bound_that_was_proved_early_still_counts(monkeypatch):
+    # all that is found is 1; within the first second no more than 1.004 is proved at once, within
+    # the other one 1.00375 after two halvings
+    class Law:
+        duration = 2.0
+
+        def at(self, times):
+            return np.zeros((4, len(times)))
+
+        def arrivals(self, knots):
+            return np.array([1.0])
+
+    known = {'_sizes': lambda _, u, __: np.ones((len(u), 2, 2)),
+             '_slopes': lambda _, __, a, b: np.ones((1, 2, 2)) * np.where(
+                 a < 1, 0.008, 0.03)[:, None, None],
+             '_largest_jerk': lambda *_: 0.0}
+    for name, function in known.items():
+        monkeypatch.setattr(f'dlo_planner.inverse.kept_limits.{name}', function)
+    leg = wandering(np.random.default_rng(0))
+    assert most_used(leg, Law(), Limits(1, 1, 1, 1, 1, 1)) == pytest.approx(1.004, abs=1e-12)
