@@ -130,6 +130,14 @@ def test_frequencies_may_be_off_both_ways(wide):
         assert max(beyond) > allowed
 
 
+@pytest.mark.parametrize(('off', 'counts'), [((1.0, 5.0, 3.0), 2.5), ((1.0, 1.0, 7.0), 3.5),
+                                             ((4.0, 5.0, 7.0), 4.0)])
+def test_half_of_what_wrong_frequencies_do_counts(monkeypatch, off, counts):
+    known = dict(zip((1.0, 0.95, 1.05), off, strict=True))
+    monkeypatch.setattr('dlo_planner.inverse.calm._predicted', lambda task, law, off: known[off])
+    assert predicted(None, None) == counts
+
+
 def test_what_is_passed_at_one_of_two_waypoints_counts_up_to_the_free_end():
     shape = DirectSimulator(Rod(1.0, 0.1, 1.0, 0.75), gravity=(0, 0, 0)).solve(Pose.identity())
     normal = np.array([1.0, 0, 0])
