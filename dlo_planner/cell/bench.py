@@ -1,4 +1,4 @@
-"""Many tasks, one after the other or at once, and a table of what came of them."""
+"""Many tasks, one after the other or in parallel, and a table of their outcomes."""
 
 import csv
 from collections.abc import Sequence
@@ -23,12 +23,16 @@ HEAD = ('task', 'hole radius [mm]', 'room [mm]', 'threaded', 'depth [m]', 'of [m
 def bench(tasks: Sequence[Task], driver: Driver, *, unknowns: Unknowns = NOTHING_UNKNOWN,
           camera: Camera | None = None, damping: float = 0.005, step: float = STEP,
           executor: Executor | None = None, progress: OnProgress = None) -> list[Outcome]:
-    """Return the Outcomes of Tasks; the k-th has the seed k.
+    """Return the Outcomes of Tasks, in their order; the k-th is run with the seed k.
 
     Args:
-        tasks, driver, unknowns, camera, damping, step: see `run`
-        executor: of concurrent.futures, or one that works alike; None: one after the other
+        tasks: of any number
+        driver, unknowns, camera, damping, step: see `run`
+        executor: of concurrent.futures or with the same interface; None: one after the other
         progress: called as progress(done, total)
+
+    Raises:
+        InvalidTask: naming the argument
     """
     tasks = items('tasks', tasks, Task)
     report = callback('progress', progress) or _silent
@@ -47,7 +51,7 @@ def bench(tasks: Sequence[Task], driver: Driver, *, unknowns: Unknowns = NOTHING
 
 
 def rows(tasks: Sequence[Task], outcomes: Sequence[Outcome]) -> list[tuple]:
-    """Return the rows of the table, for HEAD."""
+    """Return the rows of the table, with the columns HEAD."""
     if len(tasks) != len(outcomes):
         raise InvalidTask(f'outcomes: expected one for each of {len(tasks)} tasks, got '
                           f'{len(outcomes)}')
@@ -59,7 +63,7 @@ def rows(tasks: Sequence[Task], outcomes: Sequence[Outcome]) -> list[tuple]:
 
 
 def table(tasks: Sequence[Task], outcomes: Sequence[Outcome], longest: int = 60) -> str:
-    """Return the table as text; reasons are cut to `longest` characters."""
+    """Return the table as text; every entry is cut to `longest` characters."""
     lines = [HEAD] + [tuple(str(value).replace('nan', '-')[:longest] for value in row)
                       for row in rows(tasks, outcomes)]
     widths = [max(len(line[k]) for line in lines) for k in range(len(HEAD))]
@@ -68,7 +72,7 @@ def table(tasks: Sequence[Task], outcomes: Sequence[Outcome], longest: int = 60)
 
 
 def summary(outcomes: Sequence[Outcome]) -> str:
-    """Return the sums of a table in a sentence."""
+    """Return the totals of all Outcomes in a sentence."""
     refused = sum(bool(one.refused) for one in outcomes)
     clean = sum(one.threaded and not one.touched for one in outcomes)
     return (f'{len(outcomes)} tasks: {refused} refused, '
@@ -77,7 +81,7 @@ def summary(outcomes: Sequence[Outcome]) -> str:
 
 
 def write_csv(path: str | PathLike, tasks: Sequence[Task], outcomes: Sequence[Outcome]) -> None:
-    """Write the table to a file."""
+    """Write the table to a CSV file."""
     with open(path, 'w', newline='', encoding='utf-8') as file:
         writer = csv.writer(file)
         writer.writerow(HEAD)

@@ -1,4 +1,4 @@
-"""A camera that sees points on the DLO, late, with errors, and not all of them."""
+"""A camera that sees some points on the DLO, late and with errors."""
 
 from dataclasses import dataclass, fields
 
@@ -9,17 +9,18 @@ from dlo_planner.model.checks import flag, integer, number, vector
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.value import Value, put
 
-_FAR = 0.1  # of the length: how far from the DLO outliers are
+_FAR = 0.1  # of the length: half side of the cube about the DLO in which outliers lie
+_ROUNDING = 1e-9  # s
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Image(Value):
-    """What the camera saw.
+    """One image.
 
     Attributes:
-        stamp: s, when it was taken, as the camera says
+        stamp: time at which it was taken, as the camera says, s
         points: (n, 3) m, world axes, in no order
-        hole: (3,) m, the center of the hole as seen; None: not looked at
+        hole: (3,) m, world axes, the center of the hole as seen; None: not looked at
     """
 
     stamp: float
@@ -29,19 +30,19 @@ class Image(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Camera(Value):
-    """How well a camera sees.
+    """The properties of a camera.
 
     Attributes:
         rate: images per s
-        latency: s, from when an image is taken to when it is there
-        noise: m, standard deviation of each coordinate of each point
-        bias: m, the same of an error that is constant during a run
-        points: in each image, of those on the DLO that are not hidden
-        outliers: share of the points that lie anywhere near the DLO
-        hidden: share of the length, in one part of its first two thirds, that is never seen:
-            without the free third nothing can be told
-        stamp_error: s, by how much stamps are too late
-        sees_hole: whether it looks at the hole, too: with the same noise and bias
+        latency: time from taking an image to its arrival, s
+        noise: standard deviation of each coordinate of each point, m
+        bias: standard deviation of each coordinate of an error that is constant during a run, m
+        points: number of points in each image, drawn evenly from the visible part of the DLO
+        outliers: share of the points that are displaced to anywhere near the DLO
+        hidden: share of the length that is never seen, in one piece within the first two thirds:
+            an estimate needs the free third
+        stamp_error: by how much stamps are too late, s
+        sees_hole: whether it looks at the hole as well, with the same noise and bias
 
     Raises:
         InvalidTask: naming the argument
@@ -74,11 +75,11 @@ BAD = Camera(bias=0.5e-3, outliers=0.1, hidden=1 / 3, stamp_error=0.06)
 
 
 class Viewer:
-    """A Camera during one run: hands out its images when they are there.
+    """A Camera during one run: hands out its images as they arrive.
 
     Args:
         camera: Camera
-        rng: of its errors
+        rng: generator of its errors
     """
 
     def __init__(self, camera: Camera, rng: np.random.Generator):
@@ -88,13 +89,16 @@ class Viewer:
         self._next, self._coming = None, []  # the first image is taken at once
 
     def images(self, plant: Plant, cutout: CutOut) -> tuple[Image, ...]:
-        """Return the Images that came since the last call, which was not long ago."""
+        """Return the Images that have arrived since the last call.
+
+        A call takes one image at most, so calls have to be more frequent than images.
+        """
         if self._next is None:
             self._next = plant.time
-        if plant.time >= self._next - 1e-9:
+        if plant.time >= self._next - _ROUNDING:
             self._next += 1 / self._camera.rate
             self._coming.append((plant.time + self._camera.latency, self._image(plant, cutout)))
-        there = [image for time, image in self._coming if time <= plant.time + 1e-9]
+        there = [image for time, image in self._coming if time <= plant.time + _ROUNDING]
         self._coming = self._coming[len(there):]
         return tuple(there)
 

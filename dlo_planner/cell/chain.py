@@ -1,10 +1,10 @@
 """A DLO as a chain of rigid pieces that are joined by springs.
 
-The DLO is cut into cells of equal length. The springs in the middle of a cell bend and twist as
-much as the whole cell does, so the first joint is half a piece from the gripper. Pieces have the
-tangents of the DLO at their middles: positions and tangents there are right to second order in the
-length of a cell. Each joint is three hinges, about n, t, b or b, t, n by turns: what the order of
-rotations adds to the torsion cancels between neighbors.
+The DLO is cut into cells of equal length. A joint in the middle of each cell bends and twists as
+much as the whole cell does, so the first joint is half a cell from the gripper. The direction of a
+piece is the tangent of the DLO at its middle; positions and tangents there have an error of second
+order in the length of a cell. Each joint has three hinges, about n, t, b or about b, t, n in turn:
+the torsion due to the order of rotations cancels between neighbors.
 """
 
 from dataclasses import dataclass
@@ -17,21 +17,22 @@ from dlo_planner.model.rod import Rod
 
 _GAUSS = np.polynomial.legendre.leggauss(5)
 _ORDERS = (1, 0, 2), (2, 0, 1)  # axes of the hinges in the order of the strains
-_THIN = 1e-4    # of a piece's mass and length: the least inertia about its axis, to be above 0
-_HEAVY = 1e6    # mass of the gripper over that of the DLO: what moves it is not felt
+_THIN = 1e-4    # of mass times length^2 of a piece: the least inertia about its axis, to be above 0
+_HEAVY = 1e6    # mass of the gripper over that of the DLO, which then does not move it
 DLO, SCENE = 1, 2  # bits of what collides with what
 
 
 @dataclass(frozen=True)
 class Chain:
-    """What a chain of n cells is made of; the gripper holds the first half of the first cell.
+    """The properties of a chain of n cells; the gripper holds the first half of the first cell.
 
     Attributes:
         length: m
         stiffness: (n, 3) N m per rad of each joint, torsion, about n, about b
-        rest: (n, 3) rad, its angles without stress
-        masses, centers: (n,) kg; (n,) m from the joint before it, of each piece
-        inertias: (n, 3) kg m^2, about the center
+        rest: (n, 3) rad, the angles of each joint without stress
+        masses: (n,) kg, of the pieces
+        centers: (n,) m, of their masses, from the joint before each
+        inertias: (n, 3) kg m^2, about the center, along t, n, b
         radii: (n,) m
         box: half sizes along n and b of a rectangular section, m; None: round
     """
@@ -46,19 +47,19 @@ class Chain:
     box: tuple[float, float] | None
 
     @property
-    def cell(self):
+    def cell(self) -> float:
         """Length of a cell, m."""
         return self.length / len(self.masses)
 
     @property
-    def slowness(self):
-        """sqrt(m L^3 / EI), in s: a straight DLO swings with 3.5 rad in this time."""
+    def slowness(self) -> float:
+        """sqrt(m L^3 / EI), s: the slowest vibration of a straight DLO goes on by 3.5 rad in it."""
         softest = self.stiffness[:, 1:].min() * self.cell
         return float(np.sqrt(self.masses.sum() * self.length**3 / softest))
 
 
 def chain_of(rod: Rod, truth: Truth, cells: int) -> Chain:
-    """Return the Chain of a Rod as it is in truth."""
+    """Return the Chain of a Rod with the properties of a Truth."""
     length = truth.length_of(rod)
     cell = length / cells
     edges = np.linspace(0, length, cells + 1)
@@ -102,10 +103,10 @@ def _masses(rod, truth, joints, ends):
     return map(np.array, zip(*found, strict=True))
 
 
-def add_gripper(spec, chain):
-    """Add the gripper to an MjSpec, so heavy that it goes where it is told; return it.
+def add_gripper(spec: mujoco.MjSpec, chain: Chain) -> mujoco.MjsBody:
+    """Add the gripper to an MjSpec and return it; it is so heavy that the DLO does not move it.
 
-    What it holds touches nothing: between a gripper and an obstacle there is no way out.
+    The part of the DLO inside it touches nothing: it could not give way to an obstacle.
     """
     gripper = spec.worldbody.add_body(name='gripper', gravcomp=1)
     mass = _HEAVY * chain.masses.sum()
@@ -115,7 +116,7 @@ def add_gripper(spec, chain):
     return gripper
 
 
-def add_chain(gripper, chain):
+def add_chain(gripper: mujoco.MjsBody, chain: Chain) -> None:
     """Add the pieces of a Chain to a gripper of MjSpec."""
     parent, at = gripper, 0.5 * chain.cell
     for k in range(len(chain.masses)):
@@ -130,13 +131,13 @@ def add_chain(gripper, chain):
         parent, at = piece, chain.cell
 
 
-def set_springs(model, chain):
-    """Give the joints of an MjModel their stiffness and rest; return the stiffness (3 n,)."""
+def set_springs(model: mujoco.MjModel, chain: Chain) -> np.ndarray:
+    """Set the stiffness and rest angles of an MjModel's joints; return the stiffness (3 n,)."""
     orders = np.array([_ORDERS[k % 2] for k in range(len(chain.masses))])
     stiffness = np.take_along_axis(chain.stiffness, orders, axis=1).ravel()
     model.jnt_stiffness[1:] = stiffness
     model.qpos_spring[7:] = np.take_along_axis(chain.rest, orders, axis=1).ravel()
-    # The solver's tolerance is relative to this mean, which should not be that of the gripper.
+    # The solver's tolerance is relative to the mean inertia: here without that of the gripper.
     model.stat.meaninertia = chain.masses.mean() * chain.length**2 / 3
     return stiffness
 

@@ -1,13 +1,14 @@
-"""The driver that looks: the strategy of `inverse.closed_loop` with all that it takes.
+"""The driver that looks: it carries out the strategy of `inverse.closed_loop`.
 
-It looks at rest, plans for the DLO as it is estimated, goes calmly to the standoff, looks again and
-goes in; on the way it looks and corrects a few times a second. What it computes takes no time in
-the cell: the gripper stands still meanwhile.
+It looks at rest, plans for the estimated DLO, goes calmly to the standoff, looks again and enters.
+On the way it looks and corrects a few times a second. Its computations take no time in the cell, as
+if the gripper stood still meanwhile.
 """
 
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -28,30 +29,32 @@ from dlo_planner.inverse.steering import Steered
 from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.model.pose import Pose
 
-_STAMPS = 0.1       # s by which stamps may be wrong: looks of a gripper that moved are left out
-_FOR_MOTION = 0.25  # part of the room, for what the DLO in motion is off its equilibrium
+_STAMPS = 0.1       # s after an arrival whose images are left out: their stamps may be wrong
+_FOR_MOTION = 0.25  # part of the room that is kept for the deviation of the DLO in motion
 _STANDOFF = 0.05    # of the length
 _LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
 _SWAY = 5e-4        # m, of a DLO that has arrived calmly
 _SAG, _WEIGHT = 0.5, 9.81  # of the length: how far weight bends a soft DLO; m/s^2
-_REMEMBERED = 250   # periods of control: where the gripper was when an image was taken
-_LOOKED_AT = 5      # waypoints whose miss is predicted
-_LEAST_OUTLIERS = 0.02
+_REMEMBERED = 250   # periods of control whose poses are remembered: 1 s, longer than any latency
+_WAYPOINTS = 5      # whose miss is predicted, evenly from the entry to the depth
+_INSTANTS = 5       # of the last swing at which the acceleration is looked at
+_LEAST_OUTLIERS = 0.02  # part of the points: even a good camera sees some
 _VARIATION = 0.03   # 1/m: no DLO is bent quite evenly
 
 
 @dataclass(frozen=True)
 class Looking:
-    """The driver of a closed loop.
+    """The driver of a closed loop; `Looking.knowing` makes one for an `Unknowns` and a `Camera`.
 
     Attributes:
-        spread: Spread of what is uncertain
-        noise: m, of the camera; bias: m, of the same; outliers: part of its points
-        hole: m, how well the place of the hole is known
+        spread: Spread of the DLO and of the gripper's pose
+        noise, bias: standard deviations of the camera, m; outliers: part of its points, see
+            `Observer`
+        hole: standard deviation of the place of the hole, m
         limits: Limits of the gripper; None: the default ones
-        look: s of a look
-        stamps: s, by which the stamps of images may be wrong
-        period: s between two corrections on the way
+        look: duration of a look, s
+        stamps: by how much the stamps of images may be wrong, s
+        period: time between two corrections on the way, s
     """
 
     spread: Spread
@@ -65,8 +68,14 @@ class Looking:
     period: float = 0.5
 
     @classmethod
-    def knowing(cls, unknowns: Unknowns, camera: Camera, **options) -> 'Looking':
-        """Return the driver that knows how uncertain things are, but not what they are."""
+    def knowing(cls, unknowns: Unknowns, camera: Camera, **options: Any) -> 'Looking':
+        """Return the driver that knows the standard deviations of what is unknown, not the values.
+
+        Args:
+            unknowns: Unknowns; a gradient of the mass has no counterpart in the driver's Spread
+            camera: Camera
+            options: further attributes
+        """
         bent, *varying = unknowns.natural_curvature
         spread = Spread(unknowns.stiffness, unknowns.stiffness, unknowns.mass, unknowns.length,
                         float(bent), unknowns.gripper_position, unknowns.gripper_rotation,
@@ -80,11 +89,11 @@ class Looking:
 
 
 class _Looking:
-    """A command: where the gripper is to be, period by period.
+    """The command of the driver: the pose of the gripper, period by period.
 
     Attributes:
-        promised: m, the largest miss that is expected: that of the motion, and what the estimate
-            leaves open (95 %)
+        promised: the largest miss that is expected, m: that of the simulated motion plus the 95 %
+            bound of the estimate; nan before the DLO enters
     """
 
     def __init__(self, driver, task):
@@ -122,7 +131,7 @@ class _Looking:
     def _look(self, images, time):
         since = time if self._loop.since is None else self._loop.since
         for image in images:
-            if self._loop.at_standoff and image.stamp < since + _STAMPS:
+            if self._loop.at_standoff and image.stamp < since + max(_STAMPS, self._driver.stamps):
                 continue
             observation = Observation(self._here, image.points)
             self._estimate = self._observer.update(self._estimate, observation)
@@ -131,7 +140,7 @@ class _Looking:
                     self._estimate, self._task.cutout.centre, image.hole)
 
     def _go_there(self, time):
-        """Go to the standoff."""
+        """Plan the motion to the standoff and begin it."""
         here = self._estimated()
         way, _ = ways(here, _STANDOFF * here.rod.length)
         there = first_part(way, way.stops[0] + 1, PlanStatus.COMPLETE)
@@ -140,14 +149,14 @@ class _Looking:
                  time)
 
     def _aim(self):
-        """Plan from the standoff through; return the predicted miss with 95 %, m."""
+        """Plan the way from the standoff to the depth; return the 95 % bound of its miss, m."""
         way, through = ways(self._estimated(), 0.0)
         self._plan = joined(replace(way, stops=()), through)
         stated, estimate = self._task.cutout.centre, self._estimate
         self._commanded = replace(
             through, grippers=[estimate.commanded(pose) for pose in through.grippers],
             passes=[tuple((stated, *rest) for _, *rest in passes) for passes in through.passes])
-        looked_at = np.unique(np.linspace(0, len(through) - 1, _LOOKED_AT).astype(int))
+        looked_at = np.unique(np.linspace(0, len(through) - 1, _WAYPOINTS).astype(int))
         return float(estimate.miss(self._commanded, looked_at).bound.max())
 
     def _go_in(self, bound, time):
@@ -158,7 +167,7 @@ class _Looking:
         self._go(trajectory, self._plan.shapes[-1], time)
 
     def _estimated(self):
-        """Return the Task as it is estimated, from where the gripper is now."""
+        """Return the Task with the estimated DLO and hole, from the gripper's estimated pose."""
         estimate = self._estimate
         return replace(self._task, rod=estimate.rod, start=estimate.actual(self._here),
                        cutout=estimate.moved_cutout(self._task.cutout))
@@ -170,7 +179,7 @@ class _Looking:
         self._sent.append((time, self._here))
 
     def _moved(self, images, time):
-        """Go on, with a look and a correction now and then; return False at the end."""
+        """Go on by one period, and look and correct if it is time; return False at the end."""
         if self._motion is None or time - self._began >= self._motion.duration:
             return False
         if images and self._loop.correction_due(time):
@@ -183,10 +192,10 @@ class _Looking:
         return True
 
     def _look_on_the_way(self, image):
-        """Take an Image in, the less the faster the DLO moves.
+        """Update the estimate with an Image; it counts the less the faster the DLO moves.
 
-        What its stamp may be wrong by displaces all its points alike; inertia bends the DLO as a
-        part of its weight would.
+        A wrong stamp displaces all its points alike. Inertia bends the DLO like a part of its
+        weight.
         """
         stamps, poses = zip(*self._sent, strict=True)
         stamp = float(np.clip(image.stamp, stamps[0], stamps[-1]))
@@ -199,9 +208,9 @@ class _Looking:
             sway=float(np.hypot(_SWAY, _SAG * self._task.rod.length * inertia / _WEIGHT)))
 
     def _moving(self, stamp):
-        """Return the DLO's speed and the largest acceleration of the last swing, m/s, m/s^2."""
+        """Return bounds of the DLO's speed, m/s, and acceleration in the last swing, m/s^2."""
         swing = self._motion.windows[0]
-        times = stamp - self._began - np.linspace(0, swing, _LOOKED_AT)
+        times = stamp - self._began - np.linspace(0, swing, _INSTANTS)
         lengths = np.array([1.0, self._task.rod.length])
         speeds, accelerations = (
             np.linalg.norm(part.reshape(-1, 2, 3), axis=2) @ lengths
@@ -209,7 +218,7 @@ class _Looking:
         return speeds[0], accelerations.max()
 
     def _correct(self, time):
-        """Aim the waypoints that are left anew, if there is time to blend that in."""
+        """Aim the remaining waypoints anew, if there is time left to blend that in."""
         motion, plan = self._motion, self._plan
         if time + motion.windows.sum() > motion.trajectory.duration:
             return

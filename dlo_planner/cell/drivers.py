@@ -1,10 +1,11 @@
-"""Who moves the gripper.
+"""Drivers, which move the gripper.
 
-A driver is a function (task) -> command; a command is a function (images, time) -> Pose or None. It
-is called once in each period of control with the Images that have come since, and returns where
-the gripper is to be at the end of the period; None: it is done. Both may raise `Infeasible`. What
-a command has as `promised` is the largest miss that it expects, in m. For a bench on several
-processes a driver has to be picklable.
+A driver is a function (task) -> command; a command is a function (images, time) -> Pose or None.
+The command is called once in each period of control with the Images that have arrived since the
+last call and the time in s. It returns the pose of the gripper at the end of the period, or None
+when it is done. Both may raise `Infeasible`, `NotConverged` or `DeadlineExceeded`. An attribute
+`promised` of a command is the largest miss that it expects, in m. For a bench on several processes
+a driver has to be picklable.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,24 +16,25 @@ import numpy as np
 from dlo_planner.cell.camera import Image
 from dlo_planner.cell.tasks import Task
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.plan import Plan, joined
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.trajectory import Limits, Trajectory
+from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.model.pose import Pose
 
 Command = Callable[[Sequence[Image], float], Pose | None]
 Driver = Callable[[Task], Command]
 PERIOD = 0.004  # s, of the control
-_WAYPOINTS = 40
-_STANDOFF = 0.05  # m
+_WAYPOINTS = 40   # of a threading
+_STANDOFF = 0.05  # m, of the free end before the hole, where the start phase ends
 
 
 @dataclass(frozen=True)
 class OpenLoop:
-    """The driver that looks at nothing.
+    """The driver that does not look.
 
     Attributes:
-        motion: function (task) -> Trajectory, or Poses, one for each period, the first at once
+        motion: function (task) -> Trajectory, or Poses, one for the end of each period
     """
 
     motion: Callable[[Task], Trajectory | Sequence[Pose]]
@@ -55,10 +57,14 @@ class _Replayed:
 
 
 def planned(task: Task, limits: Limits | None = None) -> Trajectory:
-    """Return start phase and threading as one motion, as the planner makes it.
+    """Return start phase and threading of the DLO as stated, as one motion.
+
+    Args:
+        task: Task
+        limits: Limits of the gripper; None: the default ones
 
     Raises:
-        Infeasible: there is no plan
+        Infeasible: there is no plan, or no calm motion
     """
     return Trajectory(joined(*ways(task)), limits)
 
@@ -67,7 +73,9 @@ def ways(task: Task, standoff: float = _STANDOFF) -> tuple[Plan, Plan]:
     """Return the start phase and the threading.
 
     Args:
-        task: Task; standoff: m, see `InverseSimulator.start_phase`
+        task: Task
+        standoff: distance of the free end from the hole between both, m, see
+            `InverseSimulator.start_phase`
 
     Raises:
         Infeasible: there is no plan
@@ -79,6 +87,6 @@ def ways(task: Task, standoff: float = _STANDOFF) -> tuple[Plan, Plan]:
 
 
 def sampled(trajectory: Trajectory) -> list[Pose]:
-    """Return the poses of a Trajectory, one for each period, without the first."""
+    """Return the poses of a Trajectory at the ends of the periods of control."""
     count = int(np.ceil(trajectory.duration / PERIOD))
     return trajectory.at(PERIOD * np.arange(1, count + 1))[0]

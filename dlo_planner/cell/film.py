@@ -1,4 +1,4 @@
-"""A film of a run, as a GIF. Drawn by matplotlib: a cell may have no graphics."""
+"""A film of a run, as a GIF. Matplotlib draws it, which needs no display."""
 
 from os import PathLike
 
@@ -12,9 +12,9 @@ from dlo_planner.cell.tasks import Task
 
 _POINTS = 81     # on the DLO
 _EVERY = 0.1     # s between two pictures
-_SPEED = 2       # times as fast as it was
+_SPEED = 2       # times as fast as the run
 _JAW = 0.04      # m, size of the gripper in the picture
-_MARGIN = 0.1
+_MARGIN = 0.1    # m around what moves
 
 
 class Film:
@@ -24,7 +24,7 @@ class Film:
         self._times, self._curves, self._grippers, self._forces = [], [], [], []
 
     def __call__(self, plant: Plant) -> None:
-        """Take a picture if it is time."""
+        """Take a picture if the last one is 0.1 s old."""
         if self._times and plant.time < self._times[-1] + _EVERY - 1e-9:
             return
         self._times.append(plant.time)
@@ -33,7 +33,7 @@ class Film:
         self._forces.append(plant.largest_forces.max(initial=0.0))
 
     def save(self, path: str | PathLike, task: Task) -> None:
-        """Write the GIF: the run from the side and from above, along the way through the hole."""
+        """Write the GIF: views from the side and from above, the hole's normal to the right."""
         axes = self._axes(task)
         curves = (np.array(self._curves) - task.cutout.centre) @ axes.T
         figure = Figure(figsize=(7.2, 6.4), dpi=70, layout='constrained')

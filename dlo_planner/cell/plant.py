@@ -1,6 +1,6 @@
-"""The plant: a DLO in a gripper that moves, in a physics engine.
+"""The plant: a DLO in a moving gripper, in a physics engine.
 
-It stands for the real cell. Of the planner it knows the data types (`dlo_planner.model`) alone.
+It stands for the real cell and shares only data types (`dlo_planner.model`) with the planner.
 
     plant = Plant(rod, poses[0], [Sheet.around(hole)], damping=0.005)    # hangs at rest
     for pose in poses[1:]:
@@ -30,16 +30,17 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value
 
 _GRAVITY = (0.0, 0.0, -9.81)
-_STILL = 1e-8     # rad per `Chain.slowness`
-_SETTLING = 0.02  # step, of the same
+_STILL = 1e-8     # rad per `Chain.slowness`: a DLO that moves no faster is at rest
+_SETTLING = 0.02  # of `Chain.slowness`: step of time while it settles
 _DRAG = 0.05      # part of all velocities that is taken away in each step while it settles
 _LONGEST = 20_000  # steps until it is at rest
-_DIFFERENCE = 1e-5  # rad
+_DIFFERENCE = 1e-5  # rad, step of difference quotients
+_MOVED = 1e-4     # rad, largest angle in a displacement by a mode
 # solref, solimp of the engine: as stiff as a step of time allows, penetration well below 0.1 mm
 _STIFF_CONTACT = (2e-4, 1.0), (0.95, 0.99, 1e-4, 0.5, 2.0)
-_ROUNDING = 1e-9
-_WILD = 1e6       # rad/s
-_FINE = 4         # points of a piece where the DLO is sought in a hole
+_ROUNDING = 1e-9  # of a number of steps
+_WILD = 1e6       # rad/s: a faster joint is unstable
+_FINE = 4         # points per cell at which the plane of a hole is looked for
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,9 +48,10 @@ class Passage(Value):
     """Where a DLO pierces the plane of a cut-out.
 
     Attributes:
-        depth: arc length beyond the plane, m; 0: none of it
-        miss: largest distance of the DLO from the centre there, m; nan if it does not pierce it
-        y, z: of the place that is farthest, in the axes of the cut-out, m
+        depth: arc length beyond the plane, m; 0: the DLO does not pierce it
+        miss: largest distance from the centre at which the DLO pierces the plane, m; nan if it
+            does not
+        y, z: coordinates of that point in the axes of the cut-out, m
     """
 
     depth: float
@@ -59,27 +61,28 @@ class Passage(Value):
 
 
 class Plant:
-    """A DLO that hangs at rest in a gripper at first, freely, as it falls from its natural shape.
+    """A DLO in a moving gripper. At first it hangs freely at rest, fallen from its natural shape.
 
     Args:
         rod: Rod as the planner knows it
-        gripper: Pose to which the gripper is commanded
+        gripper: commanded Pose of the gripper at the beginning
         obstacles: of `dlo_planner.model.obstacles`; a Sheet has one cut-out at most
-        truth: Truth, by how much things are not as the planner knows them
-        cells: into how many the DLO is cut
-        step: s, of time
-        damping: ratio, of the slowest vibration about the shape at the beginning; damping grows
-            with the stiffness. The engine's own (`least_damping`) is the least there is.
+        truth: Truth; None: all is as the planner knows it
+        cells: number of cells of the chain
+        step: of time, s
+        damping: ratio of the slowest vibration about the shape at the beginning, by a damping in
+            proportion to the stiffness. The engine adds some of its own, so the ratio is not below
+            `least_damping`.
         gravity: (3,) m/s^2
 
     Attributes:
         time: s
         commanded: Pose of the gripper as commanded
-        forces, largest_forces: (n,) N, sum of the sizes of the contact forces on the DLO of each
-            obstacle, mean of the last `move` and the largest of these so far: of an impact, what
-            a sensor as fast as that shows
+        forces: (n,) N, sums of the sizes of the contact forces of each obstacle on the DLO, means
+            over the last `move`: as a sensor of that sampling time shows an impact
+        largest_forces: (n,) N, the largest of these so far
         frequencies: (3,) Hz, slowest vibrations about the shape at the beginning
-        damping, least_damping: ratio of the slowest one: as it is; the least there is
+        damping: damping ratio of the slowest vibration; least_damping: the least possible one
 
     Raises:
         InvalidTask: an argument makes no sense, or the DLO touches an obstacle at first
@@ -107,7 +110,7 @@ class Plant:
 
         Raises:
             InvalidTask: naming the argument
-            NotConverged: the engine cannot follow, as where it is pushed with all might
+            NotConverged: the simulation became unstable, as it may under extreme forces
         """
         instance('gripper', gripper, Pose)
         seconds = number('seconds', seconds, above=0)
@@ -147,7 +150,7 @@ class Plant:
         return Pose.from_rotation(place, self._data.xmat[-1].reshape(3, 3))
 
     def passage(self, cutout: CutOut) -> Passage:
-        """Return the Passage of a cut-out, which stands where the Truth has shifted it."""
+        """Return the Passage of a cut-out, at its true place (shifted by the Truth)."""
         instance('cutout', cutout, CutOut)
         s = np.linspace(0, self._chain.length, _FINE * len(self._chain.masses) + 1)
         local = ((self._curve(s) - cutout.centre - self.truth.hole_shift)
@@ -167,9 +170,9 @@ class Plant:
     def modes(self, count: int = 3) -> tuple[np.ndarray, np.ndarray]:
         """Return frequencies (count,) in Hz and shapes (count, n + 1, 3) of small vibrations.
 
-        About the shape as it is, the gripper at rest, contacts left out. Of each joint in turn the
-        force is differentiated. The largest displacement of a shape is 1; its n + 1 points are
-        evenly spaced along the DLO.
+        About the present shape, the gripper at rest, without contacts. The stiffness matrix is a
+        difference quotient of the joints' forces. The largest displacement of a shape is 1; its
+        n + 1 points are evenly spaced along the DLO.
         """
         count = integer('count', count, minimum=1, maximum=self._model.nv - 6)
         data, here = mujoco.MjData(self._model), self._data.qpos
@@ -313,7 +316,7 @@ class Plant:
 
     def _displacement(self, data, rest, vector):
         """Return how the nodes (n + 1, 3) move with a vector of the joints, 1 at most."""
-        small = 1e-4 / np.abs(vector).max()
+        small = _MOVED / np.abs(vector).max()
         ends = []
         for sign in (1, -1):
             data.qpos[:] = rest

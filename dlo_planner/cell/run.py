@@ -1,4 +1,4 @@
-"""One run of a driver in the plant, and what came of it."""
+"""One run of a driver in the plant, and its outcome."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,30 +14,30 @@ from dlo_planner.errors import DeadlineExceeded, Infeasible, NotConverged
 from dlo_planner.model.checks import instance, integer
 from dlo_planner.model.value import Value
 
-TOUCH = 0.05      # N, below which nobody minds
+TOUCH = 0.05      # N: a larger contact force counts as a touch
 STEP = 2e-3       # s, of the plant
-_LOOKED_AT = 5    # periods between two looks at the hole
-_SHORT = 0.005    # of the length, by which the depth may be missed
+_LOOKED_AT = 5    # periods of control between two measurements of the miss
+_SHORT = 0.005    # of the length, by which the depth may fall short
 _LONGEST = 300.0  # s, of a run
-_STOP = 5.0       # N, at which a robot stops
+_STOP = 5.0       # N: a larger contact force ends a run
 _REFUSALS = Infeasible, NotConverged, DeadlineExceeded
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Outcome(Value):
-    """What came of a Task.
+    """The outcome of a Task.
 
     Attributes:
-        seed: of what is unknown
-        refused: why the driver did not begin, or did not go on; empty: it came to its end
-        threaded: whether the DLO is in the hole as deep as it should be; a force of more than 5 N
-            ends a run
-        depth: m, beyond the sheet, at the end
-        miss: m, largest distance from the centre of the hole while the DLO was in its plane; nan if
-            it never was
-        force: N, largest contact force on the DLO
-        time: s, of the motion
-        promised: m, the largest miss that the driver expected; nan if it does not say
+        seed: of the Truth and of the camera's errors
+        refused: why the driver gave up, at the beginning or later; empty: it did not
+        threaded: whether the DLO is through the hole to its depth at the end, its misses below the
+            radius; a force of more than 5 N ends a run
+        depth: length of the DLO beyond the sheet at the end, m
+        miss: largest distance from the centre of the hole, in its plane, of the DLO that crosses
+            it, every 20 ms, m; nan if it never did
+        force: largest contact force on the DLO, N
+        time: duration of the motion, s
+        promised: the largest miss that the driver expected, m; nan if it does not say
     """
 
     seed: int
@@ -63,14 +63,14 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
     Args:
         task: Task
         driver: see `drivers`
-        seed: of what is unknown and of the camera's errors
-        unknowns: Unknowns, of which one Truth is drawn
+        seed: of the Truth and of the camera's errors
+        unknowns: Unknowns from which one Truth is drawn
         camera: Camera; None: there is none
-        damping, step: ratio and s, see `Plant`: shorter steps allow less damping
+        damping, step: ratio and s, see `Plant`: a shorter step allows less damping
         watch: called as watch(plant) after each period
 
     Raises:
-        InvalidTask: an argument makes no sense, or the driver asks for what makes none
+        InvalidTask: an argument makes no sense, or the driver gives one that makes none
     """
     instance('task', task, Task)
     rng = np.random.default_rng([integer('seed', seed, minimum=0, maximum=2**31), 78])
@@ -91,7 +91,7 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
 
 
 def _drive(plant, command, task, viewer, watch):
-    """Move the gripper until the command is done; return the misses, and why it was broken off."""
+    """Move the gripper until the command is done; return the misses, and why it gave up."""
     misses = []
     for count in range(int(_LONGEST / PERIOD)):
         images = () if viewer is None else viewer.images(plant, task.cutout)

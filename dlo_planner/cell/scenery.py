@@ -13,10 +13,12 @@ _THINNEST = 1e-3    # m: a thinner sheet could be tunnelled through
 _HALF_PLANE = 10.0  # m
 
 
-def add_obstacle(spec, obstacle, number):
-    """Add an obstacle to an MjSpec; its parts are called 'number/part'.
+def add_obstacle(spec: mujoco.MjSpec, obstacle: Plane | Sphere | Capsule | Box | Sheet,
+                 number: int) -> None:
+    """Add an obstacle to an MjSpec; the names of its geoms are 'number/part'.
 
-    A sheet has one cut-out at most.
+    Raises:
+        InvalidTask: a sheet with more than one cut-out, or another obstacle
     """
     for part, (kind, size, center, rotation) in enumerate(_parts(obstacle)):
         spec.worldbody.add_geom(

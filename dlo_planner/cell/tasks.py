@@ -1,4 +1,4 @@
-"""Tasks for the cell: what is threaded, through which hole, from where."""
+"""Tasks for the cell: a DLO, a hole, and a pose to begin with."""
 
 from dataclasses import dataclass
 
@@ -19,10 +19,10 @@ RODS = {  # those of config/, the wire in two diameters
     'leaf spring': Rod.rectangular(0.8, 0.020, 0.0005, 7850.0, 206e9, 0.29)}
 RADII = 0.004, 0.02  # of holes, m
 _LEAST_ROOM = 0.0025  # m: a hole for a thick DLO is wider
-_SIDE, _THICKNESS = 0.4, 1e-3
-_DEPTH = 0.7         # of the length
+_SIDE, _THICKNESS = 0.4, 1e-3  # m, of the sheet
+_DEPTH = 0.7         # of the length: of a threading
 _STEEPEST = np.radians(60)  # of the way through the hole: a soft DLO cannot go straight up
-_CENTER = np.array([0.0, 0.0, 1.0])
+_CENTER = np.array([0.0, 0.0, 1.0])  # m, of the hole
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -33,8 +33,8 @@ class Task(Value):
         name: of the DLO
         rod: Rod, as the planner knows it
         cutout: CutOut with a radius
-        start: Pose of the gripper in which the DLO hangs at rest at first
-        depth: m, which is to go through
+        start: Pose of the gripper at the beginning, in which the DLO hangs at rest
+        depth: length of the DLO that has to go through, m
     """
 
     name: str
@@ -64,17 +64,20 @@ class Task(Value):
 
     @property
     def room(self) -> float:
-        """How far the DLO may pass beside the centre of the hole, m."""
+        """The largest miss with which the DLO does not touch the rim, m."""
         return self.cutout.radius - self.rod.radius
 
 
 def draw_task(seed: int, name: str | None = None, radius: float | None = None) -> Task:
-    """Return the Task of a number, always the same.
+    """Return the Task of a seed, always the same.
 
     Args:
-        seed: 0 ...
-        name: of RODS; None: in turn
-        radius: of the hole, m; None: in the range RADII, with 2.5 mm of room at least
+        seed: 0 to 2^31
+        name: of a DLO in RODS; None: one after the other with the seed
+        radius: of the hole, m; None: drawn from the range RADII, with 2.5 mm of room at least
+
+    Raises:
+        InvalidTask: naming the argument
     """
     rng = np.random.default_rng([integer('seed', seed, minimum=0, maximum=2**31), 77])
     name = list(RODS)[seed % len(RODS)] if name is None else choice('name', name, list(RODS))

@@ -1,4 +1,4 @@
-"""What is true in the cell and not known to the planner."""
+"""The true properties of the cell, which the planner does not know."""
 
 from dataclasses import dataclass, fields
 
@@ -14,20 +14,21 @@ from dlo_planner.model.value import Value, put
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Truth(Value):
-    """By how much a DLO, its gripper and its sheet are not what the planner assumes.
+    """How the true DLO, gripper and sheet differ from what the planner assumes.
 
     Attributes:
         bending_stiffness: factor of EI_n and EI_b
         torsional_stiffness: factor of GJ
         mass: factor of all masses
-        mass_gradient: the mass per length grows by this part of it from s = 0 to the free end,
-            about its mean
+        mass_gradient: part of its mean by which the mass per length grows from s = 0 to the free
+            end; the mean stays
         natural_curvature: (2, k) in 1/m, about n and about b: coefficients of Legendre polynomials
             of 2 s / L - 1, added to the rod's own
         length: m, added at the free end
-        gripper_shift: (3,) m, from where the gripper is commanded to where it holds, gripper axes
-        gripper_turn: (3,) rotation vector of the same, rad
-        hole_shift: (3,) m, by which all sheets and cut-outs stand elsewhere, world axes
+        gripper_shift: (3,) m, from the commanded to the true place of the gripper, axes of the
+            commanded gripper
+        gripper_turn: (3,) rotation vector from the commanded to the true gripper, rad, same axes
+        hole_shift: (3,) m, true minus stated place of all sheets and cut-outs, world axes
 
     Raises:
         InvalidTask: naming the argument
@@ -80,11 +81,11 @@ class Truth(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Unknowns(Value):
-    """Standard deviations of what is not known exactly; independent and normal, see `Truth`.
+    """Standard deviations from which a Truth is drawn; independent and normal.
 
     Attributes:
-        stiffness: relative, of EI and GJ alike
-        mass, mass_gradient: relative
+        stiffness: of the logarithm of the factor that EI and GJ have in common
+        mass: of the logarithm of the factor; mass_gradient: of the part in `Truth`
         natural_curvature: (k,) 1/m, of the Legendre coefficients of each plane
         length: m
         gripper_position: m, along each axis; gripper_rotation: rad, about each axis
@@ -122,7 +123,7 @@ class Unknowns(Value):
 
 _TILT = np.radians(0.2)
 NOTHING_UNKNOWN = Unknowns()
-# two cells: a careful one, and one where all else is uncertain too
+# `--unknown much` and `--unknown more`
 UNCERTAIN = Unknowns(0.05, 0.02, natural_curvature=(0.05,), gripper_position=0.5e-3,
                      gripper_rotation=_TILT)
 VERY_UNCERTAIN = Unknowns(0.05, 0.02, 0.03, (0.05, 0.03, 0.03), 1e-3, 0.5e-3, _TILT, 0.5e-3)

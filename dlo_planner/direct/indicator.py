@@ -1,4 +1,4 @@
-"""A quick look at how far a shape can be off: which need no further solution to be sure of.
+"""A quick bound of a shape's error, which spares the further solution of an error estimate.
 
 The error estimate (`Shape.error_estimate`) was never more than 3.1 times `ritz.truncation` over 600
 random DLOs that hang freely, 0.8 times where both ends are held (80), 1.8 times where something is
@@ -7,18 +7,26 @@ touched (80). Of DLOs that may yield it was 0.5 times (97) as long as they have 
 length it says nothing.
 """
 
+from typing import TYPE_CHECKING
+
+from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.ritz.truncation import truncation
+
+if TYPE_CHECKING:  # it imports this module
+    from dlo_planner.direct.shape import Shape
 
 _FREE, _HELD, _TOUCHING, _YIELDED = 4.0, 1.5, 2.5, 8.0  # times `truncation`: the estimate is below
 _STABLE = 0.1    # a shape that is less stable magnifies errors
 _LIKE = 3.0      # times what the shape before lets expect: the estimate is below
 
 
-def surely_within(shape, accuracy, mesh=None):
-    """Whether a Shape is certain to be within `accuracy` (m), without a further solution.
+def surely_within(shape: 'Shape', accuracy: float, mesh: Discretisation | None = None) -> bool:
+    """Return whether a Shape is certain to be within `accuracy` (m), without a further solution.
 
     Args:
-        mesh: Discretisation on which the shape would be; None: its own
+        shape: Shape from a simulator
+        accuracy: m
+        mesh: Discretisation to which the shape would be transferred; None: its own
     """
     here = shape._discretisation if mesh is None else mesh
     around = here.surroundings
@@ -31,11 +39,12 @@ def surely_within(shape, accuracy, mesh=None):
     return bool(times * _truncation(here, strains) <= accuracy)
 
 
-def like_before(shape, before, accuracy):
-    """Whether a Shape is within `accuracy` (m) as the one before it in a motion is (None: none).
+def like_before(shape: 'Shape', before: 'Shape | None', accuracy: float) -> bool:
+    """Return whether a Shape is within `accuracy` (m), judged by the shape before it in a motion.
 
-    The estimate of that one has to be known: the same part of `truncation`, three times, is below
-    the accuracy. So along a motion every second shape needs a further solution at most.
+    The error estimate of the shape before has to be known already. The ratio of that estimate to
+    its `truncation`, three times as large, bounds the error here. So at most every second shape of
+    a motion needs a further solution.
     """
     if (before is None or shape.jumped or 'error_estimate' not in before.__dict__
             or before._discretisation is not shape._discretisation

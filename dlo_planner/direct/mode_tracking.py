@@ -1,4 +1,4 @@
-"""Modes along a path, followed by their likeness: where frequencies cross each stays what it is."""
+"""Modes along a path, matched by likeness: a mode stays itself where frequencies cross."""
 
 from collections.abc import Iterable
 
@@ -11,16 +11,17 @@ from dlo_planner.direct.vibration import Linearized
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import integer, items
 
-_SPARE = 4     # modes beyond those asked for among which one may be found that has become faster
+_SPARE = 4     # more modes than asked for are computed: a followed one may have become faster
 _EQUAL = 1e-6  # relative difference of squares of frequencies that count as one
 
 
 def modes_along(shapes: Iterable[Shape], n: int = 4) -> tuple[Modes, ...]:
     """Return the Modes of each shape; mode i of one continues mode i of the one before.
 
-    The n slowest modes of the first shape are followed, by the largest sum of `Modes.overlap`.
-    Modes with one frequency, as of a round DLO that hangs straight, are combined so as to be most
-    alike. Where an overlap is small, the steps are too long to tell which mode is which.
+    The n slowest modes of the first shape are followed: the modes of the next shape are assigned
+    so that the sum of `Modes.overlap` is largest. Modes of equal frequency, as of a round DLO that
+    hangs straight, are first turned together so as to be most like those before. Where an overlap
+    is small, the steps along the path are too long to tell which mode is which.
 
     Args:
         shapes: in the order of the path, as from `DirectSimulator.track`; meshes may differ
@@ -51,7 +52,7 @@ def _continued(before, linear):
     if squares.size < len(before):
         raise InvalidTask(f'{linear.name}: expected one with {len(before)} modes or more, as the '
                           f'one before, it has {squares.size}')
-    weighted = _on(before, linear.shape.s) * vibration.masses[:, None]
+    weighted = displacements_on(before, linear.shape.s) * vibration.masses[:, None]
     like = np.einsum('mki,kic->mc', weighted, vibration.jacobian)  # products with the coordinates
     for one in _equal(squares):
         found[:, one] = _turned(like, found[:, one])
@@ -63,8 +64,11 @@ def _continued(before, linear):
                       np.minimum(np.abs(likeness), 1.0))
 
 
-def _on(modes, s):
-    """Return (n, N + 1, 3) the displacements of Modes at arc lengths s (N + 1,)."""
+def displacements_on(modes: Modes, s: np.ndarray) -> np.ndarray:
+    """Return (n, N + 1, 3) the displacements of Modes, m, on another mesh: nodes s (N + 1,), m.
+
+    Linear between the nodes of the modes. A DLO of another length is scaled to this one.
+    """
     if s.size == modes.s.size and (s == modes.s).all():
         return modes.displacements
     flat = np.moveaxis(modes.displacements, 1, 2).reshape(-1, modes.s.size)
@@ -73,7 +77,7 @@ def _on(modes, s):
 
 
 def _equal(squares):
-    """Yield slices of ascending squares (n,) of frequencies that are one."""
+    """Yield slices of ascending squares (n,) of frequencies that are equal."""
     ends = np.flatnonzero(np.diff(squares) > _EQUAL * squares[1:]) + 1
     for begin, end in zip([0, *ends], [*ends, squares.size], strict=True):
         if end - begin > 1:
@@ -81,7 +85,7 @@ def _equal(squares):
 
 
 def _turned(like, found):
-    """Return modes (c, g) of one frequency so combined that they are most like g modes before.
+    """Return modes (c, g) of equal frequency, combined to be most like g modes before.
 
     Orthogonal Procrustes: Golub and Van Loan, Matrix Computations, ch. 6.4.
 

@@ -1,28 +1,32 @@
-"""How a hanging DLO vibrates: natural frequencies, damping and mode shapes about a shape at rest.
+"""Vibrations of a DLO: natural frequencies, damping and mode shapes about a shape at rest.
 
-The mass matrix is singular, because torsion of a straight DLO moves no mass, so what is solved is
-M x = mu K x with mu = 1 / omega^2; K is positive definite at a stable shape.
+Torsion of a straight DLO moves no mass, so the mass matrix M is singular. The eigenvalue problem is
+therefore M x = mu K x with mu = 1 / omega^2; K is positive definite at a stable shape.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import LinAlgError, eigh
 
-from dlo_planner.direct.vibration import Linearized
+from dlo_planner.direct.vibration import Linearized, Vibration
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.model.checks import integer, results, shown
 from dlo_planner.model.value import Constant, Value, brief, freeze, put
 
+if TYPE_CHECKING:  # it imports this module
+    from dlo_planner.direct.shape import Shape
+
 MOST = 1000         # modes that may be asked for
-_TIE = 1e-10        # added to the stiffness: what has neither stiffness nor mass stays where it is
-_NEUTRAL = 1e-2     # part of a mode's stiffness which that adds: such a mode has none of its own
-_MASSLESS = 1e-11   # of the largest: mu of what moves no mass
-_STILL = 1e-9       # of the largest: mass of such a motion
-_SHOWN = 4
+_TIE = 1e-10        # added to the stiffness: a motion without stiffness and mass is held by it
+_NEUTRAL = 1e-2     # part of a mode's stiffness due to _TIE from which on the mode is neutral
+_MASSLESS = 1e-11   # of the largest mu: a motion with less moves no mass
+_STILL = 1e-9       # of the largest mass: as much may move in a motion that counts as massless
+_SHOWN = 4          # frequencies in a repr
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -36,20 +40,22 @@ class Modes(Value):
         y_i'' + 2 damping_ratios[i] w_i y_i' + w_i^2 y_i = - participation[i] . a,
         w_i = 2 pi frequencies[i]
 
-    but for what damping itself does as the gripper moves: a part of the order of the damping ratio.
+    Forces of damping due to the gripper's motion are neglected: a part of the order of the damping
+    ratio.
 
     Attributes:
         s: (N + 1,) arc lengths of the nodes, m
         masses: (N + 1,) of the nodes, kg
-        frequencies: (n,) Hz, without damping; ascending, unless they are followed along a path
-        damping_ratios: (n,) parts of the critical damping, by `Rod.damping`; to first order in it
+        frequencies: (n,) Hz, without damping; ascending, but not if they are followed along a path
+        damping_ratios: (n,) parts of the critical damping due to `Rod.damping`, to first order
         displacements: (n, N + 1, 3) of the nodes, m, for a generalized mass of 1 kg: the sum over
             the nodes of mass times square is 1
-        participation: (n, 6) kg (kg m for rotations): the sum over the nodes of mass times
-            displacement times that of a slowly moved gripper's DLO; its square, with displacements,
-            is the effective mass
-        overlap: (n,) how alike each mode is to that of the shape before which it continues
-            (`modes_along`), 0 to 1: the product of their displacements in the mass metric
+        participation: (n, 6) kg (kg m for rotations): the sum over the nodes of mass times the
+            mode's displacement times the displacement of the node per slow motion of the gripper.
+            The squares of the first three are effective masses in kg.
+        overlap: (n,) likeness of each mode to the mode of the shape before that it continues
+            (`modes_along`), 0 to 1: the product of their displacements in the mass metric; 1 for a
+            single shape
     """
 
     s: np.ndarray
@@ -96,17 +102,17 @@ class Modes(Value):
 
     @cached_property
     def error_estimate(self) -> np.ndarray:
-        """(n,) how far, as a part of it, each frequency is from the true rod's.
+        """(n,) estimated relative error of each frequency.
 
-        From the modes of the DLO with every element halved and freed from its series, found when
-        this is first read; infinite where they are not, nan for Modes that were made of numbers.
+        From the modes of the DLO with every element halved and without its series, computed when
+        this is first read; infinite if they are not found, nan for Modes made of numbers.
         """
         found = self._estimate()
         freeze(found)
         return found
 
 
-def modes_of(shape, n):
+def modes_of(shape: 'Shape', n: int) -> Modes:
     """Return the Modes of a Shape; see `Shape.modes`."""
     n, linear = integer('n', n, minimum=1, maximum=MOST), Linearized(shape)
     vibration = linear.resolving(n)
@@ -114,11 +120,13 @@ def modes_of(shape, n):
     return modes_from(linear, vibration, squares, found, np.arange(squares.size))
 
 
-def modes_from(linear, vibration, squares, found, places, overlap=None):
-    """Return the Modes of what was `solved` about a Linearized shape.
+def modes_from(linear: Linearized, vibration: Vibration, squares: np.ndarray, found: np.ndarray,
+               places: np.ndarray, overlap: np.ndarray | None = None) -> Modes:
+    """Return the Modes that `solved` found about a Linearized shape.
 
     Args:
-        vibration: Vibration about it, on its own mesh
+        linear: Linearized shape
+        vibration: Vibration about it, with the nodes of its own mesh
         squares: (n,) 1/s^2; found: (c, n); overlap: (n,)
         places: (n,) how many modes of this DLO are slower than each
     """
@@ -134,13 +142,14 @@ def modes_from(linear, vibration, squares, found, places, overlap=None):
                  partial(_error, linear, rates, places))
 
 
-def solved(vibration, n, name):
+def solved(vibration: Vibration, n: int, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Return (n,) squares of the angular frequencies, 1/s^2, ascending, and modes (c, n).
 
-    Each mode has the generalized mass 1, and the largest of its displacements is positive. There
-    may be fewer than n.
+    Each mode has the generalized mass 1, and the largest component of its displacements is
+    positive. There may be fewer than n.
 
     Args:
+        vibration: Vibration; n: number of modes
         name: of the shape, for messages
 
     Raises:
@@ -163,9 +172,9 @@ def solved(vibration, n, name):
 
 
 def _definite(vibration, name):
-    """Return the stiffness, made positive where it is neutral and moves no mass.
+    """Return the stiffness, made positive for neutral motions that move no mass.
 
-    As a round DLO between two joints is, which may spin about its own axis.
+    An example is a round DLO between two joints, which may spin about its own axis.
 
     Raises:
         InvalidTask: it is not positive elsewhere
@@ -179,7 +188,7 @@ def _definite(vibration, name):
 
 
 def _signs(displacements):
-    """Return (n,) 1 or -1: of the largest of each mode's displacements (N + 1, 3, n)."""
+    """Return (n,) 1 or -1: signs of the largest displacements of n modes (N + 1, 3, n)."""
     flat = displacements.reshape(-1, displacements.shape[2])
     return np.where(flat[np.abs(flat).argmax(axis=0), np.arange(flat.shape[1])] < 0, -1.0, 1.0)
 

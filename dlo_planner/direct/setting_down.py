@@ -1,10 +1,10 @@
 """A DLO with both ends held, set down in its grips, wherever obstacles may be.
 
-Where its torsion is soft it is led there as if it were not, and softens in its grips: torsion that
-is soft is twisted far by little, on a long and winding way. It hangs without obstacles first. Where
-it would lie in one, it is made thinner, by one and the same amount everywhere, until it just
-touches; then it grows to its thickness, and what it touches pushes it aside. Deep in an obstacle
-each point would be pushed its own way.
+A DLO with soft torsion is led to its grips with stiffer torsion, and gets its own torsion there:
+small moments twist soft torsion far, on a long and winding way. The DLO first hangs without
+obstacles. If it would lie in an obstacle, it is made thinner, by the same amount everywhere, until
+it just touches; then it grows to its thickness, and the obstacle pushes it aside. Without this,
+each point deep in an obstacle would be pushed in its own direction.
 """
 
 from dataclasses import replace
@@ -12,25 +12,32 @@ from dataclasses import replace
 import numpy as np
 
 from dlo_planner.direct.contacts import points_of
+from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.history import History
 from dlo_planner.direct.leading import grip_before, lead, parts_between
 from dlo_planner.direct.statics import equilibrium, solve
 from dlo_planner.energy.depth import depth
 from dlo_planner.energy.potential import placed
 from dlo_planner.model.along import scaled
+from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 
-_SOFT = 0.1       # of the stiffness of bending: torsion that is softer
-_STEPS = 100      # Newton steps in which the DLO has to follow its growth
-_ROUGHLY = 1e-5   # of the length: how well it has to keep clear of obstacles on the way
-_LEFT = 1e-4      # residual on the way
-_FINEST = 2.0**-10  # of the growth: what it does not follow in smaller parts is blocked
+_SOFT = 0.1       # of the bending stiffness: torsion below it is soft
+_STEPS = 100      # Newton steps for one step of growth
+_ROUGHLY = 1e-5   # of the length: depth in obstacles that is allowed while it grows
+_LEFT = 1e-4      # residual at which a step of growth ends; ten times that is still accepted
+_ENOUGH = 10.0
+_FINEST = 2.0**-10  # of the growth: if smaller steps fail, the growth ends there
 
 
-def set_down(discretisation, gripper, strains, far_end, history):
+def set_down(discretisation: Discretisation, gripper: Pose, strains: np.ndarray, far_end: FarEnd,
+             history: History) -> tuple[Pose, np.ndarray, History]:
     """Return gripper, strains (N, 3) and the past of a DLO that is in its grips.
 
     Args:
-        strains: (N, 3) to begin with, the gripper being where it ends
+        discretisation: Discretisation of the DLO
+        gripper: Pose, already the final one
+        strains: (N, 3) to begin with, 1/m
         far_end: FarEnd
         history: History on this mesh
     """
@@ -63,8 +70,9 @@ def _resisting_twist(discretisation):
                                                                      float(bend / twist))))
 
 
-def grown(discretisation, gripper, strains, far_end, history):
-    """Return gripper, strains and past of a DLO that has grown to its thickness among obstacles.
+def grown(discretisation: Discretisation, gripper: Pose, strains: np.ndarray, far_end: FarEnd,
+          history: History) -> tuple[Pose, np.ndarray, History]:
+    """Return gripper, strains (N, 3) and past of a DLO grown to its thickness among obstacles.
 
     Arguments as `set_down`; `strains` are those of the DLO without obstacles.
     """
@@ -80,7 +88,7 @@ def grown(discretisation, gripper, strains, far_end, history):
                       gripper, discretisation.unknowns(strains), history, _STEPS, False,
                       _ROUGHLY, _LEFT)
         state, residual, system, violation = found[0], found[1], found[5], found[6]
-        if not (residual < 10 * _LEFT and violation < _ROUGHLY * discretisation.s[-1]):
+        if not (residual < _ENOUGH * _LEFT and violation < _ROUGHLY * discretisation.s[-1]):
             step *= 0.5
             continue
         thin, step = wanted, min(2 * step, wanted)

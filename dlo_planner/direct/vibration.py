@@ -1,17 +1,19 @@
 """A DLO linearised about a shape at rest: stiffness, mass, and how its points move.
 
 Small motions y about an equilibrium obey  M y'' + K y = 0  while the grips rest. K is the second
-derivative of the potential with its reactions (weight, dead forces, contacts that bear), M that of
-the kinetic energy by the velocities, with the masses on the nodes as in `simulate`. Coordinates:
-* The unknowns q (m, 3), flattened, that the simulator minimises by: the terms of its series (or
-  elements, 'local') for torsion, curvature about n, about b. Scaled, so that the elastic energy is
-  half their square (exactly so where the stiffness does not vary along the DLO).
-* A pinned gripper adds three: the rotation of the beginning.
-* A held far end leaves an orthonormal basis of those changes that keep it where it is.
+derivative of the potential with its reactions (weight, dead forces, contacts that bear). M is the
+second derivative of the kinetic energy by the velocities, with the masses on the nodes as in
+`simulate`. The coordinates y are:
+* The unknowns q (m, 3) of the simulator, flattened: the terms of its series ('local': elements)
+  for torsion, curvature about n, about b. They are scaled so that the elastic energy is half the
+  sum of their squares (exactly so where the stiffness does not vary along the DLO).
+* Three more with a pinned gripper: the rotation of the beginning.
+* With a held far end, coefficients of an orthonormal basis of the changes that its grip allows.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import qr
@@ -25,11 +27,15 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.multipliers import constrained_newton, firm
 from dlo_planner.minimize.newton import residual_of
 
-_AT_REST = 1e-4   # residual below which a shape is an equilibrium, whatever rounding does to it
-_SETTLED = 1e-8   # the same of a finer mesh
-_EXACT = 1e-10    # of the length: violation of a constraint
+if TYPE_CHECKING:  # it imports this module
+    from dlo_planner.direct.shape import Shape
+
+_AT_REST = 1e-4   # residual above which a shape is not at rest; rounding errors are below it
+_SETTLED = 1e-8   # residual of an equilibrium on a finer mesh
+_EXACT = 1e-10    # of the length: violation of a constraint that Newton's method leaves
+_VIOLATED = 1e-6  # of the length: violation with which a finer mesh is not used
 _MOST = 200       # Newton steps on a finer mesh
-_DEPENDENT = 1e-7  # of the largest: a row of what is held that others imply, or nothing moves
+_DEPENDENT = 1e-7  # of the largest row: constraint rows below it depend on the others
 
 
 @dataclass(frozen=True)
@@ -40,8 +46,8 @@ class Vibration:
         stiffness: (c, c) J, mass: (c, c) J s^2, both per square of the coordinates' unit
         jacobian: (N + 1, 3, c) displacement of the nodes by the coordinates, m
         strains: (N, 3, c) change of the element strains, 1/m
-        carried: (N + 1, 3, 6) displacement of the nodes by displacement (3) and rotation (3, about
-            its origin) of a gripper that moves slowly: at each instant the DLO is in equilibrium
+        carried: (N + 1, 3, 6) displacement of the nodes per displacement (3) and rotation (3, about
+            the gripper's origin) of a slowly moving gripper: the DLO is always in equilibrium
         masses: (N + 1,) of the nodes, kg
         resistance: (N, 3) length times stiffness of the elements, N m^3
     """
@@ -56,27 +62,28 @@ class Vibration:
 
 
 class Linearized:
-    """Vibrations about one Shape, and about that of a DLO with every element halved.
+    """A Shape, and the Vibrations about it on its own mesh and on finer ones.
 
     Args:
-        shape: converged Shape of a simulator, without friction and dead moments
+        shape: converged Shape from a simulator, without friction and dead moments, not grasped
+            inside
         name: of the shape, for messages
 
     Raises:
-        InvalidTask: another shape
+        InvalidTask: the shape is not such a one
     """
 
-    def __init__(self, shape, name='shape'):
+    def __init__(self, shape: 'Shape', name: str = 'shape'):
         _check(shape, name)
         self.shape, self.name, self._mesh = shape, name, shape._discretisation
         self._past = shape._before.holding(shape._history)
 
     @cached_property
-    def vibration(self):
+    def vibration(self) -> Vibration:
         """The Vibration about the shape.
 
         Raises:
-            InvalidTask: the shape is not in equilibrium, as one of a motion
+            InvalidTask: the shape is not in equilibrium, like one of a motion
         """
         mesh, gripper = self._mesh, self.shape.gripper
         system = mesh.system(gripper.rotation, gripper.position, self._past, self.shape.far_end)
@@ -87,10 +94,10 @@ class Linearized:
                               f'its residual would be {residual:.2g}')
         return _vibration(mesh, system, q)
 
-    def resolving(self, n):
-        """Return a Vibration that tells n modes: without the series where that has fewer terms.
+    def resolving(self, n: int) -> Vibration:
+        """Return a Vibration that resolves n modes: without a series of fewer than n terms.
 
-        A series of N_c terms holds N_c / 2 modes in each plane well.
+        A series of N_c terms resolves N_c / 2 modes in each plane well.
         """
         mesh, known = self._mesh, self.vibration
         if mesh.basis == 'local' or n <= mesh.n_terms:
@@ -99,8 +106,8 @@ class Linearized:
         return self._settled(free, self.shape.element_strains) or known
 
     @cached_property
-    def finer(self):
-        """The Vibration with every element halved and freed from the series; None: not found."""
+    def finer(self) -> Vibration | None:
+        """The Vibration with every element halved and without the series; None: not found."""
         return self._settled(self._mesh.finer, np.repeat(self.shape.element_strains, 2, axis=0))
 
     def _settled(self, mesh, strains):
@@ -112,13 +119,13 @@ class Linearized:
         newtons = pinned_newton if mesh.surroundings.pinned else constrained_newton
         state, residual, *_, system, violation = newtons(
             system, q, 0.01 * _SETTLED, _MOST, False, _EXACT * mesh.s[-1], np.zeros((0, 6)))
-        if residual > _SETTLED and residual > 10 * shape.residual or violation > 1e-6 * mesh.s[-1]:
+        if residual > max(_SETTLED, 10 * shape.residual) or violation > _VIOLATED * mesh.s[-1]:
             return None
         return _vibration(mesh, system, state.q)
 
 
 def _check(shape, name):
-    """Raise InvalidTask where a shape has no vibrations that are linear and known."""
+    """Raise InvalidTask for a shape without vibrations that are linear and known."""
     if shape.parts is not None:
         raise InvalidTask(f'{name}: expected one held at its end; of a DLO grasped inside each of '
                           'Shape.parts vibrates by itself')
@@ -221,7 +228,7 @@ def _strains(system):
 
 
 def _free(held):
-    """Return an orthonormal basis (c, c - rank) of what rows (K, c) leave free; None: all is."""
+    """Return an orthonormal basis (c, c - rank) of the kernel of rows (K, c); None: no rows."""
     if not len(held):
         return None
     axes, triangle, _ = qr(held.T, pivoting=True)

@@ -1,4 +1,4 @@
-"""The fastest laws in time with which a DLO arrives calm, as far as its `Response` tells.
+"""The fastest time laws with which a DLO arrives calm, as its `Response` predicts.
 
 On each leg the rates are the fastest that the gripper's limits, and a bound of the slowly built-up
 deviation, allow. Moving averages as wide as the periods of the slowest modes, at the leg's
@@ -7,7 +7,7 @@ and which bound are the quickest is tried; each trial is judged with the frequen
 and off by 5 %.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -27,22 +27,22 @@ _BOUNDS, _CLOSER = 12, 0.7  # bounds of deviations that are tried, parts of the 
 _OFF = (0.95, 1.05)  # frequencies, as if the stiffness was wrong by 10 %, and
 _WORSE = 2.0         # times the tolerance are allowed then
 _ARRIVING = 0.5      # part of the tolerance that may be left of a vibration where a leg ends
-_MOST_OFF, _TRIED = 0.3, 30  # part of the frequencies; how many such are tried
-_MUCH = 0.3          # of the tolerance: calmer laws are not looked for
-_FAR = 30.0          # times the tolerance: beyond help by a shift
+_MOST_OFF, _TRIED = 0.3, 30  # largest part by which frequencies are taken to be off; trials
+_MUCH = 0.3          # of the tolerance: once a law is as calm as this, no slower ones are tried
+_FAR = 30.0          # times the tolerance: no shift mends a deviation that is larger
 _TRIALS, _CALMER = 16, 6  # laws that are given a shift: the quickest, and ever calmer ones
 _ROUNDS = 4          # of slowing down to make room for a shift
 
 
 @dataclass(frozen=True)
 class LegTask:
-    """A leg to be gone through calmly.
+    """A leg that the DLO has to pass calmly.
 
     Attributes:
         leg: Leg; response: Response on it; limits: Limits
-        holes: (k, n) arc lengths that pass the k centres at the parameters of `response`, m, nan
-            where none does
-        last: whether the plan ends with it
+        holes: (k, n) arc lengths at which the DLO passes the k centres at the n parameters of
+            `response`, m; nan where it passes none
+        last: whether the plan ends with this leg
     """
 
     leg: Leg
@@ -52,24 +52,24 @@ class LegTask:
     last: bool
 
     @cached_property
-    def supply(self):
-        """Laws tried so far, set by set with what is predicted of them, and rates for more."""
+    def supply(self) -> tuple[list, Iterator]:
+        """Sets of (TimeLaw, predicted deviation in m) tried so far, and rates for more sets."""
         return [], _rates(self)
 
     @cached_property
-    def passed(self):
-        """For each centre that is passed: the parameter where that begins, and (n, m, 3).
+    def passed(self) -> list[tuple[float, np.ndarray]]:
+        """For each centre that is passed: the parameter where that begins, displacements (n, m, 3).
 
-        These are the displacements by the modes, across the DLO, of what passes the centre; of the
-        free end before.
+        The modes displace the point that passes the centre by these, across the DLO, in m; before
+        that, the free end.
         """
         return [(self.response.parameters[np.argmax(np.isfinite(s))],
                  self.response.sideways(np.where(np.isnan(s), self.response.shapes[0].s[-1], s)))
                 for s in self.holes if np.isfinite(s).any()]
 
     @cached_property
-    def sizes(self):
-        """(n, m) by how much the modes displace what counts, m."""
+    def sizes(self) -> np.ndarray:
+        """(n, m) largest displacements by the modes of the points that count, m."""
         if not self.passed:
             return self.response.sizes
         return np.max([np.linalg.norm(sideways, axis=2) for _, sideways in self.passed], axis=0)
@@ -77,10 +77,10 @@ class LegTask:
 
 def calm_law(task: LegTask, tolerance: float,
              check: Callable[[], None] = lambda: None) -> TimeLaw:
-    """Return the quickest TimeLaw found that keeps `tolerance` (m) as far as the response tells.
+    """Return the quickest TimeLaw found whose predicted deviation is within `tolerance` (m).
 
-    The one that comes nearest to that, if none does. `check` is called before each trial; it may
-    raise.
+    If there is none, return the law with the least predicted deviation. `check` is called before
+    each trial; it may raise.
     """
     found = sorted(_candidates(task, tolerance, check), key=lambda one: one[0].duration)
     best = None
@@ -96,7 +96,7 @@ def calm_law(task: LegTask, tolerance: float,
 
 
 def _candidates(task, tolerance, check):
-    """Return laws and what is predicted of them, m; ever slower ones, until one is calm by far."""
+    """Return laws and their predicted deviations, m; ever slower ones, until one is very calm."""
     sets, more = task.supply
     while not sets or min(off for _, off in sets[-1]) >= _MUCH * tolerance:
         check()
@@ -109,9 +109,9 @@ def _candidates(task, tolerance, check):
 
 
 def _trials(found, tolerance):
-    """Yield laws, by their durations, that may do, and whether with a shift.
+    """Yield the laws that are worth a trial, and whether a shift is to be added to each.
 
-    At first the quickest, then ever calmer ones.
+    The quickest come first, then ever calmer ones.
     """
     tried, calmer, least = 0, [], np.inf
     for law, off in found:
@@ -128,10 +128,10 @@ def _trials(found, tolerance):
 
 
 def _within_limits(task, law, shifted):
-    """Return a TimeLaw that keeps the limits, with the shift that helps most if it is `shifted`."""
+    """Return the TimeLaw slowed down until it keeps the limits; `shifted`: with the best Shift."""
     law = smoothed(task.leg, task.limits, law.parameters, law.rates, law.windows)
     for _ in range(_ROUNDS if shifted else 0):
-        shift = compensated(task, law)
+        shift = compensated(task.response, task.passed, law)
         if shift is None:
             break
         used = (shift.most[1:] / task.limits.sizes[:, 0]).max() + most_used(
@@ -143,18 +143,20 @@ def _within_limits(task, law, shifted):
 
 
 def predicted(task: LegTask, law: TimeLaw) -> float:
-    """Return the largest deviation that counts, in m; half of it where frequencies are off.
+    """Return the largest deviation that counts, in m; half of it where frequencies are off by 5 %.
 
-    As long as a centre is passed: that of what passes it, across the DLO. At the end of a leg: what
-    is left of the vibration; of a leg that others follow only a part, _ARRIVING, is allowed.
+    While the DLO passes a centre, the deviation of the passing point across the DLO counts. At the
+    end of a leg the amplitude that is left of the vibration counts; if another leg follows, only
+    half of the tolerance may be left, so it counts twice.
     """
     return max(_predicted(task, law, 1.0), *(_predicted(task, law, off) / _WORSE for off in _OFF))
 
 
 def margin(task: LegTask, law: TimeLaw, allowed: float) -> float:
-    """Return by which part all frequencies may be off, up or down, until `allowed` (m) is passed.
+    """Return the part by which all frequencies may be off, up or down, within `allowed` (m).
 
-    Until more than `allowed` (m) is predicted; at most _MOST_OFF.
+    The largest tried part up to which the predicted deviation stays within `allowed`: from 0 in
+    steps of 0.01 up to 0.3.
     """
     tried = np.arange(1, _TRIED + 1) * (_MOST_OFF / _TRIED)
     for k, part in enumerate(tried):
@@ -179,7 +181,7 @@ def _predicted(task, law, off):
 
 
 def _rates(task):
-    """Yield parameters and rates of ever slower ways through the leg."""
+    """Yield parameters and rates of ever slower motions through the leg."""
     parameters, rates = fastest_rates(task.leg, task.limits)
     yield parameters, rates
     response = task.response
@@ -189,7 +191,7 @@ def _rates(task):
         deviation *= _CLOSER
         try:
             found = fastest_rates(task.leg, task.limits, response.bearing(deviation, task.sizes))
-        except InvalidTask:  # so slow that toppra loses its digits: no slower ones
+        except InvalidTask:  # at such low rates rounding errors make toppra fail: stop here
             return
         yield found
 

@@ -1,8 +1,9 @@
-"""When to look, to plan anew, to go and to correct: the strategy of a threading with a camera.
+"""When to look, plan anew, go and correct: the strategy of a threading with a camera.
 
-A state machine without side effects: it is told the time and what has happened, and says what to do
-next. Look, plan anew for the DLO as it is, go to the standoff, look again there if the predicted
-miss is too large a part of the room, go in only if it is inside the room with 95 %.
+A state machine without side effects: its inputs are the time and what has happened, its output is
+the next phase. Look, plan anew for the estimated DLO, go to the standoff, look again there if the
+predicted miss is too large a part of the room, and enter only if the miss is inside the room with
+95 %.
 """
 
 from dataclasses import dataclass, replace
@@ -14,14 +15,14 @@ from dlo_planner.model.value import Value, put
 
 
 class Phase(Enum):
-    """What to do."""
+    """What a driver has to do now."""
 
-    LOOK = 'look'    # stand still, take looks in
-    PLAN = 'plan'    # make a plan, or a correction at the standoff, for the DLO as it is estimated
-    GO = 'go'        # to the standoff, with corrections
-    ENTER = 'enter'  # through the cut-out, with corrections
+    LOOK = 'look'    # stand still and look
+    PLAN = 'plan'    # make a plan, or at the standoff a correction, for the estimated DLO
+    GO = 'go'        # go to the standoff, with corrections
+    ENTER = 'enter'  # go through the cut-out, with corrections
     DONE = 'done'
-    STOP = 'stop'    # stand still: the cut-out is not sure to be hit
+    STOP = 'stop'    # stand still: the predicted miss is not inside the room with 95 %
 
     @classmethod
     def _missing_(cls, value):
@@ -30,19 +31,24 @@ class Phase(Enum):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ClosedLoop(Value):
-    """The strategy, and where in it a threading is.
+    """The strategy, and the state of one threading in it.
 
     Attributes:
-        room: m that the DLO may be off the centre
-        look: s of standing still for looks; the DLO should swing a few times meanwhile
-        period: s between two corrections on the way
-        share: part of the room, beyond which the predicted miss asks for another look
-        most_looks: at the standoff, before it stops
+        room: distance by which the DLO may miss the centre, m
+        look: duration of a LOOK, s; the DLO should swing a few times meanwhile
+        period: time between two corrections on the way, s
+        share: part of the room: if the first bound at the standoff is larger, there is one more
+            look; after that only a bound larger than the room asks for another
+        most_looks: number of looks at the standoff, at most; if the bound still exceeds the room,
+            the phase is STOP
         phase: Phase
-        since: time at which it began, s; None: at the first `advanced`
+        since: time at which the phase began, s; None: it begins with the first `advanced`
         corrected: time of the last correction, s; None: there was none
-        looks: at the standoff so far
+        looks: number of looks at the standoff so far
         at_standoff: whether the gripper has arrived there
+
+    Raises:
+        InvalidTask: naming the argument
     """
 
     room: float
@@ -71,25 +77,25 @@ class ClosedLoop(Value):
         super().__post_init__()
 
     def correction_due(self, time: float) -> bool:
-        """Return whether a correction should be made at `time` (s), on the way."""
+        """Return whether a correction is due at `time` (s): only in the phases GO and ENTER."""
         time = number('time', time)
         moving = self.phase in (Phase.GO, Phase.ENTER)
         return moving and (self.corrected is None or time - self.corrected >= self.period)
 
     def with_correction(self, time: float) -> 'ClosedLoop':
-        """Return the same after a correction at `time` (s)."""
+        """Return this state after a correction at `time` (s)."""
         return replace(self, corrected=number('time', time))
 
     def advanced(self, time: float, bound: float | None = None, *,
                  finished: bool = False) -> 'ClosedLoop':
-        """Return what comes next.
+        """Return the state at `time`: the same phase, or the next one.
 
         Args:
-            time: s
-            bound: m, the predicted miss with 95 % at the entry, of the plan as it is corrected;
-                needed where `phase` is PLAN, and on arrival at the standoff
-            finished: whether what the phase asks for is done: the plan made, the standoff
-                reached, the threading at its depth (a LOOK ends by itself)
+            time: now, s
+            bound: 95 % bound of the miss at the entry, m, of the corrected plan (`Estimate.miss`);
+                may be infinite. Needed when GO is finished, and when PLAN is at the standoff.
+            finished: whether the phase is done: the plan made, the standoff reached, the DLO at
+                its depth (a LOOK ends by its duration)
 
         Raises:
             InvalidTask: an argument makes no sense, or the bound is needed

@@ -1,8 +1,8 @@
-"""The rest of a threading, aimed anew for the DLO as it is estimated.
+"""The rest of a threading, aimed anew for the estimated DLO.
 
-At each waypoint that is left, the equilibrium of the estimated DLO and the gripper's rotation are
-found at once, by the same coupled Newton system that plans (`inverse.aligned`), from the shape that
-is known there. The gripper's estimated offset is then taken off the poses.
+At each remaining waypoint, a coupled Newton system finds the equilibrium of the estimated DLO and
+the gripper's rotation together, as planning does (`inverse.aligned`), starting from the shape known
+there. The estimated offset of the gripper is then taken off the poses.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.estimate import Estimate
 from dlo_planner.inverse.one_point import aligned_on
 from dlo_planner.inverse.plan import Plan
-from dlo_planner.inverse.predicted_miss import PredictedMiss, miss_of
+from dlo_planner.inverse.predicted_miss import PredictedMiss, judged_plan, miss_of
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.checks import flag, instance, integer, items, results
 from dlo_planner.model.pose import Pose, displaced
@@ -31,12 +31,13 @@ class Correction(Value):
     Attributes:
         first: index of the first one in the plan
         grippers: m Pose to command
-        offsets: (m, 6) from the plan's poses to these: rotation vector, rad, before displacement,
-            m; world axes, about the gripper's own origin
-        miss: PredictedMiss that remains, at a few of these waypoints, the first and the last
-            that pass the centre among them
-        converged: whether all could be aimed at; if not, the poses are the plan's: plan anew
-        shapes: m Shape of the estimated DLO where a centre is passed, the plan's where none is
+        offsets: (m, 6) from the plan's poses to these: rotation vector about the gripper's origin,
+            rad, then displacement, m; world axes
+        miss: PredictedMiss that remains, at three of the waypoints that pass the centre, the first
+            and the last among them
+        converged: whether every waypoint could be aimed; if not, the poses are the plan's, and a
+            new plan is needed
+        shapes: m Shape: of the estimated DLO where the centre is passed, else the plan's
     """
 
     first: int
@@ -70,20 +71,21 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0,
             before: Correction | None = None) -> Correction:
     """Return the Correction of what is left of a plan.
 
-    The free end goes through the centre, along its normal, at each waypoint that passes it; a
-    waypoint that passes none (on the way there) is displaced like the first that does. The
-    poses are those of a quasi-static way; how they are blended into a motion is the trajectory's.
+    At each waypoint that passes the centre, the DLO passes it at the planned arc length, along the
+    normal. A waypoint before these is displaced like the first of them. Neither clearance nor
+    workspace is checked again. The poses are quasi-static; `Steered` blends them into a motion.
 
     Args:
         estimate: Estimate of the DLO that the plan is for
-        plan: Plan through one cut-out, in poses that are commanded, as it was made
+        plan: Plan through one cut-out, in commanded poses, unchanged since it was made
         first: index of the waypoint to which the gripper goes next
-        before: the Correction before, of the same plan: the search begins with its shapes
+        before: an earlier Correction of the same plan, whose shapes begin the search; None: those
+            of the plan
 
     Raises:
         InvalidTask: an argument makes no sense
     """
-    instance('estimate', estimate, Estimate)._judged(plan)
+    judged_plan(instance('estimate', estimate, Estimate), plan)
     if not len(plan):
         raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
     first = integer('first', first, minimum=0, maximum=len(plan) - 1)
@@ -99,7 +101,7 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0,
     known = dict(zip(grippers, _offsets([plan.grippers[k] for k in grippers],
                                         list(grippers.values())), strict=True))
     offsets = np.zeros((len(rest), 6))
-    for k in rest:  # on the way to a waypoint that passes the centre: as there
+    for k in rest:  # a waypoint before those that pass the centre moves like the first of them
         source = next((j for j in known if j >= k), None)
         offsets[k - first] = 0.0 if source is None else known[source]
         if k not in grippers:
@@ -111,7 +113,7 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0,
 
 
 def _known(plan, before):
-    """Return a Shape for each waypoint of the plan, from which a search begins."""
+    """Return the Shape for each waypoint of the plan from which the search begins."""
     shapes = list(plan.shapes)
     if before is not None:
         if before.first + len(before.shapes) != len(plan):

@@ -1,4 +1,4 @@
-"""What is believed of a DLO and of its gripper after some looks."""
+"""What is known of a DLO and of its gripper after some looks: a mean and a covariance."""
 
 from dataclasses import dataclass, field
 
@@ -9,7 +9,12 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.plan import Plan
-from dlo_planner.inverse.predicted_miss import PredictedMiss, judged_waypoints, miss_of
+from dlo_planner.inverse.predicted_miss import (
+    PredictedMiss,
+    judged_plan,
+    judged_waypoints,
+    miss_of,
+)
 from dlo_planner.inverse.settling import settled
 from dlo_planner.inverse.uncertain import Uncertain
 from dlo_planner.model.checks import figure, flag, instance, integer, results, vector
@@ -21,17 +26,17 @@ from dlo_planner.model.value import FrozenDict, Value, brief, put
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate(Value):
-    """A normal distribution of what is uncertain, n numbers; an `Observer` makes it.
+    """A normal distribution of the n numbers that are uncertain; an `Observer` makes it.
 
     Attributes:
-        uncertain: what the numbers are, see `inverse.uncertain`
-        mean: (n,); covariance: (n, n); in the units that `names` have in `Spread`
-        looks: how many observations have been taken in
-        converged: whether the last one was; if not, this is the estimate of before
-        misfit: root mean square distance of the points of the last look from the DLO, outliers
-            left out, m; nan before the first
-        outliers: part of the points of the last look that are taken to be none of the DLO; nan
-            before the first
+        uncertain: the meaning of the numbers, see `inverse.uncertain`
+        mean: (n,); covariance: (n, n); logarithms of factors, 1/m, rad, m, as in `names`
+        looks: number of observations that it rests on
+        converged: whether the last observation could be used; if not, this is the one before it
+        misfit: root mean square distance of the points of the last look from the DLO, m, each
+            weighed by the probability that it belongs to the DLO; nan before the first look. Looks
+            at one pose without sway are taken together.
+        outliers: part of the same points that seem not to belong to the DLO; nan before the first
     """
 
     uncertain: Uncertain
@@ -65,7 +70,7 @@ class Estimate(Value):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What the n numbers are."""
+        """Names of the n numbers."""
         return self.uncertain.names
 
     @property
@@ -80,67 +85,60 @@ class Estimate(Value):
 
     @property
     def rod(self) -> Rod:
-        """The Rod as estimated. Stiffness and weight are right as a ratio, not each by itself."""
+        """The estimated Rod. The ratio of stiffness to weight is known, not each by itself."""
         return self.uncertain.rod(self.mean)
 
     @property
     def simulator(self) -> DirectSimulator:
-        """The DirectSimulator of the DLO as estimated, without obstacles: to plan anew with."""
+        """A DirectSimulator of the estimated Rod, without obstacles, to plan anew with."""
         return self.uncertain.simulator.with_rod(self.rod)
 
     @property
     def gripper_offset(self) -> Pose:
-        """The gripper as it is, in the frame of the gripper as it is said to be."""
+        """The estimated true Pose of the gripper, in the frame of the commanded one."""
         return self.uncertain.offset(self.mean)
 
     @property
     def camera_bias(self) -> np.ndarray:
-        """(3,) by which the camera sees all points displaced, m, world axes."""
+        """(3,) estimated bias of the camera, seen minus true, m, world axes."""
         return self.uncertain.camera(self.mean)
 
     def actual(self, gripper: Pose) -> Pose:
-        """Return the Pose where the gripper is that is said to be at `gripper`."""
+        """Return the estimated true Pose of the gripper that is commanded to `gripper`."""
         return instance('gripper', gripper, Pose).compose(self.gripper_offset)
 
     def commanded(self, gripper: Pose) -> Pose:
-        """Return the Pose to command so that the gripper comes to be at `gripper`."""
+        """Return the Pose to command so that the gripper truly goes to `gripper`."""
         return instance('gripper', gripper, Pose).compose(self.gripper_offset.inverse())
 
     def centre(self, centre: ArrayLike) -> np.ndarray:
-        """Return where the centre (3,) of a cut-out is that is stated at `centre` (3,), m."""
+        """Return the estimated true centre (3,) of a cut-out that is stated at `centre` (3,), m."""
         return vector('centre', centre, 3) + self.uncertain.shifted(self.mean)
 
     def moved_cutout(self, cutout: CutOut) -> CutOut:
-        """Return a CutOut where it is estimated to be; `cutout` is where it is stated."""
+        """Return a stated CutOut at its estimated true place."""
         pose = instance('cutout', cutout, CutOut).pose
         return CutOut(Pose.from_rotation(self.centre(pose.position), pose.rotation),
                       cutout.radius, cutout.width, cutout.height)
 
     def shape(self, gripper: Pose) -> Shape:
-        """Return the Shape that the DLO is estimated to take, the gripper said to be at `gripper`.
+        """Return the estimated Shape of the DLO with the gripper commanded to `gripper`.
 
-        It hangs freely, and comes from the shape of the last look, or is set down there.
+        The DLO hangs freely. It comes from its shape at the last look; before the first look it is
+        set down in its natural shape.
         """
         actual = self.actual(gripper)
         mesh = self.uncertain.simulator.discretisation(actual, None)
         return settled(self.uncertain.varied(mesh), self.mean, actual, self._shape)
 
     def miss(self, plan: Plan, waypoints: ArrayLike | None = None) -> PredictedMiss:
-        """Return by how much the DLO will miss at waypoints of a plan, as it is commanded.
+        """Return the PredictedMiss of the DLO at waypoints of a commanded plan.
 
         Args:
-            plan: Plan, in poses that are commanded; the centres that it passes are as stated
-            waypoints: indices of waypoints that pass a centre; None: all that do
+            plan: Plan whose poses are commanded, and whose centres are as stated
+            waypoints: (k,) indices of waypoints that pass a centre; None: all that do
 
         Raises:
             InvalidTask: an argument makes no sense
         """
-        return miss_of(self, self._judged(plan), judged_waypoints(plan, waypoints))
-
-    def _judged(self, plan):
-        instance('plan', plan, Plan)
-        length = self.uncertain.simulator.rod.length
-        for shape in plan.shapes:
-            if shape._discretisation is None or abs(shape.s[-1] / length - 1) > 0.1:
-                raise InvalidTask('plan: expected shapes of the whole DLO that is estimated')
-        return plan
+        return miss_of(self, judged_plan(self, plan), judged_waypoints(plan, waypoints))

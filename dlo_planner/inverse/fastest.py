@@ -1,8 +1,8 @@
 """The fastest way through a leg within limits, by time-optimal path parametrization.
 
 toppra (Pham and Pham, IEEE Transactions on Robotics 34, 2018) finds the largest rate at each place.
-What it is told here are the limits of sizes of vectors, not of single coordinates, and what the DLO
-bears.
+Its constraints here are limits of the lengths of vectors, not of single coordinates, and bounds of
+the DLO's quasi-static deviation (`Bearing`).
 """
 
 import logging
@@ -11,16 +11,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.limits import Limits
+from dlo_planner.inverse.path import Leg
 
 _CORNERS = 16     # of the polygon that stands for a disc
-_PLACES = 120     # at least, at which rates are found
-_PER_PIECE = 3    # between two knots, at least
-_FASTEST = 1e3    # of the plan's pace: where no limit says anything
+_PLACES = 120     # of the grid of rates, at least
+_PER_PIECE = 3    # of them between two knots, at least
+_FASTEST = 1e3    # du/dt, where no limit bounds it: 1000 times the plan's pace
+_ENDLESS = 1e9    # in place of an infinite limit, which toppra does not take
+_STILL = 1e-12    # length of a derivative below which its direction has no meaning
 
 
 @dataclass(frozen=True)
 class Bearing:
-    """|slopes u'' + bends u'^2| <= most at each of n parameters, for m things.
+    """The bounds |slopes u'' + bends u'^2| <= most at each of n parameters, for m quantities.
 
     Attributes:
         parameters: (n,); slopes, bends: (n, m); most: (n, m)
@@ -32,12 +36,13 @@ class Bearing:
     most: np.ndarray
 
 
-def fastest_rates(leg, limits, bearing=None):
+def fastest_rates(leg: Leg, limits: Limits,
+                  bearing: Bearing | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Return parameters (m,) and the largest rates du/dt (m,) there, from rest to rest.
 
     Args:
         leg: Leg that is no dwell
-        limits: Limits; jerks are not looked at
+        limits: Limits of speed and acceleration; jerks are not kept here
         bearing: Bearing that is kept as well, or None
 
     Raises:
@@ -58,7 +63,7 @@ def fastest_rates(leg, limits, bearing=None):
 
 
 def _path(toppra, leg):
-    """Return a Leg as toppra takes it."""
+    """Return a Leg as a path of toppra."""
 
     class Path(toppra.interpolator.AbstractGeometricPath):
         """Derivatives by the parameter: linear and angular, world axes."""
@@ -74,10 +79,10 @@ def _path(toppra, leg):
 
 
 def _constraints(toppra, limits, bearing):
-    """Return toppra's constraints of sizes of vectors, and of what is borne."""
+    """Return toppra's constraints for the Limits and, if there is one, for a Bearing."""
 
     class Size(toppra.constraint.LinearConstraint):
-        """Speed and acceleration of a part of the coordinates, as vectors."""
+        """Bounds of speed and acceleration of some coordinates, as the lengths of vectors."""
 
         def __init__(self, part, speed, acceleration):
             super().__init__()
@@ -89,18 +94,18 @@ def _constraints(toppra, limits, bearing):
         def compute_constraint_params(self, path, u, *_, **__):
             first, second = path(u, 1)[:, self.part], path(u, 2)[:, self.part]
             speed = np.linalg.norm(first, axis=1)
-            along = (first * second).sum(axis=1) / np.maximum(speed, 1e-12)
+            along = (first * second).sum(axis=1) / np.maximum(speed, _STILL)
             across = np.sqrt(np.maximum((second**2).sum(axis=1) - along**2, 0))
             angles = 2 * np.pi * np.arange(_CORNERS) / _CORNERS
             sides = np.stack([np.cos(angles), np.sin(angles)], axis=1)
             most = np.full((u.size, _CORNERS), self.acceleration * np.cos(np.pi / _CORNERS))
-            fastest = np.minimum((self.speed / np.maximum(speed, 1e-9)) ** 2, _FASTEST**2)
+            fastest = np.minimum(self.speed / np.maximum(speed, _STILL), _FASTEST) ** 2
             return (np.stack([speed, 0 * speed], axis=1), np.stack([along, across], axis=1),
                     np.zeros((u.size, 2)), np.repeat(sides[None], u.size, axis=0), most, None,
                     np.stack([0 * fastest, fastest], axis=1))
 
     class Borne(toppra.constraint.LinearConstraint):
-        """What a Bearing says."""
+        """The bounds of a Bearing."""
 
         def get_dof(self):
             return 6
@@ -113,6 +118,6 @@ def _constraints(toppra, limits, bearing):
             sides = np.repeat(np.vstack([np.eye(m), -np.eye(m)])[None], u.size, axis=0)
             return slopes, bends, 0 * slopes, sides, np.hstack([most, most]), None, None
 
-    finite = np.minimum(limits.sizes, 1e9)
+    finite = np.minimum(limits.sizes, _ENDLESS)
     kept = [Size(slice(0, 3), *finite[:2, 0]), Size(slice(3, 6), *finite[:2, 1])]
     return kept if bearing is None else [*kept, Borne()]

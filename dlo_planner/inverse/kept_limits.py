@@ -2,24 +2,26 @@
 
 import numpy as np
 
-_TIGHT = 5e-3    # part of the largest that a bound may be above it
-_ROUNDS = 40     # halvings of the time between two looks
-_PARTS = 8       # of the time between two knots, for jerks
+from dlo_planner.inverse.limits import Limits
+from dlo_planner.inverse.path import Leg
+from dlo_planner.inverse.time_law import TimeLaw
+
+_TIGHT = 5e-3    # by which part a bound may exceed the largest value that was found
+_ROUNDS = 40     # halvings of an interval of time, at most
+_PARTS = 8       # of the time between two knots, in which jerks are bounded
 
 
-def most_used(leg, law, limits):
-    """Return the largest part of its limits that a motion uses, at any time; not below the truth.
+def most_used(leg: Leg, law: TimeLaw, limits: Limits) -> float:
+    """Return an upper bound of the largest part of its limits that a motion uses at any time.
 
-    An interval of time is halved until it cannot hold more than _TIGHT above what was found: sizes
-    are known at its ends, and their slopes are bounded.
-
-    Args:
-        leg: Leg; law: TimeLaw; limits: Limits
+    Speed and acceleration are computed at the ends of an interval of time, and their slopes within
+    it are bounded. The interval is halved until its bound is at most 0.5 % above the largest value
+    found. Jerks are bounded only. The shift of the law is left out.
     """
     most = limits.sizes
     times = np.unique(np.concatenate([[0.0], law.arrivals(leg.knots[1:-1]), [law.duration]]))
     a, b = times[:-1], times[1:]
-    largest = _largest_jerk(leg, law, a, b, most[2])
+    largest = proved = _largest_jerk(leg, law, a, b, most[2])
     for _ in range(_ROUNDS):
         u, *rates = law.at(np.append(a, b))
         used = _sizes(leg, u, rates) / most[:2]
@@ -27,22 +29,23 @@ def most_used(leg, law, limits):
         bound = (used.reshape(2, -1, 2, 2).mean(axis=0) + 0.5 * (b - a)[:, None, None] * _slopes(
             leg, law, a, b) / most[:2]).max(axis=(1, 2))
         wide = bound > (1 + _TIGHT) * largest
+        proved = max(proved, bound[~wide].max(initial=0.0))
         if not wide.any():
-            return float(max(largest, bound.max()))
+            return float(max(largest, proved))
         a, b, middle = a[wide], b[wide], 0.5 * (a + b)[wide]
         a, b = np.append(a, middle), np.append(middle, b)
-    return float(max(largest, bound.max()))
+    return float(max(proved, bound.max()))
 
 
 def _largest_jerk(leg, law, a, b, most):
-    """Return a bound of the largest jerk as a part of the `most` (2,), not much above it."""
+    """Return a bound of the largest jerk as a part of the limits `most` (2,)."""
     shares = np.linspace(0, 1, _PARTS + 1)
     edges = a[:, None] + (b - a)[:, None] * shares
     return (_jerks(leg, law, edges[:, :-1].ravel(), edges[:, 1:].ravel()) / most).max()
 
 
 def _sizes(leg, u, rates):
-    """Return (n, 2, 2): sizes of speed and acceleration; linear and angular."""
+    """Return (n, 2, 2): speed and acceleration, each linear and angular."""
     _, _, first, second = leg.at(u)
     rate, change = rates[0][:, None], rates[1][:, None]
     both = np.stack([rate * first, change * first + rate**2 * second], axis=1)

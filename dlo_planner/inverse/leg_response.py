@@ -1,14 +1,14 @@
-"""How a DLO answers when its gripper goes along a leg: its vibrations, excited by the time law.
+"""How a DLO vibrates while its gripper goes along a leg by a time law u(t).
 
-While the gripper is at the parameter u the DLO would hang in the equilibrium X(u). Its deviation
-from it is a sum of modes, displacement_i(u) y_i(t), with
+With the gripper at rest at the parameter u the DLO would hang in the equilibrium X(u). Its
+deviation from X(u) is a sum of modes, displacement_i(u) y_i(t), with
 
     y_i'' + 2 zeta_i w_i y_i' + w_i^2 y_i = -(slope_i(u) u'' + bend_i(u) u'^2),
 
-slope_i and bend_i the products, weighted by mass, of the mode with dX/du and d^2X/du^2. Along the
-way frequencies and modes change; where two come near to each other they turn into one another, so
-the coordinates turn with them. A time law is judged with it in milliseconds; what it promises is
-verified by `DirectSimulator.simulate`.
+where slope_i and bend_i are the products, weighted by mass, of the mode with dX/du and d^2X/du^2.
+Frequencies and modes change along the leg. Where two frequencies come close, the modes turn into
+one another, and the coordinates y turn with them. Such a prediction takes milliseconds; the
+trajectory that rests on it is verified by `DirectSimulator.simulate`.
 """
 
 from dataclasses import dataclass
@@ -16,16 +16,22 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from dlo_planner.direct.mode_tracking import modes_along
+from dlo_planner.direct.mode_tracking import displacements_on, modes_along
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.inverse.fastest import Bearing
 from dlo_planner.inverse.oscillators import vibrated
+from dlo_planner.inverse.path import Leg
+from dlo_planner.inverse.time_law import TimeLaw
 from dlo_planner.model.pose import Pose
 
-_PLACES = 17      # on a leg, at least, where modes are known
+_PLACES = 17      # parameters of a leg, at least, at which modes are computed
 _MODES = 5
-_SLOWEST, _CHANGE, _HALVINGS = 2, 0.06, 5  # modes; part by which they change between places
-_PER_PERIOD = 60  # instants in the slowest period: steps are exact, faster modes follow slowly
+# between two places the slowest modes' frequencies change by no more than this part, unless the
+# halvings are used up
+_SLOWEST, _CHANGE, _HALVINGS = 2, 0.06, 5
+_PER_PERIOD = 60  # instants in the slowest period; a step is exact for a steady force
 _FEWEST, _MOST = 200, 20_000  # instants
 
 
@@ -38,9 +44,10 @@ class Response:
         shapes: n Shape
         rates: (n, m) angular frequencies, 1/s; damping: (n, m) ratios
         displacements: (n, m, N + 1, 3) m, of generalized mass 1 kg
-        slopes, bends: (n, m), see above
-        pulls: (n, m, 3) the same products with a shift of the gripper, of the DLO as it is
-        turning: (n - 1, m, m) skew: how fast the modes turn into one another between parameters
+        slopes, bends: (n, m), as in the equation at the top of this module
+        pulls: (n, m, 3) the same products with a unit displacement of the whole DLO along x, y, z
+        turning: (n - 1, m, m) skew: rate by u at which the modes turn into one another between
+            two parameters
     """
 
     parameters: np.ndarray
@@ -54,20 +61,17 @@ class Response:
     turning: np.ndarray
 
     @classmethod
-    def of(cls, simulator, leg, first):
-        """Return the Response on a Leg that begins in the Shape `first`.
-
-        Args:
-            simulator: DirectSimulator
+    def of(cls, simulator: DirectSimulator, leg: Leg, first: Shape) -> 'Response':
+        """Return the Response on a Leg at whose beginning the DLO has the Shape `first`.
 
         Raises:
-            InvalidTask: a shape on the way has no modes
+            InvalidTask: a shape on the leg has no modes
         """
         u, shapes, modes = _places(simulator, leg, first)
         s = shapes[0].s
         positions = CubicSpline(u, np.array([_on(shape, s) for shape in shapes]))
         masses = node_masses(simulator.rod, s)
-        displacements = np.array([_spread(one, s) for one in modes])
+        displacements = np.array([displacements_on(one, s) for one in modes])
         slopes, bends = (np.einsum('k,umki,uki->um', masses, displacements, positions(u, order))
                          for order in (1, 2))
         return cls(u, tuple(shapes), 2 * np.pi * np.array([one.frequencies for one in modes]),
@@ -76,28 +80,31 @@ class Response:
                    _turning(masses, displacements) / np.diff(u)[:, None, None])
 
     @property
-    def sizes(self):
+    def sizes(self) -> np.ndarray:
         """(n, m) largest displacement of a node by a mode, m."""
         return np.linalg.norm(self.displacements, axis=3).max(axis=2)
 
-    def bearing(self, deviation, sizes):
-        """Return the Bearing that keeps the slowly built-up deviation of each mode below, m.
+    def bearing(self, deviation: float, sizes: np.ndarray) -> Bearing:
+        """Return the Bearing that bounds the quasi-static deviation of each mode.
+
+        That is the deviation |slope u'' + bend u'^2| / w^2 which builds up under a steady force.
 
         Args:
+            deviation: the bound, m
             sizes: (n, m) of the displacements that count, m
         """
         stiff = sizes / self.rates**2
         return Bearing(self.parameters, self.slopes * stiff, self.bends * stiff,
                        np.full(self.slopes.shape, deviation))
 
-    def oscillators(self, law, off=1.0):
+    def oscillators(self, law: TimeLaw, off: float = 1.0) -> tuple[np.ndarray, ...]:
         """Return times (t + 1,), parameters (t + 1,), rates and damping (t, m), turns (t, m, m).
 
-        The last three are those of `vibrated`.
+        Times in s, rates in 1/s. The last three are the arguments of `vibrated`.
 
         Args:
             law: TimeLaw
-            off: factor of all frequencies, as if the DLO was stiffer or softer
+            off: factor of all frequencies, as if the DLO were stiffer or softer
         """
         periods = law.duration * self.rates.min() / (2 * np.pi)
         count = int(np.clip(periods * _PER_PERIOD, _FEWEST, _MOST))
@@ -109,11 +116,11 @@ class Response:
         return (times, u, off * self.between(self.rates, middle),
                 self.between(self.damping, middle), np.linalg.solve(one + half, one - half))
 
-    def excited(self, law, off=1.0):
-        """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
+    def excited(self, law: TimeLaw, off: float = 1.0) -> tuple[np.ndarray, ...]:
+        """Return times (t,) s, parameters (t,), and y and y'/w (2, t, m) that a TimeLaw excites.
 
         Args:
-            law: TimeLaw, with its shift
+            law: TimeLaw; its shift counts
             off: factor of all frequencies
         """
         times, u, *oscillators = self.oscillators(law, off)
@@ -126,16 +133,16 @@ class Response:
                                law.shift.at(middle, 2))
         return times, u, vibrated(times[1], *oscillators, force[None])[:, 0]
 
-    def between(self, known, u):
-        """Return what is `known` (n, ...) at the parameters, at others u (t,)."""
+    def between(self, known: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return (t, ...) at u (t,): linear between the values `known` (n, ...) at `parameters`."""
         n = self.parameters
         after = np.clip(np.searchsorted(n, u), 1, n.size - 1)
         share = np.clip((u - n[after - 1]) / (n[after] - n[after - 1]), 0, 1)
         share = share.reshape(-1, *np.ones(known.ndim - 1, dtype=int))
         return (1 - share) * known[after - 1] + share * known[after]
 
-    def sideways(self, s):
-        """Return (n, m, 3) the displacements at arc lengths s (n,), across the DLO there, m."""
+    def sideways(self, s: np.ndarray) -> np.ndarray:
+        """Return (n, m, 3) the displacements at arc lengths s (n,), m, across the DLO there, m."""
         out = np.empty((*self.slopes.shape, 3))
         for k, shape in enumerate(self.shapes):
             along = shape.frame_at(float(s[k]))[0][:, 0]
@@ -149,7 +156,7 @@ class Response:
 def _places(simulator, leg, first):
     """Return parameters (n,), n Shapes and n Modes on a leg, denser where frequencies change fast.
 
-    There, as near the loss of stability, all else changes fast, too.
+    Where they do, as near a loss of stability, shapes and modes change fast as well.
     """
     parts = max(1, -(-(_PLACES - 1) // (leg.knots.size - 1)))
     u = np.append(leg.pieces(parts)[0], leg.knots[-1])
@@ -172,23 +179,14 @@ def _on(shape, s):
     return np.array([shape.at(float(one)).position for one in s])
 
 
-def _spread(modes, s):
-    """Return the displacements of Modes at arc lengths s."""
-    if np.array_equal(modes.s, s):
-        return modes.displacements
-    flat = np.moveaxis(modes.displacements, 2, 1).reshape(-1, modes.s.size)
-    at = np.array([np.interp(s, modes.s, one) for one in flat])
-    return np.moveaxis(at.reshape(len(modes), 3, s.size), 1, 2)
-
-
 def _turning(masses, displacements):
     """Return (n - 1, m, m) skew matrices: by how much modes turn from one place to the next.
 
-    Products of the modes here with what those there differ from them by, weighted by mass.
+    The rotation nearest to the products, weighted by mass, of the modes at both places.
     """
     products = np.einsum('k,umki,uvki->umv', masses, displacements[:-1], displacements[1:])
     left, _, right = np.linalg.svd(products)
-    turn = left @ right  # the rotation nearest to it; (1 + A/2)^-1 (1 - A/2) of the skew A wanted
+    turn = left @ right  # = (1 + A/2)^-1 (1 - A/2) of the skew A that is wanted (Cayley)
     one = np.eye(turn.shape[1])
     skew = 2 * np.linalg.solve(one + np.swapaxes(turn, 1, 2), one - np.swapaxes(turn, 1, 2))
     return 0.5 * (skew - np.swapaxes(skew, 1, 2))

@@ -1,4 +1,4 @@
-"""How fast a gripper may move."""
+"""Limits of a gripper's motion."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from dlo_planner.model.value import Value, put
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Limits(Value):
-    """Of the gripper: sizes of the vectors, world axes; each may be infinite.
+    """Limits of the gripper: largest lengths of the vectors; each limit may be infinite.
 
     Attributes:
         linear_speed: m/s; angular_speed: rad/s
@@ -36,7 +36,7 @@ class Limits(Value):
 
     @property
     def sizes(self) -> np.ndarray:
-        """(3, 2): speed, acceleration, jerk; linear, angular."""
+        """(3, 2) limits of speed, acceleration, jerk (rows), linear and angular (columns)."""
         return np.array([[self.linear_speed, self.angular_speed],
                          [self.linear_acceleration, self.angular_acceleration],
                          [self.linear_jerk, self.angular_jerk]])

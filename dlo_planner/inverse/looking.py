@@ -1,34 +1,37 @@
-"""What looks at a DLO tell: distances of seen points from a predicted shape, robustly weighed.
+"""The information in looks at a DLO: distances of seen points from a predicted shape, weighed.
 
-A point is one of the DLO plus normal noise, or, by a part that is stated, none of the DLO's and
-anywhere about it. How likely it is the one or the other weighs it (Dempster, Laird and Rubin 1977).
-While the shape still fits badly, the scale of what is left stands for the noise: the median of the
-squared distances, which outliers do not move.
+A point belongs to the DLO, with normal noise, or it is an outlier, anywhere near the DLO; the share
+of outliers is given. A point is weighed by the probability that it belongs to the DLO (Dempster,
+Laird and Rubin 1977). As long as the shape fits badly, a scale of the residuals replaces the noise:
+from the median of the squared distances, which outliers hardly move.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from dlo_planner.direct.shape import Shape
 from dlo_planner.inverse.misfit import nearest
 from dlo_planner.inverse.predicted_miss import at_arc_lengths
+from dlo_planner.inverse.uncertain import Uncertain
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import point_inside
 
-_ABOUT = 0.1  # of the length: about the DLO, where outliers are
+_ABOUT = 0.1  # of the length: half side of the cube about the DLO in which outliers lie
 _MEDIAN = {2: 1.3862943611198906, 3: 2.3659738843753377}  # of a chi-square, by degrees of freedom
-_BADLY = 4.0  # times the noise's square: more than that, and the shape does not fit yet
+_BADLY = 4.0  # times the noise's square: above it the shape fits badly
 
 
 @dataclass(frozen=True, eq=False)
 class Distances:
-    """m points against a shape.
+    """Distances of m points from a shape.
 
     Attributes:
-        away: (m, d) m, from the DLO to the points; across it (d = 2) where their arc lengths are
-            not known, along all axes (d = 3) where they are
-        axes: (m, d, 3) these directions; frames: (m, 3, 3) of the DLO there; s: (m,) m
-        square: (m,) squared distances by which outliers are judged
+        away: (m, d) m, components of the vectors from the DLO to the points: across the DLO (d = 2)
+            if arc lengths are not known, along the world axes (d = 3) if they are
+        axes: (m, d, 3) directions of these components
+        frames: (m, 3, 3) of the DLO at the arc lengths s (m,), m
+        square: (m,) squared lengths of `away`, m^2
     """
 
     away: np.ndarray
@@ -37,12 +40,13 @@ class Distances:
     s: np.ndarray
     square: np.ndarray
 
-    def cost(self, scale, outliers, sway, length):
-        """Return minus the logarithm of the likelihood, but for a constant.
+    def cost(self, scale: float, outliers: float, sway: float, length: float) -> float:
+        """Return minus the logarithm of the likelihood, up to a constant.
 
         Args:
-            scale: m, of the noise; outliers: part of the points; sway: of the free end, m
-            length: of the DLO, m
+            scale: noise of a point along each axis, m
+            outliers: part of the points that do not belong to the DLO
+            sway: standard deviation of the free end's sway, m; length: of the DLO, m
         """
         d = self.away.shape[1]
         square, more = self.square, 0.0
@@ -50,18 +54,18 @@ class Distances:
             square, more = self._without_sway(scale, outliers, sway, length)
         if outliers == 0:
             return 0.5 * float(square.sum()) / scale**2 + more
-        # of a point: -log((1 - e) N(r) + e / V), the larger part taken out of the sum
+        # for each point -log((1 - e) N(r) + e / V), up to a constant
         own = -0.5 * square / scale**2
         none = np.log(outliers / (1 - outliers)) + d * np.log(
             np.sqrt(2 * np.pi) * scale / (2 * _ABOUT * length))
         return -float(np.logaddexp(own, none).sum()) + more
 
-    def swaying(self, length):
-        """Return (m, d, 3): how the points expected move along `axes` with the free end's sway."""
+    def swaying(self, length: float) -> np.ndarray:
+        """Return (m, d, 3): derivatives by the free end's sway of the DLO along `axes`."""
         return self.axes * ((self.s / length) ** 2)[:, None, None]
 
     def _without_sway(self, scale, outliers, sway, length):
-        """Return squared distances without the most likely sway, and what that one costs."""
+        """Return squared distances (m,) after the most likely sway, and the cost of that sway."""
         weights = _weights(self.square, self.away.shape[1], scale, outliers, length)
         rows = self.swaying(length)
         most_likely = _sway(rows, self.away, weights, scale, sway)[0]
@@ -71,11 +75,11 @@ class Distances:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """Distances with slopes.
+    """Distances with derivatives of the predicted points.
 
     Attributes:
         distances: Distances
-        slopes: (m, d, n) derivatives of where the points are expected, by the state
+        slopes: (m, d, n) derivatives of the predicted points along `axes` by the state
         swaying: (m, d, 3) the same by the sway of the free end
     """
 
@@ -86,13 +90,15 @@ class Look:
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """What looks tell of a state x near `here`, by (x - here)^T matrix (x - here) / 2 - vector^T x.
+    """The information of looks about a state x, to second order about the present one x0.
+
+    Their cost is (x - x0)^T matrix (x - x0) / 2 - vector^T (x - x0), up to a constant.
 
     Attributes:
         matrix: (n, n); vector: (n,)
-        misfit: root mean square distance of what is taken to be the DLO's, m
-        outliers: part of the points that are taken to be none of the DLO's
-        scale: m, of the noise with which it was weighed
+        misfit: root mean square distance, weighed by the probability to belong to the DLO, m
+        outliers: mean probability of the points not to belong to the DLO
+        scale: noise by which the points were weighed, m
     """
 
     matrix: np.ndarray
@@ -102,35 +108,41 @@ class Told:
     scale: float
 
 
-def squares(shape, points, s):
-    """Return the Distances of points (m, 3), m, the camera's bias taken off, from a Shape.
+def squares(shape: Shape, points: np.ndarray, s: np.ndarray | None) -> Distances:
+    """Return the Distances of points from a Shape.
 
     Args:
-        s: (m,) arc lengths, m, or None
+        shape: Shape
+        points: (m, 3) m, world axes, less the camera's bias
+        s: (m,) their arc lengths, m; None: not known
     """
     known, length = s is not None, shape.s[-1]
-    nodes, kernels = np.array(shape.s), shape.for_kernels  # copies: kernels may write their arrays
+    nodes, kernels = np.array(shape.s), shape.for_kernels  # copies: see `Shape.for_kernels`
     s = np.clip(s, 0.0, length) if known else nearest(nodes, *kernels, points)[0]
     frames, places = _points_at(nodes, *kernels, s)
     off = points - places
     axes = np.tile(np.eye(3), (len(s), 1, 1)) if known else frames[:, :, 1:].transpose(0, 2, 1)
-    # beyond an end, how far beyond is not told: the DLO is seen to its end only by chance
+    # the distance along the DLO is left out beyond an end as well: the end itself is hardly ever
+    # among the points
     away = np.einsum('mij,mj->mi', axes, off)
     return Distances(away, axes, frames, s, np.sum(away**2, axis=1))
 
 
-def looked_at(uncertain, shape, slopes, off, known):
-    """Return the Look that Distances and slopes make.
+def looked_at(uncertain: Uncertain, shape: Shape, slopes: np.ndarray, off: Distances,
+              known: bool) -> Look:
+    """Return the Look of Distances.
 
     Args:
-        uncertain: Uncertain; shape: Shape; slopes: (N + 1, 3, n) of its nodes by the state
-        off: Distances from it; known: whether arc lengths were seen
+        uncertain: Uncertain; shape: Shape
+        slopes: (N + 1, 3, n) derivatives of the nodes by the state
+        off: Distances from the shape
+        known: whether arc lengths were seen
     """
     length = shape.s[-1]
     by_state = at_arc_lengths(slopes, shape.s, off.s)
     columns, numbers = uncertain.columns('camera')
     by_state[:, numbers, columns] += 1.0
-    if known:  # nodes go along with the length; what is marked does not, but for the end
+    if known:  # a node moves along with the length, a point of known arc length does not
         inside = off.s < length
         for column in uncertain.columns('length')[0]:
             by_state[inside, :, column] -= off.frames[inside, :, 0] * (
@@ -138,13 +150,8 @@ def looked_at(uncertain, shape, slopes, off, known):
     return Look(off, off.axes @ by_state, off.swaying(length))
 
 
-def told(look, noise, outliers, sway, length):
-    """Return the Told of a Look, to first order.
-
-    Args:
-        noise: m; outliers: part of the points that are none of the DLO's
-        sway: standard deviation of the free end's sway, m; length: of the DLO, m
-    """
+def told(look: Look, noise: float, outliers: float, sway: float, length: float) -> Told:
+    """Return the Told of a Look; arguments as of `Distances.cost`, `noise` as stated."""
     off = look.distances
     d, square = off.away.shape[1], off.square
     for _ in range(2 if sway else 1):
@@ -156,17 +163,17 @@ def told(look, noise, outliers, sway, length):
     root = (np.sqrt(weights) / scale)[:, None]
     rows = (look.slopes * root[:, :, None]).reshape(-1, look.slopes.shape[2])
     matrix, vector = rows.T @ rows, rows.T @ (off.away * root).ravel()
-    if sway:  # another one in each look: what is left without it (Schur)
+    if sway:  # eliminated, as it is another one in each look (Schur complement)
         across = rows.T @ (look.swaying * root[:, :, None]).reshape(-1, 3)
         matrix = matrix - across @ inner @ across.T
         vector = vector - across @ most_likely
-    own = max(float(weights.sum()), 1e-300)
+    own = max(float(weights.sum()), np.finfo(float).tiny)
     return Told(matrix, vector, float(np.sqrt(weights @ np.sum(off.away**2, axis=1) / own)),
                 float(1 - weights.mean()), scale)
 
 
-def from_either_end(shape, points, s):
-    """Return the arc lengths (m,), or those from the other end if the points fit these better."""
+def from_either_end(shape: Shape, points: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Return the arc lengths (m,), from the other end if the points (m, 3) fit better so."""
     both = s, shape.s[-1] - s
     off = [np.median(np.linalg.norm(points - shape.positions_at(np.clip(
         one, 0.0, shape.s[-1])), axis=1)) for one in both]
@@ -174,13 +181,13 @@ def from_either_end(shape, points, s):
 
 
 def _scale(square, d, noise):
-    """Return the noise (m) to weigh with: as stated, or more while the shape fits badly."""
+    """Return the noise (m) for the weights: as stated, or larger while the shape fits badly."""
     left = float(np.median(square)) / _MEDIAN[d]
     return noise if left <= _BADLY * noise**2 else float(np.sqrt(left))
 
 
 def _weights(square, d, scale, outliers, length):
-    """Return (m,) how likely each point, at a squared distance `square` (m,), is one of the DLO."""
+    """Return (m,) probabilities that points at squared distances `square` belong to the DLO."""
     if outliers == 0:
         return np.ones(len(square))
     own = (1 - outliers) * np.exp(-0.5 * square / scale**2) / (

@@ -15,6 +15,7 @@ from dlo_planner.inverse.misfit import (
     nowhere,
     seen_in,
 )
+from dlo_planner.model.pose import Pose
 
 _AT_REST, _IN_MOTION = 1e-6, 1e-4  # relative errors of the derivatives
 _STEPPED, _MOST_PARTS = 1e-4, 16  # of the length; of a motion's dt
@@ -38,8 +39,8 @@ class Misfits:
         self.any = any(part.converged for part in parts)
 
     @cached_property
-    def slopes(self):
-        """(m, 3, n) derivatives of `away` by the unknowns; computed when first asked for."""
+    def slopes(self) -> np.ndarray:
+        """(m, 3, n) derivatives of `away` by the unknowns; computed when first read."""
         return np.concatenate([part.slopes() for part in self._parts])
 
 
@@ -68,7 +69,7 @@ class Observed:
         self._parts = [1] * len(motions)  # steps in each dt
         self.begin()
 
-    def choose_steps(self, x):
+    def choose_steps(self, x: np.ndarray) -> None:
         """Halve the steps of the motions until that changed little at x (n,).
 
         They then stay the same: steps that follow an error would make derivatives noisy.
@@ -84,23 +85,23 @@ class Observed:
                 coarse = fine
         self.begin()
 
-    def begin(self):
+    def begin(self) -> None:
         """Forget the shapes from which the search for the next ones begins."""
         self._known, self._held = {}, {}
 
-    def at(self, x):
+    def at(self, x: np.ndarray) -> Misfits:
         """Return the Misfits at unknowns x (n,)."""
         key = x.tobytes()
         if key not in self._known:
             self._known = {**dict(list(self._known.items())[1 - _KEPT:]), key: self._at(x)}
         return self._known[key]
 
-    def errors(self, index, x):
+    def errors(self, index: int, x: np.ndarray) -> PoseErrors:
         """Return the PoseErrors of an observation (motions come after what is at rest)."""
         begin = self.n_parameters + len(self._pose) * index
         return PoseErrors(self._pose, slice(begin, begin + len(self._pose)), x)
 
-    def grippers(self, x):
+    def grippers(self, x: np.ndarray) -> tuple[Pose, ...]:
         """Return the Poses of the observations at rest, corrected."""
         return tuple(self.errors(k, x).applied(one.gripper)
                      for k, one in enumerate(self.observations))

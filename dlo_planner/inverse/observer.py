@@ -1,8 +1,8 @@
 """An estimate of a DLO from looks at it, at rest or moving calmly.
 
-The model: a look shows the equilibrium in the gripper as it is, plus a sway of the free end that is
-another one in each look, plus noise of each point. The state stays, or wanders by `drift`. How the
-most likely state is found: `inverse.smoothing`.
+The model: a look shows the equilibrium in the true pose of the gripper, plus a sway of the free end
+that is drawn anew for each look, plus noise of each point. The state is constant, or wanders by
+`drift`. `inverse.smoothing` finds the most likely state.
 """
 
 from dataclasses import replace
@@ -25,19 +25,23 @@ _LONGER = 5.0  # standard deviations of the length by which an arc length may ex
 
 
 class Observer(Value):
-    """Turns looks at a DLO into an `Estimate` of it; a value, what is known is in the Estimates.
+    """Turns looks at a DLO into an `Estimate` of it.
+
+    It is a value and keeps nothing of the looks; the Estimates do.
 
     Args:
-        simulator: DirectSimulator of the DLO as stated, or its Rod. It hangs freely: obstacles are
-            left out, and it does not yield.
+        simulator: DirectSimulator of the DLO as stated, or its Rod. The DLO hangs freely from a
+            clamped gripper: obstacles are left out, and it does not yield.
         spread: Spread of the DLO and of the gripper's pose about what is stated: the prior
         noise: standard deviation of a seen point along each axis, m
-        bias: of the camera's constant error along each world axis, m
-        cutout: of the place of the cut-out along each world axis about where it is stated, m
-        outliers: part of the points that are none of the DLO's, 0 to below 1
-        sway: of the free end about its equilibrium, m, along each world axis, another one in each
-            look; the DLO between goes by (s / L)^2. It averages out over a period of the swing.
-        drift: how the state wanders: its standard deviation after 1 s, as part of the prior's
+        bias: standard deviation of the camera's constant error along each world axis, m
+        cutout: standard deviation of the cut-out's place along each world axis, m
+        outliers: part of the points that do not belong to the DLO, 0 to below 1
+        sway: standard deviation of the free end about its equilibrium along each world axis, m,
+            drawn anew for each look; a point at s sways by (s / L)^2 of it. Looks that are spread
+            over a period of the swing average it out.
+        drift: standard deviation by which the state wanders in 1 s, as a part of the prior's; it
+            grows with the square root of time
         n_terms: Legendre terms along s of each component of the natural curvature
 
     Raises:
@@ -78,16 +82,15 @@ class Observer(Value):
 
         Args:
             estimate: of this observer
-            observation: Observation, its gripper as it is said to have been when the points were
-                seen (`gripper_at` tells it from stamped poses). Points in any order; arc lengths,
-                if known, from either end, all from the same.
-            elapsed: s since the look before; the state has wandered by `drift`
-            noise, sway: m, of this look, as for the observer; None: the observer's. In motion both
-                are larger: an error dt of the stamp displaces all m points alike by the speed v
-                times dt, which noise of sqrt(m) v dt of each accounts for.
+            observation: Observation; its gripper is the commanded one at the time of the image
+                (`gripper_at` finds it in stamped poses). Points in any order; arc lengths, if
+                known, all from the same end, whichever it is.
+            elapsed: s since the look before, in which the state has wandered by `drift`
+            noise, sway: m, for this look alone; None: the observer's. In motion both are larger: an
+                error dt of the stamp displaces all m points alike by v dt at the speed v. State
+                a noise of sqrt(m) v dt to account for it.
 
-        A look that cannot be explained by an equilibrium leaves the estimate as it is, but for
-        `converged`, which is False then.
+        If no equilibrium explains the look, the estimate stays as it is, with `converged` False.
 
         Raises:
             InvalidTask: an argument makes no sense
@@ -108,11 +111,11 @@ class Observer(Value):
                    noise: float | None = None) -> Estimate:
         """Return the Estimate after the centre of the cut-out has been seen by the same camera.
 
-        What the camera sees displaced alike, DLO and cut-out, then cancels.
+        The camera displaces DLO and cut-out alike, so its bias cancels in the predicted miss.
 
         Args:
             estimate: of this observer
-            stated: (3,) centre of the cut-out as it is stated, m; seen: (3,) as it was seen
+            stated: (3,) centre of the cut-out as stated, m, world axes; seen: (3,) as seen
             noise: standard deviation of `seen` along each axis, m; None: the observer's noise
 
         Raises:

@@ -1,20 +1,25 @@
-"""Oscillators whose frequencies and axes change slowly, step by step."""
+"""Oscillators whose frequencies and axes change slowly, integrated step by step."""
 
 import numpy as np
 
 from dlo_planner.kernels import kernel
 
+_DAMPED = 0.99  # largest damping ratio: the formulas are those of an oscillation
+
 
 @kernel
-def vibrated(step, rates, damping, turns, force):
-    """Return y and y'/w (2, c, t + 1, m) of m oscillators from rest, under c forces.
+def vibrated(step: float, rates: np.ndarray, damping: np.ndarray, turns: np.ndarray,
+             force: np.ndarray) -> np.ndarray:
+    """Return y and y'/w (2, c, t + 1, m) of m oscillators from rest, under c sets of forces.
 
-    Exact for a steady force in a step. Between two steps their axes turn.
+    y'' + 2 zeta w y' + w^2 y = force. Exact for a force that is steady in each step. Damping ratios
+    above 0.99 count as 0.99.
 
     Args:
-        step: s; rates, damping: (t, m) in each step
-        turns: (t, m, m) of coordinates by the axes in a step, into those by the axes of the next
-        force: (c, t, m)
+        step: of time, s
+        rates: (t, m) angular frequencies w in each step, 1/s; damping: (t, m) ratios zeta
+        turns: (t, m, m) rotations of the coordinates from the axes of a step to those of the next
+        force: (c, t, m) per mass
     """
     count, modes = rates.shape
     cases = force.shape[0]
@@ -24,7 +29,7 @@ def vibrated(step, rates, damping, turns, force):
     for k in range(count):
         for m in range(modes):
             w = rates[k, m]
-            zeta = min(damping[k, m], 0.99)
+            zeta = min(damping[k, m], _DAMPED)
             free = np.sqrt(1.0 - zeta * zeta)
             decay = np.exp(-zeta * w * step)
             cosine, sine = decay * np.cos(free * w * step), decay * np.sin(free * w * step) / free

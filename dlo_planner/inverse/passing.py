@@ -1,15 +1,23 @@
-"""Where a plan wants the DLO to pass a centre, between its waypoints too."""
+"""How far a DLO is from the centres that it has to pass, at and between a plan's waypoints."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
-_NEWTON = 4           # steps to the arc length that is nearest to a centre
+from dlo_planner.direct.shape import Shape
+from dlo_planner.inverse.plan import Plan
+
+_NEWTON = 4           # steps to the point of the DLO that is nearest to a centre
+
+Passes = Sequence[tuple[np.ndarray, float, np.ndarray | None]]  # an entry of `Plan.passes`
 
 
-def worst_miss(shape, passes, later):
+def worst_miss(shape: Shape, passes: Passes, later: Passes) -> float:
     """Return the largest distance in m of a Shape from the centres to be passed, 0 if none is.
 
     Args:
-        passes, later: those of `Plan.passes` at the waypoints before and after
+        shape: Shape at or between two waypoints
+        passes, later: the entries of `Plan.passes` at the waypoints before and after it
     """
     return max(_misses(shape, passes, later), default=0.0)
 
@@ -20,7 +28,7 @@ def _misses(shape, passes, later):
         then = arc_length_at(centre, later)
         if then is not None:
             yield _distance(shape, centre, min(s, then), max(s, then))[0]
-    # one that comes or ends between them is passed as long as the free end is beyond it
+    # a centre in one of both alone counts while the free end is beyond it
     for some, others in ((passes, later), (later, passes)):
         for centre, s, _ in some:
             if arc_length_at(centre, others) is None:
@@ -29,13 +37,13 @@ def _misses(shape, passes, later):
                     yield away
 
 
-def arc_length_at(centre, passes):
-    """Return the arc length (m) at which a centre is to be passed, None if it is not."""
+def arc_length_at(centre: np.ndarray, passes: Passes) -> float | None:
+    """Return the arc length (m) at which the DLO has to pass a centre, None if it has not."""
     return next((s for other, s, _ in passes if np.array_equal(other, centre)), None)
 
 
 def _distance(shape, centre, low, high):
-    """Return the distance (m) of a DLO from a centre between two arc lengths, and where it is."""
+    """Return the least distance of a DLO from a centre between two arc lengths, and where; m."""
     best = np.inf, low
     for begin in (low, 0.5 * (low + high), high):
         s = begin
@@ -59,10 +67,10 @@ def arc_lengths_at(centre, passes):
                      for s in (arc_length_at(centre, one) for one in passes)])
 
 
-def holes_passed(plan, u):
-    """Return (k, n) arc lengths at which the k centres of a Plan are passed at parameters u (n,).
+def holes_passed(plan: Plan, u: np.ndarray) -> np.ndarray:
+    """Return (k, n) arc lengths (m) that pass the k centres of a Plan at parameters u (n,).
 
-    nan where one is not passed: before the waypoint at which it first is, and after the last one.
+    nan before the first waypoint that passes a centre, and after the last one.
     """
     centres = []
     for passes in plan.passes:

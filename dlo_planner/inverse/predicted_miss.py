@@ -1,32 +1,44 @@
-"""By how much an estimated DLO will miss the centres that a plan leads it through, and how sure."""
+"""By how much an estimated DLO will miss the centres of a plan, and how certain that is."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.response import node_slopes
 from dlo_planner.inverse.settling import settled
-from dlo_planner.model.checks import number, results, row, shown
+from dlo_planner.model.checks import instance, number, results, row, shown
 from dlo_planner.model.value import Value, brief, put
 
+if TYPE_CHECKING:  # it imports this module
+    from dlo_planner.inverse.estimate import Estimate
+
 _CROSSINGS = 20   # steps of Newton's method to a plane
-_STILL = 1e-12    # of the length
-_MOST = 1_000_000  # waypoints
-_SHARE = 0.95     # of what may be, by which a miss is bounded
-_RINGS, _SPOKES = 24, 32  # points that stand for a normal distribution in a plane
+_STILL = 1e-12    # of the length: the last step
+_MOST = 1_000_000  # largest index of a waypoint
+_OTHER = 0.1      # of the length: a shape whose length differs by more is of another DLO
+_SHARE = 0.95     # probability that a bound is kept
+_POINTS = 1024    # that represent a normal distribution in a plane
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PredictedMiss(Value):
-    """Misses at k waypoints of a plan, in the planes of the centres that should be passed.
+    """Misses at k waypoints of a plan, in the plane of the centre that the DLO has to pass.
+
+    Of several centres at one waypoint it is the one with the largest bound.
 
     Attributes:
         waypoints: (k,) their indices in the plan
-        off: (k, 3) from the centre to where the estimated DLO passes its plane, m, world axes; a
-            DLO too short to get there is extended straight on
-        covariance: (k, 3, 3) of that, m^2
-        bound: (k,) distances that are kept with 95 %, m; infinite where no shape was found
+        off: (k, 3) from the centre to where the estimated DLO crosses its plane, m, world axes; a
+            DLO that is too short is extended straight on
+        covariance: (k, 3, 3) of `off`, m^2
+        bound: (k,) radii about the centre inside which the DLO crosses with a probability of 95 %,
+            m; infinite where no shape was found
     """
 
     waypoints: np.ndarray
@@ -58,17 +70,19 @@ class PredictedMiss(Value):
         return np.linalg.norm(self.off, axis=1)
 
     def inside(self, room: float) -> bool:
-        """Return whether all stay within `room` (m) of the centres with 95 % each."""
+        """Return whether every bound is at most `room` (m)."""
         room = number('room', room, minimum=0)
         return bool((self.bound <= room).all())
 
 
-def miss_of(estimate, plan, waypoints, shapes=None):
+def miss_of(estimate: 'Estimate', plan: Plan, waypoints: Sequence[int],
+            shapes: Sequence[Shape] | None = None) -> PredictedMiss:
     """Return the PredictedMiss of an Estimate at some waypoints of a Plan.
 
     Args:
-        waypoints: indices of waypoints that pass a centre, as a row of numbers
-        shapes: of the estimated DLO there, if they are known
+        estimate: Estimate; plan: Plan of the same DLO
+        waypoints: indices of waypoints that pass a centre
+        shapes: Shapes of the estimated DLO there; None: they are computed
     """
     off = np.full((len(waypoints), 3), np.inf)
     covariance, bound = np.full((len(waypoints), 3, 3), np.inf), np.full(len(waypoints), np.inf)
@@ -77,25 +91,40 @@ def miss_of(estimate, plan, waypoints, shapes=None):
         if not shape.converged:
             continue
         varied = estimate.uncertain.varied(plan.shapes[index]._discretisation)
-        off[k], covariance[k], bound[k] = _miss_at(estimate, varied, shape,
-                                                   *_pass(estimate, plan, index))
+        slopes = node_slopes(varied, estimate.mean, shape)
+        off[k], covariance[k], bound[k] = max(
+            (_miss_at(estimate, slopes, shape, *one) for one in plan.passes[index]),
+            key=lambda found: found[2])
     return PredictedMiss(np.array(waypoints, dtype=float), off, covariance, bound)
 
 
-def predicted_shape(estimate, plan, index):
-    """Return the Shape of the estimated DLO at a waypoint, the gripper off as it is estimated."""
+def predicted_shape(estimate: 'Estimate', plan: Plan, index: int) -> Shape:
+    """Return the Shape of the estimated DLO at a waypoint, in the estimated pose of the gripper."""
     planned = plan.shapes[index]
     varied = estimate.uncertain.varied(planned._discretisation)
     return settled(varied, estimate.mean, estimate.actual(plan.grippers[index]), planned, False)
 
 
-def passing(plan):
+def passing(plan: Plan) -> list[int]:
     """Return the indices of the waypoints that pass a centre."""
     return [k for k, passes in enumerate(plan.passes) if passes]
 
 
-def judged_waypoints(plan, waypoints):
-    """Return indices of waypoints that pass a centre; None stands for all of them."""
+def judged_plan(estimate: 'Estimate', plan: Plan) -> Plan:
+    """Return a Plan of the estimated DLO; raise InvalidTask if it is none."""
+    length = estimate.uncertain.simulator.rod.length
+    for shape in instance('plan', plan, Plan).shapes:
+        if shape._discretisation is None or abs(shape.s[-1] / length - 1) > _OTHER:
+            raise InvalidTask('plan: expected shapes of the whole DLO that is estimated')
+    return plan
+
+
+def judged_waypoints(plan: Plan, waypoints: ArrayLike | None) -> list[int]:
+    """Return indices of waypoints that pass a centre; None stands for all of them.
+
+    Raises:
+        InvalidTask: one passes no centre
+    """
     known = passing(plan)
     if waypoints is None:
         return known
@@ -106,16 +135,14 @@ def judged_waypoints(plan, waypoints):
     return [int(k) for k in chosen]
 
 
-def _pass(estimate, plan, index):
-    """Return centre (3,), normal (3,) or None and arc length of the last pass of a waypoint."""
-    centre, s, normal = plan.passes[index][-1]
-    return estimate.centre(centre), normal, s
+def _miss_at(estimate, slopes, shape, centre, s, normal):
+    """Return the miss (3,) of one entry of `Plan.passes`, its covariance (3, 3) and bound, m.
 
-
-def _miss_at(estimate, varied, shape, centre, normal, s):
-    """Return the miss (3,), its covariance (3, 3) and its bound, m."""
-    off, normal, tangent, s = crossing(shape, centre, normal, s)
-    slopes = at_arc_lengths(node_slopes(varied, estimate.mean, shape), shape.s, np.array([s]))[0]
+    Args:
+        slopes: (N + 1, 3, n) of the nodes by the state
+    """
+    off, normal, tangent, s = crossing(shape, estimate.centre(centre), normal, s)
+    slopes = at_arc_lengths(slopes, shape.s, np.array([s]))[0]
     columns, number = estimate.uncertain.columns('cutout')
     slopes[number, columns] -= 1.0
     slopes -= np.outer(tangent, normal @ slopes) / (normal @ tangent)  # in the plane
@@ -124,14 +151,16 @@ def _miss_at(estimate, varied, shape, centre, normal, s):
     return off, covariance, _bound(across @ off, across @ covariance @ across.T)
 
 
-def crossing(shape, centre, normal, s):
+def crossing(shape: Shape, centre: np.ndarray, normal: np.ndarray | None,
+             s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Return where a Shape, extended straight on at its end, crosses a plane near `s` (m).
 
     Args:
-        centre: (3,) in the plane; normal: (3,), or None: across the DLO
+        centre: (3,) m, in the plane; normal: (3,) of the plane, or None: the DLO's tangent
 
     Returns:
-        from the centre to the DLO (3,), normal, tangent there (3,), arc length (at most the length)
+        vector from the centre to the crossing (3,), m; normal (3,); tangent there (3,); arc length,
+        m, at most the length
     """
     for _ in range(_CROSSINGS):
         inside = min(max(s, 0.0), shape.s[-1])
@@ -146,27 +175,29 @@ def crossing(shape, centre, normal, s):
     return position - centre, np.array(across), tangent, inside
 
 
-def at_arc_lengths(nodes, s, wanted):
-    """Return (m, 3, n) at `wanted` (m,): slopes (N + 1, 3, n) at nodes `s`, straight between."""
+def at_arc_lengths(nodes: np.ndarray, s: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return (m, 3, n) at arc lengths `wanted` (m,): linear between `nodes` (N + 1, 3, n)."""
     element = np.clip(np.searchsorted(s, wanted, side='right') - 1, 0, s.size - 2)
     share = ((wanted - s[element]) / (s[element + 1] - s[element]))[:, None, None]
     return (1 - share) * nodes[element] + share * nodes[element + 1]
 
 
 def _bound(off, covariance):
-    """Return the distance from the centre that a normal distribution in a plane keeps with 95 %."""
+    """Return the radius about the centre that holds 95 % of a normal distribution in a plane."""
     values, vectors = np.linalg.eigh(covariance)
     points = off + _PLANE * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
     return float(np.quantile(np.linalg.norm(points, axis=1), _SHARE))
 
 
 def _plane():
-    """Return points (k, 2), equally likely, of a standard normal distribution in a plane."""
-    parts = (np.arange(_RINGS) + 0.5) / _RINGS
-    radii = np.sqrt(-2 * np.log(1 - parts))
-    angles = 2 * np.pi * (np.arange(_SPOKES) + 0.5) / _SPOKES
-    directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    return (radii[:, None, None] * directions).reshape(-1, 2)
+    """Return points (k, 2), equally likely, of a standard normal distribution in a plane.
+
+    On a spiral in steps of the golden angle: radii and directions are evenly likely.
+    """
+    k = np.arange(_POINTS)
+    radii = np.sqrt(-2 * np.log1p(-(k + 0.5) / _POINTS))
+    angles = np.pi * (3 - np.sqrt(5)) * k
+    return radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 _PLANE = _plane()

@@ -1,26 +1,29 @@
-"""How the nodes of an equilibrium answer to the state of an estimate, to first order.
+"""How the nodes of an equilibrium move with the state of an estimate, to first order.
 
-What changes the potential changes the strains by a solve with the Hessian of the equilibrium
-(`direct.sensitivity`); each change of an element's strain moves all that lies beyond as one body.
+A change of the potential changes the strains; these follow by a solve with the Hessian of the
+equilibrium (`direct.sensitivity`). A change of an element's strain moves all nodes beyond it as one
+rigid body.
 """
 
 import numpy as np
 
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.shape import Shape
 from dlo_planner.inverse.search import left_jacobian
+from dlo_planner.inverse.uncertain import Varied
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import part_of_element
 
-_LONGER = 1e-5  # of the length: step of the difference by it
+_LONGER = 1e-5  # of the length: step of the difference quotients by the length
 
 
-def node_slopes(varied, z, shape):
-    """Return (N + 1, 3, n): derivatives of the nodes' positions by the state.
+def node_slopes(varied: Varied, z: np.ndarray, shape: Shape) -> np.ndarray:
+    """Return (N + 1, 3, n): derivatives of the nodes' positions (m) by the state.
 
     Args:
         varied: Varied, on the mesh of the shape
         z: (n,) the state at which `shape` is an equilibrium
-        shape: Shape in the gripper as it is
+        shape: Shape in the true pose of the gripper
     """
     uncertain, sensitivity = varied.uncertain, Sensitivity(shape)
     strains = np.zeros((uncertain.size, *shape.element_strains.shape))
@@ -33,7 +36,7 @@ def node_slopes(varied, z, shape):
 
 
 def _by_rod(varied, z, shape, sensitivity, strains, out):
-    """Fill in strains (n, N, 3) by the rod, and add where the nodes go while the strains stay."""
+    """Set the strains (n, N, 3) due to the rod; add to `out` the motion at constant strains."""
     uncertain, system = varied.uncertain, shape._discretisation.static
     give = np.diff(shape.s)[:, None] * system.stiffness
     moment = give * (shape.element_strains - system.natural)
@@ -59,7 +62,7 @@ def _by_rod(varied, z, shape, sensitivity, strains, out):
 
 
 def _by_gripper(uncertain, z, shape, sensitivity, strains, out):
-    """Fill in strains (n, N, 3) by the gripper's error, and add its own motion of the nodes."""
+    """Set the strains (n, N, 3) due to the gripper's error; add to `out` its rigid motion."""
     said = shape.gripper.rotation @ uncertain.offset(z).rotation.T
     columns, numbers = uncertain.columns('gripper_rotation')
     if columns.size:
@@ -68,12 +71,12 @@ def _by_gripper(uncertain, z, shape, sensitivity, strains, out):
         arms = shape.positions - shape.gripper.position
         out[:, :, columns] += np.cross(turns.T[None], arms[:, None]).transpose(0, 2, 1)
     columns, numbers = uncertain.columns('gripper_position')
-    out[:, :, columns] += said[:, numbers]  # nothing touches it: its shape does not notice
+    out[:, :, columns] += said[:, numbers]  # nothing touches the DLO: its shape stays
 
 
 @kernel
 def _moved(lengths, strains, rotations, positions, changes):
-    """Return (N + 1, 3, k): how the nodes move with changes (k, N, 3) of the strains."""
+    """Return (N + 1, 3, k): motions of the nodes by changes (k, N, 3) of the strains."""
     count, n = changes.shape[0], lengths.size
     out = np.zeros((n + 1, 3, count))
     turn = np.zeros((count, 3))  # of the frame at the element's beginning

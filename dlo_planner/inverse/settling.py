@@ -1,20 +1,25 @@
-"""The equilibrium of a DLO that is known by the state of an estimate."""
+"""The equilibrium of a DLO at a given state of an estimate."""
 
 import numpy as np
 
 from dlo_planner.direct.continuation import follow
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import equilibrium
+from dlo_planner.inverse.uncertain import Varied
+from dlo_planner.model.pose import Pose
 
 
-def settled(varied, z, gripper, before=None, followed=True):
-    """Return the Shape at a state z (n,), or the one that Newton's method ended with.
+def settled(varied: Varied, z: np.ndarray, gripper: Pose, before: Shape | None = None,
+            followed: bool = True) -> Shape:
+    """Return the Shape at a state z (n,), `converged` or not.
 
     Args:
         varied: Varied
-        gripper: Pose of the gripper as it is
+        z: (n,) state
+        gripper: true Pose of the gripper
         before: Shape from which the DLO comes; None: set down in its natural shape
-        followed: whether the gripper's way from there is followed in steps that do not leap; else
-            `before` is only where Newton's method begins
+        followed: whether the gripper's way from there is followed in small steps, so that the DLO
+            does not jump; else Newton's method begins with `before`, in one step
     """
     mesh = varied.at(z)
 
@@ -28,5 +33,5 @@ def settled(varied, z, gripper, before=None, followed=True):
 
     if before is None or not followed:
         return found(gripper, before, None)[0]
-    # at rest first, where the DLO comes from: the way may only begin in an equilibrium
+    # first the equilibrium at z in the gripper's pose of `before`: following starts from one
     return follow(found, found(before.gripper, before, None)[0], gripper)

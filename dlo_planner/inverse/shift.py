@@ -13,11 +13,12 @@ DEGREE = 4  # jerks are continuous
 
 @dataclass(frozen=True, eq=False)
 class Shift(Value):
-    """Shifts (3,) m, world axes, over the time of a leg; zero, at rest, at both ends.
+    """A displacement (3,) of the gripper over the time of a leg, m, world axes; zero at both ends.
 
     Attributes:
         knots: (k,) s, of a BSpline of degree 4, clamped at both ends
-        coefficients: (k - 5, 3) m; the first and the last four are zero
+        coefficients: (k - 5, 3) m; the first and the last four are zero, so that the shift and its
+            first three derivatives vanish at both ends
     """
 
     knots: np.ndarray
@@ -33,12 +34,15 @@ class Shift(Value):
         super().__post_init__()
 
     def at(self, times: np.ndarray, order: int = 0) -> np.ndarray:
-        """Return (n, 3) shifts, or derivatives by time, at times (n,) s within the leg."""
+        """Return (n, 3) shifts in m, or their derivatives by time of `order`, at times (n,) s.
+
+        Times outside the leg count as its ends.
+        """
         return self._spline(np.clip(times, self.knots[0], self.knots[-1]), order)
 
     @property
     def most(self) -> np.ndarray:
-        """(4,) bounds of the sizes of the shift and of its first three derivatives."""
+        """(4,) bounds of the lengths of the shift, m, and of its three derivatives by time."""
         found, spline = [], self._spline
         for _ in range(4):
             # a spline lies in the convex hull of its coefficients

@@ -1,12 +1,13 @@
 """The most likely state after the looks so far, and how far off it may be.
 
 An iterated extended Kalman filter (Bell and Cathey 1993: each update is a Gauss-Newton search) in
-information form. A filter that keeps each look linearised where it was taken in becomes too sure
-of itself: what no look can tell, such as stiffness against weight, seems to be told by the
-difference of two linearisations. So the looks from the last few poses of the gripper are remembered
-and searched together (a smoother with a fixed lag); older ones stay as they are.
+information form. A filter that keeps each look linearised at the estimate of its time becomes too
+sure of itself: the difference between two linearisations looks like information about what no look
+shows, such as stiffness against weight. So the looks from the last few poses of the gripper are
+remembered and searched together (a smoother with a fixed lag); older ones stay linearised.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from dlo_planner.direct.indicator import surely_within
 from dlo_planner.direct.shape import Shape
+from dlo_planner.inverse.estimate import Estimate
 from dlo_planner.inverse.looking import from_either_end, looked_at, squares, told
 from dlo_planner.inverse.response import node_slopes
 from dlo_planner.inverse.settling import settled
@@ -21,13 +23,13 @@ from dlo_planner.model.pose import Pose
 
 _ITERATIONS = 30
 _HALVINGS = 8
-_SETTLED = 1e-3   # mean square of a step in standard deviations of what is known: the last one
-_STEADY = 1.05    # ratio of two scales of what is left that are the same
+_SETTLED = 1e-3   # mean square of the last step, in standard deviations of the estimate
+_STEADY = 1.05    # ratio of two successive scales of the residuals that count as equal
 _FARTHEST = 0.15  # of the length: by which one step may move a node
-_ENOUGH = 1e-4    # of the decrease that a step promises, and has to give (Armijo)
-_STILL = 1e-6     # of the noise: a sway that is none
-_POSES = 3        # of the gripper, remembered
-_LOOKS = 32       # remembered at each
+_ENOUGH = 1e-4    # part of the decrease predicted for a step that it has to give (Armijo)
+_STILL = 1e-6     # of the noise: a smaller sway counts as none
+_POSES = 3        # of the gripper, whose looks are remembered
+_LOOKS = 32       # remembered at each of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +37,7 @@ class Group:
     """Looks at one pose of the gripper, oldest first.
 
     Attributes:
-        gripper: Pose as it is said to be
+        gripper: Pose as commanded
         looks: tuple of (points (m, 3), arc lengths from the gripper (m,) or None)
         shape: Shape from which the next search begins
         noise, sway: m, see `Observer`, of these looks
@@ -47,12 +49,12 @@ class Group:
     noise: float
     sway: float
 
-    def takes(self, other):
+    def takes(self, other: 'Group') -> bool:
         """Return whether looks of another Group can be added to this one."""
         return (self.gripper, self.noise, self.sway) == (other.gripper, other.noise, other.sway)
 
-    def stacked(self):
-        """Yield points and arc lengths, look by look where each has its own sway, or together."""
+    def stacked(self) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
+        """Yield points (m, 3) and arc lengths (m,) or None, look by look only if they sway."""
         if self.sway:
             yield from self.looks
             return
@@ -65,10 +67,10 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """What an estimate is made of; the state in standard deviations of the prior.
+    """The information in an estimate; the state x in standard deviations of the prior.
 
     Attributes:
-        x: (n,), matrix: (n, n): mean and information of what is not remembered look by look
+        x: (n,), matrix: (n, n): mean and information matrix of the prior and of forgotten looks
         groups: tuple of Group
     """
 
@@ -76,16 +78,16 @@ class Memory:
     matrix: np.ndarray
     groups: tuple
 
-    def with_linear(self, rows, right):
-        """Return the Memory with what rows (k, n) of the state tell: right (k,), each within 1."""
+    def with_linear(self, rows: np.ndarray, right: np.ndarray) -> 'Memory':
+        """Return the Memory with k measurements of unit variance: rows (k, n) @ x = right (k,)."""
         matrix = self.matrix + rows.T @ rows
         return replace(self, matrix=matrix,
                        x=np.linalg.solve(matrix, self.matrix @ self.x + rows.T @ right))
 
-    def with_look(self, new):
-        """Return the Memory with a Group of one look more, and the Group to be forgotten or None.
+    def with_look(self, new: Group) -> tuple['Memory', Group | None]:
+        """Return the Memory with a Group of one new look, and the Group to be forgotten or None.
 
-        Looks that are alike are of one Group.
+        Looks at the same pose, with the same noise and sway, are joined in one Group.
         """
         old = self.groups
         if old and old[-1].takes(new):
@@ -102,7 +104,7 @@ class Memory:
 
 
 class Evaluated(NamedTuple):
-    """A state x (n,), the Shapes of the groups there, and the points' distances from each."""
+    """A state x (n,), the Shape of each group there, and the Distances of its points from it."""
 
     x: np.ndarray
     shapes: list
@@ -114,7 +116,7 @@ class Search:
 
     Args:
         observer: Observer; estimate: Estimate before; observation: Observation
-        wandered: mean square by which the state has wandered since, in that of the prior
+        wandered: variance by which the state has wandered since, as a part of the prior's
         noise, sway: m, of this look
     """
 
@@ -129,7 +131,7 @@ class Search:
                             np.linalg.inv(covariance + wandered * np.eye(self._unit.size)), ())
         self._memory = memory
 
-    def found(self):
+    def found(self) -> Estimate | None:
         """Return the Estimate, or None if no equilibrium explains the look."""
         x, last = self._estimate.mean / self._unit, np.inf
         shape = self._first()
@@ -159,7 +161,7 @@ class Search:
         return None
 
     def _first(self):
-        """Return the Shape in the gripper of this look, at the state before it."""
+        """Return the Shape at the gripper's pose of this look, with the state before it."""
         estimate = self._estimate
         simulator, known = self._uncertain.simulator, estimate._shape
         groups = self._memory.groups
@@ -174,7 +176,7 @@ class Search:
         return settled(self._varied, estimate.mean, gripper, known)
 
     def _at(self, x, before):
-        """Return the Evaluated at x, from Shapes `before` on, or None where one is not found."""
+        """Return the Evaluated at x, searched from Shapes `before`; None: not converged."""
         z, shapes, distances = x * self._unit, [], []
         offset, bias = self._uncertain.offset(z), self._uncertain.camera(z)
         for group, known in zip(self._memory.groups, before, strict=True):
@@ -186,14 +188,15 @@ class Search:
         return Evaluated(x, shapes, distances)
 
     def _distances(self, group, shape, bias):
-        """Return (Distances, whether arc lengths were seen) of a group's looks."""
+        """Return [(Distances, whether arc lengths were seen)] of a group's looks."""
         return [(squares(shape, points - bias, s), s is not None)
                 for points, s in group.stacked()]
 
     def _told(self, here):
-        """Return the information (n, n), the way down (n,), the groups' scales, what is seen.
+        """Return the information matrix (n, n), minus the gradient (n,), scales and fit.
 
-        What is seen: misfit, m, and part of outliers, of the last look.
+        The scales, m, are the noise with which each group is weighed. The fit is the misfit, m, and
+        the part of outliers of the last group's last look.
         """
         memory, scales = self._memory, []
         matrix, down = memory.matrix.copy(), memory.matrix @ (memory.x - here.x)
@@ -213,7 +216,7 @@ class Search:
                        self._observer.outliers, group.sway, shape.s[-1])
 
     def _moved(self, here, step, slope, scales):
-        """Return the Evaluated after a step, or after as much of it as makes things better."""
+        """Return the Evaluated after a step, halved until it lowers the cost; None: never."""
         part, cost = 1.0, self._cost(here, scales)
         for _ in range(_HALVINGS):
             trial = self._at(here.x + part * step, here.shapes)
@@ -228,7 +231,7 @@ class Search:
                    for one, other in zip(shapes, trial, strict=True))
 
     def _cost(self, here, scales):
-        """Return what is minimised: minus the logarithm of the likelihood, but for a constant."""
+        """Return minus the logarithm of the likelihood, up to a constant: what is minimised."""
         memory, outliers = self._memory, self._observer.outliers
         off = here.x - memory.x
         cost = 0.5 * float(off @ memory.matrix @ off)
@@ -239,7 +242,7 @@ class Search:
         return cost
 
     def _folded(self, memory, group, x):
-        """Return the Memory with a Group that is not remembered any longer, linearised at x."""
+        """Return the Memory with a forgotten Group, linearised at x; None: no equilibrium."""
         offset = self._uncertain.offset(x * self._unit)
         shape = settled(self._varied, x * self._unit, group.gripper.compose(offset), group.shape,
                         followed=False)
@@ -262,6 +265,6 @@ class Search:
                        _memory=replace(self._memory, groups=groups))
 
 
-def symmetric(matrix):
+def symmetric(matrix: np.ndarray) -> np.ndarray:
     """Return the symmetric part of a matrix (n, n)."""
     return 0.5 * (matrix + matrix.T)

@@ -1,4 +1,4 @@
-"""Where a gripper was when an image was taken."""
+"""The pose of the gripper at the time of an image."""
 
 from collections.abc import Iterable
 
@@ -15,7 +15,7 @@ from dlo_planner.model.pose import Pose
 def gripper_at(stamps: ArrayLike, grippers: Iterable[Pose], stamp: float) -> Pose:
     """Return the gripper's Pose at the stamp of an image, between stamped poses.
 
-    The position is linear in time between two poses, the rotation about one axis.
+    Between two poses the position is linear in time, and the rotation turns evenly about one axis.
 
     Args:
         stamps: (n,) s, ascending, of the poses; on the clock of the image

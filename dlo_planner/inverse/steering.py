@@ -1,7 +1,7 @@
 """A motion that is corrected while it runs, without setting the DLO swinging.
 
-A correction is blended in by the response of moving averages to a step: a vibration whose period is
-the width of one of them is not excited, as in the time laws of `inverse.time_law`.
+A correction is multiplied by the response of moving averages to a step. As with the time laws of
+`inverse.time_law`, a vibration whose period is the width of one of the averages is not excited.
 """
 
 from dataclasses import dataclass, replace
@@ -18,27 +18,32 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.correction import Correction
 from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.timed_path import TimedPath
-from dlo_planner.model.checks import instance, items, number, row
+from dlo_planner.model.checks import array, instance, items, number, row, shown
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.value import Value, brief, put
 
-_MODES = 4       # of which the two slowest that differ are not excited
-_DIFFERENT = 1.2  # ratio of two periods
-_EVEN = 0.1      # s, of a window that bounds the jerk
-_LEAST = 3       # windows
-_MOST = 1e9      # s
-_SHORT, _LONG = 0.02, 5.0  # s: no correction comes faster or slower than this
-_GRID = 4096     # times at which it is looked where waypoints are reached
+_MODES = 4       # slowest vibrations that are looked at: two in each plane of a round DLO
+_DIFFERENT = 1.2  # ratio above which two periods count as different
+_EVEN = 0.1      # s, width of the third window, which bounds the jerk
+_LEAST = 3       # windows: with fewer the jerk is not bounded
+_MOST = 100_000  # times in one call, as `TimedPath.at` takes
+_SHORT, _LONG = 0.02, 5.0  # s: widths of windows
+_GRID = 4096     # times between which a waypoint's time is interpolated
+_AT_ONCE = 1e-9  # s: waypoints reached so shortly one after the other are one (a dwell)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Change(Value):
-    """A change of the poses that are left, blended in from a time on.
+    """A change of the remaining poses that is blended in from a time on.
 
     Attributes:
-        since: s
-        times: (m,) s, at which the waypoints that are left are reached
-        offsets: (m, 6) by which they change: rotation vector, rad, before displacement, m
+        since: time at which the blending begins, s
+        times: (m,) times at which the remaining waypoints are reached, s, none before the last
+        offsets: (m, 6) change of their poses: rotation vector, rad, then displacement, m; world
+            axes
+
+    Raises:
+        InvalidTask: naming the argument
     """
 
     since: float
@@ -47,16 +52,19 @@ class Change(Value):
 
     def __post_init__(self):
         put(self, since=number('Change.since', self.since),
-            times=row('Change.times', self.times, most=_MOST),
-            offsets=np.asarray(self.offsets, dtype=float).reshape(-1, 6))
-        if self.times.size != len(self.offsets) or not self.times.size:
-            raise InvalidTask(f'Change.offsets has {len(self.offsets)} rows: expected one for each '
-                              f'of Change.times, {self.times.size}, and one at least')
+            times=row('Change.times', self.times, most=_MOST))
+        put(self, offsets=array('Change.offsets', self.offsets, (self.times.size, 6)))
+        if (np.diff(self.times) < 0).any():
+            raise InvalidTask(f'Change.times = {shown(self.times.tolist())}: expected times in '
+                              'ascending order')
         super().__post_init__()
 
-    def at(self, times, order=0):
-        """Return the whole change that is due at times (n,) s, or a derivative of it: (n, 6)."""
-        kept = np.append(True, np.diff(self.times) > 1e-9)  # a dwell reaches two at once
+    def at(self, times: np.ndarray, order: int = 0) -> np.ndarray:
+        """Return (n, 6) the unblended change at times (n,) s, or its derivative of `order` by time.
+
+        A cubic spline between the waypoints, constant before the first and after the last.
+        """
+        kept = np.append(True, np.diff(self.times) > _AT_ONCE)
         known = self.times[kept]
         if known.size == 1:
             return np.repeat(self.offsets[:1] * (order == 0), len(times), axis=0)
@@ -69,13 +77,18 @@ class Change(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Steered(Value):
-    """A Trajectory whose rest is corrected as the estimate of the DLO gets better.
+    """A Trajectory whose remaining part is corrected while it runs.
+
+    Corrections come on top of the motion and are not limited: the `limits` of the trajectory may be
+    exceeded by what they add.
 
     Attributes:
-        trajectory: Trajectory, or what is timed alike
-        windows: (k,) s, widths of the moving averages that blend in, k >= 3
+        trajectory: Trajectory, or another TimedPath
+        windows: (k,) widths of the moving averages that blend corrections in, s, k >= 3, each 0.02
+            to 5 s
         changes: tuple of Change so far
-        tool: Pose that is commanded, in the trajectory's frame of the gripper
+        tool: Pose of the commanded frame in the trajectory's frame of the gripper, as the inverse
+            of `Estimate.gripper_offset`
 
     Raises:
         InvalidTask: naming the argument
@@ -101,10 +114,15 @@ class Steered(Value):
 
     @classmethod
     def of(cls, trajectory: TimedPath, shape: Shape, tool: Pose | None = None) -> 'Steered':
-        """Return a Steered that does not excite a DLO that hangs as in a Shape.
+        """Return a Steered whose windows are periods of the DLO in a Shape, and 0.1 s.
 
-        Two windows are the periods of its two slowest vibrations that differ: the slowest in two
-        planes are one.
+        The periods are the slowest one and the next that is shorter by more than a factor of 1.2
+        (the slowest vibrations in two planes often differ by less).
+
+        Args:
+            trajectory: Trajectory, or another TimedPath
+            shape: Shape, at rest, where the DLO must not swing: as a rule at the end
+            tool: as of the class; None: the frame of the trajectory
 
         Raises:
             InvalidTask: naming the argument
@@ -117,20 +135,20 @@ class Steered(Value):
 
     @property
     def duration(self) -> float:
-        """Time from rest to rest, s, the last correction blended in."""
+        """Time until the gripper is at rest and the last correction is blended in, s."""
         last = max((one.since for one in self.changes), default=-np.inf)
         return max(self.trajectory.duration, float(last + self.windows.sum()))
 
     @property
     def limits(self) -> Limits:
-        """Limits of the trajectory; corrections are slow, and come on top."""
+        """Limits of the trajectory alone; corrections come on top."""
         return self.trajectory.limits
 
     def at(self, times: ArrayLike) -> tuple[list[Pose], np.ndarray, np.ndarray]:
         """Return Poses to command, velocities (n, 6) and accelerations (n, 6) at `times` (n,) s.
 
-        As `Trajectory.at`. Angular velocities and accelerations are right to second order in the
-        angle of the corrections.
+        In the axes and units of `Trajectory.at`. Angular velocities and accelerations have a
+        relative error of second order in the angle of the corrections.
 
         Raises:
             InvalidTask: a time is no finite number
@@ -174,10 +192,10 @@ class Steered(Value):
         return out
 
     def reached(self, plan_times: ArrayLike) -> np.ndarray:
-        """Return the times (n,) in s at which waypoints of the trajectory's plan are reached.
+        """Return the times (n,) in s at which the trajectory reaches waypoints of its plan.
 
         Args:
-            plan_times: (n,) s, of `Plan.times`, ascending
+            plan_times: (n,) s, from `Plan.times`, ascending
 
         Raises:
             InvalidTask: a time is no finite number
@@ -188,15 +206,15 @@ class Steered(Value):
         return np.interp(plan_times, done, times)
 
     def corrected(self, time: float, correction: Correction, reached: ArrayLike) -> 'Steered':
-        """Return the motion whose poses become those of a Correction from `time` on.
+        """Return the motion that goes over to the poses of a Correction from `time` on.
+
+        A correction that did not converge changes nothing.
 
         Args:
-            time: s, of the motion
-            correction: Correction of the plan that the trajectory was made of, in poses that are
-                commanded
-            reached: (m,) s, when each of the correction's waypoints is reached, see `reached`
-
-        One that did not converge changes nothing.
+            time: time of the motion, s
+            correction: Correction, in commanded poses, of the trajectory's plan
+            reached: (m,) ascending times at which the correction's waypoints are reached, s, from
+                `reached`
 
         Raises:
             InvalidTask: an argument makes no sense
@@ -215,12 +233,14 @@ class Steered(Value):
 
 
 def step_response(times: np.ndarray, windows: np.ndarray, order: int = 0) -> np.ndarray:
-    """Return (n,) a unit step at 0, averaged over moving windows, or a derivative of that.
+    """Return (n,) a unit step at time 0 averaged over moving windows, or a derivative of that.
 
-    The transform of a window of width w is (1 - exp(-s w)) / (s w); that of a step is 1 / s.
+    In closed form: the Laplace transform of a step is 1 / s, and a window of width w multiplies it
+    by (1 - exp(-s w)) / (s w).
 
     Args:
-        times: (n,) s; windows: (k,) s
+        times: (n,) s
+        windows: (k,) widths, s
         order: of the derivative by time, below k
     """
     power, out = len(windows) - order, np.zeros(np.shape(times))

@@ -1,9 +1,9 @@
-"""When the gripper is where on a leg of its path: rest to rest, smoothed by moving averages.
+"""How a leg of the path is passed in time: from rest to rest, smoothed by moving averages.
 
-The parameter u of the leg first runs with piecewise constant acceleration (the fastest motion
-within limits is such a one). Then it is averaged over moving windows, one after the other: the
-gripper stays on its path, each window adds one derivative, and a vibration whose period is a
-window's width is not excited (input shaping with box filters). See `docs/theory.md`.
+Before smoothing, the parameter u of the leg has a piecewise constant acceleration, as the fastest
+motion within limits has. It is then averaged over moving windows, one after the other: the gripper
+stays on its path, each window adds one continuous derivative, and a vibration whose period is the
+width of a window is not excited (input shaping with box filters). See `docs/theory.md`.
 """
 
 from dataclasses import dataclass, field
@@ -16,17 +16,17 @@ from dlo_planner.inverse.shift import Shift
 from dlo_planner.model.checks import results
 from dlo_planner.model.value import Value, put
 
-_SAME = 1e-9  # of the duration: times that are nearer are one
-_HALVINGS = 50  # of the duration, to find a time
+_SAME = 1e-9  # of the duration: times closer than this count as one
+_HALVINGS = 50  # of the duration by bisection: to rounding
 
 
 @dataclass(frozen=True, eq=False)
 class TimeLaw(Value):
-    """How a leg is gone through.
+    """The parameter of a leg as a function of time.
 
     Attributes:
         parameters: (m,) u, increasing
-        rates: (m,) du/dt there before smoothing, u'' is constant between; zero at rest
+        rates: (m,) du/dt there before smoothing, zero at both ends; u'' is constant in between
         windows: (k,) widths of the moving averages, s, k >= 1
         shift: Shift of the gripper beside the leg, or None
     """
@@ -53,35 +53,38 @@ class TimeLaw(Value):
         """Time from rest to rest, s."""
         return float(self._progress.x[-1])
 
-    def at(self, times):
-        """Return u and its first three derivatives by time, (4, n), at times (n,) s."""
+    def at(self, times: np.ndarray) -> np.ndarray:
+        """Return (4, n): u and its first three derivatives by time at times (n,) s.
+
+        At rest before 0 and after the duration.
+        """
         inside = np.clip(times, 0, self.duration)
         out = np.stack([self._progress(inside, order) for order in range(4)])
         out[0] = np.clip(out[0], *self.parameters[[0, -1]])
         out[1:, times != inside] = 0.0
         return out
 
-    def slower(self, factor):
-        """Return the law whose speeds before smoothing are divided by `factor`, without shift."""
+    def slower(self, factor: float) -> 'TimeLaw':
+        """Return the law with the rates before smoothing divided by `factor`, without a shift."""
         return TimeLaw(self.parameters, self.rates / factor, self.windows)
 
     @property
-    def bounds(self):
+    def bounds(self) -> np.ndarray:
         """(2,) bounds of the sizes of u'' and u''' at all times."""
         most = np.abs(np.diff(self.rates) / self.steps).max()
         rate, (width, *others) = self.rates.max(), np.sort(self.windows)[::-1]
-        # an average over a window w changes by the difference across it / w, that of another by
-        # the difference of differences: rates are between 0 and `rate`, changes between +-`most`
+        # the derivative of an average over a window w is the difference across it, divided by w;
+        # rates lie between 0 and `rate`, their derivatives between -`most` and `most`
         jerk = min([2 * most, *(2 * rate / other for other in others[:1])]) / width
         return np.array([min(most, rate / width), jerk])
 
     @property
-    def steps(self):
-        """(m - 1,) s between the parameters, before smoothing."""
+    def steps(self) -> np.ndarray:
+        """(m - 1,) times from one parameter to the next before smoothing, s."""
         return 2 * np.diff(self.parameters) / (self.rates[1:] + self.rates[:-1])
 
-    def arrivals(self, parameters):
-        """Return the times (n,) s at which the parameters (n,) are reached."""
+    def arrivals(self, parameters: np.ndarray) -> np.ndarray:
+        """Return the times (n,), s, at which u reaches the parameters (n,)."""
         low, high = np.zeros(len(parameters)), np.full(len(parameters), self.duration)
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)

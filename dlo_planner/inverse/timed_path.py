@@ -1,4 +1,4 @@
-"""A plan as a smooth motion in time: its path, and for each leg of it when the gripper is where."""
+"""A plan as a smooth motion in time: its path, and a time law for each leg of the path."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,22 +12,22 @@ from dlo_planner.model.checks import row
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 
-_SHORTEST = 0.01  # of a leg's duration: a window of a moving average
+_SHORTEST = 0.01  # of a leg's duration: the least width of a window that only bounds the jerk
 _ROUNDS = 30      # of slowing down
-_MOST = 100_000   # times asked for at once
+_MOST = 100_000   # times in one call
 
 
 class TimedPath(Value):
-    """The gripper's way in time, from rest to rest, with continuous acceleration.
+    """The gripper's motion in time, from rest to rest, with continuous acceleration.
 
     Args:
         path: GripperPath
         laws: TimeLaw of each of its legs; None for a dwell, which takes as long as in the plan
-        limits: Limits that it keeps
+        limits: Limits that the motion keeps
 
     Attributes:
         duration: s
-        starts: (k + 1,) s, when each of the k legs begins, and the duration
+        starts: (k + 1,) times at which the k legs begin, s, and the duration
     """
 
     PARTS = ('path', 'laws', 'limits')
@@ -70,7 +70,11 @@ class TimedPath(Value):
         return poses, speeds, accelerations
 
     def progress(self, times: ArrayLike) -> np.ndarray:
-        """Return the plan's own times (n,), as in `Plan.times`, that are reached at `times` s."""
+        """Return (n,) how far along the plan the gripper is at `times` (n,) s, as in `Plan.times`.
+
+        Raises:
+            InvalidTask: a time is no finite number
+        """
         which, since = self._split(times)
         done = np.empty(since.size)
         for k in np.unique(which):
@@ -92,9 +96,12 @@ class TimedPath(Value):
 
 
 def fastest_law(leg: Leg, limits: Limits) -> TimeLaw | None:
-    """Return the law of a Leg within limits that looks at no DLO; None for a dwell.
+    """Return the fastest law of a Leg within limits, whatever the DLO does; None for a dwell.
 
-    The fastest accelerations, smoothed as long as the jerks ask for.
+    The largest rates within the limits, smoothed by a window as wide as the limits of jerk need.
+
+    Raises:
+        InvalidTask: no rates were found
     """
     if leg.still:
         return None
@@ -103,11 +110,12 @@ def fastest_law(leg: Leg, limits: Limits) -> TimeLaw | None:
 
 def smoothed(leg: Leg, limits: Limits, parameters: np.ndarray, rates: np.ndarray,
              windows: np.ndarray) -> TimeLaw:
-    """Return a TimeLaw that keeps the limits, slowed down evenly until it does.
+    """Return a TimeLaw slowed down evenly until it keeps the limits.
 
     Args:
-        parameters, rates: of `fastest_rates`
-        windows: (k,) s, of moving averages; one is added where there is none
+        leg: Leg; limits: Limits
+        parameters, rates: (m,) from `fastest_rates`
+        windows: (k,) widths of moving averages, s; with k = 0 one is chosen that bounds the jerk
     """
     law = TimeLaw(parameters, rates, windows) if len(windows) else _within_jerk(
         leg, limits, parameters, rates)
@@ -120,7 +128,7 @@ def smoothed(leg: Leg, limits: Limits, parameters: np.ndarray, rates: np.ndarray
 
 
 def _within_jerk(leg, limits, parameters, rates):
-    """Return the TimeLaw with the one window that the limits of jerk ask for."""
+    """Return the TimeLaw with one window, about as wide as the limits of jerk need."""
     plain = TimeLaw(parameters, rates, [1e-3])
     first = np.array([np.linalg.norm(leg.at(parameters)[2].reshape(-1, 2, 3), axis=2).max(axis=0)])
     most = (np.abs(np.diff(rates)) / plain.steps).max() * first / limits.sizes[2]

@@ -1,6 +1,6 @@
-"""What is uncertain about a DLO in a gripper before a camera: names, priors, what each changes.
+"""What is uncertain about a DLO, its gripper and a camera: names, priors, and their effect.
 
-The state is a list of numbers z, 0 where all is as stated, each with a normal prior:
+The state is an array z, 0 where all is as stated. Each number has a normal prior:
 
     bending_stiffness, torsional_stiffness, mass   logarithms of factors
     length                                         m
@@ -9,8 +9,8 @@ The state is a list of numbers z, 0 where all is as stated, each with a normal p
     camera                                         m, world axes: seen minus true
     cutout                                         m, world axes: true minus stated
 
-Only what has a standard deviation is in it. Shapes tell the ratio of stiffness to weight alone; the
-priors share it out.
+Only numbers with a standard deviation above 0 are in it. Shapes show only the ratio of stiffness to
+weight; the priors divide it between both.
 """
 
 from dataclasses import replace
@@ -20,20 +20,22 @@ from numpy.polynomial.legendre import legint, legval
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.robustness import variation_deviations
+from dlo_planner.inverse.robustness import Spread, variation_deviations
 from dlo_planner.model.along import Expanded, scaled
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
 
-_KEPT = 8     # meshes
-_SAME = 1e-9  # of the length: two nodes nearer to each other are one
-_PART = 1e-4  # of the length: step of the difference by it
+_KEPT = 8     # meshes whose Varied is remembered
+_SAME = 1e-9  # of the length: nodes closer than this are the same
+_PART = 1e-4  # of the length: step of the difference quotients by the length
 
 
 class Uncertain(Value):
-    """The state of an estimate, n numbers.
+    """The n numbers of an estimate's state: which they are, and what they change.
 
     Args:
         simulator: DirectSimulator of the DLO as stated, elastic, without obstacles
@@ -47,7 +49,8 @@ class Uncertain(Value):
 
     PARTS = ('simulator', 'spread', 'n_terms', 'bias', 'cutout')
 
-    def __init__(self, simulator, spread, n_terms, bias, cutout):
+    def __init__(self, simulator: DirectSimulator, spread: Spread, n_terms: int, bias: float,
+                 cutout: float):
         put(self, simulator=simulator, spread=spread, n_terms=n_terms, bias=bias, cutout=cutout)
         terms = np.append(spread.natural_curvature,
                           spread.curvature_variation * variation_deviations(n_terms - 1))
@@ -74,12 +77,12 @@ class Uncertain(Value):
         return type(self), tuple(getattr(self, name) for name in self.PARTS)
 
     @property
-    def size(self):
-        """How many numbers the state has."""
+    def size(self) -> int:
+        """The number n of entries of the state."""
         return self.deviations.size
 
-    def varied(self, like):
-        """Return the Varied on the mesh of a Discretisation of this DLO or of one much like it."""
+    def varied(self, like: Discretisation) -> 'Varied':
+        """Return the Varied on the mesh of a Discretisation, scaled to the stated length."""
         length = self.simulator.rod.length
         s = np.append(like.s[:-1] * (length / like.s[-1]), length)
         for known in self._meshes:
@@ -88,47 +91,47 @@ class Uncertain(Value):
                     np.abs(mesh.s - s).max() <= _SAME * length):
                 return known
         if len(self._meshes) == _KEPT:
-            self._meshes.pop()
+            self._meshes.pop(0)
         self._meshes.append(Varied(self, Discretisation(self.simulator.surroundings, s,
                                                         like.basis, like.n_terms)))
         return self._meshes[-1]
 
-    def columns(self, name):
-        """Return the indices in the state, and those in the quantity `name`: (k,) each."""
+    def columns(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return indices (k,) in the state, and (k,) in the quantity `name`, of its k numbers."""
         return self._columns[name]
 
-    def part(self, z, name, size):
-        """Return the numbers (size,) of one quantity; 0 where they are not in the state."""
+    def part(self, z: np.ndarray, name: str, size: int) -> np.ndarray:
+        """Return the numbers (size,) of one quantity; 0 for those that are not in the state."""
         out = np.zeros(size)
         where, number = self.columns(name)
         out[number] = z[where]
         return out
 
-    def terms(self, z):
+    def terms(self, z: np.ndarray) -> np.ndarray:
         """Return (n_terms, 2) Legendre terms that are added to the natural curvature, 1/m."""
         return self.part(z, 'natural_curvature', 2 * self.n_terms).reshape(-1, 2)
 
-    def offset(self, z):
-        """Return the Pose of the gripper as it is, in the frame of the gripper as it is said."""
+    def offset(self, z: np.ndarray) -> Pose:
+        """Return the true Pose of the gripper in the frame of the commanded one."""
         return Pose.from_rotation(
             self.part(z, 'gripper_position', 3),
             Rotation.from_rotvec(self.part(z, 'gripper_rotation', 3)).as_matrix())
 
-    def camera(self, z):
+    def camera(self, z: np.ndarray) -> np.ndarray:
         """Return (3,) the camera's bias, m."""
         return self.part(z, 'camera', 3)
 
-    def shifted(self, z):
-        """Return (3,) how far the cut-out is from where it is stated, m."""
+    def shifted(self, z: np.ndarray) -> np.ndarray:
+        """Return (3,) the displacement of the cut-out, true minus stated, m, world axes."""
         return self.part(z, 'cutout', 3)
 
-    def factors(self, z):
-        """Return the factors of (GJ, EI_n, EI_b), (3,), and of the masses."""
+    def factors(self, z: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return the factors (3,) of GJ, EI_n, EI_b, and the factor of all masses."""
         bend, twist, mass = (float(np.exp(self.part(z, name, 1)[0])) for name in (
             'bending_stiffness', 'torsional_stiffness', 'mass'))
         return np.array([twist, bend, bend]), mass
 
-    def rod(self, z):
+    def rod(self, z: np.ndarray) -> Rod:
         """Return the Rod at z (n,)."""
         rod = self.simulator.rod
         (twist, bend, _), mass = self.factors(z)
@@ -150,20 +153,20 @@ class Uncertain(Value):
 
 
 class Varied:
-    """The state's effect on one mesh: the Discretisation at z, quickly.
+    """The Discretisation of the DLO at a state z on one mesh, without computing it from the Rod.
 
     Args:
         uncertain: Uncertain; mesh: Discretisation of the DLO as stated
 
     Attributes:
         legendre: (N, n_terms) means of P_j over the elements
-        by_length: dict of derivatives of the System's fields by the length, {} if that is known
+        by_length: derivatives of the System's fields by the length, by name; {} if it is certain
 
     Raises:
         InvalidTask: the length is uncertain and something jumps along the DLO
     """
 
-    def __init__(self, uncertain, mesh):
+    def __init__(self, uncertain: Uncertain, mesh: Discretisation):
         self.uncertain, self.mesh = uncertain, mesh
         x = 2 * mesh.s / mesh.s[-1] - 1
         integrals = [legval(x, legint(unit)) for unit in np.eye(uncertain.n_terms)]
@@ -171,7 +174,7 @@ class Varied:
         self.weight = -node_masses(mesh.rod, mesh.s)[:, None] * mesh.surroundings.gravity
         self.by_length = self._by_length() if uncertain.columns('length')[0].size else {}
 
-    def at(self, z):
+    def at(self, z: np.ndarray) -> Discretisation:
         """Return the Discretisation of the DLO at z (n,)."""
         uncertain, system = self.uncertain, self.mesh.static
         factors, mass = uncertain.factors(z)

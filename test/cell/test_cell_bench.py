@@ -58,6 +58,14 @@ def test_a_bar_aside_is_stopped_by_the_sheet():
     assert outcome.time < 150 * PERIOD
 
 
+def test_beside_the_sheet_is_not_threaded():
+    outcome = run(bar_task(0.25), OpenLoop(pushed))
+    assert outcome.depth == pytest.approx(0.25, abs=1e-4)
+    assert not outcome.touched
+    assert outcome.miss == pytest.approx(0.25, abs=1e-3)
+    assert not outcome.threaded
+
+
 def test_not_deep_enough_is_not_threaded():
     assert not run(replace(bar_task(), depth=0.26), OpenLoop(pushed)).threaded
 

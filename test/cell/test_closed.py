@@ -1,6 +1,7 @@
 """The driver that looks, and one motion in open loop."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -86,3 +87,39 @@ def test_what_was_seen_in_motion_is_left_out():
 def test_it_stands_still_while_it_looks():
     command = looking()(TASK)
     assert {command((), PERIOD * k) for k in range(50)} == {TASK.start}
+
+
+def test_what_a_camera_is_known_to_do_wrong():
+    camera = Camera(noise=2e-3, bias=1e-3, outliers=0.1, stamp_error=-0.06)
+    driver = Looking.knowing(Unknowns(0.05, 0.02, hole_position=5e-4), camera)
+    assert (driver.noise, driver.bias, driver.outliers) == (2e-3, 1e-3, 0.1)
+    assert (driver.hole, driver.stamps) == (5e-4, 0.06)
+    assert driver.spread.bending_stiffness == driver.spread.torsional_stiffness == 0.05
+    assert driver.spread.mass == 0.02
+    assert Looking.knowing(UNKNOWN, CAMERA).outliers > 0
+
+
+def test_the_promise_is_the_motion_and_the_estimate(monkeypatch):
+    command, asked = looking()(TASK), {}
+
+    def trajectory(*_, tolerance):
+        asked['tolerance'] = tolerance
+        return SimpleNamespace(motion=SimpleNamespace(miss=2e-4))
+
+    monkeypatch.setattr('dlo_planner.cell.closed.Trajectory', trajectory)
+    command._plan = SimpleNamespace(shapes=(None,))
+    command._go = lambda *_: None
+    for bound, part in ((5e-4, 0.5 * (TASK.room - 5e-4)), (1.9e-3, 0.25 * TASK.room)):
+        command._go_in(bound, 0.0)
+        assert command.promised == pytest.approx(2e-4 + bound)
+        assert asked['tolerance'] == pytest.approx(part)
+
+
+def test_a_look_in_motion_is_noisier_and_sways():
+    command, seen = looking(stamps=0.06)(TASK), []
+    command._observer = SimpleNamespace(update=lambda *_, **how: seen.append(how))
+    command._sent.append((0.0, TASK.start))
+    command._moving = lambda _: (0.1, 2.0)
+    command._look_on_the_way(Image(0.0, np.zeros((9, 3))))
+    assert seen == [{'noise': pytest.approx(np.hypot(0.3e-3, 3 * 0.1 * 0.06)),
+                     'sway': pytest.approx(np.hypot(5e-4, 0.5 * 0.3 * 2 / 9.81))}]

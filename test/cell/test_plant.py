@@ -215,6 +215,24 @@ def test_truth():
     assert hung(hole_shift=(0, 0.003, 0)).passage(HOLE).y == pytest.approx(-0.003, abs=1e-9)
 
 
+def test_of_two_places_in_the_plane_the_farther_one_counts():
+    hook = hung(natural_curvature=((0.0,), (2.5,)))  # an arc in x, y: to and fro through x = 0.3
+    first, second = np.arcsin(0.75) / 2.5, (np.pi - np.arcsin(0.75)) / 2.5
+    near, far = ((1 - np.cos(2.5 * s)) / 2.5 for s in (first, second))
+    for y, other in ((0.0, far), (far, near)):
+        passage = hook.passage(CutOut(Pose((0.3, y, 1), (0, 0, 0, 1))))
+        assert passage.depth == pytest.approx(1 - first, abs=2e-3)
+        assert passage.miss == pytest.approx(abs(other - y), abs=2e-3)
+        assert passage.y == pytest.approx(other - y, abs=2e-3)
+
+
+def test_all_masses_are_true_ones():
+    rod = beam(radius=None, tip_mass=0.05, point_masses=((0.6, 0.03),))
+    tips = [Plant(rod, at(), gravity=(0, 0, -0.5), cells=12, truth=truth).tip.position
+            for truth in (Truth(), Truth(0.5, 0.5, 0.5))]
+    assert tips[0] == pytest.approx(tips[1], abs=1e-7)
+
+
 def test_true_masses():
     down = (0, 0, -0.1)
     both = hung(down, bending_stiffness=0.5, torsional_stiffness=0.5, mass=0.5)

@@ -202,6 +202,13 @@ def test_modes_are_orthonormal_and_share_the_mass():
                                [0, moving, moving, 0, second, second], rtol=1e-3, atol=1e-9)
 
 
+def test_the_largest_displacement_is_positive():
+    for angle in (0.0, 1.0, 2.0, 3.0):
+        pose = Pose.looking_along((0, 0, 0), (np.cos(angle), np.sin(angle), 0.3))
+        for one in DirectSimulator(beam()).solve(pose).modes(4).displacements:
+            assert one.max() == np.abs(one).max()
+
+
 def test_loads_count_as_they_pull():
     pulled = DirectSimulator(beam(), gravity=WEIGHTLESS,
                              point_loads=[PointLoad(force=(3.0, 0, 0))]).solve(LEVEL)

@@ -20,7 +20,8 @@ def shaped(task, slower=1.0):
     u, rates = fastest_rates(task.leg, task.limits)
     windows = 2 * np.pi / task.response.rates[-1, :2]
     law = smoothed(task.leg, task.limits, u, rates / slower, windows)
-    return law, replace(law, shift=compensated(task, law))
+    return law, replace(
+        law, shift=compensated(task.response, task.passed, law))
 
 
 def left(task, law):
@@ -59,4 +60,4 @@ def test_a_leg_shorter_than_a_spline_has_no_shift():
     task = tasks('wire')[-1]
     law, _ = shaped(task)
     quick = replace(law, rates=20 * law.rates, windows=np.array([0.01]))
-    assert compensated(task, quick) is None
+    assert compensated(task.response, task.passed, quick) is None

@@ -1,5 +1,7 @@
 """The rest of a threading aimed anew, and the strategy of the closed loop."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from closed_loops import HOLE, NOISE, SPREAD, WIRE, Truth, plan_of, threaded
@@ -15,6 +17,7 @@ from dlo_planner import (
     Pose,
     correct,
 )
+from dlo_planner.inverse import correction as correction_module
 from dlo_planner.inverse.plan import joined
 
 OBSERVER = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE)
@@ -72,6 +75,19 @@ def test_the_way_to_the_hole_goes_along():
     assert first > 0
     np.testing.assert_allclose(correction.offsets[:first], np.tile(
         correction.offsets[first], (first, 1)), atol=1e-12)
+
+
+@pytest.mark.parametrize('found', [lambda shape: None,
+                                   lambda shape: replace(shape, stability=-0.5)])
+def test_what_cannot_be_aimed_leaves_the_plan(monkeypatch, found):
+    aligned = correction_module.aligned_on
+    monkeypatch.setattr(correction_module, 'aligned_on',
+                        lambda *given: found(aligned(*given)))
+    correction = correct(OBSERVER.begin(), PLAN, 3)
+    assert not correction.converged
+    assert correction.grippers == PLAN.grippers[3:]
+    assert correction.shapes == PLAN.shapes[3:]
+    assert not correction.offsets.any()
 
 
 def test_plans_that_are_no_threading_are_refused():

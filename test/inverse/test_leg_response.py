@@ -5,9 +5,11 @@ import pytest
 from calm_cases import cell, tasks
 from scipy.integrate import solve_ivp
 
+from dlo_planner.inverse.leg_response import Response, _turning
 from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.oscillators import vibrated
 from dlo_planner.inverse.path import GripperPath
+from dlo_planner.inverse.time_law import TimeLaw
 from dlo_planner.inverse.timed_path import TimedPath, fastest_law
 
 
@@ -101,3 +103,21 @@ def test_a_bearing_bounds_the_deviation_that_slowly_builds_up():
     assert (bearing.most == 1e-3).all()
 
 
+def test_modes_that_turn_into_one_another_swing_on_in_the_same_direction():
+    # one mass on equal springs: the axes of its two modes turn, what it does does not notice
+    u = np.linspace(0, 1, 17)
+    law = TimeLaw(np.array([0.0, 0.5, 1.0]), np.array([0.0, 0.5, 0.0]), [0.3])
+    found = []
+    for turned in (0.0, 1.5):
+        cosine, sine = np.cos(turned * u), np.sin(turned * u)
+        modes = np.zeros((17, 2, 1, 3))
+        modes[:, 0, 0, 0], modes[:, 0, 0, 1] = cosine, sine
+        modes[:, 1, 0, 0], modes[:, 1, 0, 1] = -sine, cosine
+        response = Response(u, (), np.full((17, 2), 9.0), np.zeros((17, 2)), modes,
+                            modes[:, :, 0, 0], np.zeros((17, 2)), modes[:, :, 0],
+                            _turning(np.ones(1), modes) / np.diff(u)[:, None, None])
+        _, places, (y, _) = response.excited(law)
+        found.append(np.einsum('tmki,tm->ti', response.between(modes, places), y))
+    still, turning = found
+    assert np.abs(still[:, 1]).max() == 0
+    np.testing.assert_allclose(turning, still, atol=0.01 * np.abs(still).max())

@@ -151,3 +151,12 @@ def test_jerk_is_bounded():
     assert np.abs(changes).max() < 4.1 / np.prod(WINDOWS)
     with pytest.raises(InvalidTask, match='Steered.windows has 2 entries'):
         Steered(MOTION, WINDOWS[:2])
+
+
+@pytest.mark.parametrize(('times', 'offsets', 'named'), [
+    ([0.0, 2.0, 1.0], np.zeros((3, 6)), 'Change.times'), ([0.0], np.zeros((2, 6)),
+                                                          'Change.offsets'),
+    ([0.0], np.full((1, 6), np.nan), 'Change.offsets'), ([], np.zeros((0, 6)), 'Change.times')])
+def test_changes_that_make_no_sense_are_named(times, offsets, named):
+    with pytest.raises(InvalidTask, match=named):
+        Change(0.0, times, offsets)
