@@ -1,11 +1,14 @@
 """How far a DLO is from the centres that it has to pass, at and between a plan's waypoints."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.inverse.plan import Plan
+
+if TYPE_CHECKING:
+    from dlo_planner.inverse.plan import Plan
 
 _NEWTON = 4           # steps to the point of the DLO that is nearest to a centre
 
@@ -67,7 +70,7 @@ def arc_lengths_at(centre, passes):
                      for s in (arc_length_at(centre, one) for one in passes)])
 
 
-def holes_passed(plan: Plan, u: np.ndarray) -> np.ndarray:
+def holes_passed(plan: 'Plan', u: np.ndarray) -> np.ndarray:
     """Return (k, n) arc lengths (m) that pass the k centres of a Plan at parameters u (n,).
 
     nan before the first waypoint that passes a centre, and after the last one.

@@ -5,12 +5,13 @@ A correction is multiplied by the response of moving averages to a step. As with
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
@@ -64,15 +65,22 @@ class Change(Value):
 
         A cubic spline between the waypoints, constant before the first and after the last.
         """
-        kept = np.append(True, np.diff(self.times) > _AT_ONCE)
-        known = self.times[kept]
-        if known.size == 1:
+        if self._spline is None:
             return np.repeat(self.offsets[:1] * (order == 0), len(times), axis=0)
+        known = self._spline.x
         inside = np.clip(times, known[0], known[-1])
-        out = CubicSpline(known, self.offsets[kept], bc_type='clamped')(inside, order)
+        out = self._spline(inside, order)
         if order:
             out[times != inside] = 0.0
         return out
+
+    @cached_property
+    def _spline(self):
+        """CubicSpline of the offsets; None where all waypoints are reached at once."""
+        kept = _apart(self.times)  # a dwell reaches two at once
+        if kept.sum() == 1:
+            return None
+        return CubicSpline(self.times[kept], self.offsets[kept], bc_type='clamped')
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -181,15 +189,29 @@ class Steered(Value):
 
     def _offsets(self, times):
         """Return the sum of all changes and its first two derivatives, (3, n, 6)."""
-        out = np.zeros((3, times.size, 6))
-        for change in self.changes:
-            step = [step_response(times - change.since, self.windows, order)[:, None]
-                    for order in range(3)]
-            whole = [change.at(times, order) for order in range(3)]
-            out[0] += step[0] * whole[0]
-            out[1] += step[1] * whole[0] + step[0] * whole[1]
-            out[2] += step[2] * whole[0] + 2 * step[1] * whole[1] + step[0] * whole[2]
-        return out
+        since = np.array([change.since for change in self.changes])
+        step = [step_response(times[:, None] - since, self.windows, order) for order in range(3)]
+        inside = np.clip(times, self._whole.x[0], self._whole.x[-1])
+        whole = [self._whole(inside, order) for order in range(3)]
+        for part in whole[1:]:
+            part[times != inside] = 0.0
+        terms = [[(1, 0, 0)], [(1, 1, 0), (1, 0, 1)], [(1, 2, 0), (2, 1, 1), (1, 0, 2)]]
+        return np.array([sum(factor * np.einsum('nk,nkj->nj', step[i], whole[j])
+                             for factor, i, j in row_) for row_ in terms])
+
+    @cached_property
+    def _whole(self):
+        """All changes at once, a function of (n,) s -> (n, k, 6): it is asked in each period.
+
+        Each is cubic between its times, so its values and slopes at the times of all tell it.
+        """
+        knots = np.unique(np.concatenate([change.times for change in self.changes]))
+        knots = knots[_apart(knots)]
+        if knots.size == 1:
+            knots = knots + np.array([0.0, 1.0])
+        values, slopes = (np.stack([change.at(knots, order) for change in self.changes], axis=1)
+                          for order in range(2))
+        return CubicHermiteSpline(knots, values, slopes)
 
     def reached(self, plan_times: ArrayLike) -> np.ndarray:
         """Return the times (n,) in s at which the trajectory reaches waypoints of its plan.
@@ -230,6 +252,11 @@ class Steered(Value):
         before = sum((change.at(reached) for change in self.changes), np.zeros((reached.size, 6)))
         change = Change(time, reached, correction.offsets - before)
         return replace(self, changes=(*self.changes, change))
+
+
+def _apart(times):
+    """Return (n,) which of ascending times are not reached together with the one before."""
+    return np.append(True, np.diff(times) > _AT_ONCE)
 
 
 def step_response(times: np.ndarray, windows: np.ndarray, order: int = 0) -> np.ndarray:

@@ -15,6 +15,7 @@ from dlo_planner import (
     Trajectory,
     correct,
 )
+from dlo_planner.inverse import steering
 from dlo_planner.inverse.steering import Change, step_response
 
 PLAN = plan_of(depths=DEPTHS)
@@ -160,3 +161,31 @@ def test_jerk_is_bounded():
 def test_changes_that_make_no_sense_are_named(times, offsets, named):
     with pytest.raises(InvalidTask, match=named):
         Change(0.0, times, offsets)
+
+
+def many_changes():
+    reached = steered().reached(PLAN.times)
+    rng = np.random.default_rng(2)
+    return [Change(0.1 * k, reached[k // 4:], 1e-3 * rng.normal(size=(reached.size - k // 4, 6)))
+            for k in range(0, 4 * reached.size - 1, 3)]
+
+
+def test_many_changes_are_the_sum_of_each():
+    changes, times = many_changes(), np.linspace(-0.5, MOTION.duration + 2.0, 301)
+    found = steered(*changes)._offsets(times)
+    step = [[step_response(times - one.since, WINDOWS, k)[:, None] for k in range(3)]
+            for one in changes]
+    whole = [[one.at(times, k) for k in range(3)] for one in changes]
+    for k, (rows, size) in enumerate(zip(found, (1e-14, 1e-12, 1e-10), strict=True)):
+        expected = sum(sum(part * s[k - j] * w[j] for j, part in enumerate(
+            ([1], [1, 1], [1, 2, 1])[k])) for s, w in zip(step, whole, strict=True))
+        np.testing.assert_allclose(rows, expected, atol=size)
+
+
+def test_the_time_that_a_command_takes_does_not_grow_with_the_corrections(monkeypatch):
+    motion = steered(*many_changes())
+    motion.at([1.0])
+    for name in ('CubicSpline', 'CubicHermiteSpline'):
+        monkeypatch.setattr(steering, name, lambda *_, **__: 1 / 0)
+    monkeypatch.setattr(Change, 'at', lambda *_: 1 / 0)
+    motion.at([1.02])  # nothing is interpolated anew, and no change looked at by itself
