@@ -33,6 +33,7 @@ setup(
             'planner_node = dlo_planner.ros.main:main',
             'demo = dlo_planner.ros.demo:main',
             'viewer = dlo_planner.ros.viewer:main',
+            'cell = dlo_planner.cell.node:main',
         ],
     },
     zip_safe=False,
