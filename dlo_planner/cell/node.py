@@ -46,6 +46,8 @@ TOUCH = 0.05   # N, below which nobody minds
 _FRAME = 'world'
 _PERIOD = 0.01  # s between two poses
 _LAG = 0.03     # s, of each of two stages by which the robot follows its commands
+_BEHIND = 0.05  # s that are caught up with; what is later than that is lost
+_SLOW = 0.5     # s that are lost, from which on nothing of a motion can be told
 _TOLD = 0.5     # s between outcomes and pictures of the DLO
 _HEARD = 0.2    # s, after which a signal is heard at the latest
 _STOP = 5.0     # N, at which a robot stops
@@ -65,7 +67,7 @@ _PARAMETERS = {
 
 
 class CellNode(Node):
-    """A plant in real time, or slower where the machine is.
+    """A plant in real time; where the machine is too slow for that, the outcome says so.
 
     Raises:
         DloPlannerError: a parameter makes no sense, or MuJoCo is not installed
@@ -108,6 +110,7 @@ class CellNode(Node):
         self._viewer, self._miss, self._broken = Viewer(camera, rng), np.nan, ''
         self._gripper = self._behind = self.task.start
         self._clock_of = deque(maxlen=_REMEMBERED)  # (plant's time, ns of the clock)
+        self._due, self._lost = monotonic(), 0.0
 
     def _on_command(self, msg):
         with suppress(DloPlannerError), self._lock:
@@ -129,10 +132,12 @@ class CellNode(Node):
     # ---- time -------------------------------------------------------------------------------
 
     def _run(self):
-        due, told = monotonic(), -np.inf
-        while not self._over.wait(max(due - monotonic(), 0.0)):
-            due = max(due + _PERIOD, monotonic() - _PERIOD)  # a slow machine is not caught up with
+        told = -np.inf
+        while not self._over.wait(max(self._due - monotonic(), 0.0)):
             with self._lock:
+                lost = max(monotonic() - _BEHIND - self._due, 0.0)
+                self._due += _PERIOD + lost
+                self._lost += lost
                 self._step()
                 if monotonic() - told >= _TOLD:
                     told = monotonic()
@@ -177,12 +182,17 @@ class CellNode(Node):
         self._shape_out.publish(plan_path(seen(plant), np.zeros(_NODES), _FRAME, self._now()))
         depth, force = plant.passage(task.cutout).depth, plant.largest_forces.max(initial=0.0)
         threaded = depth > 0.99 * task.depth and self._miss < task.cutout.radius
-        level = ERROR if self._broken else WARN if force > TOUCH else OK
+        slow = self._lost > _SLOW
+        level = ERROR if self._broken else WARN if force > TOUCH or slow else OK
         message = self._broken or ('threaded' if threaded else 'under way')
+        if slow:
+            message += (f'; of no meaning: this machine is too slow, the DLO moved {self._lost:.1f}'
+                        ' s too little, so it felt commands that were too fast')
         self._outcome_out.publish(status_msg('dlo_cell: task', task.name, level, message, {
             'threaded': threaded, 'depth [m]': float(depth), 'of [m]': float(task.depth),
             'largest miss [m]': self._miss, 'room [m]': float(task.room),
-            'largest force [N]': float(force), 'touched': bool(force > TOUCH)}))
+            'largest force [N]': float(force), 'touched': bool(force > TOUCH),
+            'lost [s]': float(self._lost)}))
 
     def _now(self):
         return self.get_clock().now().to_msg()

@@ -17,6 +17,8 @@ from dlo_planner.inverse.estimate import Estimate
 from dlo_planner.inverse.steering import Steered
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.causes import Cause, Refused
+from dlo_planner.ros.door import named
+from dlo_planner.ros.doubts import doubts, unexplained
 from dlo_planner.ros.frames import OneFrame
 from dlo_planner.ros.identifying import identified, told
 from dlo_planner.ros.observing import Observing, deviation
@@ -35,7 +37,7 @@ class Camera:
     Args:
         node: rclpy Node; parts: Parts
         group: callback group
-        set_parameters: takes rclpy Parameters, returns their SetParametersResults
+        set_parameters: takes rclpy Parameters, sets all or none, returns a SetParametersResult
     """
 
     def __init__(self, node, parts, group, set_parameters):
@@ -135,7 +137,7 @@ class Camera:
         first = int(np.searchsorted(reached, execution.done))
         found = correct(estimate, plan, first, before)
         self._corrected = made, stamp, found if found.converged else None
-        reason = unsure(found, scene)
+        reason = named(doubts(found, estimate, scene), state.bodies)
         self._health.corrected(found, reason)
         if not reason:
             self._store.change(lambda now: now.steered(execution.way, lambda done: (
@@ -154,12 +156,16 @@ class Camera:
             if estimate is None or not estimate.looks:
                 raise Refused(Cause.NOTHING_SEEN, 'nothing of the DLO was seen since ~/reset: '
                               'expected points on ~/observed_points, and spread.* above 0')
+            wrong = unexplained(estimate, state.scene.seeing)
+            if wrong:
+                raise Refused(Cause.INVALID_POINTS, f'{wrong}; let the DLO hang freely, and call '
+                              '~/reset')
             changed = identified(estimate, dict(state.values))
             self._identified = estimate
-            for result in self._set([Parameter(name, value=value)
-                                     for name, value in changed.items()]):
-                if not result.successful:
-                    raise Refused(Cause.INVALID_PARAMETER, result.reason)
+            result = self._set([Parameter(name, value=value) for name, value in changed.items()])
+            if not result.successful:
+                self._identified = None
+                raise Refused(Cause.INVALID_PARAMETER, result.reason)
             self._observing_of(self._store.state)  # from now on; what was told stays told
             outcome.message = told(estimate)
             outcome.values = {name: str(value) for name, value in changed.items()}
@@ -196,21 +202,6 @@ def points_in(scene: Scene, msg: PointCloud2, name: str, frames: OneFrame) -> np
     if origin is not None:
         points = points @ origin.rotation.T + origin.position
     return points[np.linalg.norm(points, axis=1) <= scene.reach]
-
-
-def unsure(correction, scene: Scene) -> str:
-    """Return in words why a Correction must not be executed, '' if it may."""
-    if not correction.converged:
-        return 'a waypoint has no stable shape for the DLO as it is estimated'
-    moved = float(np.linalg.norm(correction.offsets[:, 3:], axis=1).max(initial=0.0))
-    if moved > scene.seeing.largest_correction:
-        return (f'it moves the gripper by {moved:.3g} m: expected observe.largest_correction = '
-                f'{scene.seeing.largest_correction:g} m at most')
-    bound, radius = float(correction.miss.bound.max(initial=0.0)), scene.cutout_radius
-    room = None if radius is None else radius - (scene.direct.rod.radius or 0.0)
-    if room is not None and bound > room:
-        return f'the DLO may still miss by {bound:.3g} m (95 %), with {room:.3g} m of room'
-    return ''
 
 
 def _seconds(stamp) -> float:

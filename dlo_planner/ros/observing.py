@@ -20,7 +20,7 @@ from dlo_planner.inverse.periods import slowest_period
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.robustness import Spread
 from dlo_planner.inverse.stamped import gripper_at
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between
 
 _REMEMBERED = 1000   # gripper poses: 2 s of them at 500 Hz
 _ABOUT = 0.25        # s before and after a stamp: of which speed and acceleration are told
@@ -30,6 +30,8 @@ _LEAST_POINTS = 3
 _SAMPLED = 65        # places of the DLO from which points are measured
 _PATIENCE = 0.1      # s that the gripper's pose may come later than a cloud of its time
 _STILL, _EVEN = 2e-3, 5e-3  # m/s, m/s^2: what noise of the poses alone gives
+_SET_BACK = 1.0      # s: a stamp that is so much older than the last
+_GAP, _SAME = 0.5, 1e-3  # s between poses; m and rad by which one is still the same
 _LONGEST_SWING = 2.0 # s
 _NEAR = 12           # poses of which a motion is told
 
@@ -97,8 +99,14 @@ class Observing:
             self._estimate, self._last = self._first, -np.inf
 
     def gripper(self, stamp: float, pose: Pose) -> None:
-        """Take in where the gripper frame was at a stamp (s); older ones than the last are lost."""
+        """Take in where the gripper frame was at a stamp (s).
+
+        One that is older than the last is lost. One that is much older says that the clock was set
+        back, as where a recording begins anew: what was known is of another time.
+        """
         with self._lock:
+            if self._grippers and stamp < self._grippers[-1][0] - _SET_BACK:
+                self._grippers.clear()
             if not self._grippers or stamp > self._grippers[-1][0]:
                 self._grippers.append((stamp, pose))
                 self._lock.notify_all()
@@ -130,6 +138,7 @@ class Observing:
             raise InvalidTask(f'observed_points.header.stamp = {stamp:.3f} s: expected a time of '
                               f'which gripper poses are known: {span}')
         stamps, poses = zip(*known, strict=True)
+        _judge_gap(stamps, poses, stamp)
         speed, acceleration = self._moving(stamps, poses, stamp)
         chosen = np.unique(np.linspace(0, len(points) - 1, min(len(points), _MOST_POINTS)).astype(
             int))
@@ -159,6 +168,18 @@ class Observing:
         late = np.sqrt(count) * seeing.stamps * max(speed - _STILL, 0.0)
         bent = _SAG * length * max(acceleration - _EVEN, 0.0) / _WEIGHT
         return float(np.hypot(seeing.noise, late)), float(np.hypot(seeing.sway, bent))
+
+
+def _judge_gap(stamps, poses, stamp):
+    """Raise InvalidTask where the gripper moved at a stamp (s), and it is not known how."""
+    after = max(int(np.searchsorted(stamps, stamp)), 1)
+    if len(stamps) == 1 or stamps[after] - stamps[after - 1] <= _GAP:
+        return
+    off = poses[after - 1].inverse().compose(poses[after])
+    if max(np.linalg.norm(off.position), angle_between(off.rotation, np.eye(3))) > _SAME:
+        raise InvalidTask(f'observed_points.header.stamp = {stamp:.3f} s: expected gripper poses '
+                          f'at most {_GAP:g} s apart then, not '
+                          f'{stamps[after] - stamps[after - 1]:.3g} s')
 
 
 def deviation(plan: Plan, time: float, points: np.ndarray) -> float:

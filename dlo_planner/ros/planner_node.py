@@ -113,7 +113,7 @@ class PlannerNode(ManagedNode):
         scene, seeing, hearing, asking, planning, proving, moving, drawing = (
             MutuallyExclusiveCallbackGroup() for _ in range(_GROUPS))
         self._surroundings = Surroundings(gate, parts, scene)
-        self._camera = Camera(gate, parts, seeing, self.set_parameters)
+        self._camera = Camera(gate, parts, seeing, self.set_parameters_atomically)
         self._live = LiveShapes(gate, parts, hearing, asking, self._camera.gripper)
         self._planning = Planning(gate, parts, planning)
         arm = ArmOutput(gate)

@@ -74,6 +74,21 @@ def test_gripper_poses_that_come_late_are_left_out():
     assert [stamp for stamp, _ in out._grippers] == [0.0, 1.0, 2.0]
 
 
+def test_gripper_poses_of_a_clock_that_was_set_back_are_believed(rng):
+    out = observing(times=(0.0, 5000.0, 5000.1, 100.0, 100.1))
+    assert [stamp for stamp, _ in out._grippers] == [100.0, 100.1]
+    assert out.look(100.05, Truth.drawn(rng).seen(rng, START).points).looks == 1
+
+
+def test_where_a_gripper_moved_unseen_nothing_is_told(rng):
+    points = Truth.drawn(rng).seen(rng, START).points
+    out = observing(times=(0.0, 1.0))
+    out.gripper(3.0, Pose(START.position + (0.1, 0, 0), START.quaternion))
+    with pytest.raises(InvalidTask, match=r'gripper poses at most 0.5 s apart then, not 2 s'):
+        out.look(2.0, points)
+    assert out.look(0.5, points).looks == 1  # it stood
+
+
 def test_speed_and_acceleration():
     times = np.linspace(0, 2, 101)
     poses = [Pose.from_rotation((0.05 * t + 0.1 * t**2, 0, 0), np.eye(3)) for t in times]
