@@ -29,7 +29,7 @@ from msg_helpers.poses import pose_from_msg
 RADIUS, DIAMETER = 5e-3, 1.5e-3  # of the hole and of the wire, m
 _WAYPOINTS = 40
 _LOOKING = 3.0   # s for which the wire hangs at rest before the camera
-_PATIENCE = 5.0  # s
+_PATIENCE = 3.0  # times as long as it should take
 _TASK, _SEED = 0, 0
 
 
@@ -132,7 +132,7 @@ def _executed(client, seconds, progress):
     _drained(client.executions)
     answer = client.trigger('execute')
     print(f'  execute: {answer.message}')
-    state, end = 'running', monotonic() + seconds + _PATIENCE
+    state, end = 'running', monotonic() + _PATIENCE * seconds
     while answer.success and state in ACTIVE and monotonic() < end:
         with suppress(TimeoutError):
             _, message, values = client.execution_in(*ACTIVE, 'succeeded', 'stopped', timeout=1.0)
