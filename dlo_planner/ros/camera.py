@@ -81,7 +81,7 @@ class Camera:
             self._draw(state, estimate, points, msg.header.stamp)
             if state.executing:
                 self._compare(state, stamp, points)
-                self._correct(state, stamp, estimate)
+                self._correct(state, stamp, observing, estimate)
 
     def _look(self, observing, stamp, points):
         try:
@@ -120,7 +120,7 @@ class Camera:
 
     # ---- corrections ------------------------------------------------------------------------
 
-    def _correct(self, state, stamp, estimate):
+    def _correct(self, state, stamp, observing, estimate):
         """Aim the rest of what is executed anew, if that is wanted, due and sure."""
         scene, execution, made = state.scene, state.execution, state.running
         plan, (running, when, before) = made.plan, self._corrected
@@ -137,7 +137,7 @@ class Camera:
         first = int(np.searchsorted(reached, execution.done))
         found = correct(estimate, plan, first, before)
         self._corrected = made, stamp, found if found.converged else None
-        reason = named(doubts(found, estimate, scene), state.bodies)
+        reason = named(doubts(found, observing, scene), state.bodies)
         self._health.corrected(found, reason)
         if not reason:
             self._store.change(lambda now: now.steered(execution.way, lambda done: (
@@ -156,7 +156,7 @@ class Camera:
             if estimate is None or not estimate.looks:
                 raise Refused(Cause.NOTHING_SEEN, 'nothing of the DLO was seen since ~/reset: '
                               'expected points on ~/observed_points, and spread.* above 0')
-            wrong = unexplained(estimate, state.scene.seeing)
+            wrong = unexplained(observing)
             if wrong:
                 raise Refused(Cause.INVALID_POINTS, f'{wrong}; let the DLO hang freely, and call '
                               '~/reset')

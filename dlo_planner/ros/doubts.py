@@ -4,9 +4,8 @@ import numpy as np
 
 from dlo_planner.inverse.clearance import clearance
 from dlo_planner.inverse.correction import Correction
-from dlo_planner.inverse.estimate import Estimate
 from dlo_planner.model.surface import Surface
-from dlo_planner.ros.observing import Seeing
+from dlo_planner.ros.observing import Observing
 from dlo_planner.ros.scene import Scene
 
 _ERRORS = 5.0  # standard deviations by which points may be off on the mean
@@ -14,20 +13,21 @@ _MORE = 0.2    # of the points, by which more may be none of the DLO's than are 
 _SOME = 0.95   # of them
 
 
-def unexplained(estimate: Estimate, seeing: Seeing, speed: float = 0.0) -> str:
+def unexplained(observing: Observing, speed: float = 0.0) -> str:
     """Return in words why an Estimate is not of the DLO that is seen, '' if it may be.
 
     It tells of a DLO that hangs freely; one that touches something, or is held elsewhere, is none.
 
     Args:
-        estimate: Estimate; seeing: Seeing
+        observing: Observing that has looked
         speed: m/s, of the gripper at most: stamps may be wrong
     """
     # a point is off across the DLO, along two axes
+    seeing, estimate = observing.seeing, observing.estimate
     size = np.sqrt(2 * (seeing.noise**2 + seeing.bias**2) + seeing.sway**2)
     most = _ERRORS * float(size) + seeing.stamps * speed
-    if estimate.misfit > most:
-        return (f'the points are {estimate.misfit:.3g} m off the DLO as it is estimated: expected '
+    if not observing.off <= most:
+        return (f'the points are {observing.off:.3g} m off the DLO as it is estimated: expected '
                 f'at most {most:.3g} m, by observe.noise = {seeing.noise:g} m')
     few = min(seeing.outliers + _MORE, _SOME)
     if estimate.outliers > few:
@@ -36,19 +36,19 @@ def unexplained(estimate: Estimate, seeing: Seeing, speed: float = 0.0) -> str:
     return ''
 
 
-def doubts(correction: Correction, estimate: Estimate, scene: Scene) -> str:
+def doubts(correction: Correction, observing: Observing, scene: Scene) -> str:
     """Return in words why a Correction must not be executed, '' if it may.
 
     It is not simulated as a plan is: the gripper has to keep its workspace, and the DLO clear of
     obstacles, at each waypoint.
 
     Args:
-        correction: by estimate: Estimate
-        scene: Scene of the plan
+        correction: by the estimate of `observing`
+        observing: Observing; scene: Scene of the plan
     """
     if not correction.converged:
         return 'a waypoint has no stable shape for the DLO as it is estimated'
-    wrong = unexplained(estimate, scene.seeing, scene.limits.linear_speed)
+    wrong = unexplained(observing, scene.limits.linear_speed)
     if wrong:
         return wrong
     moved = float(np.linalg.norm(correction.offsets[:, 3:], axis=1).max(initial=0.0))

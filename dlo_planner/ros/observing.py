@@ -69,7 +69,7 @@ class Observing:
 
     Args:
         simulator: DirectSimulator of the DLO as stated
-        seeing: Seeing
+        seeing: Seeing, kept as an attribute
         known: Estimate by which it was stated so; what that was sure of stays sure
 
     Raises:
@@ -77,7 +77,7 @@ class Observing:
     """
 
     def __init__(self, simulator: DirectSimulator, seeing: Seeing, known: Estimate | None = None):
-        self._seeing = seeing
+        self.seeing = seeing
         self._observer = Observer(simulator, seeing.spread, noise=seeing.noise, bias=seeing.bias,
                                   cutout=seeing.cutout, outliers=seeing.outliers,
                                   sway=seeing.sway)
@@ -93,10 +93,15 @@ class Observing:
         """The newest Estimate: the prior before anything was seen."""
         return self._estimate
 
+    @property
+    def off(self) -> float:
+        """Median distance of the points of the last look from the DLO as it is estimated, m."""
+        return self._off
+
     def reset(self) -> None:
         """Forget what was seen since it began."""
         with self._lock:
-            self._estimate, self._last = self._first, -np.inf
+            self._estimate, self._last, self._off = self._first, -np.inf, np.nan
 
     def gripper(self, stamp: float, pose: Pose) -> None:
         """Take in where the gripper frame was at a stamp (s).
@@ -113,7 +118,7 @@ class Observing:
 
     def due(self, stamp: float) -> bool:
         """Return whether a cloud of this stamp (s) should be looked at."""
-        return abs(stamp - self._last) >= self._seeing.period
+        return abs(stamp - self._last) >= self.seeing.period
 
     def look(self, stamp: float, points: np.ndarray) -> Estimate:
         """Return the Estimate after one more cloud.
@@ -145,15 +150,23 @@ class Observing:
         seen = Observation(gripper_at(stamps, poses, stamp), points[chosen])
         noise, sway = self._weighed(len(chosen), speed, acceleration)
         after = self._observer.update(estimate, seen, noise=noise, sway=sway)
+        off = self._off_it(after, seen)
         with self._lock:
             if self._estimate is not estimate:  # it was reset meanwhile
                 return self._estimate
-            self._last = stamp
+            self._last, self._off = stamp, off
             if after.converged:
                 self._estimate = after
         if not after.converged:
             raise InvalidTask('observed_points: no equilibrium of the DLO explains them')
         return after
+
+    def _off_it(self, estimate, seen):
+        shape = estimate.shape(seen.gripper)
+        if not shape.converged:
+            return np.inf
+        nodes = shape.positions_at(np.linspace(0, 1, _SAMPLED) * shape.s[-1])
+        return _median_distance(seen.points - estimate.camera_bias, nodes)
 
     def _moving(self, stamps, poses, stamp):
         """Return the speed, m/s, and the largest acceleration during the last swing, m/s^2."""
@@ -164,7 +177,7 @@ class Observing:
 
     def _weighed(self, count, speed, acceleration):
         """Return noise and sway (m) of a look: more of both in motion."""
-        seeing, length = self._seeing, self._observer.uncertain.simulator.rod.length
+        seeing, length = self.seeing, self._observer.uncertain.simulator.rod.length
         late = np.sqrt(count) * seeing.stamps * max(speed - _STILL, 0.0)
         bent = _SAG * length * max(acceleration - _EVEN, 0.0) / _WEIGHT
         return float(np.hypot(seeing.noise, late)), float(np.hypot(seeing.sway, bent))
@@ -196,8 +209,13 @@ def deviation(plan: Plan, time: float, points: np.ndarray) -> float:
     span = times[min(k + 1, len(plan) - 1)] - times[k]
     share = float(np.clip((time - times[k]) / span, 0, 1)) if span > 0 else 0.0
     samples = np.linspace(0, 1, _SAMPLED)
-    nodes = sum(part * shape.positions_at(samples * shape.s[-1])
-                for part, shape in zip((1 - share, share), shapes, strict=True))
+    return _median_distance(points, sum(
+        part * shape.positions_at(samples * shape.s[-1])
+        for part, shape in zip((1 - share, share), shapes, strict=True)))
+
+
+def _median_distance(points, nodes):
+    """Return the median distance of points (n, 3) from the line through nodes (k, 3)."""
     ahead = np.diff(nodes, axis=0)
     off = points[:, None] - nodes[:-1]
     along = np.einsum('mkj,kj->mk', off, ahead) / np.maximum((ahead**2).sum(axis=1), 1e-300)

@@ -42,7 +42,8 @@ __all__ = ['LATCHED', 'REQUEST', 'THREADS', 'PlannerNode']
 
 THREADS = 12    # one for each callback group: below, of transitions, of tf, and the default one
 _GROUPS = 8
-_ENDING = 2.0   # s in which a motion may come to rest when the node is told to end
+_RESTING = 4.5  # s in which a motion may come to rest when the node is told to end
+_ENDING = 2.0   # s in which callbacks that run may end then
 _PICTURE = 0.03  # s between pictures, if something has changed
 _LOOK = 0.02    # s between looks whether it has
 
@@ -138,7 +139,7 @@ class PlannerNode(ManagedNode):
             return
         reason = 'the node ends, or is deactivated'
         self._planning.cancel(reason, for_good=True)
-        end = monotonic() + _ENDING
+        end = monotonic() + _RESTING
         while not self._drive.at_rest and monotonic() < end:
             self._drive.stop(Cause.SHUTDOWN, reason)
             sleep(_LOOK)

@@ -190,11 +190,15 @@ def test_nothing_is_seen_before_it_is_ready_but_that_it_starts(monkeypatch, cont
     assert made
 
 
-def test_a_motion_comes_to_rest_before_it_is_inactive(monkeypatch, context, witness):
+@pytest.mark.parametrize('limits', [Limits(), Limits(linear_acceleration=0.04)],
+                         ids=['quickly', 'slowly'])
+def test_a_motion_comes_to_rest_before_it_is_inactive(monkeypatch, context, witness, limits):
     wire = DirectSimulator(Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34))
     plan = InverseSimulator(wire).thread(CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0))),
                                          depths=np.linspace(0, 0.95, 12))
-    way = Trajectory(plan, Limits(), tolerance=np.inf)
+    way = Trajectory(plan, limits, tolerance=np.inf)
+    speeds = np.linalg.norm(way.at(np.linspace(0, way.duration, 999))[1][:, :3], axis=1)
+    fast = 50 * way.duration * np.argmax(speeds > 0.8 * speeds.max()) / 998  # commands until it is
     unguarded = Guards(path_position=0.0, path_angle=0.0, incoming_command_timeout=0.0,
                        longest_pause=0.0)
     execution = Execution(way, Pose.identity(), 'world', unguarded, 0.02)
@@ -204,14 +208,14 @@ def test_a_motion_comes_to_rest_before_it_is_inactive(monkeypatch, context, witn
         heard = Heard(plan.grippers[0], time.monotonic())
         node._parts.store.change(lambda now: replace(now, execution=execution, heard=heard))
         node._drive._finished = False
-        assert witness.wait_for(lambda: len(commands) > 50)
+        assert witness.wait_for(lambda: len(commands) > fast)
         assert change(witness, 'deactivate')
         witness.wait_for(lambda: False, 0.1)
         number = len(commands)
         assert not witness.wait_for(lambda: len(commands) > number, 0.2)
         steps = np.linalg.norm(np.diff([pose_from_msg(one.pose).position for one in commands],
                                        axis=0), axis=1)
-        regular = 0.02 * Limits().linear_speed
+        regular = 0.02 * speeds.max()
         assert 0.5 * regular < steps.max() <= 1.2 * regular  # no jump
         assert steps[-1] < 0.05 * regular
         assert node._parts.store.state.execution.cause == Cause.SHUTDOWN
