@@ -66,10 +66,16 @@ class Recorder:
 
 
 def recorded(folder: Path) -> list:
-    """Return what is in a bag, in its order, as (name of KINDS, bytes of the message)."""
+    """Return what is in a bag, in its order, as (name of KINDS, bytes of the message).
+
+    A shape that was latched before the recording began is left out: no pose is there for it.
+    """
     with Reader(folder) as reader:
-        return [(connection.topic.rsplit('/', 1)[1], bytes(data))
-                for connection, _, data in reader.messages()]
+        found = [(connection.topic.rsplit('/', 1)[1], bytes(data))
+                 for connection, _, data in reader.messages()]
+    known = {stamp_of(data) for name, data in found if name == 'gripper_pose'}
+    return [(name, data) for name, data in found
+            if name != 'predicted_shape' or stamp_of(data) in known]
 
 
 def stamp_of(data: bytes) -> tuple:
@@ -112,7 +118,7 @@ def _wait_for(wanted):
         sleep(0.002)
 
 
-def short_run(stage, folder: Path, poses: int = 12):
+def short_run(client, folder: Path, poses: int = 12):
     """Record a gripper that comes to lie on a box with its DLO, and goes on."""
     import numpy as np  # noqa: PLC0415
     from visualization_msgs.msg import Marker  # noqa: PLC0415
@@ -120,19 +126,18 @@ def short_run(stage, folder: Path, poses: int = 12):
     from dlo_planner import Pose  # noqa: PLC0415
     from msg_helpers.poses import pose_msg  # noqa: PLC0415
 
-    recorder = Recorder(stage.client, folder)
+    recorder = Recorder(client, folder)
     sleep(1.0)
     box = Marker(ns='cell', id=0, type=Marker.CUBE, action=Marker.ADD)
     box.header.frame_id, box.pose = 'world', pose_msg(Pose((0.8, 0.0, 0.6), (0, 0, 0, 1)))
     box.scale.x = box.scale.y = box.scale.z = 0.2
     for k, height in enumerate(np.linspace(1.0, 0.9, poses)):
         if k == poses // 2:
-            stage.client.send_obstacles([box])
+            client.send_obstacles([box])
             sleep(0.5)
-        stage.client.shape_for(Pose((0.0, 0.01 * k, height), (0, 0, 0, 1)))
+        client.shape_for(Pose((0.0, 0.01 * k, height), (0, 0, 0, 1)))
     sleep(0.5)
     recorder.close()
-    stage.restore()
 
 
 def main(folder: str):
@@ -141,7 +146,7 @@ def main(folder: str):
 
     from soak.stage import stage  # noqa: PLC0415
     with TemporaryDirectory() as directory, stage(Path(directory)) as made:
-        short_run(made, Path(folder))
+        short_run(made.client, Path(folder))
 
 
 if __name__ == '__main__':
