@@ -129,10 +129,10 @@ def short_run(client, folder: Path, poses: int = 12):
     recorder = Recorder(client, folder)
     sleep(1.0)
     box = Marker(ns='cell', id=0, type=Marker.CUBE, action=Marker.ADD)
-    box.header.frame_id, box.pose = 'world', pose_msg(Pose((0.8, 0.0, 0.6), (0, 0, 0, 1)))
+    box.header.frame_id, box.pose = 'world', pose_msg(Pose((0.8, 0.0, 0.33), (0, 0, 0, 1)))
     box.scale.x = box.scale.y = box.scale.z = 0.2
     for k, height in enumerate(np.linspace(1.0, 0.9, poses)):
-        if k == poses // 2:
+        if k == 1:
             client.send_obstacles([box])
             sleep(0.5)
         client.shape_for(Pose((0.0, 0.01 * k, height), (0, 0, 0, 1)))
