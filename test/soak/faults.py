@@ -88,7 +88,6 @@ def obstacle_publisher_vanished(made: Stage) -> list[str]:
     client.node.destroy_publisher(out)
     sleep(0.5)
     stays = poses(client.predict_shape(GRIPPERS[1])[0]) != free
-    made.restore()
     return problems(the_obstacle_counts=there, the_obstacle_stays=stays) + made.differences()
 
 
@@ -123,7 +122,6 @@ def node_stopped(made: Stage) -> list[str]:
         os.kill(made.process, signal.SIGCONT)
         code, _, _ = client.execution_in('stopped', 'succeeded', timeout=LONG)
     moved = made.longest_step()
-    made.restore()
     return problems(no_leap=moved <= STEP * regular, it_ends_where_it_stands=code == 412
                     ) + made.differences()
 
@@ -157,7 +155,6 @@ def clock_runs_wild() -> list[str]:
                 sleep(0.3)
             code, _, _ = made.client.execution_in('stopped', 'succeeded', timeout=LONG)
         moved = made.longest_step()
-        made.restore()
         return problems(no_leap=0 < moved <= STEP * regular, it_is_executed_to_its_end=code == 0
                         ) + made.differences()
 

@@ -114,7 +114,6 @@ class Soak:
         if not stage.planner.alive():
             raise NodeEnded(f'after {after} the node has ended:\n{stage.planner.log[-4000:]}')
         self._note(not fuzzer.all_answered(), f'without an answer: {fuzzer.unanswered}')
-        stage.restore()
         for one in stage.differences():
             self._note(True, f'after {after}: {one}')
         self._note(self._watch.odd, f'not finite: {self._watch.odd[:5]}')

@@ -147,7 +147,8 @@ class Odd:
 
     def _sizes(self, msg):
         name = self.one_of(('point_step', 'row_step', 'height', 'width'))
-        setattr(msg, name, self.one_of((1, 7, 2**31, 2**32 - 1)) + (name == 'height'))
+        sizes = (2, 2**31, 2**32 - 1)  # two points are too few, two rows too many
+        setattr(msg, name, self.one_of(sizes if name in ('height', 'width') else (0, 1, 7)))
 
     # ---- the robot --------------------------------------------------------------------------
 

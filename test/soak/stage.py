@@ -82,7 +82,11 @@ class Stage:
             drain(messages)
 
     def differences(self) -> list[str]:
-        """Return what is answered otherwise than in the beginning, bit for bit, in words."""
+        """Restore, and return what is answered otherwise than in the beginning, in words.
+
+        Bit for bit: the same questions in the same state have the same answers.
+        """
+        self.restore()
         return [f'{name} is answered otherwise' for name, answer in self._asked().items()
                 if answer != self.answers[name]]
 
