@@ -2,6 +2,7 @@
 # make test   the tests
 # make bench  timings of the core
 # make cell   20 tasks in a physics engine; table and film in cell_output/
+# make soak   a node under odd messages, load and faults for 10 minutes; report in soak_output/
 # make lint   style
 # make lock   newest versions that requirements.txt allows, into requirements.lock
 # Each sets up what it needs in .venv (Python 3.11 or 3.12) and is quick the second time.
@@ -10,7 +11,7 @@ PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/python
 
-.PHONY: demo test bench cell lint lock clean
+.PHONY: demo test bench cell soak lint lock clean
 demo: $(VENV)/ready
 	$(RUN) -m dlo_planner.ros.demo
 
@@ -22,6 +23,9 @@ bench: $(VENV)/ready
 
 cell: $(VENV)/ready
 	$(RUN) -m dlo_planner.cell
+
+soak: $(VENV)/ready
+	$(RUN) test/soak --minutes 10 --output soak_output
 
 lint: $(VENV)/ready
 	$(RUN) -m ruff check .
@@ -42,5 +46,5 @@ lock:
 	build/lock/bin/python .ci/pins.py > requirements.lock
 
 clean:
-	rm -rf $(VENV) demo_output cell_output build install log .pytest_cache .hypothesis
+	rm -rf $(VENV) demo_output cell_output soak_output build install log .pytest_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +

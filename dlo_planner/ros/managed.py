@@ -3,7 +3,9 @@
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
+from functools import wraps
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.exceptions import ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -37,6 +39,8 @@ class ManagedNode(LifecycleNodeMixin, Node):
         self._parameters_shown = ParameterService(self)
         # not with the parameters' services: a transition may take long
         LifecycleNodeMixin.__init__(self, callback_group=MutuallyExclusiveCallbackGroup())
+        for service in self.services:
+            service.callback = self._surviving(service.callback, service.srv_name)
         self.lifecycle_state = 'unconfigured'
 
     def start_up(self):
@@ -55,6 +59,22 @@ class ManagedNode(LifecycleNodeMixin, Node):
         if self.lifecycle_state != 'starting':
             self._state_machine.destroy_when_not_in_use()
         super().destroy_node()
+
+    def _surviving(self, callback, name):
+        """Return a callback of a service that cannot end the node, whatever it is asked.
+
+        Those of rclpy raise for some requests: a transition, or a type of parameter, that does not
+        exist.
+        """
+        @wraps(callback)
+        def answer(request, response):
+            try:
+                return callback(request, response)
+            except Exception as error:
+                reason = ' '.join(f'{type(error).__name__}: {error}'.split())
+                self.get_logger().warning(f'{name} refused: {reason}', throttle_duration_sec=1.0)
+                return _refused(request, response, reason)
+        return answer
 
     # ---- what a node does -----------------------------------------------------------------------
 
@@ -114,3 +134,14 @@ class ManagedNode(LifecycleNodeMixin, Node):
             return TransitionCallbackReturn.ERROR
         self.lifecycle_state = label
         return TransitionCallbackReturn.SUCCESS if after is None else after(self, state)
+
+
+def _refused(request, response, reason):
+    """Return a response that says so, where it can; what was done before stays answered."""
+    refusal = SetParametersResult(successful=False, reason=reason)
+    if hasattr(response, 'results'):
+        missing = len(request.parameters) - len(response.results)
+        response.results = [*response.results, *[refusal] * missing]
+    elif hasattr(response, 'result') and isinstance(response.result, SetParametersResult):
+        response.result = refusal
+    return response

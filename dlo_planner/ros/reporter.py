@@ -127,4 +127,4 @@ class Reporter:
 
     def info(self, text):
         """Write a line."""
-        self._log.info(text)
+        self._log.info(' '.join(text.split()))

@@ -68,23 +68,30 @@ class Surroundings:
                          f'parameters changed ({names})', values=values)
 
     def _on_obstacles(self, msg):
-        with self._reporter.answering('obstacles', told=False), self._store.rebuilding:
-            before = self._store.state
-            bodies = bodies_in(before.scene, before.bodies, msg, 'obstacles', self._frames)
-            if bodies == before.bodies:
-                return
-            changed = [key for key in {**before.bodies, **bodies}
-                       if before.bodies.get(key) != bodies.get(key)]
-            scene = build_scene(before.values, tuple(bodies.values()))
-            reason = f'obstacles changed ({listed(changed)})'
-            self._change(scene, Cause.OBSTACLES_CHANGED, reason, bodies=bodies)
-            stamp = self._node.get_clock().now().to_msg()
-            self._picture.show('obstacles', lambda: (obstacle_markers(
-                tuple(bodies.values()), 0, scene.frame_id, stamp),))
-        if before.executing:  # it stops already: what is said of it now does not delay that
-            said = in_the_way(before, {key: bodies[key] for key in changed if key in bodies})
-            self._store.change(lambda now: now.detailed(Cause.OBSTACLES_CHANGED,
-                                                        f'{reason}: {said}'))
+        with self._reporter.answering('obstacles', told=False):
+            with self._store.rebuilding:
+                before, changed, reason = self._rebuilt(msg)
+            if reason and before.executing:
+                # it stops already: what is said of it now does not delay that
+                said = in_the_way(before, changed)
+                self._store.change(lambda now: now.detailed(Cause.OBSTACLES_CHANGED,
+                                                            f'{reason}: {said}'))
+
+    def _rebuilt(self, msg):
+        """Change the obstacles; return the State before, what is new, what has changed or ''."""
+        before = self._store.state
+        bodies = bodies_in(before.scene, before.bodies, msg, 'obstacles', self._frames)
+        changed = [key for key in {**before.bodies, **bodies}
+                   if before.bodies.get(key) != bodies.get(key)]
+        if not changed:
+            return before, {}, ''
+        reason = f'obstacles changed ({listed(changed)})'
+        scene = build_scene(before.values, tuple(bodies.values()))
+        self._change(scene, Cause.OBSTACLES_CHANGED, reason, bodies=bodies)
+        stamp = self._node.get_clock().now().to_msg()
+        self._picture.show('obstacles', lambda: (obstacle_markers(
+            tuple(bodies.values()), 0, scene.frame_id, stamp),))
+        return before, {key: bodies[key] for key in changed if key in bodies}, reason
 
     def _change(self, scene, cause, reason, **parts):
         before = self._store.state

@@ -1,0 +1,88 @@
+"""The long form: odd messages for minutes, latencies, faults; a report as Markdown and JSON.
+
+python test/soak [--minutes 10] [--messages 20000] [--seed 0] [--output soak_output]
+"""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory, mkdtemp
+from time import monotonic
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
+os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
+os.environ.setdefault('ROS_LOG_DIR', mkdtemp(prefix='dlo_planner_log_'))
+
+import numpy as np  # noqa: E402
+from domain_coordinator import domain_id  # noqa: E402
+
+from soak.faults import WITH_A_NODE, WITHOUT  # noqa: E402
+from soak.fuzzing import NodeEnded, Soak  # noqa: E402
+from soak.latencies import BESIDE, RATES, latency  # noqa: E402
+from soak.reporting import Report  # noqa: E402
+from soak.stage import stage  # noqa: E402
+
+ROUND = 500        # messages between two looks
+EVERY = 4          # rounds between two executions
+LEAST = 50         # messages while one of them runs
+LATENCY_TIME = 5.0  # s at each rate
+REST = 0.3         # of the time is for latencies and faults
+
+
+def main():
+    """Soak a node; return the number of problems."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--minutes', type=float, default=10.0)
+    parser.add_argument('--messages', type=int, default=20_000)
+    parser.add_argument('--seed', type=int, default=0)
+    parser.add_argument('--output', type=Path, default=Path('soak_output'))
+    given = parser.parse_args()
+    given.output.mkdir(parents=True, exist_ok=True)
+    report = Report(given.seed)
+    with domain_id() as number:
+        os.environ['ROS_DOMAIN_ID'] = str(number)
+        with TemporaryDirectory() as directory, stage(Path(directory)) as made:
+            for rate in RATES:
+                for beside in BESIDE:
+                    report.add_latency(latency(made, rate, LATENCY_TIME, beside))
+                made.restore()
+            fuzz(made, report, given)
+            faults(report, [(one, made) for one in WITH_A_NODE])
+        faults(report, [(one,) for one in WITHOUT])
+    report.write(given.output)
+    print(report.markdown())
+    return min(len(report.problems), 1)
+
+
+def fuzz(made, report, given):
+    """Throw messages for the given time, and at least as many as given if there is time."""
+    soak = Soak(made, np.random.default_rng(given.seed))
+    end, number = monotonic() + 60 * given.minutes * (1 - REST), 0
+    try:
+        while monotonic() < end:
+            soak.round(ROUND)
+            if number % EVERY == 0:
+                soak.execution(LEAST)
+            number += 1
+            if sum(soak.result.sent.values()) >= given.messages:
+                break
+    except NodeEnded as ended:
+        soak.result.problems.append(str(ended))
+    report.add_soak(soak.close())
+
+
+def faults(report, wanted):
+    """Let faults happen, one after the other."""
+    for fault, *arguments in wanted:
+        begun = monotonic()
+        try:
+            wrong = fault(*arguments)
+        except Exception as error:  # the others are tried all the same
+            wrong = [f'{type(error).__name__}: {str(error)[-500:]}']
+        report.add_fault(fault, wrong, monotonic() - begun)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
