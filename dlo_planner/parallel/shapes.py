@@ -245,5 +245,6 @@ def _plain(name, value, n, kind):
     except Exception:  # whatever its conversion raises
         raise InvalidTask(f'{name} = {shown(value)}: expected {n} {kind}') from None
     if given.shape != (n,):
-        raise InvalidTask(f'{name} has shape {given.shape}: expected ({n},) of {kind}')
+        raise InvalidTask(f'{name} has shape {given.shape}: expected ({n},) of {kind}, '
+                          'one for each of Shapes.grippers')
     return given.copy()
