@@ -59,6 +59,6 @@ __all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact', 
            'NotConverged', 'Observation', 'ObservedMotion', 'Observer', 'Phase', 'Piecewise',
            'Plan', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'PredictedMiss',
            'Report', 'Robustness', 'Rod', 'Section', 'Shape', 'Shapes', 'Sheet',
-           'Sphere', 'Spread', 'Steered', 'Through', 'Trajectory', 'Workspace', 'correct', 'fit_rod', 'gripper_at',
-           'joined', 'minimise_penalty', 'modes_along', 'replay', 'robustness', 'solve_many',
-           'with_plug']
+           'Sphere', 'Spread', 'Steered', 'Through', 'Trajectory', 'Workspace', 'correct',
+           'fit_rod', 'gripper_at', 'joined', 'minimise_penalty', 'modes_along', 'replay',
+           'robustness', 'solve_many', 'with_plug']
