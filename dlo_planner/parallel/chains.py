@@ -59,13 +59,14 @@ class Following:
             finished: called as finished(index, Found) after each part, in any order
         """
         results = _found(crew, self._first_pieces(), finished)
-        doubtful = [k for k, (_, part) in enumerate(self._jobs) if part.start]
+        seams = {k for k, (_, part) in enumerate(self._jobs) if part.start}
+        doubtful = sorted(seams)
         while wrong := [k for k in doubtful if not _meet(results[k - 1], results[k])]:
             # the first of them begins with what is right now, so there is one less at least
             pieces = [self._after(k, results[k - 1].last) for k in wrong]
             for k, again in zip(wrong, _found(crew, pieces, lambda *_: None), strict=True):
                 results[k] = again
-            doubtful = [k for k in doubtful if k in wrong or k - 1 in wrong]
+            doubtful = sorted(seams & {*wrong, *(k + 1 for k in wrong)})
         rows = []
         for (_, part), result in zip(self._jobs, results, strict=True):
             rows += [] if part.start else [[]]
