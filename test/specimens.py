@@ -51,6 +51,7 @@ from dlo_planner import (
 )
 from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.parallel import CellGrid, capability_map
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 DEPTHS = (0.0, 0.2)
@@ -105,6 +106,8 @@ def arguments():
     plain = {name: getattr(shape, name) for name in (
         'positions', 'frames', 'element_strains', 'energy', 'elastic_energy', 'gripper_wrench',
         'residual', 'stability', 'iterations')}
+    inverse_ = known['InverseSimulator']
+    capability = capability_map(inverse_, CellGrid([[0.4, 0, 1]], [[1, 0, 0]], [0.2]), depths=DEPTHS)
     return plain | {
         # what it is, where it is
         'rod': wire, 'length': 1.0, 'mass_per_length': 0.1, 'bending_stiffness': 1.0,
@@ -173,6 +176,13 @@ def arguments():
             's', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'energy',
             'elastic_energy', 'dissipated', 'residual', 'stability', 'violation', 'iterations',
             'converged', 'jumped', 'contact_table')},
+        'grid': CellGrid([[0.4, 0, 1]], [[1, 0, 0]], [0.2]), 'inverse': inverse_, 'starts': (),
+        'folder': 'map', 'patience': 2.0, 'axis': 'y', 'quantity': 'share',
+        'parallel.capability_map.depths': DEPTHS, 'directions': [[1, 0, 0]], 'radii': [0.2],
+        'parallel.CellGrid.positions': [[0.4, 0, 1]], 'capability': capability,
+        **{f'parallel.CapabilityMap.{name}': getattr(capability, name) for name in (
+            'outcome', 'amount', 'fraction', 'clearance', 'stability', 'roll', 'start', 'gripper',
+            'seconds')},
         # messages
         'name': 'wire', 'hardware_id': 'wire', 'level': b'\x00', 'message': 'ok',
         'diagnostics.diagnostics_msg.values': {'a': 1.0}, 'stamp': Time(), 'frame_id': 'world',
