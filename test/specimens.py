@@ -106,8 +106,7 @@ def arguments():
     plain = {name: getattr(shape, name) for name in (
         'positions', 'frames', 'element_strains', 'energy', 'elastic_energy', 'gripper_wrench',
         'residual', 'stability', 'iterations')}
-    inverse_ = known['InverseSimulator']
-    capability = capability_map(inverse_, CellGrid([[0.4, 0, 1]], [[1, 0, 0]], [0.2]), depths=DEPTHS)
+    capability = _capability(known['InverseSimulator'])
     return plain | {
         # what it is, where it is
         'rod': wire, 'length': 1.0, 'mass_per_length': 0.1, 'bending_stiffness': 1.0,
@@ -176,7 +175,7 @@ def arguments():
             's', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'energy',
             'elastic_energy', 'dissipated', 'residual', 'stability', 'violation', 'iterations',
             'converged', 'jumped', 'contact_table')},
-        'grid': CellGrid([[0.4, 0, 1]], [[1, 0, 0]], [0.2]), 'inverse': inverse_, 'starts': (),
+        'grid': capability.grid, 'inverse': known['InverseSimulator'], 'starts': (),
         'folder': 'map', 'patience': 2.0, 'axis': 'y', 'quantity': 'share',
         'parallel.capability_map.depths': DEPTHS, 'directions': [[1, 0, 0]], 'radii': [0.2],
         'parallel.CellGrid.positions': [[0.4, 0, 1]], 'capability': capability,
@@ -222,6 +221,10 @@ def _stamped():
     stamped.header.frame_id = 'world'
     stamped.pose.orientation.w = 1.0
     return stamped
+
+
+def _capability(inverse):
+    return capability_map(inverse, CellGrid([[0.4, 0, 1]], [[1, 0, 0]], [0.2]), depths=DEPTHS)
 
 
 def _back(plan):

@@ -47,7 +47,7 @@ class CapabilityMap(Value):
         roll: rad, of the gripper in its first pose about its x axis, 0 where that is upright
         start: index of the start; -1: none
         gripper: (P, D, R, 7) its first pose: position in m, quaternion x, y, z, w; nan: no plan
-        seconds: of computing; not compared
+        seconds: CPU time of computing; not compared
     """
 
     grid: CellGrid
