@@ -18,6 +18,7 @@ setup(
         'figures': ['matplotlib'],
         'arm': ['pin>=3'],
         'view': ['viser>=1.1'],
+        'cluster': ['distributed>=2024.1'],
         'cell': ['mujoco>=3.13', 'matplotlib'],
         'test': ['pytest', 'hypothesis', 'import-linter', 'ros-domain-coordinator',
                  'playwright', 'pyyaml'],

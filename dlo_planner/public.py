@@ -49,6 +49,8 @@ from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.section import Section
+from dlo_planner.parallel.mapping import solve_many
+from dlo_planner.parallel.shapes import Shapes
 
 __all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact', 'Correction',
            'CutOut', 'DeadlineExceeded', 'DirectSimulator', 'DirectionAt', 'DloPlannerError',
@@ -56,6 +58,7 @@ __all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact', 
            'InvalidRod', 'InvalidTask', 'InverseSimulator', 'Limits', 'Modes', 'Motion',
            'NotConverged', 'Observation', 'ObservedMotion', 'Observer', 'Phase', 'Piecewise',
            'Plan', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'PredictedMiss',
-           'Report', 'Robustness', 'Rod', 'Section', 'Shape', 'Sheet', 'Sphere', 'Spread',
-           'Steered', 'Through', 'Trajectory', 'Workspace', 'correct', 'fit_rod', 'gripper_at',
-           'joined', 'minimise_penalty', 'modes_along', 'replay', 'robustness', 'with_plug']
+           'Report', 'Robustness', 'Rod', 'Section', 'Shape', 'Shapes', 'Sheet',
+           'Sphere', 'Spread', 'Steered', 'Through', 'Trajectory', 'Workspace', 'correct',
+           'fit_rod', 'gripper_at', 'joined', 'minimise_penalty', 'modes_along', 'replay',
+           'robustness', 'solve_many', 'with_plug']

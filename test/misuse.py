@@ -17,7 +17,7 @@ import numpy as np
 
 import dlo_planner
 import msg_helpers
-from dlo_planner import DloPlannerError, InvalidRod, InvalidTask, Pose
+from dlo_planner import DloPlannerError, InvalidRod, InvalidTask, Pose, parallel
 
 SECONDS = 5  # a call that takes longer hangs
 # not known until they are asked for or looked at, or until there are samples: see their docstrings
@@ -96,6 +96,8 @@ def public_callables():
         elif not issubclass(member, Exception | Enum):
             yield name, member, None
             yield from _methods(name, member)
+    for name in sorted(set(parallel.__all__) - set(dlo_planner.__all__)):
+        yield f'parallel.{name}', getattr(parallel, name), None
     for module in pkgutil.iter_modules(msg_helpers.__path__):
         inside = importlib.import_module(f'msg_helpers.{module.name}')
         for name, member in vars(inside).items():

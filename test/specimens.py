@@ -47,9 +47,11 @@ from dlo_planner import (
     minimise_penalty,
     replay,
     robustness,
+    solve_many,
 )
 from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.parallel import CellGrid, capability_map
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 DEPTHS = (0.0, 0.2)
@@ -77,7 +79,7 @@ def values():
         PointLoad((0.0, 0.0, -1.0)), Piecewise(np.cos, (0.5,)),
         Sheet.around(hole, 1.0, 1.0), FarEnd(LEVEL), simulator.simulate([LEVEL] * 3, 0.01),
         replay(simulator, plan), Limits(), Workspace((-9, -9, -9), keep_out=[floor]),
-        shape.modes(2),
+        shape.modes(2), solve_many(touching, [LEVEL]),
         Spread(length=0.01), robustness(simulator, plan, Spread(length=0.01), samples=2),
         PositionAt(0.5, (0.4, 0, 1)), DirectionAt(0.5, (1, 0, 0)), GripperNear(LEVEL),
         Through((0.4, 0, 1)), AwayFrom((floor,), 0.1), BentAtMost(1.0),
@@ -104,6 +106,7 @@ def arguments():
     plain = {name: getattr(shape, name) for name in (
         'positions', 'frames', 'element_strains', 'energy', 'elastic_energy', 'gripper_wrench',
         'residual', 'stability', 'iterations')}
+    capability = _capability(known['InverseSimulator'])
     return plain | {
         # what it is, where it is
         'rod': wire, 'length': 1.0, 'mass_per_length': 0.1, 'bending_stiffness': 1.0,
@@ -164,6 +167,21 @@ def arguments():
         'ObservedMotion.times': [0.0, 0.01], 'ObservedMotion.points': np.ones((2, 1, 3)),
         'observations': [known['Observation']], 'values': {}, 'deviations': {}, 'misfit': 0.0,
         'keep_out': (), 'Spread.length': 0.01, 'limits': None, 'samples': 0,
+        # many at once
+        'parallel.map.work': [LEVEL, LEVEL], 'executor': None, 'chunk': 2,
+        'Shapes.of.shapes': [shape],
+        'Shapes.of.s': [0.0, 0.5, 1.0], 'parts': [known['Shapes']], 'Shapes.grippers': [LEVEL],
+        **{f'Shapes.{name}': getattr(known['Shapes'], name) for name in (
+            's', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'energy',
+            'elastic_energy', 'dissipated', 'residual', 'stability', 'violation', 'iterations',
+            'converged', 'jumped', 'contact_table')},
+        'grid': capability.grid, 'inverse': known['InverseSimulator'], 'starts': (),
+        'folder': 'map', 'patience': 2.0, 'axis': 'y', 'quantity': 'share',
+        'parallel.capability_map.depths': DEPTHS, 'directions': [[1, 0, 0]], 'radii': [0.2],
+        'parallel.CellGrid.positions': [[0.4, 0, 1]], 'capability': capability,
+        **{f'parallel.CapabilityMap.{name}': getattr(capability, name) for name in (
+            'outcome', 'amount', 'fraction', 'clearance', 'stability', 'roll', 'start', 'gripper',
+            'seconds')},
         # messages
         'name': 'wire', 'hardware_id': 'wire', 'level': b'\x00', 'message': 'ok',
         'diagnostics.diagnostics_msg.values': {'a': 1.0}, 'stamp': Time(), 'frame_id': 'world',
@@ -203,6 +221,10 @@ def _stamped():
     stamped.header.frame_id = 'world'
     stamped.pose.orientation.w = 1.0
     return stamped
+
+
+def _capability(inverse):
+    return capability_map(inverse, CellGrid([[0.4, 0, 1]], [[1, 0, 0]], [0.2]), depths=DEPTHS)
 
 
 def _back(plan):

@@ -1,0 +1,100 @@
+"""A piece of work: some gripper poses, and the shapes that a worker finds there."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from pickle import dumps, loads
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import freeze, put
+from dlo_planner.parallel.shapes import columns
+
+_KNOWN = 8  # contents that a worker keeps
+
+
+class Shared:
+    """Something that many pieces of work need: a worker unpacks it once and keeps it."""
+
+    def __init__(self, content: Any):
+        self.content = content
+        self._packed = None
+
+    def __reduce__(self):
+        if self._packed is None:
+            self._packed = dumps(self.content, protocol=5)
+        return _unpacked, (self._packed,)
+
+
+@lru_cache(maxsize=_KNOWN)
+def _unpacked(packed):
+    return Shared(loads(packed))
+
+
+class Piece(NamedTuple):
+    """Gripper poses to be followed, as arrays: a pickled Pose costs ten times as much.
+
+    Attributes:
+        simulator: Shared DirectSimulator
+        positions: (m, 3) m; rotations: (m, 3, 3)
+        anew: indices of poses that begin from the natural shape, whatever comes before
+        start: Shape before the first pose, or None
+        dropped: so many shapes at the beginning are not given back
+        ends: whether the first and the last Shape are given back as well
+        seconds: of computing that are left; None: no limit
+    """
+
+    simulator: Shared
+    positions: np.ndarray
+    rotations: np.ndarray
+    anew: tuple[int, ...] = ()
+    start: Shape | None = None
+    dropped: int = 0
+    ends: bool = False
+    seconds: float | None = None
+
+
+class Found(NamedTuple):
+    """What a Piece gives: `columns`, and where they are asked for the Shapes at its ends.
+
+    Attributes:
+        rows: dict of arrays, see `shapes.columns`
+        first: the first Shape, where it is not given back otherwise
+        last: Shape from which the next piece goes on: the last that converged, or nearly did
+    """
+
+    rows: dict[str, np.ndarray]
+    first: Shape | None = None
+    last: Shape | None = None
+
+
+def piece_of(simulator: Shared, grippers: Sequence[Pose], **more: Any) -> Piece:
+    """Return the Piece of some Poses."""
+    return Piece(simulator, np.array([pose.position for pose in grippers]),
+                 np.array([pose.rotation for pose in grippers]), **more)
+
+
+def found(piece: Piece) -> Found:
+    """Return what a Piece asks for; this is what workers do."""
+    simulator = piece.simulator.content
+    grippers = [_pose(*both) for both in zip(piece.positions, piece.rotations, strict=True)]
+    starts = sorted({0, *piece.anew})
+    shapes = []
+    for begin, end in zip(starts, [*starts[1:], len(grippers)], strict=True):
+        shapes += simulator.track(grippers[begin:end], deadline=piece.seconds,
+                                  initial=None if begin in piece.anew else piece.start)
+    rows = columns(shapes[piece.dropped:], simulator._discretisation.s)
+    if not piece.ends:
+        return Found(rows)
+    good = [shape for shape in shapes if shape.converged or shape.nearly]
+    return Found(rows, shapes[0] if piece.dropped else None, good[-1] if good else piece.start)
+
+
+def _pose(position, rotation):
+    """Return a Pose with exactly these axes, which `Pose.from_rotation` would make orthonormal."""
+    pose = object.__new__(Pose)
+    put(pose, position=position.copy(), rotation=rotation.copy())
+    freeze(list(pose.__dict__.values()))
+    return pose

@@ -1,0 +1,250 @@
+"""Many shapes as arrays: what travels between processes, and what programs work with."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from dlo_planner.direct.contacts import Contact
+from dlo_planner.direct.history import mapped
+from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import instance, items, results, row, shown
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value, brief, put
+
+_FIGURES = ('energy', 'elastic_energy', 'dissipated', 'residual', 'stability', 'violation')
+_FLAGS = ('converged', 'jumped')
+_CONTACT = 14  # columns: which shape, and the 13 numbers of a Contact
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Shapes(Value):
+    """Static shapes of one DLO on one mesh; n shapes of N elements, N + 1 nodes, world frame, SI.
+
+    An array has one row per shape, of what `Shape` says under the same name. A shape that was
+    computed on a finer mesh is given at the nodes `s` all the same, exactly on its arcs; its
+    strains are averaged over the elements then. `len`, indices, slices and loops work: one entry
+    is a Shape (without the past of its contacts and grips, and its error estimate is not known).
+
+    Attributes:
+        grippers: n Pose
+        s: (N + 1,) arc lengths of the nodes, m
+        positions: (n, N + 1, 3) m; frames: (n, N + 1, 3, 3); element_strains: (n, N, 3) 1/m
+        gripper_wrench: (n, 6) N and N m
+        energy, elastic_energy, dissipated: (n,) J
+        residual, stability: (n,); violation: (n,) m
+        iterations: (n,) Newton steps
+        converged, jumped: (n,) True or False
+        contact_table: (m, 14) all contacts by shape and s: index of the shape, then obstacle, s,
+            position, normal, force, friction, penetration as in `Contact`
+
+    Raises:
+        InvalidTask: the sizes do not fit; the message names the attribute
+    """
+
+    grippers: tuple[Pose, ...]
+    s: np.ndarray
+    positions: np.ndarray
+    frames: np.ndarray
+    element_strains: np.ndarray
+    gripper_wrench: np.ndarray
+    energy: np.ndarray
+    elastic_energy: np.ndarray
+    dissipated: np.ndarray
+    residual: np.ndarray
+    stability: np.ndarray
+    violation: np.ndarray
+    iterations: np.ndarray
+    converged: np.ndarray
+    jumped: np.ndarray
+    contact_table: np.ndarray = ()
+
+    def __post_init__(self):
+        grippers = items('Shapes.grippers', self.grippers, Pose)
+        n, s = len(grippers), row('Shapes.s', self.s, least=2, minimum=0)
+        if s[0] != 0 or (np.diff(s) <= 0).any():
+            raise InvalidTask(f'Shapes.s = {shown(s.tolist())}: expected arc lengths that grow '
+                              'from 0')
+        sizes = {'positions': (s.size, 3), 'frames': (s.size, 3, 3),
+                 'element_strains': (s.size - 1, 3), 'gripper_wrench': (6,),
+                 **{name: () for name in _FIGURES}}
+        contacts = self.contact_table if _length(self.contact_table) else np.zeros((0, _CONTACT))
+        put(self, grippers=grippers, s=s,
+            iterations=_whole('Shapes.iterations', self.iterations, n),
+            contact_table=results('Shapes.contact_table', contacts, (None, _CONTACT)),
+            **{name: results(f'Shapes.{name}', getattr(self, name), (n, *size))
+               for name, size in sizes.items()},
+            **{name: _flags(f'Shapes.{name}', getattr(self, name), n) for name in _FLAGS})
+        of = self.contact_table[:, 0]
+        if not (np.isin(of, np.arange(n)).all() and (np.diff(of) >= 0).all()):
+            raise InvalidTask('Shapes.contact_table: expected indices of shapes, not falling, in '
+                              f'its first column, got {shown(of.tolist())}')
+        super().__post_init__()
+
+    def __repr__(self):
+        n = len(self)
+        return brief(self, f'{n} shapes', f'{self.s.size - 1} elements',
+                     f'{int(self.converged.sum())} converged',
+                     f'{int(self.jumped.sum())} jumped' if self.jumped.any() else '',
+                     *([f'residual {self.residual.max():.1g}',
+                        f'stability {self.stability.min():.2g}'] if n else []),
+                     f'{len(self.contact_table)} contacts' if len(self.contact_table) else '')
+
+    def __len__(self):
+        return len(self.grippers)
+
+    def __iter__(self) -> Iterator[Shape]:
+        return (self._shape(k) for k in range(len(self)))
+
+    def __getitem__(self, index: int | slice) -> 'Shape | Shapes':
+        """Return one Shape, or the Shapes of a slice."""
+        chosen = range(len(self))[index]
+        return self._chosen(chosen) if isinstance(index, slice) else self._shape(chosen)
+
+    def _chosen(self, chosen):
+        order, of = np.array(chosen, dtype=int), self.contact_table[:, 0]
+        tables = [self.contact_table[of == k] for k in chosen]
+        table = np.concatenate([np.zeros((0, _CONTACT)), *tables])
+        table[:, 0] = np.repeat(np.arange(len(tables)), [len(one) for one in tables])
+        return replace(self, grippers=tuple(self.grippers[k] for k in chosen),
+                       contact_table=table, **{name: getattr(self, name)[order]
+                                               for name in _PER_SHAPE})
+
+    def _shape(self, k):
+        contacts = self.contact_table[self.contact_table[:, 0] == k]
+        return Shape(
+            self.grippers[k], self.s, contacts=tuple(map(_contact, contacts)),
+            iterations=int(self.iterations[k]),
+            **{name: getattr(self, name)[k] for name in (
+                'positions', 'frames', 'element_strains', 'gripper_wrench')},
+            **{name: float(getattr(self, name)[k]) for name in _FIGURES},
+            **{name: bool(getattr(self, name)[k]) for name in _FLAGS})
+
+    @property
+    def tangents(self) -> np.ndarray:
+        """(n, N + 1, 3) unit tangents of the nodes."""
+        return self.frames[..., 0]
+
+    @classmethod
+    def of(cls, shapes: Iterable[Shape], s: np.ndarray | None = None) -> 'Shapes':
+        """Return the Shapes of one DLO, given one by one, whose far ends are free.
+
+        Args:
+            shapes: one Shape or more
+            s: (N + 1,) arc lengths of the nodes, m, from 0 to the length; None: those of the first
+
+        Raises:
+            InvalidTask: there is none, a far end is held, or lengths differ
+        """
+        shapes = items('shapes', shapes, Shape, least=1)
+        s = shapes[0].s if s is None else row('s', s, least=2, minimum=0)
+        for k, shape in enumerate(shapes):
+            if shape.far_end is not None or shape.parts is not None:
+                raise InvalidTask(f'shapes[{k}] = {shape!r}: expected a DLO that only the gripper '
+                                  'holds, at its beginning')
+            if abs(shape.s[-1] - s[-1]) > _SAME * s[-1]:
+                raise InvalidTask(f'shapes[{k}] = {shape!r}: expected the length of s, '
+                                  f'{s[-1]:g} m')
+        return cls([shape.gripper for shape in shapes], s, **columns(shapes, s))
+
+    @classmethod
+    def joined(cls, parts: Iterable['Shapes']) -> 'Shapes':
+        """Return the Shapes of several, one after the other.
+
+        Raises:
+            InvalidTask: there is none, or their nodes differ
+        """
+        parts = items('parts', parts, Shapes, least=1)
+        for k, part in enumerate(parts):
+            if not np.array_equal(part.s, parts[0].s):
+                raise InvalidTask(f'parts[{k}] = {part!r}: expected the nodes of the first')
+        return cls([gripper for part in parts for gripper in part.grippers], parts[0].s,
+                   **stacked([{name: getattr(part, name) for name in (
+                       *_PER_SHAPE, 'contact_table')} for part in parts]))
+
+
+_PER_SHAPE = tuple(item.name for item in fields(Shapes)
+                   if item.name not in ('grippers', 's', 'contact_table'))
+_SAME = 1e-9  # of the length
+
+
+def columns(shapes: Sequence[Shape], s: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the arrays of some Shape at the nodes `s` (N + 1,): those of `Shapes` by name."""
+    n, places = len(shapes), [_at(shape, s) for shape in shapes]
+    table = [[k, c.obstacle, c.s, *c.position, *c.normal, c.force, *c.friction, c.penetration]
+             for k, shape in enumerate(shapes) for c in shape.contacts]
+    return {'positions': np.array([one[0] for one in places]).reshape(n, s.size, 3),
+            'frames': np.array([one[1] for one in places]).reshape(n, s.size, 3, 3),
+            'element_strains': np.array([one[2] for one in places]).reshape(n, s.size - 1, 3),
+            'gripper_wrench': np.array([shape.gripper_wrench for shape in shapes]).reshape(n, 6),
+            **{name: np.array([getattr(shape, name) for shape in shapes], dtype=float)
+               for name in _FIGURES},
+            **{name: np.array([getattr(shape, name) for shape in shapes], dtype=bool)
+               for name in _FLAGS},
+            'iterations': np.array([shape.iterations for shape in shapes], dtype=int),
+            'contact_table': np.array(table, dtype=float).reshape(-1, _CONTACT)}
+
+
+def stacked(parts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Return the arrays of several `columns` as one."""
+    counts = np.cumsum([0, *(len(part['converged']) for part in parts)])
+    tables = [part['contact_table'] + first * (np.arange(_CONTACT) == 0)
+              for part, first in zip(parts, counts, strict=False)]
+    return {**{name: np.concatenate([part[name] for part in parts]) for name in _PER_SHAPE},
+            'contact_table': np.concatenate(tables)}
+
+
+def cut(part: dict[str, np.ndarray], begin: int) -> dict[str, np.ndarray]:
+    """Return `columns` without the first `begin` shapes."""
+    table = part['contact_table'][part['contact_table'][:, 0] >= begin]
+    return {**{name: part[name][begin:] for name in _PER_SHAPE},
+            'contact_table': table - begin * (np.arange(_CONTACT) == 0)}
+
+
+def _at(shape, s):
+    """Return positions, frames and strains of a Shape on the nodes `s`."""
+    if shape.s is s or np.array_equal(shape.s, s):
+        return shape.positions, shape.frames, shape.element_strains
+    ends = np.minimum(s, shape.s[-1])
+    frames, positions = zip(*(shape.frame_at(float(value)) for value in ends), strict=True)
+    return np.array(positions), np.array(frames), mapped(shape.s, shape.element_strains, s)
+
+
+def _contact(line):
+    return Contact(int(line[1]), line[2], line[3:6], line[6:9], line[9], line[10:13], line[13])
+
+
+def _length(value):
+    """Return how many items a value has; 1 where it has no length, so that it is looked at."""
+    try:
+        return len(value)
+    except TypeError:
+        return 1
+
+
+def _flags(name, value, n):
+    given = _plain(name, value, n, 'True or False')
+    if given.size and given.dtype != bool:
+        raise InvalidTask(f'{name} = {shown(value)}: expected {n} of True or False')
+    return given.astype(bool)
+
+
+def _whole(name, value, n):
+    given = _plain(name, value, n, 'integers')
+    if given.size and (given.dtype.kind not in 'iu' or (given < 0).any()):
+        raise InvalidTask(f'{name} = {shown(value)}: expected {n} integers from 0')
+    return given.astype(int)
+
+
+def _plain(name, value, n, kind):
+    """Return an array (n,) of whatever numbers were given."""
+    instance(name, value, (list, tuple, np.ndarray))
+    try:
+        given = np.asarray(value)
+    except Exception:  # whatever its conversion raises
+        raise InvalidTask(f'{name} = {shown(value)}: expected {n} {kind}') from None
+    if given.shape != (n,):
+        raise InvalidTask(f'{name} has shape {given.shape}: expected ({n},) of {kind}, '
+                          'one for each of Shapes.grippers')
+    return given.copy()

@@ -1,0 +1,107 @@
+"""Whether one cut-out can be threaded, from where, and with what margin: a task of the map."""
+
+from time import thread_time
+from typing import NamedTuple
+
+import numpy as np
+
+from dlo_planner.errors import DeadlineExceeded, Infeasible
+from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose
+from dlo_planner.parallel.cell_grid import CellGrid
+from dlo_planner.parallel.pieces import Shared
+
+THREADED, UNDECIDED = 'threaded', 'undecided'
+LONGEST = 32      # characters of an outcome
+_BETTER = 1e-6    # of stability: a start that is better by less is not preferred to one before it
+COLUMNS = {'outcome': (f'<U{LONGEST}', ()), 'amount': (float, ()), 'fraction': (float, ()),
+           'clearance': (float, ()), 'stability': (float, ()), 'roll': (float, ()),
+           'start': (int, ()), 'gripper': (float, (7,)), 'seconds': (float, ())}
+
+
+class Question(NamedTuple):
+    """What is asked about every cut-out.
+
+    Attributes:
+        inverse: InverseSimulator; grid: CellGrid
+        starts: Poses of the gripper to begin with; none: only the threading is looked at
+        depths: (n,) m, or None
+        patience: s of computing for a plan, after which it is undecided
+    """
+
+    inverse: InverseSimulator
+    grid: CellGrid
+    starts: tuple[Pose, ...]
+    depths: np.ndarray | None
+    patience: float
+
+
+class Batch(NamedTuple):
+    """A piece of work: the cut-outs from `begin` up to `end` of a Shared Question."""
+
+    question: Shared
+    begin: int
+    end: int
+
+
+def answers(batch: Batch) -> dict[str, np.ndarray]:
+    """Return the columns of a Batch; this is what workers do."""
+    question = batch.question.content
+    lines = [answer(question, question.grid.cutout(index))
+             for index in range(batch.begin, batch.end)]
+    return {name: np.array([line[name] for line in lines], dtype=kind)
+            for name, (kind, _) in COLUMNS.items()}
+
+
+def answer(question: Question, cutout: CutOut) -> dict:
+    """Return a line of the map: the best of all starts, or the refusal that came farthest."""
+    begun, starts = thread_time(), question.starts or (None,)
+    lines = [_from(question, cutout, k, start) for k, start in enumerate(starts)]
+    best = lines[0]
+    for line in lines[1:]:
+        if _rank(line) > _rank(best) + _BETTER:
+            best = line
+    return best | {'seconds': thread_time() - begun}
+
+
+def _rank(line):
+    """Return a number that is larger the better a line is: threaded, undecided, refused."""
+    if line['outcome'] == THREADED:
+        return 2.0 + line['stability']
+    return 1.5 if line['outcome'] == UNDECIDED else line['fraction']
+
+
+def _from(question, cutout, index, start):
+    """Return the line of one start (a Pose or None)."""
+    line = {'outcome': THREADED, 'amount': np.nan, 'fraction': 0.0, 'clearance': np.nan,
+            'stability': np.nan, 'roll': np.nan, 'start': -1 if start is None else index,
+            'gripper': np.full(7, np.nan)}
+    inverse, patience, prefix = question.inverse, question.patience, ''
+    try:
+        plan = inverse.thread(cutout, start=start, depths=question.depths, deadline=patience)
+        line |= _margins(plan)
+        if start is not None:
+            prefix = 'start_phase.'
+            way = inverse.start_phase(cutout, plan, start, deadline=patience)
+            line['stability'] = min(line['stability'], float(way.stability.min()))
+    except Infeasible as refused:
+        line |= {'outcome': (prefix + refused.constraint)[:LONGEST], 'amount': refused.amount}
+        if not prefix:
+            line['fraction'] = 0.0 if refused.plan is None else refused.plan.fraction
+    except DeadlineExceeded as error:
+        if error.seconds != patience:
+            raise  # it is the map's own
+        line['outcome'] = UNDECIDED
+    return line
+
+
+def _margins(plan):
+    """Return what a Plan says of its margins and of its beginning."""
+    first = plan.grippers[0]
+    upright = Pose.looking_along(first.position, first.direction).rotation
+    axes = upright.T @ first.rotation
+    return {'fraction': plan.fraction, 'clearance': float(plan.clearance.min()),
+            'stability': float(plan.stability.min()),
+            'roll': float(np.arctan2(axes[2, 1], axes[1, 1])),
+            'gripper': np.concatenate([first.position, first.quaternion])}

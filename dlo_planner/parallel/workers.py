@@ -1,0 +1,157 @@
+"""Work for any executor: results in order, workers that die, progress, an end when it is asked for.
+
+An executor is one of `concurrent.futures`: threads, processes, or a cluster's (`dask.distributed`:
+`Client(...).get_executor()`).
+"""
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    Executor,
+    ProcessPoolExecutor,
+    wait,
+)
+from typing import Any
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import shown
+
+_LOOK = 0.05  # s between two looks at the deadline
+_VAIN = 3     # executors that break one after the other without a result: the work breaks them
+
+Workers = Executor | Callable[[], Executor] | None
+
+
+def checked(executor: object) -> Workers:
+    """Return an executor, a function that makes one, or None; raise InvalidTask."""
+    if executor is None or isinstance(executor, Executor) or callable(executor):
+        return executor
+    raise InvalidTask(f'executor = {shown(executor)}: expected an Executor of concurrent.futures, '
+                      'a function that makes one, or None')
+
+
+class Crew:
+    """Gives work to an executor, and to the next one where that breaks; a context manager.
+
+    Args:
+        executor: an Executor, which stays open; a function that makes one, which is closed at the
+            end; None: the work is done here
+        check: called often; what it raises ends the work
+
+    A pool of processes that has lost one is broken: what it had not finished is done again by a
+    new one, made by the function, or like the ProcessPoolExecutor that was given.
+    """
+
+    def __init__(self, executor: Workers, check: Callable[[], object]):
+        self._make = None if executor is None or isinstance(executor, Executor) else executor
+        self._executor = executor if self._make is None else None
+        self._check = check
+        self._own = False
+
+    def __enter__(self):
+        if self._make is not None:
+            self._renew()
+        return self
+
+    def __exit__(self, kind, *_):
+        if self._own:
+            self._executor.shutdown(wait=kind is None, cancel_futures=True)
+
+    def run(self, function: Callable, tasks: Iterable,
+            finished: Callable[[int, Any], object]) -> list:
+        """Return function(task) for all tasks, in their order.
+
+        Args:
+            function: of one task; it can be pickled, where the executor has to
+            tasks: may be computed one by one, while others are worked on
+            finished: called as finished(index, result), in the order in which they end
+        """
+        results = {}
+
+        def done(index, result):
+            results[index] = result
+            finished(index, result)
+
+        if self._executor is None:
+            for index, task in enumerate(tasks):
+                self._check()
+                done(index, function(task))
+        else:
+            self._share_out(function, tasks, done)
+        return [results[index] for index in range(len(results))]
+
+    def _share_out(self, function, tasks, done):
+        waiting, vain = {}, 0
+        try:
+            for index, task in enumerate(tasks):
+                self._check()
+                vain = self._collect(function, waiting, done, 0, vain)
+                self._submit(function, waiting, index, task)
+            while waiting:
+                self._check()
+                vain = self._collect(function, waiting, done, _LOOK, vain)
+        finally:
+            for future in waiting:  # there are none unless something was raised
+                future.cancel()
+
+    def _submit(self, function, waiting, index, task):
+        try:
+            future = self._executor.submit(function, task)
+        except BrokenExecutor as error:  # what it had is not forgotten: those futures say so
+            self._renew(error)
+            future = self._executor.submit(function, task)
+        waiting[future] = index, task, self._executor
+
+    def _collect(self, function, waiting, done, seconds, vain):
+        """Take what has ended, give again what was lost; return how often that was in vain."""
+        ended, _ = wait(waiting, seconds, FIRST_COMPLETED)
+        lost, broken = [], None
+        for future in ended:
+            error = future.exception()
+            if error is not None and not isinstance(error, BrokenExecutor):
+                raise error
+            index, task, executor = waiting.pop(future)
+            if error is None:
+                done(index, future.result())
+                vain = 0
+                continue
+            lost.append((index, task))
+            if executor is self._executor:
+                broken = error
+        if broken is not None:
+            vain += 1
+            if vain > _VAIN:
+                broken.add_note(f'{vain} executors in a row broke without a result')
+                raise broken
+            self._renew(broken)
+        for index, task in sorted(lost, key=lambda one: one[0]):
+            self._submit(function, waiting, index, task)
+        return vain
+
+    def _renew(self, error=None):
+        """Take a new executor; raise `error` where there is no telling how to make one."""
+        broken = self._executor
+        if self._make is not None:
+            self._executor = _made(self._make)
+        elif isinstance(broken, ProcessPoolExecutor):
+            self._executor = ProcessPoolExecutor(
+                broken._max_workers, broken._mp_context, broken._initializer, broken._initargs)
+        else:
+            raise error
+        if self._own:
+            broken.shutdown(wait=False, cancel_futures=True)
+        self._own = True
+
+
+def _made(make):
+    """Return the Executor that a user's function makes."""
+    try:
+        made = make()
+    except Exception as error:  # it is somebody else's function: any may come
+        raise InvalidTask(f'executor = {shown(make)}: expected a function that makes an Executor, '
+                          f'it raised {type(error).__name__}: {shown(str(error))}') from error
+    if not isinstance(made, Executor):
+        raise InvalidTask(f'executor = {shown(make)}: expected a function that makes an Executor, '
+                          f'it made {shown(made)}')
+    return made

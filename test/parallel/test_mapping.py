@@ -1,0 +1,279 @@
+"""Many shapes at once are those that one after the other would give, whoever computes them."""
+
+import os
+import signal
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+from conftest import copper_wire
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import (
+    Capsule,
+    DeadlineExceeded,
+    DirectSimulator,
+    InvalidTask,
+    Plane,
+    Pose,
+    Rod,
+    Shapes,
+    parallel,
+    solve_many,
+)
+from dlo_planner.parallel.chains import parts_of
+from dlo_planner.progress import interrupted_by
+
+BAR = Capsule((0.3, -0.5, 0.7), (0.3, 0.5, 0.7), 0.02)
+FIGURES = ('positions', 'frames', 'element_strains', 'gripper_wrench', 'energy', 'elastic_energy',
+           'dissipated', 'residual', 'stability', 'violation', 'iterations', 'converged', 'jumped')
+
+
+def processes():
+    return ProcessPoolExecutor(2, mp_context=get_context('fork'))
+
+
+def turned(degrees):
+    return Pose((0, 0, 1), Rotation.from_euler('y', -degrees, degrees=True).as_quat())
+
+
+def benchmark_c():
+    return [turned(angle) for angle in [*range(0, 181, 10), *range(170, -1, -10)]]
+
+
+def lowered(count, lowest=0.59):
+    return [Pose((0, 0, z), (0, 0, 0, 1)) for z in np.linspace(0.95, lowest, count)]
+
+
+@pytest.fixture(scope='module')
+def simulator():
+    return DirectSimulator(copper_wire(), n_elements=32)
+
+
+@pytest.fixture(scope='module')
+def anywhere():
+    rng = np.random.default_rng(7)
+    return [Pose(rng.normal(size=3), rng.normal(size=4)) for _ in range(40)]
+
+
+def assert_same(shapes, serial):
+    assert len(shapes) == len(serial)
+    for k, shape in enumerate(serial):
+        for name in FIGURES:
+            np.testing.assert_array_equal(getattr(shapes, name)[k], getattr(shape, name), name)
+        assert shapes[k].gripper == shape.gripper
+        assert shapes[k].contacts == shape.contacts
+
+
+def test_each_by_itself_is_what_solve_gives(simulator, anywhere):
+    serial = [simulator.solve(pose) for pose in anywhere]
+    alone = solve_many(simulator, anywhere)
+    assert_same(alone, serial)
+    assert parallel.map(simulator, anywhere, chunk=7) == alone
+    with ThreadPoolExecutor(2) as executor:
+        assert parallel.map(simulator, anywhere, executor, chunk=7) == alone
+    assert parallel.map(simulator, anywhere, processes, chunk=7) == alone
+
+
+def test_yielding_and_friction_too():
+    yielding = DirectSimulator(copper_wire(yield_stress=60e6, hardening=0.01), n_elements=8)
+    rough = DirectSimulator(copper_wire(), n_elements=8, obstacles=[
+        Capsule((0.3, -0.5, 0.7), (0.3, 0.5, 0.7), 0.02, 0.3)])
+    for simulator, way in ((yielding, benchmark_c()[:5]), (rough, lowered(5, 0.7))):
+        serial = [simulator.solve(pose) for pose in way]
+        assert_same(parallel.map(simulator, way, processes, chunk=2), serial)
+        assert parts_of(simulator, way, 2) == [range(5)]  # what it remembers is not cut
+        assert_same(parallel.map(simulator, [way], processes, chunk=2)[0], simulator.track(way))
+
+
+def test_short_motions_are_those_of_track(simulator):
+    motions = [benchmark_c()[5 * k:5 * k + 5] for k in range(6)]
+    for shapes, motion in zip(parallel.map(simulator, motions, processes), motions, strict=True):
+        assert_same(shapes, simulator.track(motion))
+
+
+@pytest.mark.parametrize('chunk', [1, 3, 9, 11])
+def test_parts_of_a_motion_meet_on_the_branch_of_track(simulator, chunk):
+    way = benchmark_c()  # with two jumps: on the way back it hangs over longer than it stood
+    serial = Shapes.of(simulator.track(way))
+    shapes, = parallel.map(simulator, [way], chunk=chunk)
+    np.testing.assert_allclose(shapes.positions, serial.positions, atol=1e-9)
+    np.testing.assert_array_equal(shapes.jumped, serial.jumped)
+    assert shapes.jumped.sum() == 2
+    assert parallel.map(simulator, [way], processes, chunk=chunk) == [shapes]
+
+
+@pytest.mark.parametrize('chunk', [1, 7, 12])
+def test_parts_follow_a_strip_that_leans_to_the_other_side(chunk):
+    # too high to stand (w L^3 / EI = 20), it leans; tilted there and back it still leans to its
+    # old side, where from its natural shape it would fall to the other one
+    simulator = DirectSimulator(Rod(1.0, 0.1, (0.05, 50.0), 50.0), n_elements=16)
+    way = [turned(angle) for angle in [*range(60, 121, 3), *range(120, 59, -3)]]
+    serial, alone = Shapes.of(simulator.track(way)), solve_many(simulator, way)
+    other = np.abs(alone.positions - serial.positions).max(axis=(1, 2)) > 0.1
+    assert other.sum() == 20 and not serial.jumped.any()
+    shapes, = parallel.map(simulator, [way], chunk=chunk)
+    np.testing.assert_allclose(shapes.positions, serial.positions, atol=1e-9)
+    assert not shapes.jumped.any()
+    assert parallel.map(simulator, [way], processes, chunk=chunk) == [shapes]
+
+
+@pytest.mark.parametrize('obstacles', [[BAR], [BAR, Plane((0, 0, 0.3), (0, 0, 1))]])
+def test_parts_among_obstacles(obstacles):
+    simulator = DirectSimulator(copper_wire(), n_elements=32, obstacles=obstacles)
+    way = lowered(60)
+    serial = Shapes.of(simulator.track(way))
+    shapes, = parallel.map(simulator, [way], chunk=9)
+    np.testing.assert_allclose(shapes.positions, serial.positions, atol=1e-6)
+    np.testing.assert_array_equal(shapes.jumped, serial.jumped)
+    np.testing.assert_array_equal(shapes.contact_table[:, :2], serial.contact_table[:, :2])
+    np.testing.assert_allclose(shapes.contact_table, serial.contact_table, atol=1e-5)
+    assert parallel.map(simulator, [way], processes, chunk=9) == [shapes]
+
+
+def test_a_seam_that_lies_is_mended():
+    # round the bar: the straight coarse way would take the wire to its other side
+    simulator = DirectSimulator(copper_wire(), n_elements=32, obstacles=[BAR])
+    down, away = lowered(12, 0.6), np.linspace(0, 0.6, 12)
+    way = [*down, *(Pose((-x, 0, 0.6), (0, 0, 0, 1)) for x in away),
+           *(Pose((-0.6, 0, z), (0, 0, 0, 1)) for z in np.linspace(0.6, 1.4, 12)),
+           *(Pose((x, 0, 1.4), (0, 0, 0, 1)) for x in np.linspace(-0.6, 0, 12)),
+           *(Pose((0, 0, z), (0, 0, 0, 1)) for z in np.linspace(1.4, 0.7, 12))]
+    serial = Shapes.of(simulator.track(way))
+    for chunk in (7, 25):
+        shapes, = parallel.map(simulator, [way], chunk=chunk)
+        np.testing.assert_allclose(shapes.positions, serial.positions, atol=1e-6)
+        np.testing.assert_array_equal(shapes.converged, serial.converged)
+
+
+def test_shapes_that_fail_are_not_gone_on_from():
+    # as in `track`: what follows a failure goes on from the last that did not fail
+    floor = Plane((0, 0, 1.2), (0, 0, 1))  # the gripper has to be above it
+    blocked = DirectSimulator(copper_wire(), n_elements=8, obstacles=[floor])
+    way = [Pose((0, 0, z), (0, 0, 0, 1)) for z in [2.5, 2.4, 1.1, 2.4, 2.5]]
+    serial = Shapes.of(blocked.track(way))
+    assert not serial.converged.all()
+    for chunk in (1, 2):
+        shapes, = parallel.map(blocked, [way], chunk=chunk)
+        np.testing.assert_array_equal(shapes.converged, serial.converged)
+        good = serial.converged
+        np.testing.assert_allclose(shapes.positions[good], serial.positions[good], atol=1e-6)
+
+
+def test_a_pinned_gripper():
+    simulator = DirectSimulator(copper_wire(natural_curvature=(0.0, 1.0)), n_elements=16,
+                                grip='pinned')
+    poses = [turned(angle) for angle in (0, 40, 80)]
+    shapes = parallel.map(simulator, poses)
+    for shape, serial in zip(shapes, map(simulator.solve, poses), strict=True):
+        np.testing.assert_array_equal(shape.positions, serial.positions)
+        np.testing.assert_allclose(shape.gripper.rotation, serial.gripper.rotation, atol=1e-14)
+
+
+def test_a_graded_mesh_is_given_on_the_common_nodes():
+    simulator = DirectSimulator(copper_wire(tip_mass=1.0), accuracy=1e-5)
+    serial = [simulator.solve(turned(angle)) for angle in (0, 30)]
+    shapes = solve_many(simulator, [shape.gripper for shape in serial])
+    assert {shape.s.size for shape in serial} != {shapes.s.size}
+    for k, shape in enumerate(serial):
+        np.testing.assert_allclose(shapes.positions[k], shape.positions_at(shapes.s), atol=1e-12)
+        assert shapes.converged[k] and shapes.residual[k] == shape.residual
+
+
+class _Dying(ProcessPoolExecutor):
+    """A pool of which a process is killed while it works on the third piece."""
+
+    killed = 0
+
+    def submit(self, function, /, *args, **kwargs):
+        future = super().submit(function, *args, **kwargs)
+        type(self).killed += 1
+        if self.killed == 3:
+            os.kill(next(iter(self._processes)), signal.SIGKILL)
+        return future
+
+
+@pytest.mark.parametrize('own', [True, False])
+def test_a_killed_worker_costs_nothing(simulator, anywhere, own):
+    _Dying.killed = 0
+    make = partial(_Dying, 2, mp_context=get_context('fork'))
+    reported = []
+    if own:
+        shapes = parallel.map(simulator, anywhere, make, chunk=2,
+                              progress=lambda *both: reported.append(both))
+    else:
+        with make() as executor:
+            shapes = parallel.map(simulator, anywhere, executor, chunk=2,
+                                  progress=lambda *both: reported.append(both))
+    assert shapes == solve_many(simulator, anywhere)
+    assert _Dying.killed > 3
+    assert reported[-1] == (40, 40)
+    assert reported == sorted(set(reported))
+
+
+def _die(_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_work_that_kills_its_workers_is_given_up(simulator, anywhere, monkeypatch):
+    monkeypatch.setattr('dlo_planner.parallel.mapping.found', _die)
+    with pytest.raises(BrokenProcessPool):
+        parallel.map(simulator, anywhere, processes)
+
+
+class _Never(Executor):
+    """Its futures never end."""
+
+    def __init__(self):
+        self.given = []
+
+    def submit(self, function, /, *args, **kwargs):
+        self.given.append(Future())
+        return self.given[-1]
+
+
+class _CancelledError(Exception):
+    pass
+
+
+def test_cancel_and_deadline(simulator, anywhere):
+    looks = []
+
+    def enough():
+        looks.append(1)
+        if len(looks) > 8:
+            raise _CancelledError
+
+    never = _Never()
+    with interrupted_by(enough), pytest.raises(_CancelledError):
+        parallel.map(simulator, anywhere, never, chunk=8)
+    assert len(never.given) == 5 and all(future.cancelled() for future in never.given)
+    never = _Never()
+    with pytest.raises(DeadlineExceeded):
+        parallel.map(simulator, anywhere, never, deadline=0.05)
+    assert all(future.cancelled() for future in never.given)
+    with pytest.raises(DeadlineExceeded):
+        solve_many(simulator, anywhere, deadline=1e-6)
+
+
+def _unlucky(piece):
+    raise ArithmeticError(len(piece.positions))
+
+
+def test_errors_of_workers_are_raised(simulator, anywhere, monkeypatch):
+    monkeypatch.setattr('dlo_planner.parallel.mapping.found', _unlucky)
+    with pytest.raises(ArithmeticError, match='8'):
+        parallel.map(simulator, anywhere, processes, chunk=8)
+
+
+def test_what_is_no_work_is_refused(simulator, anywhere):
+    with pytest.raises(InvalidTask, match=r'work\[1\]'):
+        parallel.map(simulator, [anywhere[0], anywhere])
+    with pytest.raises(InvalidTask, match=r'work\[0\]'):
+        parallel.map(simulator, [[]])
+    with pytest.raises(InvalidTask, match='executor'):
+        parallel.map(simulator, anywhere, lambda: 3)
+    assert len(parallel.map(simulator, [])) == 0
