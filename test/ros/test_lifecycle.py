@@ -190,7 +190,7 @@ def test_nothing_is_seen_before_it_is_ready_but_that_it_starts(monkeypatch, cont
     assert made
 
 
-@pytest.mark.parametrize('limits', [Limits(), Limits(linear_acceleration=0.04)],
+@pytest.mark.parametrize('limits', [Limits(), Limits(linear_acceleration=0.06)],
                          ids=['quickly', 'slowly'])
 def test_a_motion_comes_to_rest_before_it_is_inactive(monkeypatch, context, witness, limits):
     wire = DirectSimulator(Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34))
@@ -198,7 +198,7 @@ def test_a_motion_comes_to_rest_before_it_is_inactive(monkeypatch, context, witn
                                          depths=np.linspace(0, 0.95, 12))
     way = Trajectory(plan, limits, tolerance=np.inf)
     speeds = np.linalg.norm(way.at(np.linspace(0, way.duration, 999))[1][:, :3], axis=1)
-    fast = 50 * way.duration * np.argmax(speeds > 0.8 * speeds.max()) / 998  # commands until it is
+    fast = 50 * way.duration * np.argmax(speeds > 0.95 * speeds.max()) / 998  # commands until it is
     unguarded = Guards(path_position=0.0, path_angle=0.0, incoming_command_timeout=0.0,
                        longest_pause=0.0)
     execution = Execution(way, Pose.identity(), 'world', unguarded, 0.02)
