@@ -24,7 +24,7 @@ class Report:
     def problems(self) -> list[str]:
         """All that was wrong, in words."""
         found = list(self.soak.problems) if self.soak else []
-        return found + [f'{one["fault"]}: not: {wrong}' for one in self.faults
+        return found + [f'{one["fault"]}: {wrong}' for one in self.faults
                         for wrong in one['problems']]
 
     def add_latency(self, one):
@@ -85,4 +85,4 @@ class Report:
         (folder / 'soak.json').write_text(json.dumps({
             'seed': self._seed, 'load': self._load, 'problems': self.problems,
             'latencies': [asdict(one) for one in self.latencies], 'faults': self.faults,
-            'soak': asdict(self.soak) if self.soak else None}, indent=1))
+            'soak': vars(self.soak) if self.soak else None}, indent=1))

@@ -122,8 +122,12 @@ class Stage:
 
     # ---- execution --------------------------------------------------------------------------
 
-    def execution(self, robot: Follower) -> float:
-        """Plan, wait for the proof, begin to execute; return the largest step of a period, m."""
+    def execution(self, robot) -> float:
+        """Plan, wait for the proof, begin to execute; return the largest step of a period, m.
+
+        Args:
+            robot: Follower, or what has its `put`
+        """
         client = self.client
         path = client.plan_threading(GRIPPERS[1], GOAL)[0]
         robot.put(pose_from_msg(path.poses[0].pose))
