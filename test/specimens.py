@@ -176,7 +176,8 @@ def arguments():
             'elastic_energy', 'dissipated', 'residual', 'stability', 'violation', 'iterations',
             'converged', 'jumped', 'contact_table')},
         'grid': capability.grid, 'inverse': known['InverseSimulator'], 'starts': (),
-        'folder': 'map', 'patience': 2.0, 'axis': 'y', 'quantity': 'share',
+        'parallel.capability_map.folder': None, 'folder': 'map', 'patience': 2.0, 'axis': 'y',
+        'quantity': 'share',
         'parallel.capability_map.depths': DEPTHS, 'directions': [[1, 0, 0]], 'radii': [0.2],
         'parallel.CellGrid.positions': [[0.4, 0, 1]], 'capability': capability,
         **{f'parallel.CapabilityMap.{name}': getattr(capability, name) for name in (

@@ -41,7 +41,7 @@ class CapabilityMap(Value):
         outcome: 'threaded'; or the constraint that was not kept, as `Infeasible.constraint`, after
             'start_phase.' where it is the way from the start; 'undecided' where time was over; ''
             where it was not looked at
-        amount: by how much the constraint is broken; nan where none is
+        amount: by how much the constraint is broken, in its unit; nan where that is not known
         fraction: part of the waypoints that is reached
         clearance: m, least of the threading; stability: least of all shapes; nan: no plan
         roll: rad, of the gripper in its first pose about its x axis, 0 where that is upright

@@ -74,7 +74,7 @@ def _rank(line):
 
 def _from(question, cutout, index, start):
     """Return the line of one start (a Pose or None)."""
-    line = {'outcome': THREADED, 'amount': np.nan, 'fraction': 0.0, 'clearance': np.nan,
+    line = {'outcome': THREADED, 'amount': 0.0, 'fraction': 0.0, 'clearance': np.nan,
             'stability': np.nan, 'roll': np.nan, 'start': -1 if start is None else index,
             'gripper': np.full(7, np.nan)}
     inverse, patience, prefix = question.inverse, question.patience, ''
@@ -92,7 +92,7 @@ def _from(question, cutout, index, start):
     except DeadlineExceeded as error:
         if error.seconds != patience:
             raise  # it is the map's own
-        line['outcome'] = UNDECIDED
+        line |= {'outcome': UNDECIDED, 'amount': np.nan}
     return line
 
 

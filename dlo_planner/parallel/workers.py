@@ -56,7 +56,7 @@ class Crew:
 
     def __exit__(self, kind, *_):
         if self._own:
-            self._executor.shutdown(wait=kind is None, cancel_futures=True)
+            self._executor.shutdown(wait=kind is None)  # what is left was cancelled
 
     def run(self, function: Callable, tasks: Iterable,
             finished: Callable[[int, Any], object]) -> list:
@@ -140,7 +140,7 @@ class Crew:
         else:
             raise error
         if self._own:
-            broken.shutdown(wait=False, cancel_futures=True)
+            broken.shutdown(wait=False)
         self._own = True
 
 

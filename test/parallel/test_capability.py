@@ -56,7 +56,7 @@ def test_each_entry_is_what_the_planner_says(inverse, serial):
             assert serial.amount[at] == refused.amount
             assert np.isnan(serial.clearance[at]) and not serial.threaded[at]
             continue
-        assert serial.threaded[at] and serial.fraction[at] == 1 and np.isnan(serial.amount[at])
+        assert serial.threaded[at] and serial.fraction[at] == 1 and serial.amount[at] == 0
         assert serial.clearance[at] == plan.clearance.min()
         assert serial.stability[at] == plan.stability.min()
         np.testing.assert_array_equal(serial.gripper[at][:3], plan.grippers[0].position)
