@@ -18,7 +18,7 @@ from dlo_planner.inverse.steering import Steered
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.door import named
-from dlo_planner.ros.doubts import doubts, unexplained
+from dlo_planner.ros.doubts import doubts, kept_out, unexplained
 from dlo_planner.ros.frames import OneFrame
 from dlo_planner.ros.identifying import identified, told
 from dlo_planner.ros.observing import Observing, deviation
@@ -139,7 +139,12 @@ class Camera:
         self._corrected = made, stamp, found if found.converged else None
         reason = named(doubts(found, observing, scene), state.bodies)
         self._health.corrected(found, reason)
-        if not reason:
+        entry = next((time for time, passes in zip(reached, plan.passes, strict=True) if passes),
+                     -np.inf)
+        barred = kept_out(found, scene, entry, execution.done)
+        if barred:
+            self._store.change(lambda now: now.stopped(Cause.MISS_EXPECTED, barred))
+        elif not reason:
             self._store.change(lambda now: now.steered(execution.way, lambda done: (
                 steered.corrected(done, found, reached[first:]))))
 

@@ -57,6 +57,7 @@ class Cause(IntEnum):
     PAUSED = 412
     SHUTDOWN = 413
     NOTHING_TO_CANCEL = 414
+    MISS_EXPECTED = 415
     INTERNAL = 500
 
 
@@ -105,6 +106,7 @@ MEANINGS = {
     Cause.PAUSED: 'the node stood still for longer than `execute.longest_pause`',
     Cause.SHUTDOWN: 'the node ends',
     Cause.NOTHING_TO_CANCEL: '`cancel`, and nothing was planned or executed',
+    Cause.MISS_EXPECTED: 'the observed DLO is not inside the cut-out with 95 %: it stops before it',
     Cause.INTERNAL: 'an error of the node itself; the log has its place',
 }
 

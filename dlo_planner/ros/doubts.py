@@ -11,6 +11,7 @@ from dlo_planner.ros.scene import Scene
 _ERRORS = 5.0  # standard deviations by which points may be off on the mean
 _MORE = 0.2    # of the points, by which more may be none of the DLO's than are expected
 _SOME = 0.95   # of them
+_STOPPING = 3.0  # s before the entry, at which a motion can still come to rest in front of it
 
 
 def unexplained(observing: Observing, speed: float = 0.0) -> str:
@@ -70,3 +71,23 @@ def _leaves(correction, scene):
         if room < 0:
             return f'it moves the DLO {-room:.3g} m into {type(body).__name__} {index}'
     return ''
+
+
+def kept_out(correction: Correction, scene: Scene, entry: float, now: float) -> str:
+    """Return in words why a motion has to stop before the cut-out, '' if it may go on.
+
+    It goes in if the DLO is inside the cut-out with 95 %, as far as the estimate tells. Whether it
+    is, is judged when the stop has to begin; after the entry it would be of no use.
+
+    Args:
+        correction: the newest one, whether it is executed or not
+        scene: Scene of the plan
+        entry: s of the motion, when the first cut-out is reached; now: s of the motion
+    """
+    radius, thick = scene.cutout_radius, scene.direct.rod.radius or 0.0
+    if radius is None or callable(thick) or not entry - _STOPPING <= now < entry:
+        return ''
+    bound, room = float(correction.miss.bound.max(initial=0.0)), radius - thick
+    return '' if bound <= room else (
+        f'the DLO may miss the cut-out by {bound:.3g} m (95 %): expected at most the room of '
+        f'{room:.3g} m; let it hang at rest before the camera, call ~/identify, and plan again')

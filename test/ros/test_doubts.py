@@ -8,7 +8,7 @@ import pytest
 from closed_loops import DEPTHS, NOISE, SPREAD, START, Truth, plan_of
 
 from dlo_planner import Box, Pose, correct
-from dlo_planner.ros.doubts import doubts, unexplained
+from dlo_planner.ros.doubts import doubts, kept_out, unexplained
 from dlo_planner.ros.observing import Observing, Seeing
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
@@ -110,3 +110,17 @@ def test_a_correction_keeps_workspace_and_obstacles(observing):
     assert 'observe.largest_correction = 0.05 m' in doubts(far, observing, scene())
     lost = replace(correction, converged=False)
     assert 'no stable shape' in doubts(lost, observing, scene())
+
+
+def test_it_stops_before_a_cutout_that_it_may_miss(observing):
+    hole = scene(cutouts__radius=5e-3)
+    unsure = correct(Observing(hole.direct, SEEING).estimate, PLAN)
+    sure = correct(observing.estimate, PLAN)
+    assert sure.miss.bound.max() < 4e-3 < 6e-3 < unsure.miss.bound.max()
+    said = kept_out(unsure, hole, 10.0, 8.0)
+    assert 'may miss the cut-out by' in said
+    assert 'the room of 0.00425 m' in said
+    assert kept_out(sure, hole, 10.0, 8.0) == ''
+    for now in (6.9, 10.0, 12.0):  # there is time left, or it is too late
+        assert kept_out(unsure, hole, 10.0, now) == ''
+    assert kept_out(unsure, scene(), 10.0, 8.0) == ''  # the cut-out has no size
