@@ -37,8 +37,9 @@ def slices(capability: CapabilityMap, axis: str = 'y', quantity: str = 'share'):
     levels = np.unique(np.round(places[:, across] / _ALIKE)) * _ALIKE
     levels = levels[np.unique(np.linspace(0, levels.size - 1, min(levels.size, _MOST)).astype(int))]
     values, known = best(capability, quantity), (capability.outcome != '').any(axis=(1, 2))
-    low, high = (0.0, 1.0) if quantity == 'share' else (
-        np.nanmin(values, initial=np.inf), np.nanmax(values, initial=-np.inf))
+    low, high = 0.0, 1.0
+    if quantity != 'share' and np.isfinite(values).any():
+        low, high = np.nanmin(values), np.nanmax(values)
     columns = min(levels.size, 4)
     figure = Figure(figsize=(1.5 + 3.2 * columns, 1.5 + 3.0 * -(-levels.size // columns)),
                     layout='constrained')

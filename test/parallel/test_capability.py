@@ -163,9 +163,12 @@ def test_a_killed_worker_costs_nothing(inverse, serial, tmp_path):
     assert found == serial and _Dying.killed > 3
 
 
-def test_what_takes_too_long_is_undecided(inverse):
+def test_what_takes_too_long_is_undecided(inverse, tmp_path):
     found = capability_map(inverse, GRID, depths=DEPTHS, patience=1e-9)
     assert (found.outcome == 'undecided').all() and not found.threaded.any()
+    figure = slices(found, 'z', 'clearance')  # crosses alone
+    figure.savefig(tmp_path / 'crosses.png')
+    assert not sum(len(axis.collections[0].get_offsets()) for axis in figure.axes[:2])
 
 
 @pytest.mark.parametrize('quantity', QUANTITIES)
