@@ -3,8 +3,8 @@
 On each leg the rates are the fastest that the gripper's limits, and a bound of the slowly built-up
 deviation, allow. Moving averages as wide as the periods of the slowest modes, at the leg's
 beginning and its end, smooth them: such a window leaves no vibration of its period. Which windows
-and which bound are the quickest is tried; each trial is judged with the frequencies as they are,
-and off by 5 %.
+and which bound are the quickest is tried; each trial is judged with the DLO as it is given, and
+with one whose stiffness is wrong. Each leg takes over the vibration that the one before leaves.
 """
 
 from collections.abc import Callable
@@ -24,8 +24,8 @@ from dlo_planner.inverse.time_law import TimeLaw
 from dlo_planner.inverse.timed_path import smoothed
 
 _BOUNDS, _CLOSER = 12, 0.7  # bounds of deviations that are tried, parts of the one before
-_OFF = (0.95, 1.05)  # frequencies, as if the stiffness was wrong by 10 %, and
-_WORSE = 2.0         # times the tolerance are allowed then
+_OFF = (0.95, 1.05)  # frequencies, where those of a wrong stiffness are not known
+_WORSE = 2.0         # times the tolerance are allowed with a wrong stiffness
 _ARRIVING = 0.5      # part of the tolerance that may be left of a vibration where a leg ends
 _MOST_OFF, _TRIED = 0.3, 30  # part of the frequencies; how many such are tried
 _MUCH = 0.3          # of the tolerance: calmer laws are not looked for
@@ -43,6 +43,8 @@ class LegTask:
         holes: (k, n) arc lengths that pass the k centres at the parameters of `response`, m, nan
             where none does
         last: whether the plan ends with it
+        wrong: Responses, at the same parameters, of DLOs whose stiffness is wrong; None: all
+            frequencies are off by 5 %
     """
 
     leg: Leg
@@ -50,22 +52,47 @@ class LegTask:
     limits: Limits
     holes: np.ndarray
     last: bool
+    wrong: tuple | None = None
+
+    @cached_property
+    def cases(self):
+        """The Case of the DLO as it is given, then those it may be in truth."""
+        wrong = self.wrong or [self.response.faster(off) for off in _OFF]
+        return [Case(self.response, self.holes, self.last, 1.0),
+                *(Case(one, self.holes, self.last, _WORSE) for one in wrong)]
 
     @cached_property
     def supply(self):
-        """Laws tried so far, set by set with what is predicted of them, and rates for more."""
-        return [], _rates(self)
+        """Laws known so far, set by set, what is predicted of them by the states at first, and more.
 
-    @cached_property
-    def passed(self):
-        """For each centre that is passed: the parameter where that begins, and (n, m, 3).
-
-        These are the displacements by the modes, across the DLO, of what passes the centre; of the
-        free end before.
+        The last are parameters and rates.
         """
-        return [(self.response.parameters[np.argmax(np.isfinite(s))],
-                 self.response.sideways(np.where(np.isnan(s), self.response.shapes[0].s[-1], s)))
-                for s in self.holes if np.isfinite(s).any()]
+        return [], {}, _rates(self)
+
+    @property
+    def rest(self):
+        """States of DLOs that do not vibrate, one for each case."""
+        return [case.response.rest for case in self.cases]
+
+    def taken_over(self, before, ends):
+        """Return the states at the beginning: `ends` are those at the end of the LegTask before."""
+        return [case.response.taken_over(other.response, end)
+                for case, other, end in zip(self.cases, before.cases, ends, strict=True)]
+
+    def waited(self, ends, seconds):
+        """Return what becomes of the states at the end, after some seconds."""
+        return [case.response.waited(end, seconds)
+                for case, end in zip(self.cases, ends, strict=True)]
+
+    def after(self, law, begins):
+        """Return the states at the end of a TimeLaw."""
+        return [case.deviation(law, begin)[1]
+                for case, begin in zip(self.cases, begins, strict=True)]
+
+    @property
+    def passed(self):
+        """That of the DLO as it is given: see `Case`."""
+        return self.cases[0].passed
 
     @cached_property
     def sizes(self):
@@ -75,19 +102,66 @@ class LegTask:
         return np.max([np.linalg.norm(sideways, axis=2) for _, sideways in self.passed], axis=0)
 
 
-def calm_law(task: LegTask, tolerance: float,
+@dataclass(frozen=True)
+class Case:
+    """One of the DLOs with which a law is judged.
+
+    Attributes:
+        response: Response; holes, last: as of its LegTask
+        allowed: times the tolerance by which it may deviate
+    """
+
+    response: Response
+    holes: np.ndarray
+    last: bool
+    allowed: float
+
+    @cached_property
+    def passed(self):
+        """For each centre that is passed: the parameter where that begins, and (n, m, 3).
+
+        These are the displacements by the modes, across the DLO, of what passes the centre; of the
+        free end before.
+        """
+        response = self.response
+        return [(response.parameters[np.argmax(np.isfinite(s))],
+                 response.sideways(np.where(np.isnan(s), response.shapes[0].s[-1], s)))
+                for s in self.holes if np.isfinite(s).any()]
+
+    def deviation(self, law, begin):
+        """Return the largest deviation that counts, in m, and the state at the end of a TimeLaw.
+
+        As long as a centre is passed: that of what passes it, across the DLO. At the end of a leg:
+        what is left of the vibration; of a leg that others follow only a part, _ARRIVING, is
+        allowed. States are y and y'/w (2, m) of the modes; `begin` is that at the beginning.
+        """
+        response = self.response
+        times, u, (place, speed) = response.excited(law, begin)
+        left = float((response.sizes[-1] * np.hypot(place[-1], speed[-1])).sum())
+        worst = left if self.last else left / _ARRIVING
+        for first, sideways in self.passed:
+            counts = u >= first
+            away = np.einsum('tmi,tm->ti', response.between(sideways, u[counts]), place[counts])
+            if law.shift is not None:
+                away += law.shift.at(times[counts])
+            worst = max(worst, float(np.linalg.norm(away, axis=1).max(initial=0.0)))
+        return worst, np.stack([place[-1], speed[-1]])
+
+
+def calm_law(task: LegTask, tolerance: float, begins: list | None = None,
              check: Callable[[], None] = lambda: None) -> TimeLaw:
     """Return the quickest TimeLaw found that keeps `tolerance` (m) as far as the response tells.
 
-    The one that comes nearest to that, if none does. `check` is called before each trial; it may
-    raise.
+    The one that comes nearest to that, if none does. `begins` are the states of the cases at the
+    beginning, None: at rest. `check` is called before each trial; it may raise.
     """
-    found = sorted(_candidates(task, tolerance, check), key=lambda one: one[0].duration)
+    begins = task.rest if begins is None else begins
+    found = sorted(_candidates(task, tolerance, begins, check), key=lambda one: one[0].duration)
     best = None
     for law, shifted in _trials(found, tolerance):
         check()
-        kept = _within_limits(task, law, shifted)
-        used = predicted(task, kept)
+        kept = _within_limits(task, law, begins, shifted)
+        used = predicted(task, kept, begins)
         if best is None or used < best[1]:
             best = kept, used
         if used <= tolerance:
@@ -95,17 +169,19 @@ def calm_law(task: LegTask, tolerance: float,
     return best[0]
 
 
-def _candidates(task, tolerance, check):
+def _candidates(task, tolerance, begins, check):
     """Return laws and what is predicted of them, m; ever slower ones, until one is calm by far."""
-    sets, more = task.supply
-    while not sets or min(off for _, off in sets[-1]) >= _MUCH * tolerance:
+    sets, predictions, more = task.supply
+    known = predictions.setdefault(np.array(begins).tobytes(), [])
+    while not known or min(known[-1]) >= _MUCH * tolerance:
         check()
-        rates = next(more, None)
-        if rates is None:
-            break
-        laws = [TimeLaw(*rates, windows) for windows in _windows(task.response)]
-        sets.append([(law, predicted(task, law)) for law in laws])
-    return [one for some in sets for one in some]
+        if len(known) == len(sets):
+            rates = next(more, None)
+            if rates is None:
+                break
+            sets.append([TimeLaw(*rates, windows) for windows in _windows(task.response)])
+        known.append([predicted(task, law, begins) for law in sets[len(known)]])
+    return [one for pair in zip(sets, known, strict=False) for one in zip(*pair, strict=True)]
 
 
 def _trials(found, tolerance):
@@ -127,11 +203,11 @@ def _trials(found, tolerance):
     yield from ((calmer[k], True) for k in some)
 
 
-def _within_limits(task, law, shifted):
+def _within_limits(task, law, begins, shifted):
     """Return a TimeLaw that keeps the limits, with the shift that helps most if it is `shifted`."""
     law = smoothed(task.leg, task.limits, law.parameters, law.rates, law.windows)
     for _ in range(_ROUNDS if shifted else 0):
-        shift = compensated(task, law)
+        shift = compensated(task, law, begins)
         if shift is None:
             break
         used = (shift.most[1:] / task.limits.sizes[:, 0]).max() + most_used(
@@ -142,13 +218,13 @@ def _within_limits(task, law, shifted):
     return law
 
 
-def predicted(task: LegTask, law: TimeLaw) -> float:
-    """Return the largest deviation that counts, in m; half of it where frequencies are off.
+def predicted(task: LegTask, law: TimeLaw, begins: list | None = None) -> float:
+    """Return the largest deviation that counts, in m; half of it where the stiffness is wrong.
 
-    As long as a centre is passed: that of what passes it, across the DLO. At the end of a leg: what
-    is left of the vibration; of a leg that others follow only a part, _ARRIVING, is allowed.
+    See `Case.deviation`. `begins` are the states at the beginning, None: at rest.
     """
-    return max(_predicted(task, law, 1.0), *(_predicted(task, law, off) / _WORSE for off in _OFF))
+    return max(case.deviation(law, begin)[0] / case.allowed for case, begin in zip(
+        task.cases, task.rest if begins is None else begins, strict=True))
 
 
 def margin(task: LegTask, law: TimeLaw, allowed: float) -> float:
@@ -158,24 +234,11 @@ def margin(task: LegTask, law: TimeLaw, allowed: float) -> float:
     """
     tried = np.arange(1, _TRIED + 1) * (_MOST_OFF / _TRIED)
     for k, part in enumerate(tried):
-        if max(_predicted(task, law, 1 - part), _predicted(task, law, 1 + part)) > allowed:
-            return float(tried[k - 1]) if k else 0.0
+        for off in (1 - part, 1 + part):
+            case = Case(task.response.faster(off), task.holes, task.last, 1.0)
+            if case.deviation(law, case.response.rest)[0] > allowed:
+                return float(tried[k - 1]) if k else 0.0
     return _MOST_OFF
-
-
-def _predicted(task, law, off):
-    response = task.response
-    times, u, (place, speed) = response.excited(law, off)
-    left = float((response.sizes[-1] * np.hypot(place[-1], speed[-1])).sum())
-    worst = left if task.last else left / _ARRIVING
-    for begin, sideways in task.passed:
-        counts = u >= begin
-        away = np.einsum('tmi,tm->ti', response.between(sideways, u[counts]),
-                         place[counts])
-        if law.shift is not None:
-            away += law.shift.at(times[counts])
-        worst = max(worst, float(np.linalg.norm(away, axis=1).max(initial=0.0)))
-    return worst
 
 
 def _rates(task):

@@ -17,40 +17,55 @@ _BEFORE = 0.05    # weight of the free end's deviation before something is passe
 _PART = 50        # instants in which what is passed weighs as much as the end of the leg
 
 
-def compensated(task, law):
-    """Return the Shift that makes the deviation of a LegTask's DLO least, None on a short leg.
+def compensated(task, law, begins=None):
+    """Return the Shift that makes the deviations of a LegTask's DLOs least, None on a short leg.
 
     Args:
         law: TimeLaw
+        begins: (2, m) states of the cases at the beginning; None: at rest
     """
-    response = task.response
-    times, u, *oscillators = response.oscillators(law)
-    knots, inner = _knots(law.duration, 2 * np.pi / response.rates.min())
+    knots, inner = _knots(law.duration, 2 * np.pi / task.response.rates.min())
     if not inner.size:
         return None
     basis = BSpline(knots, np.eye(knots.size - DEGREE - 1)[:, inner], DEGREE)
+    normal, wanted = _SMALL**2 * np.eye(3 * inner.size), np.zeros(3 * inner.size)
+    for case, begin in zip(task.cases, task.rest if begins is None else begins, strict=True):
+        rows, own = _answers(case, law, begin, basis)
+        normal += rows.T @ rows / case.allowed**2
+        wanted -= rows.T @ own / case.allowed**2
+    coefficients = np.zeros((knots.size - DEGREE - 1, 3))
+    # the small weight of the shift itself keeps that well posed
+    coefficients[inner] = np.linalg.solve(normal, wanted).reshape(3, -1).T
+    return Shift(knots, coefficients)
+
+
+def _answers(case, law, begin, basis):
+    """Return what counts of the deviation of a Case, by the coefficients (r, 3 k) and before (r,).
+
+    Args:
+        begin: (2, m) state at the beginning
+        basis: BSpline with k pieces; coefficients along x come first, then y, then z
+    """
+    response = case.response
+    times, u, *oscillators = response.oscillators(law)
     middle = 0.5 * (times[1:] + times[:-1])
     pulled = response.between(response.pulls, law.at(middle)[0])
-    # (3 k, t, m): the spline's pieces along x, then y, then z
     force = -np.einsum('tmi,tk->iktm', pulled, basis(middle, 2)).reshape(-1, *pulled.shape[:2])
     places = np.einsum('tk,ij->iktj', basis(times), np.eye(3)).reshape(len(force), -1, 3)
-    own = response.excited(law)[2]
-    answers = vibrated(times[1], *oscillators, force)
-    rows, wanted = [_SMALL * np.eye(3 * inner.size)], [np.zeros(3 * inner.size)]
-    for begin, sideways in task.passed:
+    own = response.excited(law, begin)[2]
+    rest = np.zeros((2, len(force), pulled.shape[1]))
+    answers = vibrated(times[1], *oscillators, force, rest)
+    rows, before = [], []
+    for first, sideways in case.passed:
         moved = response.between(sideways, u)
-        weight = np.where(u >= begin, 1.0, _BEFORE)[:, None] / np.sqrt(len(times) / _PART)
-        wanted.append(-(np.einsum('tmi,tm->ti', moved, own[0]) * weight).ravel())
+        weight = np.where(u >= first, 1.0, _BEFORE)[:, None] / np.sqrt(len(times) / _PART)
+        before.append((np.einsum('tmi,tm->ti', moved, own[0]) * weight).ravel())
         away = np.einsum('tmi,ctm->cti', moved, answers[0]) + places
         rows.append((away * weight).reshape(len(force), -1).T)
     sizes = response.sizes[-1]
-    wanted.append(-(sizes * own[:, -1]).ravel())
+    before.append((sizes * own[:, -1]).ravel())
     rows.append(np.moveaxis(sizes * answers[:, :, -1], 1, 2).reshape(-1, len(force)))
-    rows, wanted = np.vstack(rows), np.concatenate(wanted)
-    found = np.linalg.solve(rows.T @ rows, rows.T @ wanted)  # the first rows keep that well posed
-    coefficients = np.zeros((knots.size - DEGREE - 1, 3))
-    coefficients[inner] = found.reshape(3, -1).T
-    return Shift(knots, coefficients)
+    return np.vstack(rows), np.concatenate(before)
 
 
 def _knots(duration, period):

@@ -11,7 +11,7 @@ the coordinates turn with them. A time law is judged with it in milliseconds; wh
 verified by `DirectSimulator.simulate`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -40,6 +40,7 @@ class Response:
         displacements: (n, m, N + 1, 3) m, of generalized mass 1 kg
         slopes, bends: (n, m), see above
         pulls: (n, m, 3) the same products with a shift of the gripper, of the DLO as it is
+        masses: (N + 1,) of the nodes, kg
         turning: (n - 1, m, m) skew: how fast the modes turn into one another between parameters
     """
 
@@ -51,19 +52,22 @@ class Response:
     slopes: np.ndarray
     bends: np.ndarray
     pulls: np.ndarray
+    masses: np.ndarray
     turning: np.ndarray
 
     @classmethod
-    def of(cls, simulator, leg, first):
+    def of(cls, simulator, leg, first, parameters=None):
         """Return the Response on a Leg that begins in the Shape `first`.
 
         Args:
             simulator: DirectSimulator
+            parameters: (n,) where the modes are looked at; None: closer where they change fast
 
         Raises:
             InvalidTask: a shape on the way has no modes
         """
-        u, shapes, modes = _places(simulator, leg, first)
+        u, shapes, modes = (_places(simulator, leg, first) if parameters is None else
+                            (parameters, *_known(simulator, leg, first, parameters)))
         s = shapes[0].s
         positions = CubicSpline(u, np.array([_on(shape, s) for shape in shapes]))
         masses = node_masses(simulator.rod, s)
@@ -72,7 +76,7 @@ class Response:
                          for order in (1, 2))
         return cls(u, tuple(shapes), 2 * np.pi * np.array([one.frequencies for one in modes]),
                    np.array([one.damping_ratios for one in modes]), displacements, slopes, bends,
-                   np.einsum('k,umki->umi', masses, displacements),
+                   np.einsum('k,umki->umi', masses, displacements), masses,
                    _turning(masses, displacements) / np.diff(u)[:, None, None])
 
     @property
@@ -90,14 +94,17 @@ class Response:
         return Bearing(self.parameters, self.slopes * stiff, self.bends * stiff,
                        np.full(self.slopes.shape, deviation))
 
-    def oscillators(self, law, off=1.0):
+    def faster(self, factor):
+        """Return the Response with all frequencies times a factor."""
+        return replace(self, rates=factor * self.rates)
+
+    def oscillators(self, law):
         """Return times (t + 1,), parameters (t + 1,), rates and damping (t, m), turns (t, m, m).
 
         The last three are those of `vibrated`.
 
         Args:
             law: TimeLaw
-            off: factor of all frequencies, as if the DLO was stiffer or softer
         """
         periods = law.duration * self.rates.min() / (2 * np.pi)
         count = int(np.clip(periods * _PER_PERIOD, _FEWEST, _MOST))
@@ -106,17 +113,17 @@ class Response:
         place = np.clip(np.searchsorted(self.parameters, middle) - 1, 0, len(self.turning) - 1)
         half = 0.5 * np.diff(u)[:, None, None] * self.turning[place]
         one = np.eye(half.shape[1])
-        return (times, u, off * self.between(self.rates, middle),
+        return (times, u, self.between(self.rates, middle),
                 self.between(self.damping, middle), np.linalg.solve(one + half, one - half))
 
-    def excited(self, law, off=1.0):
+    def excited(self, law, begin):
         """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
 
         Args:
             law: TimeLaw, with its shift
-            off: factor of all frequencies
+            begin: (2, m) y and y'/w at its beginning
         """
-        times, u, *oscillators = self.oscillators(law, off)
+        times, u, *oscillators = self.oscillators(law)
         middle = 0.5 * (times[1:] + times[:-1])
         places, rate, change, _ = law.at(middle)
         force = -(self.between(self.slopes, places) * change[:, None]
@@ -124,7 +131,29 @@ class Response:
         if law.shift is not None:
             force -= np.einsum('tmi,ti->tm', self.between(self.pulls, places),
                                law.shift.at(middle, 2))
-        return times, u, vibrated(times[1], *oscillators, force[None])[:, 0]
+        return times, u, vibrated(times[1], *oscillators, force[None], begin[:, None])[:, 0]
+
+    @property
+    def rest(self):
+        """(2, m) y and y'/w of a DLO that does not vibrate."""
+        return np.zeros((2, self.rates.shape[1]))
+
+    def taken_over(self, before, end):
+        """Return (2, m) y and y'/w at the beginning of a DLO that moves as at the end of a leg.
+
+        Args:
+            before: Response on the leg before, with k modes; end: (2, k) y and y'/w at its end
+        """
+        moved = end * np.stack([np.ones(len(before.rates[-1])), before.rates[-1]])
+        here = moved @ np.einsum('k,ski,mki->sm', self.masses, before.displacements[-1],
+                                 self.displacements[0])
+        return here / np.stack([np.ones(len(self.rates[0])), self.rates[0]])
+
+    def waited(self, end, seconds):
+        """Return (2, m) y and y'/w, `end` at the end of the leg, of a DLO after some seconds."""
+        one = np.eye(end.shape[1])[None]
+        return vibrated(seconds, self.rates[-1:], self.damping[-1:], one,
+                        np.zeros((1, 1, end.shape[1])), end[:, None])[:, 0, 1]
 
     def between(self, known, u):
         """Return what is `known` (n, ...) at the parameters, at others u (t,)."""
@@ -154,15 +183,20 @@ def _places(simulator, leg, first):
     parts = max(1, -(-(_PLACES - 1) // (leg.knots.size - 1)))
     u = np.append(leg.pieces(parts)[0], leg.knots[-1])
     for left in reversed(range(_HALVINGS)):
-        poses = [Pose.from_rotation(*pose) for pose in zip(*leg.poses(u), strict=True)]
-        shapes = simulator.track(poses, initial=first)
-        modes = modes_along(shapes, _MODES)
+        shapes, modes = _known(simulator, leg, first, u)
         rates = np.array([one.frequencies[:_SLOWEST] for one in modes])
         change = np.abs(np.diff(rates, axis=0))
         far = (change > _CHANGE * np.maximum(rates[1:], rates[:-1])).any(axis=1)
         if not (left and far.any()):
             return u, shapes, modes
         u = np.sort(np.append(u, 0.5 * (u[:-1] + u[1:])[far]))
+
+
+def _known(simulator, leg, first, u):
+    """Return n Shapes and n Modes on a leg at the parameters u (n,)."""
+    poses = [Pose.from_rotation(*pose) for pose in zip(*leg.poses(u), strict=True)]
+    shapes = simulator.track(poses, initial=first)
+    return shapes, modes_along(shapes, _MODES)
 
 
 def _on(shape, s):

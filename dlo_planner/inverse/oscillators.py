@@ -6,8 +6,8 @@ from dlo_planner.kernels import kernel
 
 
 @kernel
-def vibrated(step, rates, damping, turns, force):
-    """Return y and y'/w (2, c, t + 1, m) of m oscillators from rest, under c forces.
+def vibrated(step, rates, damping, turns, force, begin):
+    """Return y and y'/w (2, c, t + 1, m) of m oscillators under c forces.
 
     Exact for a steady force in a step. Between two steps their axes turn.
 
@@ -15,11 +15,13 @@ def vibrated(step, rates, damping, turns, force):
         step: s; rates, damping: (t, m) in each step
         turns: (t, m, m) of coordinates by the axes in a step, into those by the axes of the next
         force: (c, t, m)
+        begin: (2, c, m) y and y'/w before the first step
     """
     count, modes = rates.shape
     cases = force.shape[0]
     out = np.zeros((2, cases, count + 1, modes))
-    place, speed = np.zeros((cases, modes)), np.zeros((cases, modes))
+    out[:, :, 0] = begin
+    place, speed = begin[0].copy(), begin[1] * rates[0]
     there, fast = np.empty(modes), np.empty(modes)
     for k in range(count):
         for m in range(modes):
