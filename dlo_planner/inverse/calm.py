@@ -24,8 +24,8 @@ from dlo_planner.inverse.time_law import TimeLaw
 from dlo_planner.inverse.timed_path import smoothed
 
 _BOUNDS, _CLOSER = 12, 0.7  # bounds of deviations that are tried, parts of the one before
-_OFF = (0.95, 1.05)  # frequencies, where those of a wrong stiffness are not known
-_WORSE = 2.0         # times the tolerance are allowed with a wrong stiffness
+_OFF = (0.95, 1.05)  # frequencies: a response is not quite that of the DLO, and
+_WORSE = 2.0         # times the tolerance are allowed then, and with a wrong stiffness
 _ARRIVING = 0.5      # part of the tolerance that may be left of a vibration where a leg ends
 _MOST_OFF, _TRIED = 0.3, 30  # part of the frequencies; how many such are tried
 _MUCH = 0.3          # of the tolerance: calmer laws are not looked for
@@ -43,8 +43,7 @@ class LegTask:
         holes: (k, n) arc lengths that pass the k centres at the parameters of `response`, m, nan
             where none does
         last: whether the plan ends with it
-        wrong: Responses, at the same parameters, of DLOs whose stiffness is wrong; None: all
-            frequencies are off by 5 %
+        wrong: Responses, at the same parameters, of DLOs whose stiffness is wrong
     """
 
     leg: Leg
@@ -52,14 +51,14 @@ class LegTask:
     limits: Limits
     holes: np.ndarray
     last: bool
-    wrong: tuple | None = None
+    wrong: tuple = ()
 
     @cached_property
     def cases(self):
         """The Case of the DLO as it is given, then those it may be in truth."""
-        wrong = self.wrong or [self.response.faster(off) for off in _OFF]
+        off = [self.response.faster(factor) for factor in _OFF]
         return [Case(self.response, self.holes, self.last, 1.0),
-                *(Case(one, self.holes, self.last, _WORSE) for one in wrong)]
+                *(Case(one, self.holes, self.last, _WORSE) for one in (*off, *self.wrong))]
 
     @cached_property
     def supply(self):
@@ -99,7 +98,47 @@ class LegTask:
         """(n, m) by how much the modes displace what counts, m."""
         if not self.passed:
             return self.response.sizes
-        return np.max([np.linalg.norm(sideways, axis=2) for _, sideways in self.passed], axis=0)
+        return np.max([np.linalg.norm(one.across, axis=2) for one in self.passed], axis=0)
+
+
+@dataclass(frozen=True)
+class Passage:
+    """How a DLO passes a centre; n parameters and m modes as of its Response.
+
+    Attributes:
+        before: (n,) m, of the free end from the centre, as far as it is not passed; 0 from then on
+        across: (n, m, 3) m, displacements by the modes of what passes, of the free end before
+        tangents: (n, 3) there; ahead: (n, m) m, displacements along them
+    """
+
+    before: np.ndarray
+    across: np.ndarray
+    tangents: np.ndarray
+    ahead: np.ndarray
+
+    @classmethod
+    def of(cls, response, s):
+        """Return the Passage at arc lengths s (n,), nan where the centre is not passed."""
+        first = np.argmax(np.isfinite(s))
+        end = response.shapes[0].s[-1]
+        across, tangents, ahead = response.sideways(np.where(np.isnan(s), end, s))
+        ends = np.array([shape.positions_at([end])[0] for shape in response.shapes])
+        before = np.einsum('ni,ni->n', tangents, ends[first] - ends)
+        before[first:] = 0.0
+        return cls(before, across, tangents, ahead)
+
+    def deviation(self, response, u, place, shift):
+        """Return (k, 3) m: where the moving DLO passes, at those instants at which it does.
+
+        Args:
+            u: (t,) parameters; place: (t, m) of the modes; shift: (t, 3) m, of the gripper
+        """
+        ahead = (np.einsum('tm,tm->t', response.between(self.ahead, u), place)
+                 + np.einsum('ti,ti->t', response.between(self.tangents, u), shift))
+        # a DLO that swings ahead comes to the centre earlier than one that hangs
+        passes = response.between(self.before, u) <= np.maximum(ahead, 0.0)
+        return shift[passes] + np.einsum('tmi,tm->ti', response.between(self.across, u[passes]),
+                                         place[passes])
 
 
 @dataclass(frozen=True)
@@ -118,15 +157,8 @@ class Case:
 
     @cached_property
     def passed(self):
-        """For each centre that is passed: the parameter where that begins, and (n, m, 3).
-
-        These are the displacements by the modes, across the DLO, of what passes the centre; of the
-        free end before.
-        """
-        response = self.response
-        return [(response.parameters[np.argmax(np.isfinite(s))],
-                 response.sideways(np.where(np.isnan(s), response.shapes[0].s[-1], s)))
-                for s in self.holes if np.isfinite(s).any()]
+        """The Passage through each centre that is passed."""
+        return [Passage.of(self.response, s) for s in self.holes if np.isfinite(s).any()]
 
     def deviation(self, law, begin):
         """Return the largest deviation that counts, in m, and the state at the end of a TimeLaw.
@@ -139,11 +171,9 @@ class Case:
         times, u, (place, speed) = response.excited(law, begin)
         left = float((response.sizes[-1] * np.hypot(place[-1], speed[-1])).sum())
         worst = left if self.last else left / _ARRIVING
-        for first, sideways in self.passed:
-            counts = u >= first
-            away = np.einsum('tmi,tm->ti', response.between(sideways, u[counts]), place[counts])
-            if law.shift is not None:
-                away += law.shift.at(times[counts])
+        shift = np.zeros((len(times), 3)) if law.shift is None else law.shift.at(times)
+        for passage in self.passed:
+            away = passage.deviation(response, u, place, shift)
             worst = max(worst, float(np.linalg.norm(away, axis=1).max(initial=0.0)))
         return worst, np.stack([place[-1], speed[-1]])
 

@@ -14,6 +14,7 @@ from dlo_planner.inverse.shift import DEGREE, Shift
 _PER_PERIOD = 5   # pieces of the spline in the slowest period
 _SMALL = 3e-2     # weight of the shift beside the deviation: none that hardly helps
 _BEFORE = 0.05    # weight of the free end's deviation before something is passed
+_NEAR = 0.01      # of the length: from so near on the free end counts as if it passed
 _PART = 50        # instants in which what is passed weighs as much as the end of the leg
 
 
@@ -56,9 +57,10 @@ def _answers(case, law, begin, basis):
     rest = np.zeros((2, len(force), pulled.shape[1]))
     answers = vibrated(times[1], *oscillators, force, rest)
     rows, before = [], []
-    for first, sideways in case.passed:
-        moved = response.between(sideways, u)
-        weight = np.where(u >= first, 1.0, _BEFORE)[:, None] / np.sqrt(len(times) / _PART)
+    for passage in case.passed:
+        moved = response.between(passage.across, u)
+        near = response.between(passage.before, u) <= _NEAR * response.shapes[0].s[-1]
+        weight = np.where(near, 1.0, _BEFORE)[:, None] / np.sqrt(len(times) / _PART)
         before.append((np.einsum('tmi,tm->ti', moved, own[0]) * weight).ravel())
         away = np.einsum('tmi,ctm->cti', moved, answers[0]) + places
         rows.append((away * weight).reshape(len(force), -1).T)

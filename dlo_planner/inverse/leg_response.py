@@ -164,15 +164,20 @@ class Response:
         return (1 - share) * known[after - 1] + share * known[after]
 
     def sideways(self, s):
-        """Return (n, m, 3) the displacements at arc lengths s (n,), across the DLO there, m."""
-        out = np.empty((*self.slopes.shape, 3))
-        for k, shape in enumerate(self.shapes):
-            along = shape.frame_at(float(s[k]))[0][:, 0]
-            nodes = self.shapes[0].s
+        """Return the displacements at arc lengths s (n,), m: (n, m, 3) across the DLO there.
+
+        And the tangents there (n, 3), and the displacements along them (n, m).
+        """
+        across, ahead = np.empty((*self.slopes.shape, 3)), np.empty(self.slopes.shape)
+        tangents = np.array([shape.frame_at(float(one))[0][:, 0]
+                             for shape, one in zip(self.shapes, s, strict=True)])
+        nodes = self.shapes[0].s
+        for k, along in enumerate(tangents):
             moved = np.array([[np.interp(s[k], nodes, column) for column in one.T]
                               for one in self.displacements[k]])
-            out[k] = moved - (moved @ along)[:, None] * along
-        return out
+            ahead[k] = moved @ along
+            across[k] = moved - ahead[k][:, None] * along
+        return across, tangents, ahead
 
 
 def _places(simulator, leg, first):

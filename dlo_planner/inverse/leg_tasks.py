@@ -42,7 +42,8 @@ def leg_tasks(simulator, plan, path, limits, first, check):
             return [None] * len(path.legs)
         shape = response.shapes[-1]
         tasks.append(LegTask(leg, response, limits, holes_passed(plan, response.parameters),
-                             leg is path.legs[-1], tuple(one.on(response, leg) for one in wrong)))
+                             leg is path.legs[-1],
+                             tuple(one.on(response, leg) for one in wrong)))
     return tasks
 
 

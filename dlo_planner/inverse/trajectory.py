@@ -125,7 +125,7 @@ class _Search:
         """Return the TimedPath, its InMotion, and the part by which frequencies may be off."""
         aim, slower, best = self._tolerance, 1.0, None
         for _ in range(_ROUNDS):
-            way = self._way(aim, slower)
+            way, known = self._way(aim, slower)
             motion = self._moved(way)
             what, used = self._used(motion)
             if used <= 1:
@@ -135,7 +135,7 @@ class _Search:
             if way.duration > _SLOWEST * self._fastest.duration:
                 break
             # lower than what this way seemed to keep: else the same one would be found again
-            aim = self._predicted(way, aim) * max(min(_SPARE / used, _SPARE), 0.25)
+            aim = max((one for one in known if one <= aim), default=aim) * max(min(_SPARE / used, _SPARE), 0.25)
             slower *= np.sqrt(2) if used < 4 else 2.0
         what, used, duration = best
         if what == 'contact':
@@ -147,25 +147,21 @@ class _Search:
             len(self._plan) - 1, what, float((used - 1) * self._tolerance), self._plan)
 
     def _way(self, aim, slower):
-        laws, before, states = [], None, None
+        """Return a TimedPath, and the largest deviations of its legs as far as modes tell, m."""
+        laws, known, before, states = [], [], None, None
         for leg, task, law in zip(self._fastest.path.legs, self._tasks, self._fastest.laws,
                                   strict=True):
             self._progress.check()
             if task is not None:
                 begins = task.rest if before is None else task.taken_over(before, states)
                 laws.append(calm_law(task, aim, begins, self._progress.check))
+                known.append(predicted(task, laws[-1], begins))
                 before, states = task, task.after(laws[-1], begins)
             else:
                 laws.append(law if law is None else law.slower(slower))
                 if before is not None:  # a dwell
                     states = before.waited(states, np.ptp(leg.knots))
-        return TimedPath(self._fastest.path, tuple(laws), self._fastest.limits)
-
-    def _predicted(self, way, aim):
-        """Return the largest deviation of a leg that keeps the aim as far as the modes tell, m."""
-        known = [predicted(task, law) for task, law in zip(self._tasks, way.laws, strict=True)
-                 if task is not None]
-        return max((one for one in known if one <= aim), default=aim)
+        return TimedPath(self._fastest.path, tuple(laws), self._fastest.limits), known
 
     def _moved(self, way):
         found = [in_motion(simulator, self._plan, way, self._first, self._obstacles, self._progress)
