@@ -62,9 +62,9 @@ class LegTask:
 
     @cached_property
     def supply(self):
-        """Laws known so far, set by set, what is predicted of them by the states at first, and more.
+        """Laws known so far, set by set; what is predicted of them by the states at first.
 
-        The last are parameters and rates.
+        And parameters and rates for more.
         """
         return [], {}, _rates(self)
 

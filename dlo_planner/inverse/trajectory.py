@@ -135,7 +135,8 @@ class _Search:
             if way.duration > _SLOWEST * self._fastest.duration:
                 break
             # lower than what this way seemed to keep: else the same one would be found again
-            aim = max((one for one in known if one <= aim), default=aim) * max(min(_SPARE / used, _SPARE), 0.25)
+            kept = max((one for one in known if one <= aim), default=aim)
+            aim = kept * max(min(_SPARE / used, _SPARE), 0.25)
             slower *= np.sqrt(2) if used < 4 else 2.0
         what, used, duration = best
         if what == 'contact':

@@ -25,7 +25,7 @@ def shaped(task, slower=1.0):
 
 def left(task, law):
     """Return by how much the DLO still vibrates where the law ends, m."""
-    place, speed = task.response.excited(law)[2][:, -1]
+    place, speed = task.response.excited(law, task.response.rest)[2][:, -1]
     return float((task.response.sizes[-1] * np.hypot(place, speed)).sum())
 
 
