@@ -8,14 +8,11 @@ import numpy as np
 import yaml
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod, Trajectory
-from dlo_planner.inverse.calm import LegTask
-from dlo_planner.inverse.leg_response import Response
+from dlo_planner.inverse.leg_tasks import leg_tasks
 from dlo_planner.inverse.limits import Limits
-from dlo_planner.inverse.passing import holes_passed
 from dlo_planner.inverse.path import GripperPath
 from dlo_planner.inverse.periods import slowest_period
 from dlo_planner.inverse.plan import joined
-from dlo_planner.inverse.trajectory import _quick
 
 CONFIG = Path(__file__).parent.parent / 'config'
 
@@ -63,15 +60,8 @@ def cell(name):
 def tasks(name):
     """Return the LegTasks of the same plan: the way to the hole, and through it."""
     direct, plan = cell(name)
-    quick, made = _quick(direct), []
-    shape = quick.solve(plan.grippers[0], plan.shapes[0])
-    legs = GripperPath.of(plan).legs
-    for leg in legs:
-        response = Response.of(quick, leg, shape)
-        shape = response.shapes[-1]
-        made.append(LegTask(leg, response, Limits(), holes_passed(plan, response.parameters),
-                            leg is legs[-1]))
-    return made
+    first = direct.solve(plan.grippers[0], plan.shapes[0])
+    return leg_tasks(direct, plan, GripperPath.of(plan), Limits(), first, lambda: None)
 
 
 @cache

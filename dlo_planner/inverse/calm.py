@@ -1,13 +1,13 @@
-"""The fastest time laws with which a DLO arrives calm, as its `Response` predicts.
+"""The fastest laws in time with which a DLO arrives calm, as far as its `Response` tells.
 
 On each leg the rates are the fastest that the gripper's limits, and a bound of the slowly built-up
 deviation, allow. Moving averages as wide as the periods of the slowest modes, at the leg's
 beginning and its end, smooth them: such a window leaves no vibration of its period. Which windows
-and which bound are the quickest is tried; each trial is judged with the frequencies as they are,
-and off by 5 %.
+and which bound are the quickest is tried; each trial is judged with the DLO as it is given, and
+with one whose stiffness is wrong. Each leg takes over the vibration that the one before leaves.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -24,25 +24,26 @@ from dlo_planner.inverse.time_law import TimeLaw
 from dlo_planner.inverse.timed_path import smoothed
 
 _BOUNDS, _CLOSER = 12, 0.7  # bounds of deviations that are tried, parts of the one before
-_OFF = (0.95, 1.05)  # frequencies, as if the stiffness was wrong by 10 %, and
-_WORSE = 2.0         # times the tolerance are allowed then
+_OFF = (0.95, 1.05)  # frequencies: a response is not quite that of the DLO, and
+_WORSE = 2.0         # times the tolerance are allowed then, and with a wrong stiffness
 _ARRIVING = 0.5      # part of the tolerance that may be left of a vibration where a leg ends
-_MOST_OFF, _TRIED = 0.3, 30  # largest part by which frequencies are taken to be off; trials
-_MUCH = 0.3          # of the tolerance: once a law is as calm as this, no slower ones are tried
-_FAR = 30.0          # times the tolerance: no shift mends a deviation that is larger
+_MOST_OFF, _TRIED = 0.3, 30  # part of the frequencies; how many such are tried
+_MUCH = 0.3          # of the tolerance: calmer laws are not looked for
+_FAR = 30.0          # times the tolerance: beyond help by a shift
 _TRIALS, _CALMER = 16, 6  # laws that are given a shift: the quickest, and ever calmer ones
 _ROUNDS = 4          # of slowing down to make room for a shift
 
 
 @dataclass(frozen=True)
 class LegTask:
-    """A leg that the DLO has to pass calmly.
+    """A leg to be gone through calmly.
 
     Attributes:
         leg: Leg; response: Response on it; limits: Limits
-        holes: (k, n) arc lengths at which the DLO passes the k centres at the n parameters of
-            `response`, m; nan where it passes none
-        last: whether the plan ends with this leg
+        holes: (k, n) arc lengths that pass the k centres at the parameters of `response`, m, nan
+            where none does
+        last: whether the plan ends with it
+        wrong: Responses, at the same parameters, of DLOs whose stiffness is wrong
     """
 
     leg: Leg
@@ -50,44 +51,147 @@ class LegTask:
     limits: Limits
     holes: np.ndarray
     last: bool
+    wrong: tuple = ()
 
     @cached_property
-    def supply(self) -> tuple[list, Iterator]:
-        """Sets of (TimeLaw, predicted deviation in m) tried so far, and rates for more sets."""
-        return [], _rates(self)
+    def cases(self):
+        """The Case of the DLO as it is given, then those it may be in truth."""
+        off = [self.response.faster(factor) for factor in _OFF]
+        return [Case(self.response, self.holes, self.last, 1.0),
+                *(Case(one, self.holes, self.last, _WORSE) for one in (*off, *self.wrong))]
 
     @cached_property
-    def passed(self) -> list[tuple[float, np.ndarray]]:
-        """For each centre that is passed: the parameter where that begins, displacements (n, m, 3).
+    def supply(self):
+        """Laws known so far, set by set; what is predicted of them by the states at first.
 
-        The modes displace the point that passes the centre by these, across the DLO, in m; before
-        that, the free end.
+        And parameters and rates for more.
         """
-        return [(self.response.parameters[np.argmax(np.isfinite(s))],
-                 self.response.sideways(np.where(np.isnan(s), self.response.shapes[0].s[-1], s)))
-                for s in self.holes if np.isfinite(s).any()]
+        return [], {}, _rates(self)
+
+    @property
+    def rest(self):
+        """States of DLOs that do not vibrate, one for each case."""
+        return [case.response.rest for case in self.cases]
+
+    def taken_over(self, before, ends):
+        """Return the states at the beginning: `ends` are those at the end of the LegTask before."""
+        return [case.response.taken_over(other.response, end)
+                for case, other, end in zip(self.cases, before.cases, ends, strict=True)]
+
+    def waited(self, ends, seconds):
+        """Return what becomes of the states at the end, after some seconds."""
+        return [case.response.waited(end, seconds)
+                for case, end in zip(self.cases, ends, strict=True)]
+
+    def after(self, law, begins):
+        """Return the states at the end of a TimeLaw."""
+        return [case.deviation(law, begin)[1]
+                for case, begin in zip(self.cases, begins, strict=True)]
+
+    @property
+    def passed(self):
+        """That of the DLO as it is given: see `Case`."""
+        return self.cases[0].passed
 
     @cached_property
-    def sizes(self) -> np.ndarray:
-        """(n, m) largest displacements by the modes of the points that count, m."""
+    def sizes(self):
+        """(n, m) by how much the modes displace what counts, m."""
         if not self.passed:
             return self.response.sizes
-        return np.max([np.linalg.norm(sideways, axis=2) for _, sideways in self.passed], axis=0)
+        return np.max([np.linalg.norm(one.across, axis=2) for one in self.passed], axis=0)
 
 
-def calm_law(task: LegTask, tolerance: float,
-             check: Callable[[], None] = lambda: None) -> TimeLaw:
-    """Return the quickest TimeLaw found whose predicted deviation is within `tolerance` (m).
+@dataclass(frozen=True)
+class Passage:
+    """How a DLO passes a centre; n parameters and m modes as of its Response.
 
-    If there is none, return the law with the least predicted deviation. `check` is called before
-    each trial; it may raise.
+    Attributes:
+        before: (n,) m, of the free end from the centre, as far as it is not passed; 0 from then on
+        across: (n, m, 3) m, displacements by the modes of what passes, of the free end before
+        tangents: (n, 3) there; ahead: (n, m) m, displacements along them
     """
-    found = sorted(_candidates(task, tolerance, check), key=lambda one: one[0].duration)
+
+    before: np.ndarray
+    across: np.ndarray
+    tangents: np.ndarray
+    ahead: np.ndarray
+
+    @classmethod
+    def of(cls, response, s):
+        """Return the Passage at arc lengths s (n,), nan where the centre is not passed."""
+        first = np.argmax(np.isfinite(s))
+        end = response.shapes[0].s[-1]
+        across, tangents, ahead = response.sideways(np.where(np.isnan(s), end, s))
+        ends = np.array([shape.positions_at([end])[0] for shape in response.shapes])
+        before = np.einsum('ni,ni->n', tangents, ends[first] - ends)
+        before[first:] = 0.0
+        return cls(before, across, tangents, ahead)
+
+    def deviation(self, response, u, place, shift):
+        """Return (k, 3) m: where the moving DLO passes, at those instants at which it does.
+
+        Args:
+            u: (t,) parameters; place: (t, m) of the modes; shift: (t, 3) m, of the gripper
+        """
+        ahead = (np.einsum('tm,tm->t', response.between(self.ahead, u), place)
+                 + np.einsum('ti,ti->t', response.between(self.tangents, u), shift))
+        # a DLO that swings ahead comes to the centre earlier than one that hangs
+        passes = response.between(self.before, u) <= np.maximum(ahead, 0.0)
+        return shift[passes] + np.einsum('tmi,tm->ti', response.between(self.across, u[passes]),
+                                         place[passes])
+
+
+@dataclass(frozen=True)
+class Case:
+    """One of the DLOs with which a law is judged.
+
+    Attributes:
+        response: Response; holes, last: as of its LegTask
+        allowed: times the tolerance by which it may deviate
+    """
+
+    response: Response
+    holes: np.ndarray
+    last: bool
+    allowed: float
+
+    @cached_property
+    def passed(self):
+        """The Passage through each centre that is passed."""
+        return [Passage.of(self.response, s) for s in self.holes if np.isfinite(s).any()]
+
+    def deviation(self, law, begin):
+        """Return the largest deviation that counts, in m, and the state at the end of a TimeLaw.
+
+        As long as a centre is passed: that of what passes it, across the DLO. At the end of a leg:
+        what is left of the vibration; of a leg that others follow only a part, _ARRIVING, is
+        allowed. States are y and y'/w (2, m) of the modes; `begin` is that at the beginning.
+        """
+        response = self.response
+        times, u, (place, speed) = response.excited(law, begin)
+        left = float((response.sizes[-1] * np.hypot(place[-1], speed[-1])).sum())
+        worst = left if self.last else left / _ARRIVING
+        shift = np.zeros((len(times), 3)) if law.shift is None else law.shift.at(times)
+        for passage in self.passed:
+            away = passage.deviation(response, u, place, shift)
+            worst = max(worst, float(np.linalg.norm(away, axis=1).max(initial=0.0)))
+        return worst, np.stack([place[-1], speed[-1]])
+
+
+def calm_law(task: LegTask, tolerance: float, begins: list | None = None,
+             check: Callable[[], None] = lambda: None) -> TimeLaw:
+    """Return the quickest TimeLaw found that keeps `tolerance` (m) as far as the response tells.
+
+    The one that comes nearest to that, if none does. `begins` are the states of the cases at the
+    beginning, None: at rest. `check` is called before each trial; it may raise.
+    """
+    begins = task.rest if begins is None else begins
+    found = sorted(_candidates(task, tolerance, begins, check), key=lambda one: one[0].duration)
     best = None
     for law, shifted in _trials(found, tolerance):
         check()
-        kept = _within_limits(task, law, shifted)
-        used = predicted(task, kept)
+        kept = _within_limits(task, law, begins, shifted)
+        used = predicted(task, kept, begins)
         if best is None or used < best[1]:
             best = kept, used
         if used <= tolerance:
@@ -95,23 +199,25 @@ def calm_law(task: LegTask, tolerance: float,
     return best[0]
 
 
-def _candidates(task, tolerance, check):
-    """Return laws and their predicted deviations, m; ever slower ones, until one is very calm."""
-    sets, more = task.supply
-    while not sets or min(off for _, off in sets[-1]) >= _MUCH * tolerance:
+def _candidates(task, tolerance, begins, check):
+    """Return laws and what is predicted of them, m; ever slower ones, until one is calm by far."""
+    sets, predictions, more = task.supply
+    known = predictions.setdefault(np.array(begins).tobytes(), [])
+    while not known or min(known[-1]) >= _MUCH * tolerance:
         check()
-        rates = next(more, None)
-        if rates is None:
-            break
-        laws = [TimeLaw(*rates, windows) for windows in _windows(task.response)]
-        sets.append([(law, predicted(task, law)) for law in laws])
-    return [one for some in sets for one in some]
+        if len(known) == len(sets):
+            rates = next(more, None)
+            if rates is None:
+                break
+            sets.append([TimeLaw(*rates, windows) for windows in _windows(task.response)])
+        known.append([predicted(task, law, begins) for law in sets[len(known)]])
+    return [one for pair in zip(sets, known, strict=False) for one in zip(*pair, strict=True)]
 
 
 def _trials(found, tolerance):
-    """Yield the laws that are worth a trial, and whether a shift is to be added to each.
+    """Yield laws, by their durations, that may do, and whether with a shift.
 
-    The quickest come first, then ever calmer ones.
+    At first the quickest, then ever calmer ones.
     """
     tried, calmer, least = 0, [], np.inf
     for law, off in found:
@@ -127,11 +233,11 @@ def _trials(found, tolerance):
     yield from ((calmer[k], True) for k in some)
 
 
-def _within_limits(task, law, shifted):
-    """Return the TimeLaw slowed down until it keeps the limits; `shifted`: with the best Shift."""
+def _within_limits(task, law, begins, shifted):
+    """Return a TimeLaw that keeps the limits, with the shift that helps most if it is `shifted`."""
     law = smoothed(task.leg, task.limits, law.parameters, law.rates, law.windows)
     for _ in range(_ROUNDS if shifted else 0):
-        shift = compensated(task.response, task.passed, law)
+        shift = compensated(task, law, begins)
         if shift is None:
             break
         used = (shift.most[1:] / task.limits.sizes[:, 0]).max() + most_used(
@@ -142,46 +248,31 @@ def _within_limits(task, law, shifted):
     return law
 
 
-def predicted(task: LegTask, law: TimeLaw) -> float:
-    """Return the largest deviation that counts, in m; half of it where frequencies are off by 5 %.
+def predicted(task: LegTask, law: TimeLaw, begins: list | None = None) -> float:
+    """Return the largest deviation that counts, in m; half of it where the stiffness is wrong.
 
-    While the DLO passes a centre, the deviation of the passing point across the DLO counts. At the
-    end of a leg the amplitude that is left of the vibration counts; if another leg follows, only
-    half of the tolerance may be left, so it counts twice.
+    See `Case.deviation`. `begins` are the states at the beginning, None: at rest.
     """
-    return max(_predicted(task, law, 1.0), *(_predicted(task, law, off) / _WORSE for off in _OFF))
+    return max(case.deviation(law, begin)[0] / case.allowed for case, begin in zip(
+        task.cases, task.rest if begins is None else begins, strict=True))
 
 
 def margin(task: LegTask, law: TimeLaw, allowed: float) -> float:
-    """Return the part by which all frequencies may be off, up or down, within `allowed` (m).
+    """Return by which part all frequencies may be off, up or down, until `allowed` (m) is passed.
 
-    The largest tried part up to which the predicted deviation stays within `allowed`: from 0 in
-    steps of 0.01 up to 0.3.
+    Until more than `allowed` (m) is predicted; at most _MOST_OFF.
     """
     tried = np.arange(1, _TRIED + 1) * (_MOST_OFF / _TRIED)
     for k, part in enumerate(tried):
-        if max(_predicted(task, law, 1 - part), _predicted(task, law, 1 + part)) > allowed:
-            return float(tried[k - 1]) if k else 0.0
+        for off in (1 - part, 1 + part):
+            case = Case(task.response.faster(off), task.holes, task.last, 1.0)
+            if case.deviation(law, case.response.rest)[0] > allowed:
+                return float(tried[k - 1]) if k else 0.0
     return _MOST_OFF
 
 
-def _predicted(task, law, off):
-    response = task.response
-    times, u, (place, speed) = response.excited(law, off)
-    left = float((response.sizes[-1] * np.hypot(place[-1], speed[-1])).sum())
-    worst = left if task.last else left / _ARRIVING
-    for begin, sideways in task.passed:
-        counts = u >= begin
-        away = np.einsum('tmi,tm->ti', response.between(sideways, u[counts]),
-                         place[counts])
-        if law.shift is not None:
-            away += law.shift.at(times[counts])
-        worst = max(worst, float(np.linalg.norm(away, axis=1).max(initial=0.0)))
-    return worst
-
-
 def _rates(task):
-    """Yield parameters and rates of ever slower motions through the leg."""
+    """Yield parameters and rates of ever slower ways through the leg."""
     parameters, rates = fastest_rates(task.leg, task.limits)
     yield parameters, rates
     response = task.response
@@ -191,7 +282,7 @@ def _rates(task):
         deviation *= _CLOSER
         try:
             found = fastest_rates(task.leg, task.limits, response.bearing(deviation, task.sizes))
-        except InvalidTask:  # at such low rates rounding errors make toppra fail: stop here
+        except InvalidTask:  # so slow that toppra loses its digits: no slower ones
             return
         yield found
 

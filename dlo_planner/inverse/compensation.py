@@ -1,63 +1,73 @@
-"""Small shifts of the gripper that make the moving DLO pass where the DLO at rest would pass.
+"""Small shifts of the gripper with which the moving DLO passes where the hanging one would.
 
-Inertia moves a DLO aside by some millimeters, because the path of its shapes at rest is curved, and
-leaves a vibration at the end of a leg. A shift of the gripper, a spline in time, makes both least.
-The DLO's response is linear in the shift, so this is a linear least-squares problem.
+Inertia moves a DLO aside by some millimeters, as the way of the hanging one is curved, and leaves a
+vibration where a leg ends. The gripper is shifted by a spline in time, so that both are least: a
+linear least-squares problem, as the DLO's answer is linear.
 """
 
 import numpy as np
 from scipy.interpolate import BSpline
 
-from dlo_planner.inverse.leg_response import Response
 from dlo_planner.inverse.oscillators import vibrated
 from dlo_planner.inverse.shift import DEGREE, Shift
-from dlo_planner.inverse.time_law import TimeLaw
 
 _PER_PERIOD = 5   # pieces of the spline in the slowest period
-_SMALL = 3e-2     # weight of the shift itself beside the deviation: no large shift for little gain
+_SMALL = 3e-2     # weight of the shift beside the deviation: none that hardly helps
 _BEFORE = 0.05    # weight of the free end's deviation before something is passed
-_PART = 50        # all instants of a passage together weigh as much as this many ends of the leg
+_NEAR = 0.01      # of the length: from so near on the free end counts as if it passed
+_PART = 50        # instants in which what is passed weighs as much as the end of the leg
 
 
-def compensated(response: Response, passed: list[tuple[float, np.ndarray]],
-                law: TimeLaw) -> Shift | None:
-    """Return the Shift that makes the predicted deviation on a leg least.
-
-    None where the leg is shorter in time than such a spline needs.
+def compensated(task, law, begins=None):
+    """Return the Shift that makes the deviations of a LegTask's DLOs least, None on a short leg.
 
     Args:
-        response: Response on the leg
-        passed: as `LegTask.passed`: from which parameter on a centre is passed, and by how much the
-            modes displace the passing point
-        law: TimeLaw without a shift
+        law: TimeLaw
+        begins: (2, m) states of the cases at the beginning; None: at rest
     """
-    times, u, *oscillators = response.oscillators(law)
-    knots, inner = _knots(law.duration, 2 * np.pi / response.rates.min())
+    knots, inner = _knots(law.duration, 2 * np.pi / task.response.rates.min())
     if not inner.size:
         return None
     basis = BSpline(knots, np.eye(knots.size - DEGREE - 1)[:, inner], DEGREE)
+    normal, wanted = _SMALL**2 * np.eye(3 * inner.size), np.zeros(3 * inner.size)
+    for case, begin in zip(task.cases, task.rest if begins is None else begins, strict=True):
+        rows, own = _answers(case, law, begin, basis)
+        normal += rows.T @ rows / case.allowed**2
+        wanted -= rows.T @ own / case.allowed**2
+    coefficients = np.zeros((knots.size - DEGREE - 1, 3))
+    # the small weight of the shift itself keeps that well posed
+    coefficients[inner] = np.linalg.solve(normal, wanted).reshape(3, -1).T
+    return Shift(knots, coefficients)
+
+
+def _answers(case, law, begin, basis):
+    """Return what counts of the deviation of a Case, by the coefficients (r, 3 k) and before (r,).
+
+    Args:
+        begin: (2, m) state at the beginning
+        basis: BSpline with k pieces; coefficients along x come first, then y, then z
+    """
+    response = case.response
+    times, u, *oscillators = response.oscillators(law)
     middle = 0.5 * (times[1:] + times[:-1])
     pulled = response.between(response.pulls, law.at(middle)[0])
-    # (3 k, t, m): the k splines of the basis along x, then y, then z
     force = -np.einsum('tmi,tk->iktm', pulled, basis(middle, 2)).reshape(-1, *pulled.shape[:2])
     places = np.einsum('tk,ij->iktj', basis(times), np.eye(3)).reshape(len(force), -1, 3)
-    own = response.excited(law)[2]
-    answers = vibrated(times[1], *oscillators, force)
-    rows, wanted = [_SMALL * np.eye(3 * inner.size)], [np.zeros(3 * inner.size)]
-    for begin, sideways in passed:
-        moved = response.between(sideways, u)
-        weight = np.where(u >= begin, 1.0, _BEFORE)[:, None] / np.sqrt(len(times) / _PART)
-        wanted.append(-(np.einsum('tmi,tm->ti', moved, own[0]) * weight).ravel())
+    own = response.excited(law, begin)[2]
+    rest = np.zeros((2, len(force), pulled.shape[1]))
+    answers = vibrated(times[1], *oscillators, force, rest)
+    rows, before = [], []
+    for passage in case.passed:
+        moved = response.between(passage.across, u)
+        near = response.between(passage.before, u) <= _NEAR * response.shapes[0].s[-1]
+        weight = np.where(near, 1.0, _BEFORE)[:, None] / np.sqrt(len(times) / _PART)
+        before.append((np.einsum('tmi,tm->ti', moved, own[0]) * weight).ravel())
         away = np.einsum('tmi,ctm->cti', moved, answers[0]) + places
         rows.append((away * weight).reshape(len(force), -1).T)
     sizes = response.sizes[-1]
-    wanted.append(-(sizes * own[:, -1]).ravel())
+    before.append((sizes * own[:, -1]).ravel())
     rows.append(np.moveaxis(sizes * answers[:, :, -1], 1, 2).reshape(-1, len(force)))
-    rows, wanted = np.vstack(rows), np.concatenate(wanted)
-    found = np.linalg.solve(rows.T @ rows, rows.T @ wanted)  # regular because of the first rows
-    coefficients = np.zeros((knots.size - DEGREE - 1, 3))
-    coefficients[inner] = found.reshape(3, -1).T
-    return Shift(knots, coefficients)
+    return np.vstack(rows), np.concatenate(before)
 
 
 def _knots(duration, period):

@@ -1,16 +1,14 @@
-"""Oscillators whose frequencies and axes change slowly, integrated step by step."""
+"""Oscillators whose frequencies and axes change slowly, step by step."""
 
 import numpy as np
 
 from dlo_planner.kernels import kernel
 
-_DAMPED = 0.99  # largest damping ratio: the formulas are those of an oscillation
-
 
 @kernel
 def vibrated(step: float, rates: np.ndarray, damping: np.ndarray, turns: np.ndarray,
-             force: np.ndarray) -> np.ndarray:
-    """Return y and y'/w (2, c, t + 1, m) of m oscillators from rest, under c sets of forces.
+             force: np.ndarray, begin: np.ndarray) -> np.ndarray:
+    """Return y and y'/w (2, c, t + 1, m) of m oscillators under c sets of forces.
 
     y'' + 2 zeta w y' + w^2 y = force. Exact for a force that is steady in each step. Damping ratios
     above 0.99 count as 0.99.
@@ -20,16 +18,18 @@ def vibrated(step: float, rates: np.ndarray, damping: np.ndarray, turns: np.ndar
         rates: (t, m) angular frequencies w in each step, 1/s; damping: (t, m) ratios zeta
         turns: (t, m, m) rotations of the coordinates from the axes of a step to those of the next
         force: (c, t, m) per mass
+        begin: (2, c, m) y and y'/w before the first step
     """
     count, modes = rates.shape
     cases = force.shape[0]
     out = np.zeros((2, cases, count + 1, modes))
-    place, speed = np.zeros((cases, modes)), np.zeros((cases, modes))
+    out[:, :, 0] = begin
+    place, speed = begin[0].copy(), begin[1] * rates[0]
     there, fast = np.empty(modes), np.empty(modes)
     for k in range(count):
         for m in range(modes):
             w = rates[k, m]
-            zeta = min(damping[k, m], _DAMPED)
+            zeta = min(damping[k, m], 0.99)
             free = np.sqrt(1.0 - zeta * zeta)
             decay = np.exp(-zeta * w * step)
             cosine, sine = decay * np.cos(free * w * step), decay * np.sin(free * w * step) / free

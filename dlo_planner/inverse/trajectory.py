@@ -8,11 +8,11 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.calm import LegTask, calm_law, margin, predicted
+from dlo_planner.inverse.calm import calm_law, margin, predicted
 from dlo_planner.inverse.in_motion import in_motion, least_clearance, watched
-from dlo_planner.inverse.leg_response import Response
+from dlo_planner.inverse.leg_tasks import leg_tasks
 from dlo_planner.inverse.limits import Limits
-from dlo_planner.inverse.passing import held_after, holes_passed, means_to_touch
+from dlo_planner.inverse.passing import means_to_touch
 from dlo_planner.inverse.path import GripperPath
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.inverse.timed_path import TimedPath, fastest_law
@@ -29,7 +29,6 @@ _ROUNDS = 7         # of aiming lower
 _SPARE = 0.9        # part of the tolerance that is aimed at again
 _TOUCHED = 2.0      # times the tolerance: what a touch that is not planned counts as
 _SAME = 1e-9        # of the length
-_ELEMENTS = 32      # of the DLO whose modes are looked at
 
 
 class Trajectory(TimedPath):
@@ -113,12 +112,12 @@ class _Search:
     def __init__(self, plan, fastest, tolerance, simulator, first, obstacles, progress):
         self._plan, self._fastest, self._tolerance = plan, fastest, tolerance
         self._obstacles, self._progress = watched(simulator, plan, obstacles), progress
-        self._bore = held_after(plan)
         rod = simulator.rod
         self._simulators = [simulator] + [simulator.with_rod(replace(rod, damping=0.0))] * any(
             rod.damping)
         self._first = first if first.far_end is not None else simulator.solve(first.gripper, first)
-        self._tasks = self._leg_tasks(simulator)
+        self._tasks = leg_tasks(simulator, plan, fastest.path, fastest.limits, self._first,
+                                self._progress.check)
         # as planned, nan if there is nothing to be near to
         self._room = least_clearance(plan, self._obstacles, Surface.of(rod), plan.shapes)
 
@@ -126,7 +125,7 @@ class _Search:
         """Return the TimedPath, its InMotion, and the part by which frequencies may be off."""
         aim, slower, best = self._tolerance, 1.0, None
         for _ in range(_ROUNDS):
-            way = self._way(aim, slower)
+            way, known = self._way(aim, slower)
             motion = self._moved(way)
             what, used = self._used(motion)
             if used <= 1:
@@ -136,7 +135,8 @@ class _Search:
             if way.duration > _SLOWEST * self._fastest.duration:
                 break
             # lower than what this way seemed to keep: else the same one would be found again
-            aim = self._predicted(way, aim) * max(min(_SPARE / used, _SPARE), 0.25)
+            kept = max((one for one in known if one <= aim), default=aim)
+            aim = kept * max(min(_SPARE / used, _SPARE), 0.25)
             slower *= np.sqrt(2) if used < 4 else 2.0
         what, used, duration = best
         if what == 'contact':
@@ -147,42 +147,22 @@ class _Search:
             f'best, in {duration:.3g} s: expected at most {self._tolerance:.3g} m',
             len(self._plan) - 1, what, float((used - 1) * self._tolerance), self._plan)
 
-    def _leg_tasks(self, simulator):
-        """Return a LegTask for each leg; None for a dwell, or where modes are not known."""
-        quick, shape, tasks = _quick(simulator), None, []
-        legs = self._fastest.path.legs
-        for leg in legs:
-            self._progress.check()
-            task = None
-            try:
-                if not leg.still and not self._in_bore(leg):
-                    shape = shape or quick.solve(self._first.gripper, self._first)
-                    response = Response.of(quick, leg, shape)
-                    shape = response.shapes[-1]
-                    task = LegTask(leg, response, self._fastest.limits,
-                                   holes_passed(self._plan, response.parameters), leg is legs[-1])
-            except InvalidTask:  # a shape without modes: neutral, or in contact with friction
-                return [None] * len(legs)
-            tasks.append(task)
-        return tasks
-
-    def _in_bore(self, leg):
-        """Whether a bore holds the DLO on a Leg: what is outside vibrates quickly, and little."""
-        return self._bore is not None and leg.knots[-1] > self._plan.times[self._bore]
-
     def _way(self, aim, slower):
-        laws = []
-        for task, law in zip(self._tasks, self._fastest.laws, strict=True):
+        """Return a TimedPath, and the largest deviations of its legs as far as modes tell, m."""
+        laws, known, before, states = [], [], None, None
+        for leg, task, law in zip(self._fastest.path.legs, self._tasks, self._fastest.laws,
+                                  strict=True):
             self._progress.check()
-            laws.append(calm_law(task, aim, self._progress.check) if task is not None else
-                        law if law is None else law.slower(slower))
-        return TimedPath(self._fastest.path, tuple(laws), self._fastest.limits)
-
-    def _predicted(self, way, aim):
-        """Return the largest deviation of a leg that keeps the aim as far as the modes tell, m."""
-        known = [predicted(task, law) for task, law in zip(self._tasks, way.laws, strict=True)
-                 if task is not None]
-        return max((one for one in known if one <= aim), default=aim)
+            if task is not None:
+                begins = task.rest if before is None else task.taken_over(before, states)
+                laws.append(calm_law(task, aim, begins, self._progress.check))
+                known.append(predicted(task, laws[-1], begins))
+                before, states = task, task.after(laws[-1], begins)
+            else:
+                laws.append(law if law is None else law.slower(slower))
+                if before is not None:  # a dwell
+                    states = before.waited(states, np.ptp(leg.knots))
+        return TimedPath(self._fastest.path, tuple(laws), self._fastest.limits), known
 
     def _moved(self, way):
         found = [in_motion(simulator, self._plan, way, self._first, self._obstacles, self._progress)
@@ -257,14 +237,6 @@ def simulator_of(shape, touching):
     return DirectSimulator(around.rod, gravity=around.gravity, load=around.load,
                            point_loads=around.point_loads,
                            obstacles=around.obstacles if touching else ())
-
-
-def _quick(simulator):
-    """Return a DirectSimulator of the same DLO on a fixed, coarse mesh, for its modes."""
-    around = simulator.surroundings
-    return DirectSimulator(around.rod, n_elements=_ELEMENTS, basis='local', gravity=around.gravity,
-                           load=around.load, point_loads=around.point_loads,
-                           obstacles=around.obstacles)
 
 
 def _tolerance(tolerance, plan):

@@ -27,6 +27,7 @@ from dlo_planner.inverse.in_motion import in_motion
 from dlo_planner.inverse.passing import holes_passed, worst_miss
 from dlo_planner.inverse.periods import slowest_period
 from dlo_planner.inverse.time_law import TimeLaw
+from dlo_planner.inverse.timed_path import TimedPath
 from dlo_planner.progress import Progress
 
 # m and s at most; motions are verified with a damping ratio of 1 % and with none
@@ -59,19 +60,59 @@ def test_from_a_start_pose_of_its_own_it_threads_calmly(name):
         assert missed(name, rod, trajectory)[0].max() <= miss
 
 
-STIFFER = pytest.mark.xfail(reason='motion adds more than twice the promised miss', strict=True)
+def added(name, rod, trajectory):
+    """Return (n,) by how much motion moves a Rod aside where it passes the centre, m.
+
+    From where it would hang on the same way. The shift of the gripper belongs to the motion: who
+    goes slowly does without.
+    """
+    _, plan = cell(name)
+    direct = DirectSimulator(rod)
+    first = direct.solve(plan.grippers[0], plan.shapes[0])
+    times = np.arange(0, trajectory.duration, slowest_period(rod) / 25)
+    motion = direct.simulate(trajectory.at(times)[0], times[1], first)
+    assert motion.converged
+    plain = TimedPath(trajectory.path, tuple(replace(law, shift=None) for law in trajectory.laws),
+                      trajectory.limits)
+    hanging = direct.track(plain.at(times)[0], initial=first)
+    passing = holes_passed(plan, trajectory.progress(times))[0]
+    out = []
+    for s, moved, calm_one in zip(passing, motion.shapes, hanging, strict=True):
+        if np.isfinite(s):
+            away = (moved.positions_at([s]) - calm_one.positions_at([s]))[0]
+            along = calm_one.frame_at(s)[0][:, 0]
+            out.append(np.linalg.norm(away - (away @ along) * along))
+    return np.array(out)
 
 
-@pytest.mark.parametrize(('name', 'factor'), [
-    ('wire', 0.9), ('hose', 0.9), ('leaf spring', 0.9), ('wire', 1.1),
-    pytest.param('hose', 1.1, marks=STIFFER), pytest.param('leaf spring', 1.1, marks=STIFFER)])
+@pytest.mark.parametrize('factor', [0.9, 1.1])
+@pytest.mark.parametrize('name', list(PROMISED))
 def test_a_stiffness_wrong_by_a_tenth_at_most_doubles_the_miss(name, factor):
     trajectory, rod = calm(name), RODS[name]
     wrong = replace(rod, torsional_stiffness=factor * rod.torsional_stiffness,
                     bending_stiffness=tuple(factor * stiffness for stiffness in rod.stiffness[1:]))
-    moving, still = missed(name, wrong, trajectory)
     # what its own shapes at rest miss by is no matter of calm
-    assert (moving - still).max() <= 2 * PROMISED[name][0]
+    assert added(name, wrong, trajectory).max() <= 2 * PROMISED[name][0]
+
+
+def test_a_law_is_judged_with_what_the_leg_before_leaves():
+    way, through = tasks('hose')[-2:]
+    law = calm_law(through, 1.2e-3)
+    quick = calm_law(way, 5e-3)
+    begins = through.taken_over(way, way.after(quick, way.rest))
+    assert predicted(through, law, begins) > 1.2 * predicted(through, law)
+    # a law that knows of it is calm all the same
+    helped = calm_law(through, 1.2e-3, begins)
+    assert predicted(through, helped, begins) <= 1.2e-3
+
+
+def test_a_dlo_of_another_stiffness_is_known_by_its_own_modes():
+    for task in tasks('hose'):
+        soft, stiff = task.wrong
+        assert (soft.rates[:, 0] < task.response.rates[:, 0]).all()
+        assert (stiff.rates[:, 0] > task.response.rates[:, 0]).all()
+        # it hangs otherwise: the same way excites it otherwise
+        assert np.abs(soft.bends - task.response.bends).max() > 0.05 * np.abs(soft.bends).max()
 
 
 @pytest.mark.parametrize('name', list(PROMISED))
@@ -164,7 +205,7 @@ def test_what_counts_is_what_passes_a_centre_or_all_of_the_dlo():
     assert (through.sizes <= through.response.sizes * (1 + 1e-9)).all()
     # at the end of the first leg only a part of the tolerance may be left of a vibration
     law = calm_law(way, 1e-3)
-    alone = LegTask(way.leg, way.response, way.limits, way.holes, True)
+    alone = LegTask(way.leg, way.response, way.limits, way.holes, True, way.wrong)
     assert predicted(way, law) == pytest.approx(2 * predicted(alone, law))
 
 

@@ -25,7 +25,8 @@ def test_oscillators_whose_frequency_changes_against_an_integrator(ratio):
 
     middle = (np.arange(count) + 0.5) * duration / count
     found = vibrated(duration / count, rate(middle)[:, None], np.full((count, 1), ratio),
-                     np.ones((count, 1, 1)), force(middle)[None, :, None])[:, 0]
+                     np.ones((count, 1, 1)), force(middle)[None, :, None],
+                     np.zeros((2, 1, 1)))[:, 0]
     times = np.linspace(0, duration, count + 1)
     known = solve_ivp(lambda t, y: (y[1], force(t) - 2 * ratio * rate(t) * y[1]
                                     - rate(t) ** 2 * y[0]),
@@ -40,12 +41,43 @@ def test_oscillators_whose_frequency_changes_against_an_integrator(ratio):
 def test_a_step_under_steady_force_is_exact():
     w, ratio, step = 7.0, 0.1, 0.05
     found = vibrated(step, np.full((40, 1), w), np.full((40, 1), ratio), np.ones((40, 1, 1)),
-                     np.full((1, 40, 1), 3.0))[:, 0]
+                     np.full((1, 40, 1), 3.0), np.zeros((2, 1, 1)))[:, 0]
     t = step * np.arange(41)
     free = w * np.sqrt(1 - ratio**2)
     known = 3.0 / w**2 * (1 - np.exp(-ratio * w * t) * (
         np.cos(free * t) + ratio * w / free * np.sin(free * t)))
     np.testing.assert_allclose(found[0, :, 0], known, atol=1e-12)
+
+
+def test_what_vibrates_at_first_swings_on():
+    w, ratio, step = 7.0, 0.1, 0.05
+    found = vibrated(step, np.full((40, 1), w), np.full((40, 1), ratio), np.ones((40, 1, 1)),
+                     np.zeros((1, 40, 1)), np.array([[[2.0]], [[-0.5]]]))[:, 0, :, 0]
+    t, free = step * np.arange(41), np.sqrt(1 - ratio**2)
+    known = np.exp(-ratio * w * t) * (2.0 * np.cos(free * w * t)
+                                      + (2.0 * ratio - 0.5) / free * np.sin(free * w * t))
+    np.testing.assert_allclose(found[0], known, atol=1e-12)
+    assert found[1, 0] == -0.5
+
+
+@pytest.mark.parametrize('name', ['wire', 'hose', 'leaf spring'])
+def test_a_leg_takes_over_how_the_dlo_moves_at_the_end_of_the_one_before(name):
+    one, other = (task.response for task in tasks(name)[-2:])
+    end = np.random.default_rng(3).normal(size=one.rest.shape) * 1e-3 / one.sizes[-1].max()
+    # where modes cross, the fastest that are known of both legs may be others
+    end[:, np.argsort(one.rates[-1])[3:]] = 0.0
+    begin = other.taken_over(one, end)
+    for (at_end, at_begin), powers in (((end[0], begin[0]), 0), ((end[1], begin[1]), 1)):
+        moved = np.einsum('m,mki->ki', at_end * one.rates[-1] ** powers, one.displacements[-1])
+        found = np.einsum('m,mki->ki', at_begin * other.rates[0] ** powers, other.displacements[0])
+        np.testing.assert_allclose(found, moved, atol=1e-3 * np.abs(moved).max())
+    # and while the gripper waits, it swings on: after a period of the only mode it is back, damped
+    alone = np.zeros_like(end)
+    alone[0, 0] = 1e-3
+    w, zeta = one.rates[-1, 0], one.damping[-1, 0]
+    period = 2 * np.pi / (w * np.sqrt(1 - zeta**2))
+    known = alone * np.exp(-zeta * w * period)
+    np.testing.assert_allclose(one.waited(alone, period), known, atol=1e-12)
 
 
 @pytest.mark.parametrize(('name', 'k'), [('wire', 0), ('wire', 1), ('hose', 1),
@@ -54,7 +86,7 @@ def test_the_real_dlo_deviates_as_predicted(name, k):
     direct, _ = cell(name)
     task = tasks(name)[k]
     law = fastest_law(task.leg, Limits())  # quick: it swings by centimeters
-    times, u, (y, _) = task.response.excited(law)
+    times, u, (y, _) = task.response.excited(law, task.response.rest)
     predicted = np.einsum('tmki,tm->tki', task.response.between(
         task.response.displacements, u), y)
     way = TimedPath(GripperPath(task.leg.knots[[0, -1]], (task.leg,)), (law,), Limits())
@@ -78,9 +110,13 @@ def test_the_real_dlo_deviates_as_predicted(name, k):
 def test_what_counts_is_across_the_dlo():
     response = tasks('wire')[1].response
     s = np.linspace(0.1, 0.9, response.parameters.size)
-    for k, moved in enumerate(response.sideways(s)):
+    across, tangents, ahead = response.sideways(s)
+    for k, moved in enumerate(across):
         along = response.shapes[k].frame_at(s[k])[0][:, 0]
+        np.testing.assert_allclose(tangents[k], along)
         np.testing.assert_allclose(moved @ along, 0, atol=1e-12)
+        whole = np.hypot(np.linalg.norm(moved, axis=1), ahead[k])
+        assert (whole <= response.sizes[k] * (1 + 1e-9)).all()
         assert (np.linalg.norm(moved, axis=1) <= response.sizes[k] * (1 + 1e-9)).all()
 
 
@@ -116,7 +152,7 @@ def test_modes_that_turn_into_one_another_swing_on_in_the_same_direction():
         response = Response(u, (), np.full((17, 2), 9.0), np.zeros((17, 2)), modes,
                             modes[:, :, 0, 0], np.zeros((17, 2)), modes[:, :, 0],
                             _turning(np.ones(1), modes) / np.diff(u)[:, None, None])
-        _, places, (y, _) = response.excited(law)
+        _, places, (y, _) = response.excited(law, response.rest)
         found.append(np.einsum('tmki,tm->ti', response.between(modes, places), y))
     still, turning = found
     assert np.abs(still[:, 1]).max() == 0
