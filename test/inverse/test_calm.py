@@ -21,7 +21,7 @@ from dlo_planner import (
     Trajectory,
 )
 from dlo_planner.errors import DeadlineExceeded
-from dlo_planner.inverse.calm import LegTask, _predicted, calm_law, margin, predicted
+from dlo_planner.inverse.calm import Case, LegTask, calm_law, margin, predicted
 from dlo_planner.inverse.fastest import fastest_rates
 from dlo_planner.inverse.in_motion import in_motion
 from dlo_planner.inverse.passing import holes_passed, worst_miss
@@ -98,9 +98,9 @@ def test_a_stiffness_wrong_by_a_tenth_at_most_doubles_the_miss(name, factor):
 def test_a_law_is_judged_with_what_the_leg_before_leaves():
     way, through = tasks('hose')[-2:]
     law = calm_law(through, 1.2e-3)
-    quick = calm_law(way, 5e-3)
+    quick = calm_law(way, 2e-2)
     begins = through.taken_over(way, way.after(quick, way.rest))
-    assert predicted(through, law, begins) > 1.2 * predicted(through, law)
+    assert predicted(through, law, begins) > 3 * predicted(through, law)
     # a law that knows of it is calm all the same
     helped = calm_law(through, 1.2e-3, begins)
     assert predicted(through, helped, begins) <= 1.2e-3
@@ -158,25 +158,22 @@ def test_the_margin_is_where_the_prediction_doubles():
 
 @pytest.mark.parametrize('wide', [0.9, 1.1])  # frequencies above or below the windows' hurt more
 def test_frequencies_may_be_off_both_ways(wide):
+    def off_by(factor):
+        case = Case(task.response.faster(factor), task.holes, task.last, 1.0)
+        return case.deviation(law, case.response.rest)[0]
+
     task = tasks('wire')[-1]
+    task = LegTask(task.leg, task.response, task.limits, task.holes, task.last)
     u, rates = fastest_rates(task.leg, task.limits)
     law = TimeLaw(u, rates / 2, wide * 2 * np.pi / task.response.rates[-1, :2])
-    as_they_are, low, high = (_predicted(task, law, off) for off in (1.0, 0.95, 1.05))
+    as_they_are, low, high = (off_by(factor) for factor in (1.0, 0.95, 1.05))
     assert predicted(task, law) == max(as_they_are, 0.5 * low, 0.5 * high)
     for allowed in (1.05 * as_they_are, 1.5 * as_they_are):
         part = margin(task, law, allowed)
         assert part < 0.3
-        beyond = [_predicted(task, law, 1 + sign * (part + 0.01)) for sign in (1, -1)]
-        assert max(_predicted(task, law, 1 + part), _predicted(task, law, 1 - part)) <= allowed
+        beyond = [off_by(1 + sign * (part + 0.01)) for sign in (1, -1)]
+        assert max(off_by(1 + part), off_by(1 - part)) <= allowed
         assert max(beyond) > allowed
-
-
-@pytest.mark.parametrize(('off', 'counts'), [((1.0, 5.0, 3.0), 2.5), ((1.0, 1.0, 7.0), 3.5),
-                                             ((4.0, 5.0, 7.0), 4.0)])
-def test_half_of_what_wrong_frequencies_do_counts(monkeypatch, off, counts):
-    known = dict(zip((1.0, 0.95, 1.05), off, strict=True))
-    monkeypatch.setattr('dlo_planner.inverse.calm._predicted', lambda task, law, off: known[off])
-    assert predicted(None, None) == counts
 
 
 def test_what_is_passed_at_one_of_two_waypoints_counts_up_to_the_free_end():

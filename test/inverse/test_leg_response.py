@@ -150,7 +150,7 @@ def test_modes_that_turn_into_one_another_swing_on_in_the_same_direction():
         modes[:, 0, 0, 0], modes[:, 0, 0, 1] = cosine, sine
         modes[:, 1, 0, 0], modes[:, 1, 0, 1] = -sine, cosine
         response = Response(u, (), np.full((17, 2), 9.0), np.zeros((17, 2)), modes,
-                            modes[:, :, 0, 0], np.zeros((17, 2)), modes[:, :, 0],
+                            modes[:, :, 0, 0], np.zeros((17, 2)), modes[:, :, 0], np.ones(1),
                             _turning(np.ones(1), modes) / np.diff(u)[:, None, None])
         _, places, (y, _) = response.excited(law, response.rest)
         found.append(np.einsum('tmki,tm->ti', response.between(modes, places), y))
