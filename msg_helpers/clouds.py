@@ -23,7 +23,7 @@ def points_from_cloud(msg: PointCloud2, name: str) -> np.ndarray:
     Raises:
         InvalidTask: fields x, y, z are missing or no floats, or the data are shorter than stated
     """
-    instance(name, msg, PointCloud2)
+    instance('msg', msg, PointCloud2)
     known = {field.name: field for field in msg.fields}
     for axis in _AXES:
         if axis not in known or known[axis].datatype not in _TYPES:

@@ -52,6 +52,7 @@ from dlo_planner import (
 from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.parallel import CellGrid, capability_map
+from msg_helpers.clouds import cloud_msg
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 DEPTHS = (0.0, 0.2)
@@ -170,7 +171,8 @@ def arguments():
         # many at once
         'parallel.map.work': [LEVEL, LEVEL], 'executor': None, 'chunk': 2,
         'Shapes.of.shapes': [shape],
-        'Shapes.of.s': [0.0, 0.5, 1.0], 'parts': [known['Shapes']], 'Shapes.grippers': [LEVEL],
+        'Shapes.of.s': [0.0, 0.5, 1.0], 'Shapes.joined.parts': [known['Shapes']], 'parts': None,
+        'Shapes.grippers': [LEVEL],
         **{f'Shapes.{name}': getattr(known['Shapes'], name) for name in (
             's', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'energy',
             'elastic_energy', 'dissipated', 'residual', 'stability', 'violation', 'iterations',
@@ -190,6 +192,7 @@ def arguments():
         'index': 0, 'group': 'dlo', 'number_shown': 2,
         'marker_items.items_after.msg': MarkerArray(), 'poses.pose_from_msg.msg':
         PoseStamped().pose, 'obstacles.obstacles_after.msg': MarkerArray(),
+        'clouds.points_from_cloud.msg': cloud_msg(np.ones((2, 3)), 'world'),
         'poses.poses_from_goals.msg': Goals(), 'poses.pose_from_stamped.msg': _stamped(),
         'paths.poses_from_path.path': Path(), 'paths.times_from_path.path': Path(),
         'paths.plan_path.times': [0.0, 1.0], 'seconds': 1.0, 'trajectory': known['Trajectory'],

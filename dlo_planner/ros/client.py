@@ -21,7 +21,7 @@ from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.ros.health import stamp_text
 from dlo_planner.ros.proof import DONE
-from dlo_planner.ros.qos import LATCHED, REQUEST
+from dlo_planner.ros.qos import CHANGES, LATCHED, REQUEST
 from msg_helpers.poses import header, pose_stamped_msg
 
 
@@ -53,7 +53,7 @@ class PlannerClient:
         self.node.create_subscription(DiagnosticArray, '/diagnostics', self.diagnostics.put,
                                       REQUEST)
         self.node.create_subscription(PoseStamped, f'{planner}/gripper_command', self.commands.put,
-                                      REQUEST)
+                                      CHANGES)  # none may be lost, however late they are taken
         self._pose_out = self.node.create_publisher(PoseStamped, f'{planner}/gripper_pose',
                                                     qos_profile_sensor_data)
         self._goal_out = self.node.create_publisher(PoseStamped, f'{planner}/task_goal', REQUEST)

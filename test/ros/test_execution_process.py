@@ -11,6 +11,7 @@ from dlo_planner import Pose
 from dlo_planner.ros.follower import Follower
 from msg_helpers.poses import pose_from_msg
 
+_UNDER_WAY = 100  # commands, at the top speed of this motion about
 AWAY = Pose.looking_along((-1.3, 0.2, 1.1), (1.0, 0.2, 0.1))
 GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 OPTIONS = [part for option in ('rod.diameter:=0.0015', 'threading.waypoints:=25',
@@ -39,7 +40,7 @@ def robot(client):
 
 
 def executing(client):
-    """Plan, wait for the proof, execute for 2 s; return the largest step of the way in a period."""
+    """Plan, prove, execute 100 commands; return the largest step of the way in a period, m."""
     client.shape_for(AWAY)
     path, _ = client.plan_threading(AWAY, GOAL)
     assert client.proof(path)['report'] == 'held'
@@ -49,7 +50,9 @@ def executing(client):
     for messages in (client.commands, client.executions):
         drain(messages)
     assert client.trigger('execute').success
-    time.sleep(2.0)
+    end = time.monotonic() + 20.0
+    while client.commands.qsize() < _UNDER_WAY and time.monotonic() < end:
+        time.sleep(0.02)
     return 0.02 * max(speeds)
 
 
