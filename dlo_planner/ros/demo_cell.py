@@ -31,6 +31,11 @@ _WAYPOINTS = 40
 _LOOKING = 3.0   # s for which the wire hangs at rest before the camera
 _PATIENCE = 3.0  # times as long as it should take
 _TASK, _SEED = 0, 0
+_AS_STATED = {'rod__length': 1.0, 'rod__density': 8960.0, 'rod__youngs_modulus': 110e9,
+              'rod__poisson_ratio': 0.34, 'rod__tip_mass': 0.0,
+              'rod__natural_curvature': [0.0, 0.0], 'rod__natural_curvature_terms': [0.0, 0.0],
+              'tool__position': [0.0, 0.0, 0.0], 'tool__orientation': [0.0, 0.0, 0.0, 1.0],
+              'threading__standoff': 0.0, 'cutouts__radius': 0.0}
 
 
 @dataclass(frozen=True)
@@ -99,6 +104,7 @@ def close_the_loop(client, folder, progress) -> Outcome:
               for msg in _drained(heard['shape'])]
     way = np.array([pose_from_msg(msg.pose).position for msg in _drained(heard['pose'])])
     save_cell(folder / 'closed_loop.png', goal, RADIUS, shapes, way)
+    client.set_parameters(**_AS_STATED)  # what was identified is of this wire alone
     return Outcome(planned, outcome['threaded'] == 'True', float(outcome['depth [m]']),
                    float(outcome['of [m]']), float(outcome['largest miss [m]']),
                    float(outcome['largest force [N]']), missed, corrections)
