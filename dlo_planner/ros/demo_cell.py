@@ -26,9 +26,12 @@ from dlo_planner.ros.qos import LATCHED
 from msg_helpers.paths import poses_from_path
 from msg_helpers.poses import pose_from_msg
 
-RADIUS, DIAMETER = 5e-3, 1.5e-3  # of the hole and of the wire, m
+# of the hole and of the wire, m: where two cores compute a cell, a planner and this, commands come
+# unevenly, which sets the wire swinging by some millimeters
+RADIUS, DIAMETER = 8e-3, 1.5e-3
 _WAYPOINTS = 40
-_LOOKING = 3.0   # s for which the wire hangs at rest before the camera
+_LOOKING = 4.0   # s for which the wire hangs at rest before the camera
+_EACH = 0.07     # s between two looks: each image
 _PATIENCE = 3.0  # times as long as it should take
 _TASK, _SEED = 0, 0
 _AS_STATED = {'rod__length': 1.0, 'rod__density': 8960.0, 'rod__youngs_modulus': 110e9,
@@ -77,7 +80,7 @@ def close_the_loop(client, folder, progress) -> Outcome:
         TimeoutError: something does not come
     """
     client.set_parameters(rod__diameter=DIAMETER, cutouts__radius=RADIUS, threading__standoff=0.05,
-                          threading__deepest=0.7, incoming_command_timeout=0.5)
+                          observe__period=_EACH, threading__deepest=0.7, incoming_command_timeout=0.5)
     client.trigger('reset')
     heard = {name: queue.Queue() for name in ('shape', 'outcome', 'cutout', 'pose')}
     for kind, topic, qos in ((Path, 'shape', LATCHED), (DiagnosticStatus, 'outcome', LATCHED),
