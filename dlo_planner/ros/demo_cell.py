@@ -80,7 +80,8 @@ def close_the_loop(client, folder, progress) -> Outcome:
         TimeoutError: something does not come
     """
     client.set_parameters(rod__diameter=DIAMETER, cutouts__radius=RADIUS, threading__standoff=0.05,
-                          observe__period=_EACH, threading__deepest=0.7, incoming_command_timeout=0.5)
+                          observe__period=_EACH, threading__deepest=0.7,
+                          incoming_command_timeout=0.5)
     client.trigger('reset')
     heard = {name: queue.Queue() for name in ('shape', 'outcome', 'cutout', 'pose')}
     for kind, topic, qos in ((Path, 'shape', LATCHED), (DiagnosticStatus, 'outcome', LATCHED),
