@@ -20,12 +20,12 @@ OVERRIDES = {'rod.diameter': 1.5e-3, 'threading.waypoints': 12, 'diagnostics_per
 
 
 @contextmanager
-def served_node():
-    """Yield a PlannerNode that is served by a thread."""
+def served_node(overrides=OVERRIDES):
+    """Yield a PlannerNode with parameters (name -> value) that is served by a thread."""
     context = rclpy.Context()
     rclpy.init(context=context)
     planner = PlannerNode(context=context, parameter_overrides=[
-        Parameter(name, value=value) for name, value in OVERRIDES.items()])
+        Parameter(name, value=value) for name, value in overrides.items()])
     executor = PatientExecutor(8, context=context)
     executor.add_node(planner)
     ended = threading.Event()

@@ -2,11 +2,9 @@
 
 import argparse
 import os
-import signal
-import subprocess
 import sys
 import tempfile
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic, sleep
@@ -22,6 +20,7 @@ from dlo_planner.minimize.newton import residual_of
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
+from dlo_planner.ros.child import child
 from dlo_planner.ros.client import PlannerClient, drained
 from dlo_planner.ros.demo_cell import RADIUS, close_the_loop, installed
 from dlo_planner.ros.demo_figures import save_moving, save_threading, save_turning, save_two
@@ -66,21 +65,12 @@ def wire(diameter):
     return Rod.circular(1.0, diameter, 8960.0, 110e9, 0.34)
 
 
-@contextmanager
 def planner_process(domain, directory):
-    """Run the planner node as a process in a ROS domain of its own; yield the Popen."""
+    """Return a context in which the planner node runs in a ROS domain of its own: its Popen."""
     environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain), 'ROS_LOG_DIR': str(directory)}
-    command = [sys.executable, '-m', 'dlo_planner.ros.planner_node', '--ros-args', '-p',
-               f'threading.waypoints:={WAYPOINTS}', '-p', f'threading.deepest:={DEEPEST}']
-    process = subprocess.Popen(command, env=environment)
-    try:
-        yield process
-    finally:
-        process.send_signal(signal.SIGINT)
-        try:
-            process.wait(timeout=10)
-        except subprocess.TimeoutExpired:
-            process.kill()
+    return child('dlo_planner.ros.planner_node', '--ros-args', '-p',
+                 f'threading.waypoints:={WAYPOINTS}', '-p', f'threading.deepest:={DEEPEST}',
+                 env=environment)
 
 
 def received_residual(simulator, gripper, poses):

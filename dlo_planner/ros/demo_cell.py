@@ -6,10 +6,7 @@ planner. The node sees the wire, identifies it, plans, and corrects what it exec
 
 import os
 import queue
-import signal
-import subprocess
-import sys
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from time import monotonic, sleep
@@ -20,6 +17,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from rclpy.qos import qos_profile_sensor_data
 
+from dlo_planner.ros.child import child
 from dlo_planner.ros.demo_figures import save_cell
 from dlo_planner.ros.execution import ACTIVE
 from dlo_planner.ros.qos import LATCHED
@@ -114,20 +112,10 @@ def close_the_loop(client, folder, progress) -> Outcome:
                    float(outcome['largest force [N]']), missed, corrections)
 
 
-@contextmanager
 def cell_process():
-    """Run the cell as a process in the ROS domain of this one."""
-    process = subprocess.Popen([
-        sys.executable, '-m', 'dlo_planner.cell.node', '--ros-args', '-p', f'task:={_TASK}',
-        '-p', f'seed:={_SEED}', '-p', f'radius:={RADIUS}'], env=os.environ)
-    try:
-        yield process
-    finally:
-        process.send_signal(signal.SIGINT)
-        try:
-            process.wait(timeout=10)
-        except subprocess.TimeoutExpired:
-            process.kill()
+    """Return a context in which the cell runs, in the ROS domain of this process."""
+    return child('dlo_planner.cell.node', '--ros-args', '-p', f'task:={_TASK}',
+                 '-p', f'seed:={_SEED}', '-p', f'radius:={RADIUS}', env=os.environ)
 
 
 def _missed(client, path, goal):

@@ -94,13 +94,16 @@ def test_it_says_where_the_gripper_and_the_hole_are(world):
 
 
 def test_clouds_are_late_and_stamped_when_they_were_taken(world):
-    msg, now = world.newest('cloud'), world.planner.get_clock().now().nanoseconds
-    points = points_from_cloud(msg, 'cloud')
-    assert len(points) == 20
-    away = np.linalg.norm(points - TASK.start.position, axis=1)
-    assert away.max() < TASK.rod.length + 0.02
-    taken = msg.header.stamp.sec * 10**9 + msg.header.stamp.nanosec
-    assert 0.05e9 < now - taken < 5e9
+    ages = []
+    for _ in range(15):
+        msg, now = world.newest('cloud'), world.planner.get_clock().now().nanoseconds
+        points = points_from_cloud(msg, 'cloud')
+        assert len(points) == 20
+        away = np.linalg.norm(points - TASK.start.position, axis=1)
+        assert away.max() < TASK.rod.length + 0.02
+        ages.append(now - msg.header.stamp.sec * 10**9 - msg.header.stamp.nanosec)
+    # a plant that is late catches up, so single images are younger than the camera's latency
+    assert 0.05e9 < np.median(ages) < 5e9
 
 
 def test_it_follows_its_commands_smoothly_and_starts_again(world):

@@ -1,22 +1,18 @@
 """The closed loop in the node: a tracker's points in, identified parameters and corrections out."""
 
-import threading
 import time
 
 import numpy as np
 import pytest
-import rclpy
 from closed_loops import Truth
+from node_inside import Alive, served_node, state
 from planner_process import connected_client, drain
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 
 from dlo_planner import CutOut, Pose, Rod, Spread
 from dlo_planner.inverse.predicted_miss import crossing
 from dlo_planner.ros.causes import Cause
-from dlo_planner.ros.executor import PatientExecutor
 from dlo_planner.ros.follower import Follower
-from dlo_planner.ros.planner_node import PlannerNode
 from dlo_planner.ros.qos import LATEST
 from msg_helpers.clouds import cloud_msg
 
@@ -38,38 +34,13 @@ OVERRIDES = {'rod.length': 0.3, 'rod.diameter': 1e-3, 'diagnostics_period': 0.1,
 @pytest.fixture(scope='module')
 def node(domain):
     """Yield a PlannerNode that is served by a thread."""
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    planner = PlannerNode(context=context, parameter_overrides=[
-        Parameter(name, value=value) for name, value in OVERRIDES.items()])
-    executor = PatientExecutor(8, context=context)
-    executor.add_node(planner)
-    ended = threading.Event()
-
-    def serve():
-        while not ended.is_set():
-            executor.spin_once(timeout_sec=0.05)
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    yield planner
-    ended.set()
-    thread.join()
-    executor.shutdown()
-    planner.destroy_node()
-    rclpy.try_shutdown(context=context)
-
-
-class _Alive:
-    log = ''
-
-    def alive(self):
-        return True
+    with served_node(OVERRIDES) as planner:
+        yield planner
 
 
 @pytest.fixture(scope='module')
 def client(node):
-    with connected_client(_Alive()) as connected:
+    with connected_client(Alive()) as connected:
         yield connected
 
 
@@ -124,10 +95,6 @@ def until(wanted, timeout=20.0):
     while not wanted() and time.monotonic() < end:
         time.sleep(0.05)
     assert wanted()
-
-
-def state(node):
-    return node._parts.store.state
 
 
 @pytest.fixture

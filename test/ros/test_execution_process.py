@@ -17,6 +17,8 @@ GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 OPTIONS = [part for option in ('rod.diameter:=0.0015', 'threading.waypoints:=25',
                                'threading.standoff:=0.05', 'cutouts.radius:=0.01',
                                'rod.damping:=[0.5, 0.01]', 'incoming_command_timeout:=0.5',
+                               # the follower may be late where the machine is busy
+                               'constraints.path.position:=0.5',
                                'diagnostics_period:=0.1') for part in ('-p', option)]
 
 
