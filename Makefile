@@ -16,7 +16,7 @@ demo: $(VENV)/ready
 	$(RUN) -m dlo_planner.ros.demo
 
 test: $(VENV)/ready
-	$(RUN) -m pytest -n 2
+	OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -n 2 --dist loadgroup
 
 bench: $(VENV)/ready
 	$(RUN) benchmarks/run.py

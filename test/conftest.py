@@ -15,6 +15,15 @@ import pytest  # noqa: E402
 
 from dlo_planner import Pose, Rod  # noqa: E402
 
+_TIMED = ('test/ros/', 'test/cell/test_node.py', 'test/view/test_plan_page.py')
+
+
+def pytest_collection_modifyitems(items):
+    """Let one worker run all tests of real time, one after another: two would be late."""
+    for item in items:
+        if item.nodeid.startswith(_TIMED):
+            item.add_marker(pytest.mark.xdist_group('real time'))
+
 
 @pytest.fixture
 def rng():
