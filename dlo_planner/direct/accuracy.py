@@ -9,7 +9,7 @@ from dlo_planner.direct.described import described_equilibrium
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.indicator import like_before, surely_within
 from dlo_planner.direct.mesh import even_mesh, graded_mesh, with_breaks
-from dlo_planner.direct.statics import equilibrium
+from dlo_planner.direct.statics import equilibrium, hanging
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import same
 
@@ -21,14 +21,18 @@ _ENOUGH, _MARGIN = 0.75, 0.5  # parts of the accuracy: what is good, and what is
 
 
 def step(discretisation, gripper, initial, history, far_end, method='newton',
-         unknowns='components'):
+         unknowns='components', most=np.inf):
     """Return the Shape that follows `initial` (a Shape or None) on a mesh, and the kicks.
 
     Args:
         initial: of this DLO, then its past counts, or of any other, then it is only a start
         history: History that the DLO starts with if `initial` is none of its own
         method, unknowns: as `method` and `strains` of `DirectSimulator`
+        most: rad, by which a DLO that hangs freely may turn from `initial` in the gripper before
+            the search is given up
     """
+    if far_end is None and method == 'newton' and discretisation.hangs:
+        return hanging(discretisation, gripper, initial, most)
     past = past_of(discretisation, initial, history)
     if initial is None:
         strains = discretisation.stress_free(past)
@@ -66,7 +70,8 @@ def past_of(discretisation, initial, history):
     return discretisation.past(known, history)
 
 
-def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_end):
+def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_end,
+                         most=np.inf):
     """Return the Shape whose error estimate is within `accuracy` (m), and the number of kicks.
 
     Starts on the mesh of `initial` (a Shape or None), so that a motion pays for grading once.
@@ -75,6 +80,7 @@ def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_e
     Args:
         first: Discretisation to begin with where there is no better one
         fine: basis of better ones
+        most: as in `step`
     """
     discretisation = _to_begin_with(first, fine, accuracy, initial, history)
     around, kicks = first.surroundings, 0
@@ -84,7 +90,7 @@ def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_e
         not around.obstacles and far_end is None
         or initial is None and not any(one.friction for one in around.obstacles))
     while True:
-        shape, kicked = step(discretisation, gripper, initial, history, far_end)
+        shape, kicked = step(discretisation, gripper, initial, history, far_end, most=most)
         kicks += kicked
         if (not shape.converged or surely_within(shape, accuracy)
                 or like_before(shape, initial, accuracy)

@@ -6,7 +6,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.discretisation import SAMPLES
+from dlo_planner.minimize.leash import largest_turn_between
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.model.value import freeze
 
 _LONGEST_TURN = 0.25  # rad: longer steps of the gripper are cut in any case
 _HALVINGS = 7    # a step is cut into 2^7 parts at most before a leap counts as a jump
@@ -24,8 +26,9 @@ def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
     lost its stability there, and the DLO takes one of several sides (a pitchfork).
 
     Args:
-        equilibrium: function (gripper, initial, far_end) -> (Shape, how often an unstable shape
-            was left on the way to it)
+        equilibrium: function (gripper, initial, far_end, most) -> (Shape, how often an unstable
+            shape was left on the way to it); where it leaves `initial` by more than `most` (rad)
+            it may give up
         previous: Shape at the pose where the step starts
         gripper: Pose where it ends
         far_end: FarEnd where it ends, or None
@@ -37,7 +40,8 @@ def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
         shape, kicks = equilibrium(gripper, previous, far_end)
         return _jumped(shape, shape.jumped or kicks > 0 or fell(previous, shape))
     if turn <= _LONGEST_TURN or halvings == 0:
-        shape, kicks = equilibrium(gripper, previous, None)
+        most = np.inf if halvings == 0 or previous.contacts else _LEAP + _FOLLOWING * turn
+        shape, kicks = equilibrium(gripper, previous, None, most)
         if shape.converged and not kicks and not fell(previous, shape):
             return shape
         if halvings == 0:
@@ -110,18 +114,18 @@ def _allowed(previous, shape, turn):
 def shape_change(one, other):
     """Return the largest change of a node's rotation relative to the gripper, in rad."""
     if one.s is other.s and one._discretisation is not None:
-        at = one._discretisation.sampled
-        here, there = one.frames[at], other.frames[at]
-    elif np.array_equal(one.s, other.s):
+        return largest_turn_between(one.frames, other.frames, one.gripper.rotation,
+                                    other.gripper.rotation, one._discretisation.sampled)
+    if np.array_equal(one.s, other.s):
         at = np.searchsorted(one.s, SAMPLES * one.s[-1])
         here, there = one.frames[at], other.frames[at]
     else:  # nodes of two meshes are not at the same places
         samples = SAMPLES * one.s[-1]
         here, there = (np.array([shape.frame_at(s)[0] for s in samples / one.s[-1] * shape.s[-1]])
                        for shape in (one, other))
-    between = one.gripper.rotation @ other.gripper.rotation.T
-    smallest = (here * (between @ there)).sum(axis=(1, 2)).min()  # traces of the rotations
-    return float(np.arccos(min(max(0.5 * (smallest - 1), -1.0), 1.0)))
+    freeze((here, there))
+    return largest_turn_between(here, there, one.gripper.rotation, other.gripper.rotation,
+                                np.arange(SAMPLES.size))
 
 
 def between(one, other, fraction):

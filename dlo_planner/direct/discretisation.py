@@ -137,6 +137,24 @@ class Discretisation(Value):
         return node_moments(self.surroundings, self.s)
 
     @cached_property
+    def hangs(self):
+        """Whether nothing but dead forces acts, and nothing that happened to the DLO matters."""
+        around, system = self.surroundings, self._system
+        return not (system.scene.kind.size or system.layers.share.size or around.has_moments
+                    or around.pinned)
+
+    def has_nodes(self, s):
+        """Whether its nodes are at `s` (n,), m."""
+        return s is self.s or np.array_equal(s, self.s)
+
+    @cached_property
+    def relaxed(self):
+        """(N, 3), read-only: `natural`."""
+        relaxed = self.natural.copy()
+        freeze(relaxed)
+        return relaxed
+
+    @cached_property
     def isometric(self):
         """Whether half the square of the unknowns is the elastic energy."""
         system = self._system
@@ -242,7 +260,7 @@ class Discretisation(Value):
 
     def strains_from(self, s, strains):
         """Return (N, 3), new: strains given on a mesh `s`, averaged over this one's elements."""
-        if s is self.s or np.array_equal(s, self.s):
+        if self.has_nodes(s):
             return np.array(strains)
         return mapped(s, strains, self.s)
 

@@ -10,6 +10,7 @@ length it says nothing.
 from typing import TYPE_CHECKING
 
 from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.model.value import freeze
 from dlo_planner.ritz.truncation import truncation
 
 if TYPE_CHECKING:  # it imports this module
@@ -34,7 +35,7 @@ def surely_within(shape: 'Shape', accuracy: float, mesh: Discretisation | None =
     if (times is None or shape.stability < _STABLE and shape.far_end is None
             or around.rod.varies or around.point_loads or callable(around.load)):
         return False
-    strains = shape.for_kernels[1] if mesh is None else here.strains_from(
+    strains = shape.element_strains if mesh is None else here.strains_from(
         shape.s, shape.element_strains)
     return bool(times * _truncation(here, strains) <= accuracy)
 
@@ -50,12 +51,13 @@ def like_before(shape: 'Shape', before: 'Shape | None', accuracy: float) -> bool
             or before._discretisation is not shape._discretisation
             or shape.stability < _STABLE and shape.far_end is None):
         return False
-    then, now = (_truncation(one._discretisation, one.for_kernels[1]) for one in (before, shape))
+    then, now = (_truncation(one._discretisation, one.element_strains) for one in (before, shape))
     return bool(then > 0 and _LIKE * before.error_estimate * now <= accuracy * then)
 
 
 def _truncation(mesh, strains):
     system = mesh.static
+    freeze(strains)  # as those of a Shape are
     return truncation(system.lengths, strains, system.natural, system.scale, system.basis)
 
 

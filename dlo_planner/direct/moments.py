@@ -11,6 +11,7 @@ import numpy as np
 from dlo_planner.energy.potential import evaluate, new_state, placed
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.arc import jacobians
+from dlo_planner.ritz.matrix3 import matrix, plus, put_vector, transposed_applied, vector
 
 _ROUNDS = 60
 _REMEMBERED = 8   # rounds that tell the next one where to go
@@ -75,14 +76,11 @@ def _next(tried, missed):
 def _couples(lengths, strains, rotations, moments):
     """Return (N, 3): the work of all moments beyond, per length and strain of each element, N m."""
     out = np.empty(strains.shape)
-    turning, shifting = np.empty((3, 3)), np.empty((3, 3))
-    beyond, own, phi = np.zeros(3), np.empty(3), np.empty(3)
+    beyond = (0.0, 0.0, 0.0)
     for e in range(lengths.size - 1, -1, -1):
-        beyond += moments[e + 1]
-        phi[:] = lengths[e] * strains[e]
-        jacobians(phi, lengths[e], turning, shifting)
-        for j in range(3):
-            own[j] = np.sum(rotations[e, :, j] * beyond)
-        for j in range(3):
-            out[e, j] = np.sum(turning[:, j] * own)
+        h = lengths[e]
+        beyond = plus(beyond, vector(moments[e + 1]))
+        turning, _ = jacobians(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h)
+        own = transposed_applied(matrix(rotations[e]), beyond)
+        put_vector(transposed_applied(turning, own), out[e])
     return out

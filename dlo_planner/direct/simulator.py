@@ -354,15 +354,15 @@ class DirectSimulator(Value):
             return shape._discretisation
         return self._equilibrium(gripper, shape, None)[0]._discretisation
 
-    def _equilibrium(self, gripper, initial, far_end):
-        """Return (Shape, kicks)."""
+    def _equilibrium(self, gripper, initial, far_end, most=np.inf):
+        """Return (Shape, kicks); `most` as in `accuracy.step`."""
         if self.accuracy is not None:
             return accurate_equilibrium(self._discretisation, self._fine, self.accuracy, gripper,
-                                        initial, self._history, far_end)
+                                        initial, self._history, far_end, most)
         if far_end is not None and self.method != 'newton':
             raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with a far end')
         return step(self._discretisation, gripper, initial, self._history, far_end, self.method,
-                    self.strains)
+                    self.strains, most)
 
     def _made(self, shape):
         """Whether a Shape is of this DLO, with all that acts on it here."""

@@ -13,12 +13,14 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.energy.hold import violation as hold_violation
 from dlo_planner.energy.plastic import add_plastic, settled
 from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.minimize.hanging import hang
 from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.minimize.methods import search
 from dlo_planner.minimize.multipliers import constrained_newton
 from dlo_planner.minimize.newton import NEUTRAL, gradient_noise, newton
 from dlo_planner.model.far_end import distance, within_reach
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import freeze
 
 TOLERANCE = 1e-10  # of the residual; the last step of a quadratic method overshoots it
 CONVERGED = 1e-8   # what is promised
@@ -61,6 +63,43 @@ def equilibrium(discretisation, gripper, strains, method='newton', history=None,
         exact = min(exact, 1e-4 * max(1.0 - distance(far_end, gripper) / length, _LEAST))
     found = solve(discretisation, system, gripper, q, history, most, exact=exact)
     return shape_of(discretisation, gripper, found, history, far_end), found[4]
+
+
+def hanging(discretisation, gripper, initial, most=np.inf):
+    """Return what `equilibrium` does for a DLO that hangs freely, see `Discretisation.hangs`.
+
+    Args:
+        initial: Shape from which it starts; None: its stress-free shape
+        most: rad, by which it may turn from `initial` in the gripper before the search is given up
+    """
+    strains, before, nodes = discretisation.relaxed, gripper.rotation, _NOT_LOOKED_AT
+    frames = _NO_FRAMES
+    if initial is not None:
+        strains = initial.element_strains
+        if not discretisation.has_nodes(initial.s):
+            strains = discretisation.strains_from(initial.s, strains)
+            freeze(strains)
+        elif most < np.inf:
+            frames, before, nodes = initial.frames, initial.gripper.rotation, discretisation.sampled
+    (strains, frames, positions, wrench, elastic, load, residual, stability, iterations,
+     kicks) = hang(discretisation.static, gripper.rotation, gripper.position, strains, TOLERANCE,
+                   MAX_ITERATIONS, frames, before, nodes, most)
+    energy = elastic + load + float(discretisation.load @ gripper.position)
+    past = discretisation.start
+    return Shape(gripper, discretisation.s, positions, frames, strains, energy, elastic, wrench,
+                 residual, stability, iterations, residual < CONVERGED and stability > -NEUTRAL,
+                 far_wrench=_NOTHING, _discretisation=discretisation, _history=past, _before=past,
+                 _estimate=partial(_estimate_hanging, discretisation, gripper, strains, positions),
+                 ), kicks
+
+
+def _estimate_hanging(discretisation, gripper, strains, positions):
+    return _estimate(discretisation, gripper, strains, positions - gripper.position, None, None)
+
+
+_NOT_LOOKED_AT = np.zeros(0, dtype=np.int64)
+_NO_FRAMES = np.zeros((0, 3, 3))
+freeze(_NO_FRAMES)
 
 
 def solve(discretisation, system, gripper, q, history, most=MAX_ITERATIONS, check=True,

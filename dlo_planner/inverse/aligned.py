@@ -16,6 +16,14 @@ from dlo_planner.minimize.linear import assemble, factorise, largest_turn, new_h
 from dlo_planner.minimize.newton import residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.ritz.arc import dot, jacobians, rotation_and_chord
+from dlo_planner.ritz.matrix3 import (
+    applied,
+    columns_scaled,
+    matrix,
+    put_matrix,
+    put_vector,
+    times,
+)
 
 _LARGEST_TURN = 0.6  # rad per step, of the gripper and of any node
 
@@ -139,15 +147,13 @@ def _perpendicular(normal):
 def _miss(system, state, element, fraction, across, reference, axis, part, tangent):
     """Return the three conditions' misfits; fill tangent and the turning of the part element."""
     h = fraction * system.lengths[element]
-    phi = h * state.strains[element]
-    turn, shifting = np.empty((3, 3)), np.empty((3, 3))
-    chord = np.empty(3)
-    rotation_and_chord(phi[0], phi[1], phi[2], h, turn, chord)
-    tangent[:] = state.rotations[element] @ turn[:, 0].copy()
-    jacobians(phi, h, turn, shifting)
-    part[:] = state.rotations[element] @ turn
-    for j in range(3):
-        part[:, j] *= h * system.scale[element, j]
+    u, scale = state.strains[element], system.scale[element]
+    turn, _ = rotation_and_chord(h * u[0], h * u[1], h * u[2], h)
+    turning, _ = jacobians(h * u[0], h * u[1], h * u[2], h)
+    frame = matrix(state.rotations[element])
+    put_vector(applied(frame, (turn[0], turn[3], turn[6])), tangent)
+    put_matrix(columns_scaled(times(frame, turning), h * scale[0], h * scale[1], h * scale[2]),
+               part)
     return np.array([dot(across[0], tangent), dot(across[1], tangent),
                      dot(axis, _axial(system.base @ reference.T))])
 
@@ -200,7 +206,5 @@ def _turn_rate(base, reference, axis, about):
 @kernel
 def _turn(base, turn, out):
     """Fill out (3, 3) = exp(turn^) base."""
-    rotation = np.empty((3, 3))
-    chord = np.empty(3)
-    rotation_and_chord(turn[0], turn[1], turn[2], 1.0, rotation, chord)
-    out[:] = rotation @ base
+    rotation, _ = rotation_and_chord(turn[0], turn[1], turn[2], 1.0)
+    put_matrix(times(rotation, matrix(base)), out)

@@ -267,6 +267,5 @@ def _total(penalties, shape):
 
 def left_jacobian(v):
     """Return (3, 3) the turn of exp(v) per change of v (Bullo and Murray 1995)."""
-    turning, shifting = np.empty((3, 3)), np.empty((3, 3))
-    jacobians(np.array(v), 1.0, turning, shifting)
-    return turning
+    turning, _ = jacobians(float(v[0]), float(v[1]), float(v[2]), 1.0)
+    return np.reshape(turning, (3, 3))

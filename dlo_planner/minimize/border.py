@@ -75,10 +75,12 @@ def keep(hessian, out, reaction):
 @kernel
 def dot(a, b):
     """Return the sum of products of two arrays (m, 3)."""
-    total = 0.0
+    x, y, z = 0.0, 0.0, 0.0  # three sums: each addition waits for the one before
     for e in range(a.shape[0]):
-        total += a[e, 0] * b[e, 0] + a[e, 1] * b[e, 1] + a[e, 2] * b[e, 2]
-    return total
+        x += a[e, 0] * b[e, 0]
+        y += a[e, 1] * b[e, 1]
+        z += a[e, 2] * b[e, 2]
+    return x + y + z
 
 
 @kernel

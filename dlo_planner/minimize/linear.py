@@ -16,6 +16,20 @@ from dlo_planner.energy.potential import (
 )
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.border import complement, fill_border, keep
+from dlo_planner.ritz.matrix3 import (
+    ZERO,
+    added,
+    applied,
+    inner,
+    matrix,
+    plus,
+    put_matrix,
+    put_vector,
+    times,
+    transposed_applied,
+    transposed_times,
+    vector,
+)
 from dlo_planner.ritz.record import Record
 
 _TINY = 1e-300
@@ -85,8 +99,8 @@ def assemble(system, state, hessian):
                     hessian.diagonal[e, i, i] += system.tie
 
 
-# The width of the blocks is written out in the calls below, so that the compiler, which inlines
-# these three functions, sees constant loops and unrolls them.
+# The width of the blocks is written out in the calls, so that the compiler, which inlines this
+# function, sees constant loops and unrolls them.
 
 
 @kernel(inline='always')
@@ -137,8 +151,8 @@ def factorise(system, hessian, shift):
 def _factorise_alone(system, hessian, shift):
     if system.basis.shape[1] == 0:
         if hessian.turning.shape[1] == 3:
-            return _factorise_sweep(hessian, shift, 3)
-        return _factorise_sweep(hessian, shift, 6)
+            return _factorise_turns(hessian, shift)
+        return _factorise_twists(hessian, shift)
     return _factorise_dense(hessian, shift)
 
 
@@ -169,45 +183,85 @@ def solve_held(system, hessian, right, miss, out, reaction):
 def _solve_alone(system, hessian, right, out):
     if system.basis.shape[1] == 0:
         if hessian.turning.shape[1] == 3:
-            _solve_sweep(hessian, right, out, 3)
+            _solve_turns(hessian, right, out)
         else:
-            _solve_sweep(hessian, right, out, 6)
+            _solve_twists(hessian, right, out)
     else:
         _solve_dense(hessian.factor, right, out)
 
 
 @kernel
-def _inverse3(a, out):
-    """Fill out with the inverse of the symmetric 3 x 3 `a`; return its pivots <= 0."""
-    d0 = a[0, 0]
-    if d0 == 0.0:
-        d0 = _TINY
-    l10 = a[1, 0] / d0
-    l20 = a[2, 0] / d0
-    d1 = a[1, 1] - l10 * a[1, 0]
-    if d1 == 0.0:
-        d1 = _TINY
-    middle = a[2, 1] - l20 * a[1, 0]
-    l21 = middle / d1
-    d2 = a[2, 2] - l20 * a[2, 0] - l21 * middle
-    if d2 == 0.0:
-        d2 = _TINY
-    i0, i1, i2 = 1.0 / d0, 1.0 / d1, 1.0 / d2
+def _inverse3(a):
+    """Return the inverse of the symmetric 3 x 3 `a` (9 numbers), and how many pivots are <= 0."""
+    d0 = a[0] if a[0] != 0.0 else _TINY
+    i0 = 1.0 / d0
+    l10, l20 = a[3] * i0, a[6] * i0
+    d1 = a[4] - l10 * a[3]
+    d1 = d1 if d1 != 0.0 else _TINY
+    i1 = 1.0 / d1
+    middle = a[7] - l20 * a[3]
+    l21 = middle * i1
+    d2 = a[8] - l20 * a[6] - l21 * middle
+    d2 = d2 if d2 != 0.0 else _TINY
+    i2 = 1.0 / d2
     low = l10 * l21 - l20
-    out[2, 2] = i2
-    out[1, 2] = -l21 * i2
-    out[0, 2] = low * i2
-    out[1, 1] = i1 + l21 * l21 * i2
-    out[0, 1] = -l10 * i1 - l21 * low * i2
-    out[0, 0] = i0 + l10 * l10 * i1 + low * low * i2
-    out[1, 0] = out[0, 1]
-    out[2, 0] = out[0, 2]
-    out[2, 1] = out[1, 2]
-    return (d0 <= 0) + (d1 <= 0) + (d2 <= 0)
+    xy, xz, yz = -l10 * i1 - l21 * low * i2, low * i2, -l21 * i2
+    inverse = (i0 + l10 * l10 * i1 + low * low * i2, xy, xz, xy, i1 + l21 * l21 * i2, yz,
+               xz, yz, i2)
+    return inverse, (d0 <= 0) + (d1 <= 0) + (d2 <= 0)
 
 
-@kernel(inline='always')
-def _factorise_sweep(hessian, shift, wide):
+@kernel
+def _factorise_turns(hessian, shift):
+    """Factorise where only rotations count."""
+    negative = 0
+    value = ZERO  # second derivative of the cost to go by theta
+    turnings, crosses, diagonals = hessian.turning, hessian.cross, hessian.diagonal
+    gains, inverses = hessian.gain, hessian.inverse
+    for k in range(turnings.shape[0]):
+        e = turnings.shape[0] - 1 - k
+        turning, d = matrix(turnings[e]), matrix(diagonals[e])
+        carried = transposed_times(turning, value)
+        coupling = added(matrix(crosses[e]), carried)
+        p = times(carried, turning)
+        inverse, found = _inverse3((d[0] + p[0] + shift, p[3], p[6],
+                                    d[3] + p[3], d[4] + p[4] + shift, p[7],
+                                    d[6] + p[6], d[7] + p[7], d[8] + p[8] + shift))
+        negative += found
+        gain = times(inverse, coupling)
+        put_matrix(inverse, inverses[e])
+        put_matrix(gain, gains[e])
+        less = transposed_times(coupling, gain)
+        xy, xz, yz = value[3] - less[3], value[6] - less[6], value[7] - less[7]
+        value = (value[0] - less[0], xy, xz, xy, value[4] - less[4], yz,
+                 xz, yz, value[8] - less[8])
+    return negative
+
+
+@kernel
+def _solve_turns(hessian, right, out):
+    """Solve where only rotations count."""
+    turnings, gains, inverses = hessian.turning, hessian.gain, hessian.inverse
+    n = turnings.shape[0]
+    to_go = (0.0, 0.0, 0.0)  # slope of the cost to go by theta, negated
+    for k in range(n):
+        e = n - 1 - k
+        own = plus(vector(right[e]), transposed_applied(matrix(turnings[e]), to_go))
+        put_vector(applied(matrix(inverses[e]), own), out[e])
+        less = transposed_applied(matrix(gains[e]), own)
+        to_go = (to_go[0] - less[0], to_go[1] - less[1], to_go[2] - less[2])
+    theta = (0.0, 0.0, 0.0)
+    for e in range(n):
+        less = applied(matrix(gains[e]), theta)
+        step = (out[e, 0] - less[0], out[e, 1] - less[1], out[e, 2] - less[2])
+        put_vector(step, out[e])
+        theta = plus(theta, applied(matrix(turnings[e]), step))
+
+
+@kernel
+def _factorise_twists(hessian, shift):
+    """Factorise where displacements count as well."""
+    wide = 6
     negative = 0
     value = np.zeros((wide, wide))  # second derivative of the cost to go by theta
     pivot = np.empty((3, 3))
@@ -232,7 +286,9 @@ def _factorise_sweep(hessian, shift, wide):
                 pivot[i, j] = total
                 pivot[j, i] = total
             pivot[i, i] += shift
-        negative += _inverse3(pivot, inverse)
+        inverted, found = _inverse3(matrix(pivot))
+        put_matrix(inverted, inverse)
+        negative += found
         for i in range(3):
             for k in range(wide):
                 gain[i, k] = (inverse[i, 0] * coupling[0, k] + inverse[i, 1] * coupling[1, k]
@@ -245,8 +301,10 @@ def _factorise_sweep(hessian, shift, wide):
     return negative
 
 
-@kernel(inline='always')
-def _solve_sweep(hessian, right, out, wide):
+@kernel
+def _solve_twists(hessian, right, out):
+    """Solve where displacements count as well."""
+    wide = 6
     slope = np.zeros(wide)  # of the cost to go by theta
     own = np.empty(3)
     turnings, gains, inverses = hessian.turning, hessian.gain, hessian.inverse
@@ -341,16 +399,13 @@ def multiply(system, hessian, vector, out):
 @kernel
 def largest_turn(system, hessian, step):
     """Return the largest rotation in rad of any node that the step (m, 3) makes, to first order."""
-    theta = np.zeros(3)
-    largest = 0.0
-    value = np.empty(3)
+    theta, largest = (0.0, 0.0, 0.0), 0.0
     turning, basis = hessian.turning, system.basis
     for e in range(turning.shape[0]):
-        for i in range(3):
-            value[i] = at_element(basis, step, e, i)
-        for i in range(3):
-            theta[i] += (turning[e, i, 0] * value[0] + turning[e, i, 1] * value[1]
-                         + turning[e, i, 2] * value[2])
-        size = theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2]
-        largest = max(largest, size)
+        value = (at_element(basis, step, e, 0), at_element(basis, step, e, 1),
+                 at_element(basis, step, e, 2))
+        t = turning[e]
+        theta = plus(theta, applied((t[0, 0], t[0, 1], t[0, 2], t[1, 0], t[1, 1], t[1, 2],
+                                     t[2, 0], t[2, 1], t[2, 2]), value))
+        largest = max(largest, inner(theta, theta))
     return np.sqrt(largest)

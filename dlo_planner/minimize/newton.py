@@ -16,6 +16,8 @@ import numpy as np
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import bend_energy, evaluate, new_state
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.border import dot
+from dlo_planner.minimize.leash import left, no_leash
 from dlo_planner.minimize.linear import (
     assemble,
     factorise,
@@ -45,7 +47,8 @@ _WELL_STABLE = 0.01  # an eigenvalue that such a step cannot make doubtful
 @kernel
 def residual_of(system, state):
     """Return the gradient's size, relative to the elastic energy and that of a 1 rad bend."""
-    return np.sqrt(np.sum(state.gradient**2) / (np.sum(state.q**2) + bend_energy(system)))
+    return np.sqrt(dot(state.gradient, state.gradient)
+                   / (dot(state.q, state.q) + bend_energy(system)))
 
 
 @kernel
@@ -84,10 +87,11 @@ def gradient_noise(system, state):
     if system.basis.shape[1]:
         lever *= n / length
     return (_EPS * np.sqrt(n) * forces * length
-            * np.sqrt(lever / (np.sum(state.q**2) + bend_energy(system))))
+            * np.sqrt(lever / (dot(state.q, state.q) + bend_energy(system))))
 
 
-def newton(system, q, tolerance, max_iterations, check, neutral=NEUTRAL):
+@kernel
+def newton(system, q, tolerance, max_iterations, check):
     """Descend from q (m, 3) to a minimum of the potential.
 
     Args:
@@ -95,7 +99,6 @@ def newton(system, q, tolerance, max_iterations, check, neutral=NEUTRAL):
         tolerance: of the residual
         max_iterations: Newton steps at most
         check: whether to find the smallest eigenvalue at the end (and leave a saddle)
-        neutral: eigenvalues above minus this count as those of a minimum
 
     Returns:
         state: at the end
@@ -103,20 +106,28 @@ def newton(system, q, tolerance, max_iterations, check, neutral=NEUTRAL):
         iterations: Newton steps made; kicks: how often a saddle was left, 1 at least
             where the descent had to lean to a side
     """
+    return leashed_newton(system, q, tolerance, max_iterations, check, no_leash())
+
+
+@kernel
+def leashed_newton(system, q, tolerance, max_iterations, check, leash):
+    """Do as `newton` does, but give up where the DLO leaves a Leash, or falls off a saddle on it.
+
+    Then the residual is infinite, or the stability negative.
+    """
     kicks = iterations = 0
+    start = q.copy()
     while True:
         state, residual, stability, made, mode, leant = _descend(
-            system, q, tolerance, max_iterations - iterations, check)
+            system, start, tolerance, max_iterations - iterations, check, leash)
         iterations += made
-        kicks = max(kicks, int(leant))
-        steady = not check or stability > -neutral
-        if steady or iterations >= max_iterations or kicks >= MOST_KICKS:
-            break
-        kicked = kick(system, state, mode)
-        if kicked is None:
+        if leant:
+            kicks = max(kicks, 1)
+        done = not check or stability > -NEUTRAL or leash.nodes.size > 0
+        if (done or iterations >= max_iterations or kicks >= MOST_KICKS
+                or not kicked(system, state, mode, start)):
             break
         kicks += 1
-        q = kicked
     return state, residual, stability, iterations, kicks
 
 
@@ -126,13 +137,13 @@ def descend(system, q, tolerance, max_iterations, check):
 
     Arguments and results as `newton`; the last result is the lowest mode (m, 3) in place of kicks.
     """
-    state, residual, stability, iterations, mode, _ = _descend(system, q, tolerance,
-                                                               max_iterations, check)
+    state, residual, stability, iterations, mode, _ = _descend(
+        system, q, tolerance, max_iterations, check, no_leash())
     return state, residual, stability, iterations, mode
 
 
 @kernel
-def _descend(system, q, tolerance, max_iterations, check):
+def _descend(system, q, tolerance, max_iterations, check, leash):
     """Return what `descend` returns, and whether it had to lean to a side."""
     state = new_state(system)
     trial = new_state(system)
@@ -167,12 +178,15 @@ def _descend(system, q, tolerance, max_iterations, check):
             break
         if shift > FALLING and not leans:
             leans = True
+            if leash.nodes.size:
+                residual, stability = np.inf, -np.inf
+                break
             if lean(system, hessian, state, trial):
                 state, trial = trial, state
                 energy, noise = evaluate(system, state)
                 continue
         solve(system, hessian, -state.gradient, step)
-        if (check and shift > 0.0 and -np.sum(state.gradient * step) < _UNTOLD * noise
+        if (check and shift > 0.0 and -dot(state.gradient, step) < _UNTOLD * noise
                 and factorise(system, hessian, _NEARLY) > 0):
             stalled = True  # rounding errors hide the way down from a saddle: its mode has to tell
             continue
@@ -185,6 +199,9 @@ def _descend(system, q, tolerance, max_iterations, check):
         obstructed = obstructed + 1 if blocked else 0
         if moved:
             state, trial = trial, state
+            if left(leash, state.rotations):
+                residual, stability = np.inf, -np.inf
+                break
             shift = 0.0 if shift < 1e-3 else 0.1 * shift
             stalled = obstructed > _OFTEN  # a contact there has to be known before it goes on
         else:
@@ -233,8 +250,8 @@ def _fall(system, state, trial, step, energy, noise):
 
     Returns its energy, noise, whether there is such a point, and whether an obstacle was met.
     """
-    slope = np.sum(state.gradient * step)
-    size = np.sum(state.gradient**2)
+    slope = dot(state.gradient, step)
+    size = dot(state.gradient, state.gradient)
     fraction, farther = 1.0, 0.0
     blocked = False
     for _ in range(30):
@@ -252,7 +269,7 @@ def _fall(system, state, trial, step, energy, noise):
         # Where the gain drowns in rounding errors the gradient has to tell.
         within_noise = abs(fraction * slope) < _UNTOLD * noise
         if (new <= energy + 1e-4 * fraction * slope
-                or (within_noise and np.sum(trial.gradient**2) < 0.9 * size)):
+                or (within_noise and dot(trial.gradient, trial.gradient) < 0.9 * size)):
             return new, new_noise, True, blocked
         if within_noise:
             break
@@ -293,24 +310,32 @@ def kick(system, state, mode):
 
     Where both sides are about as low, it is the one to which the mode points.
     """
+    q = np.empty_like(mode)
+    return q if kicked(system, state, mode, q) else None
+
+
+@kernel
+def kicked(system, state, mode, q):
+    """Fill q (m, 3) with what `kick` returns; return whether there is such a thing."""
     hessian, trial = new_hessian(system), new_state(system)
     assemble(system, state, hessian)
-    mode = mode * (KICK_TURN / max(largest_turn(system, hessian, mode), 1e-12))
     trial.q[:] = state.q
     energy, noise = evaluate(system, trial)
-
-    def height(q):
-        trial.q[:] = q
-        high, _ = evaluate(system, trial)
-        blocked = system.scene.kind.size and passes_through(
-            system.scene, system.lengths, state.strains, state.rotations, state.positions,
-            trial.rotations, trial.positions)
-        return np.inf if blocked else high
-
+    step = mode * (KICK_TURN / max(largest_turn(system, hessian, mode), 1e-12))
     for _ in range(20):
-        plus, minus = height(state.q + mode), height(state.q - mode)
+        plus = _height(system, state, trial, state.q + step)
+        minus = _height(system, state, trial, state.q - step)
         if min(plus, minus) < energy - 10 * noise:
             alike = energy - plus >= _ALIKE * (energy - minus)
-            return state.q + mode if alike else state.q - mode
-        mode = 0.5 * mode
-    return None
+            q[:] = state.q + step if alike else state.q - step
+            return True
+        step *= 0.5
+    return False
+
+
+@kernel
+def _height(system, state, trial, q):
+    """Return the potential at q (m, 3), infinite where an obstacle is in between."""
+    trial.q[:] = q
+    high, _ = evaluate(system, trial)
+    return np.inf if system.scene.kind.size and _passes(system, state, trial) else high

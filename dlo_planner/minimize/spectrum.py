@@ -14,6 +14,7 @@ from dlo_planner.minimize.border import add_to, dot
 from dlo_planner.minimize.linear import solve
 
 _STEPS = 40
+_ROUGH = 1e-2  # of the tolerance: how exactly it is looked whether it still grows
 _MODE_BELOW = 1e-3  # nobody asks for the mode of a shape that is well stable
 
 
@@ -34,7 +35,7 @@ def lowest_mode(system, hessian, shift, tolerance):
     diagonal = np.empty(steps)
     side = np.empty(steps)
     preferred(system, vectors[0])
-    previous = 0.0
+    top = 0.0
     used = steps
     for k in range(steps):
         image = vectors[k + 1]
@@ -50,13 +51,11 @@ def lowest_mode(system, hessian, shift, tolerance):
         for e in range(m):
             for i in range(3):
                 image[e, i] /= side[k]
-        if k % 3 == 2:
-            top = _largest_eigenvalue(diagonal, side, k + 1)
-            if abs(top - previous) < tolerance * top:
-                used = k + 1
-                break
-            previous = top
-    top = _largest_eigenvalue(diagonal, side, used)
+        previous, top = top, _largest_eigenvalue(diagonal, side, k + 1, top, _ROUGH * tolerance)
+        if top - previous < tolerance * top:
+            used = k + 1
+            break
+    top = _largest_eigenvalue(diagonal, side, used, 0.0, 1e-13)
     mode = np.zeros((m, 3))
     value = 1.0 / top - shift
     if value < _MODE_BELOW:
@@ -94,14 +93,20 @@ def preferred(system, vector):
 
 
 @kernel
-def _largest_eigenvalue(diagonal, side, size):
-    """Return the largest eigenvalue of a symmetric tridiagonal matrix, by bisection."""
-    low = high = diagonal[0]
+def _largest_eigenvalue(diagonal, side, size, least, tolerance):
+    """Return the largest eigenvalue of a symmetric tridiagonal matrix, by bisection.
+
+    Args:
+        diagonal, side: of the matrix; size: rows of it
+        least: what it is not below, as that of a smaller part of the matrix
+        tolerance: relative
+    """
+    low = high = max(diagonal[0], least)
     for k in range(size):
         low = max(low, diagonal[k])
         radius = (side[k - 1] if k else 0.0) + (side[k] if k < size - 1 else 0.0)
         high = max(high, diagonal[k] + radius)
-    while high - low > 1e-13 * abs(high):
+    while high - low > tolerance * abs(high):
         middle = 0.5 * (low + high)
         # one positive pivot of the matrix minus the middle: the eigenvalue lies above it
         above = False

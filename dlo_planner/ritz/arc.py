@@ -18,154 +18,167 @@ from dlo_planner.kernels import kernel
 # Below this angle^2 the closed forms lose digits (up to eight of them in the second derivatives);
 # ten terms of the power series in a^2 are exact to 1e-17 there, and need no sine.
 _SMALL, _TERMS = 1.0, 10
-_TINY, _TERMS_OF_TINY = 4e-3, 5  # the usual element: a few degrees
+_TINY = 4e-3  # of the usual element, a few degrees: five terms are enough
 
 
 def _series():
-    """Return (7, _TERMS) coefficients of a^(2k) in c0, c1, c2, d1, d2, dd1, dd2."""
-    k = np.arange(_TERMS + 2)
+    """Return 7 tuples of _TERMS coefficients of a^(2k), in c0, c1, c2, d1, d2, dd1, dd2."""
+    k = range(_TERMS + 2)
     rows = [[(-1.0) ** n / factorial(2 * n + m) for n in k] for m in (1, 2, 3)]
     slope = [[2 * (n + 1) * row[n + 1] for n in k[:-1]] for row in rows[1:]]
     bend = [[2 * (n + 1) * row[n + 1] for n in k[:-2]] for row in slope]
-    return np.array([row[:_TERMS] for row in rows + slope + bend])
+    return [tuple(row[:_TERMS]) for row in rows + slope + bend]
 
 
-_SERIES = _series()
+_C0, _C1, _C2, _D1, _D2, _DD1, _DD2 = _series()
 
 
 @kernel
-def _power_series(row, a2):
-    last = _TERMS_OF_TINY - 1 if a2 < _TINY else _TERMS - 1
-    total = _SERIES[row, last]
-    for k in range(last - 1, -1, -1):
-        total = total * a2 + _SERIES[row, k]
-    return total
+def _power_series(c, a2):
+    low = (c[3] + c[4] * a2) * a2 + c[2]
+    if a2 >= _TINY:
+        high = (((c[9] * a2 + c[8]) * a2 + c[7]) * a2 + c[6]) * a2 + c[5]
+        low = ((c[4] + high * a2) * a2 + c[3]) * a2 + c[2]
+    return (low * a2 + c[1]) * a2 + c[0]
 
 
 @kernel
 def coefficients(a2):
     """Return c0 = sin a / a, c1, c2 of the angle squared `a2`."""
     if a2 < _SMALL:
-        return _power_series(0, a2), _power_series(1, a2), _power_series(2, a2)
+        return _power_series(_C0, a2), _power_series(_C1, a2), _power_series(_C2, a2)
     a = np.sqrt(a2)
     c0 = np.sin(a) / a
     return c0, 2 * (np.sin(0.5 * a) / a) ** 2, (1 - c0) / a2
 
 
 @kernel
-def first_slopes(a2, c0, c1, c2):
-    """Return d1 = D c1 and d2 = D c2, with D = (1 / a) d/da."""
+def first_slopes(a2, c):
+    """Return d1 = D c1 and d2 = D c2, with D = (1 / a) d/da, of c = `coefficients`."""
     if a2 < _SMALL:
-        return _power_series(3, a2), _power_series(4, a2)
-    return (c0 - 2 * c1) / a2, (c1 - 3 * c2) / a2
+        return _power_series(_D1, a2), _power_series(_D2, a2)
+    return (c[0] - 2 * c[1]) / a2, (c[1] - 3 * c[2]) / a2
 
 
 @kernel
-def second_slopes(a2, c1, c2, d1, d2):
-    """Return D d1 and D d2, with D = (1 / a) d/da."""
+def second_slopes(a2, c, d):
+    """Return D d1 and D d2, with D = (1 / a) d/da, of c = `coefficients`, d = `first_slopes`."""
     if a2 < _SMALL:
-        return _power_series(5, a2), _power_series(6, a2)
+        return _power_series(_DD1, a2), _power_series(_DD2, a2)
     # D c0 = c2 - c1 follows from c0 = 1 - a^2 c2 and the lines above
-    return (c2 - c1 - 4 * d1) / a2, (d1 - 5 * d2) / a2
+    return (c[2] - c[1] - 4 * d[0]) / a2, (d[0] - 5 * d[1]) / a2
 
 
 @kernel
-def rotation_and_chord(phi0, phi1, phi2, h, turn, chord):
-    """Fill turn (3, 3) = exp(phi^) and chord (3,) = h J(phi) e1 for the vector phi."""
-    a2 = phi0 * phi0 + phi1 * phi1 + phi2 * phi2
-    c0, c1, c2 = coefficients(a2)
-    diagonal = 1 - c1 * a2
-    turn[0, 0] = diagonal + c1 * phi0 * phi0
-    turn[1, 1] = diagonal + c1 * phi1 * phi1
-    turn[2, 2] = diagonal + c1 * phi2 * phi2
-    turn[0, 1] = c1 * phi0 * phi1 - c0 * phi2
-    turn[1, 0] = c1 * phi0 * phi1 + c0 * phi2
-    turn[0, 2] = c1 * phi0 * phi2 + c0 * phi1
-    turn[2, 0] = c1 * phi0 * phi2 - c0 * phi1
-    turn[1, 2] = c1 * phi1 * phi2 - c0 * phi0
-    turn[2, 1] = c1 * phi1 * phi2 + c0 * phi0
-    chord[0] = h * (1 - c2 * (phi1 * phi1 + phi2 * phi2))
-    chord[1] = h * (c1 * phi2 + c2 * phi0 * phi1)
-    chord[2] = h * (-c1 * phi1 + c2 * phi0 * phi2)
+def rotation_and_chord(x, y, z, h):
+    """Return exp(phi^) (9 numbers) and h J(phi) e1 (3 numbers) for the vector phi = (x, y, z)."""
+    c0, c1, c2 = coefficients(x * x + y * y + z * z)
+    diagonal = 1 - c1 * (x * x + y * y + z * z)
+    xy, xz, yz = c1 * x * y, c1 * x * z, c1 * y * z
+    turn = (diagonal + c1 * x * x, xy - c0 * z, xz + c0 * y,
+            xy + c0 * z, diagonal + c1 * y * y, yz - c0 * x,
+            xz - c0 * y, yz + c0 * x, diagonal + c1 * z * z)
+    chord = (h * (1 - c2 * (y * y + z * z)), h * (c1 * z + c2 * x * y), h * (c2 * x * z - c1 * y))
+    return turn, chord
 
 
 @kernel
-def jacobians(phi, h, turning, shifting):
-    """Fill turning (3, 3) = J(phi) and shifting (3, 3) = d(h J(phi) e1) / dphi."""
-    x, y, z = phi[0], phi[1], phi[2]
+def jacobians(x, y, z, h):
+    """Return J(phi) and d(h J(phi) e1) / dphi, 9 numbers each, for phi = (x, y, z)."""
     a2 = x * x + y * y + z * z
-    c0, c1, c2 = coefficients(a2)
-    d1, d2 = first_slopes(a2, c0, c1, c2)
-    diagonal = 1 - c2 * a2
-    turning[0, 0] = diagonal + c2 * x * x
-    turning[1, 1] = diagonal + c2 * y * y
-    turning[2, 2] = diagonal + c2 * z * z
-    turning[0, 1] = c2 * x * y - c1 * z
-    turning[1, 0] = c2 * x * y + c1 * z
-    turning[0, 2] = c2 * x * z + c1 * y
-    turning[2, 0] = c2 * x * z - c1 * y
-    turning[1, 2] = c2 * y * z - c1 * x
-    turning[2, 1] = c2 * y * z + c1 * x
-    # chord / h = (1 - c2 (y^2 + z^2), c1 z + c2 x y, -c1 y + c2 x z)
-    across = y * y + z * z
-    for j in range(3):
-        shifting[0, j] = -h * d2 * across * phi[j]
-        shifting[1, j] = h * (d1 * z + d2 * x * y) * phi[j]
-        shifting[2, j] = h * (-d1 * y + d2 * x * z) * phi[j]
-    shifting[0, 1] -= 2 * h * c2 * y
-    shifting[0, 2] -= 2 * h * c2 * z
-    shifting[1, 0] += h * c2 * y
-    shifting[1, 1] += h * c2 * x
-    shifting[1, 2] += h * c1
-    shifting[2, 0] += h * c2 * z
-    shifting[2, 1] -= h * c1
-    shifting[2, 2] += h * c2 * x
+    c = coefficients(a2)
+    return jacobians_with(x, y, z, h, c, first_slopes(a2, c))
 
 
 @kernel
-def add_second_derivatives(phi, h, force, moment, out):
-    """Add to out (3, 3) the second derivative of a load's potential through this one element.
+def jacobians_with(x, y, z, h, c, d):
+    """Return what `jacobians` does, of c = `coefficients` and d = `first_slopes`."""
+    _, c1, c2 = c
+    diagonal = 1 - c2 * (x * x + y * y + z * z)
+    xy, xz, yz = c2 * x * y, c2 * x * z, c2 * y * z
+    turning = (diagonal + c2 * x * x, xy - c1 * z, xz + c1 * y,
+               xy + c1 * z, diagonal + c2 * y * y, yz - c1 * x,
+               xz - c1 * y, yz + c1 * x, diagonal + c2 * z * z)
+    # chord / h = (1 - c2 (y^2 + z^2), c1 z + c2 x y, -c1 y + c2 x z)
+    u0 = -d[1] * (y * y + z * z)
+    u1 = d[0] * z + d[1] * x * y
+    u2 = d[1] * x * z - d[0] * y
+    shifting = (h * u0 * x, h * (u0 * y - 2 * c2 * y), h * (u0 * z - 2 * c2 * z),
+                h * (u1 * x + c2 * y), h * (u1 * y + c2 * x), h * (u1 * z + c1),
+                h * (u2 * x + c2 * z), h * (u2 * y - c1), h * (u2 * z + c2 * x))
+    return turning, shifting
+
+
+@kernel
+def slope(x, y, z, h, force, moment):
+    """Return (3 numbers) the derivative of a load's potential by phi = (x, y, z).
+
+    That is J^T moment + (d(h J e1) / dphi)^T force, written out.
+
+    Args:
+        force: (3 numbers) on the far end, as derivative of the potential, in this element's frame
+        moment: likewise, about that end
+    """
+    a2 = x * x + y * y + z * z
+    c = coefficients(a2)
+    d1, d2 = first_slopes(a2, c)
+    _, c1, c2 = c
+    b0, b1, b2 = force
+    a0, a1, a_2 = moment
+    along = x * b0 + y * b1 + z * b2
+    # J^T a = (1 - c2 a^2) a + c1 a x phi + c2 (a . phi) phi;  b . J e1 = b0 + c1 alpha + c2 beta
+    alpha = b1 * z - b2 * y
+    beta = x * along - a2 * b0
+    radial = c2 * (x * a0 + y * a1 + z * a_2) + h * (d1 * alpha + d2 * beta)
+    own = 1 - c2 * a2
+    return (own * a0 + c1 * (a1 * z - a_2 * y) + radial * x + h * c2 * (along - x * b0),
+            own * a1 + c1 * (a_2 * x - a0 * z) + radial * y
+            + h * (c2 * (x * b1 - 2 * y * b0) - c1 * b2),
+            own * a_2 + c1 * (a0 * y - a1 * x) + radial * z
+            + h * (c2 * (x * b2 - 2 * z * b0) + c1 * b1))
+
+
+@kernel
+def second_derivatives(x, y, z, h, force, moment):
+    """Return (9 numbers) the second derivative of a load's potential through this one element.
 
     For a dead force b on the far end and a moment a about it (both in this element's frame,
     as derivatives of the potential): d2/dphi2 of b . h J(phi) e1, plus the part of the rotation's
     second variation that comes from dJ/dphi, i.e. the quadratic form a . (dJ[d] d).
     """
-    x, y, z = phi[0], phi[1], phi[2]
     a2 = x * x + y * y + z * z
-    c0, c1, c2 = coefficients(a2)
-    d1, d2 = first_slopes(a2, c0, c1, c2)
-    dd1, dd2 = second_slopes(a2, c1, c2, d1, d2)
+    c = coefficients(a2)
+    return second_derivatives_with(x, y, z, h, force, moment, c, first_slopes(a2, c))
+
+
+@kernel
+def second_derivatives_with(x, y, z, h, force, moment, c, d):
+    """Return what `second_derivatives` does, of c = `coefficients` and d = `first_slopes`."""
+    a2 = x * x + y * y + z * z
+    c2, (d1, d2) = c[2], d
+    dd1, dd2 = second_slopes(a2, c, d)
     b0, b1, b2 = h * force[0], h * force[1], h * force[2]
+    a0, a1, a_2 = moment
     # b . J e1 = b0 + c1 alpha + c2 beta
     alpha = b1 * z - b2 * y
     along = b0 * x + b1 * y + b2 * z
     beta = x * along - a2 * b0
-    twist = moment[0] * x + moment[1] * y + moment[2] * z
-    m0 = moment[1] * z - moment[2] * y  # moment x phi
-    m1 = moment[2] * x - moment[0] * z
-    m2 = moment[0] * y - moment[1] * x
-    grad_alpha = (0.0, -b2, b1)
-    grad_beta = (along + x * b0 - 2 * x * b0, x * b1 - 2 * y * b0, x * b2 - 2 * z * b0)
-    # rows of the symmetric rank-two parts that multiply phi
-    side = (d1 * grad_alpha[0] + d2 * grad_beta[0]
-            + 0.5 * (d1 * m0 - (d2 * a2 + c2) * moment[0]),
-            d1 * grad_alpha[1] + d2 * grad_beta[1]
-            + 0.5 * (d1 * m1 - (d2 * a2 + c2) * moment[1]),
-            d1 * grad_alpha[2] + d2 * grad_beta[2]
-            + 0.5 * (d1 * m2 - (d2 * a2 + c2) * moment[2]))
+    twist = a0 * x + a1 * y + a_2 * z
+    own = 0.5 * (d2 * a2 + c2)
+    # side: of the symmetric rank-two part, phi side^T + side phi^T
+    s0 = d2 * (along - x * b0) + 0.5 * d1 * (a1 * z - a_2 * y) - own * a0
+    s1 = d2 * (x * b1 - 2 * y * b0) - d1 * b2 + 0.5 * d1 * (a_2 * x - a0 * z) - own * a1
+    s2 = d2 * (x * b2 - 2 * z * b0) + d1 * b1 + 0.5 * d1 * (a0 * y - a1 * x) - own * a_2
     square = dd1 * alpha + dd2 * beta + d2 * twist
     unit = d1 * alpha + d2 * beta + c2 * twist
-    for i in range(3):
-        for j in range(3):
-            out[i, j] += square * phi[i] * phi[j] + phi[i] * side[j] + side[i] * phi[j]
-        out[i, i] += unit
-    # c2 (e1 b^T + b e1^T - 2 b0 I)
-    out[0, 1] += c2 * b1
-    out[1, 0] += c2 * b1
-    out[0, 2] += c2 * b2
-    out[2, 0] += c2 * b2
-    out[1, 1] -= 2 * c2 * b0
-    out[2, 2] -= 2 * c2 * b0
+    # and c2 (e1 b^T + b e1^T - 2 b0 I)
+    xy = square * x * y + x * s1 + s0 * y + c2 * b1
+    xz = square * x * z + x * s2 + s0 * z + c2 * b2
+    yz = square * y * z + y * s2 + s1 * z
+    across = unit - 2 * c2 * b0
+    return (square * x * x + 2 * x * s0 + unit, xy, xz,
+            xy, square * y * y + 2 * y * s1 + across, yz,
+            xz, yz, square * z * z + 2 * z * s2 + across)
 
 
 @kernel

@@ -11,7 +11,20 @@ element only.
 import numpy as np
 
 from dlo_planner.kernels import kernel
-from dlo_planner.ritz.arc import jacobians, rotation_and_chord
+from dlo_planner.ritz.arc import jacobians, rotation_and_chord, slope
+from dlo_planner.ritz.matrix3 import (
+    applied,
+    columns_scaled,
+    cross,
+    inner,
+    matrix,
+    plus,
+    put_matrix,
+    put_vector,
+    times,
+    transposed_applied,
+    vector,
+)
 from dlo_planner.ritz.record import Record
 
 
@@ -94,20 +107,16 @@ def march(lengths, strains, base, rotations, positions):
         rotations: (N + 1, 3, 3) filled; columns t, n, b in the world
         positions: (N + 1, 3) filled; relative to the gripper, world axes, m
     """
-    turn = np.empty((3, 3))
-    chord = np.empty(3)
-    for i in range(3):
-        positions[0, i] = 0.0
-        for j in range(3):
-            rotations[0, i, j] = base[i, j]
+    frame, place = matrix(base), (0.0, 0.0, 0.0)
+    put_matrix(frame, rotations[0])
+    put_vector(place, positions[0])
     for e in range(lengths.size):
         h = lengths[e]
-        rotation_and_chord(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h, turn, chord)
-        for i in range(3):
-            r0, r1, r2 = rotations[e, i, 0], rotations[e, i, 1], rotations[e, i, 2]
-            positions[e + 1, i] = positions[e, i] + r0 * chord[0] + r1 * chord[1] + r2 * chord[2]
-            for j in range(3):
-                rotations[e + 1, i, j] = r0 * turn[0, j] + r1 * turn[1, j] + r2 * turn[2, j]
+        turn, chord = rotation_and_chord(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h)
+        place = plus(place, applied(frame, chord))
+        frame = times(frame, turn)
+        put_matrix(frame, rotations[e + 1])
+        put_vector(place, positions[e + 1])
 
 
 @kernel
@@ -119,64 +128,46 @@ def add_gradient(lengths, strains, rotations, positions, pull, attached, gradien
     Returns the derivative by the gripper's displacement and by its rotation about its own
     origin, (3,) each, world frame.
     """
-    turning = np.empty((3, 3))
-    shifting = np.empty((3, 3))
-    phi = np.empty(3)
-    force = np.empty(3)   # sum of pull beyond the element
-    moment = np.empty(3)  # their moment about the element's far end
-    near_force = np.empty(3)
-    near_moment = np.empty(3)
     n = lengths.size
     place = attached.element.size - 1
     beside, beside_node = attached.moment.shape[0] > 0, attached.node_moment.shape[0] > 0
     part = np.empty((6, 3))
     arm = np.empty(3)
-    for i in range(3):
-        force[i] = attached.tip_force[i]
-        moment[i] = attached.tip_moment[i]
-    for e in range(n - 1, -1, -1):
+    force = vector(attached.tip_force)    # sum of pull beyond the element
+    moment = vector(attached.tip_moment)  # their moment about the element's far end
+    for k in range(n):
+        e = n - 1 - k
         h = lengths[e]
-        for i in range(3):
-            phi[i] = h * strains[e, i]
-            force[i] += pull[e + 1, i]
-            if beside_node and attached.sprung[e + 1]:
-                moment[i] += attached.node_moment[e + 1, i]
-        jacobians(phi, h, turning, shifting)
+        force = plus(force, vector(pull[e + 1]))
+        if beside_node and attached.sprung[e + 1]:
+            moment = plus(moment, vector(attached.node_moment[e + 1]))
+        frame = matrix(rotations[e])
+        own = slope(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h,
+                    transposed_applied(frame, force), transposed_applied(frame, moment))
         for j in range(3):
-            near_force[j] = (rotations[e, 0, j] * force[0] + rotations[e, 1, j] * force[1]
-                             + rotations[e, 2, j] * force[2])
-            near_moment[j] = (rotations[e, 0, j] * moment[0] + rotations[e, 1, j] * moment[1]
-                              + rotations[e, 2, j] * moment[2])
-        for j in range(3):
-            gradient[e, j] += h * (
-                turning[0, j] * near_moment[0] + turning[1, j] * near_moment[1]
-                + turning[2, j] * near_moment[2] + shifting[0, j] * near_force[0]
-                + shifting[1, j] * near_force[1] + shifting[2, j] * near_force[2])
-        d0 = positions[e + 1, 0] - positions[e, 0]
-        d1 = positions[e + 1, 1] - positions[e, 1]
-        d2 = positions[e + 1, 2] - positions[e, 2]
-        moment[0] += d1 * force[2] - d2 * force[1]
-        moment[1] += d2 * force[0] - d0 * force[2]
-        moment[2] += d0 * force[1] - d1 * force[0]
+            gradient[e, j] += h * own[j]
+        moment = plus(moment, cross((positions[e + 1, 0] - positions[e, 0],
+                                     positions[e + 1, 1] - positions[e, 1],
+                                     positions[e + 1, 2] - positions[e, 2]), force))
         while place >= 0 and attached.element[attached.order[place]] == e:
             c = attached.order[place]
-            own = attached.force[c]
+            there = vector(attached.force[c])
             part_of_element(h, attached.fraction[c], strains[e], _UNSCALED, rotations[e], part,
-                             arm)
+                            arm)
             for j in range(3):
-                gradient[e, j] += part[3, j] * own[0] + part[4, j] * own[1] + part[5, j] * own[2]
+                gradient[e, j] += inner((part[3, j], part[4, j], part[5, j]), there)
             if beside:
-                for i in range(3):
-                    moment[i] += attached.moment[c, i]
-                    for j in range(3):
-                        gradient[e, j] += part[i, j] * attached.moment[c, i]
-            moment[0] += arm[1] * own[2] - arm[2] * own[1]
-            moment[1] += arm[2] * own[0] - arm[0] * own[2]
-            moment[2] += arm[0] * own[1] - arm[1] * own[0]
-            for i in range(3):
-                force[i] += own[i]
+                moment = plus(moment, vector(attached.moment[c]))
+                for j in range(3):
+                    gradient[e, j] += inner((part[0, j], part[1, j], part[2, j]),
+                                            vector(attached.moment[c]))
+            moment = plus(moment, cross(vector(arm), there))
+            force = plus(force, there)
             place -= 1
-    return force + pull[0], moment
+    by_shift, by_turn = np.empty(3), np.empty(3)
+    put_vector(plus(force, vector(pull[0])), by_shift)
+    put_vector(moment, by_turn)
+    return by_shift, by_turn
 
 
 _UNSCALED = np.ones(3)
@@ -191,35 +182,23 @@ def part_of_element(h, fraction, strain, scale, rotation, twist, arm):
         twist: (6, 3) filled: rotation and displacement of the frame there per scaled strain
         arm: (3,) filled: the point from the element's beginning
     """
-    near, shifting = np.empty((3, 3)), np.empty((3, 3))
-    turn, chord = np.empty((3, 3)), np.empty(3)
     length = fraction * h
-    phi = np.empty(3)
-    for i in range(3):
-        phi[i] = length * strain[i]
-    rotation_and_chord(phi[0], phi[1], phi[2], length, turn, chord)
-    jacobians(phi, length, near, shifting)
-    for i in range(3):
-        r0, r1, r2 = rotation[i, 0], rotation[i, 1], rotation[i, 2]
-        arm[i] = r0 * chord[0] + r1 * chord[1] + r2 * chord[2]
-        for j in range(3):
-            factor = length * scale[j]
-            twist[i, j] = factor * (r0 * near[0, j] + r1 * near[1, j] + r2 * near[2, j])
-            twist[3 + i, j] = factor * (r0 * shifting[0, j] + r1 * shifting[1, j]
-                                        + r2 * shifting[2, j])
+    x, y, z = length * strain[0], length * strain[1], length * strain[2]
+    _, chord = rotation_and_chord(x, y, z, length)
+    near, shifting = jacobians(x, y, z, length)
+    frame = matrix(rotation)
+    put_vector(applied(frame, chord), arm)
+    w0, w1, w2 = length * scale[0], length * scale[1], length * scale[2]
+    put_matrix(columns_scaled(times(frame, near), w0, w1, w2), twist[:3])
+    put_matrix(columns_scaled(times(frame, shifting), w0, w1, w2), twist[3:])
 
 
 @kernel
 def point_inside(lengths, strains, rotations, positions, element, fraction, rotation, position):
     """Fill rotation (3, 3) and position (3,) at `fraction` of `element`, on its exact arc."""
-    turn = np.empty((3, 3))
-    chord = np.empty(3)
     h = fraction * lengths[element]
     u = strains[element]
-    rotation_and_chord(h * u[0], h * u[1], h * u[2], h, turn, chord)
-    for i in range(3):
-        row = rotations[element, i]
-        position[i] = (positions[element, i] + row[0] * chord[0] + row[1] * chord[1]
-                       + row[2] * chord[2])
-        for j in range(3):
-            rotation[i, j] = row[0] * turn[0, j] + row[1] * turn[1, j] + row[2] * turn[2, j]
+    turn, chord = rotation_and_chord(h * u[0], h * u[1], h * u[2], h)
+    frame = matrix(rotations[element])
+    put_vector(plus(vector(positions[element]), applied(frame, chord)), position)
+    put_matrix(times(frame, turn), rotation)

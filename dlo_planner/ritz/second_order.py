@@ -8,8 +8,29 @@ rotation (blocks 3 wide); springs notice the displacement as well (twists, 6 wid
 import numpy as np
 
 from dlo_planner.kernels import kernel
-from dlo_planner.ritz.arc import add_second_derivatives, jacobians
+from dlo_planner.ritz.arc import (
+    coefficients,
+    first_slopes,
+    jacobians,
+    jacobians_with,
+    second_derivatives,
+    second_derivatives_with,
+)
 from dlo_planner.ritz.kinematics import part_of_element
+from dlo_planner.ritz.matrix3 import (
+    added,
+    columns_scaled,
+    matrix,
+    outer,
+    plus,
+    put_matrix,
+    times,
+    transposed_applied,
+    transposed_times,
+    vector,
+    without_trace,
+)
+from dlo_planner.ritz.matrix3 import cross as crossed
 
 
 @kernel
@@ -31,145 +52,90 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
     Returns:
         the (3, 3) change of the moment about the gripper's origin per rotation of the gripper
     """
-    near = np.empty((3, 3))
-    shifting = np.empty((3, 3))
-    rolled = np.empty((3, 3))
-    own = np.empty((3, 3))
-    phi = np.empty(3)
-    near_force = np.empty(3)
-    near_moment = np.empty(3)
     n = lengths.size
     place = attached.element.size - 1
     beside, beside_node = attached.moment.shape[0] > 0, attached.node_moment.shape[0] > 0
-    part = np.empty((6, 3))
-    arm = np.empty(3)
-    f0, f1, f2 = attached.tip_force
-    m0, m1, m2 = attached.tip_moment
+    part, arm = np.empty((6, 3)), np.empty(3)
+    force, moment = vector(attached.tip_force), vector(attached.tip_moment)
     # first moment of the loads beyond: sum of pull r^T, r from the element's far end
-    first = attached.tip_first.copy()
-    stiff = np.empty((3, 3))
-    for e in range(n - 1, -1, -1):
+    first = matrix(attached.tip_first)
+    for k in range(n):
+        e = n - 1 - k
         h = lengths[e]
-        f0 += pull[e + 1, 0]
-        f1 += pull[e + 1, 1]
-        f2 += pull[e + 1, 2]
+        force = plus(force, vector(pull[e + 1]))
         if beside_node and attached.sprung[e + 1]:
-            m0 += attached.node_moment[e + 1, 0]
-            m1 += attached.node_moment[e + 1, 1]
-            m2 += attached.node_moment[e + 1, 2]
-            for i in range(3):
-                for j in range(3):
-                    first[i, j] += attached.node_first[e + 1, i, j]
-        for i in range(3):
-            phi[i] = h * strains[e, i]
-        jacobians(phi, h, near, shifting)
-        rot = rotations[e]
+            moment = plus(moment, vector(attached.node_moment[e + 1]))
+            first = added(first, matrix(attached.node_first[e + 1]))
+        x, y, z = h * strains[e, 0], h * strains[e, 1], h * strains[e, 2]
+        c = coefficients(x * x + y * y + z * z)
+        d = first_slopes(x * x + y * y + z * z, c)
+        near, shifting = jacobians_with(x, y, z, h, c, d)
+        frame = matrix(rotations[e])
+        w0, w1, w2 = h * scale[e, 0], h * scale[e, 1], h * scale[e, 2]
+        turned = columns_scaled(times(frame, near), w0, w1, w2)
+        shifted = columns_scaled(times(frame, shifting), w0, w1, w2)
+        # first - trace I: the Hessian of a dead load by rotations
+        rolled = transposed_times(turned, without_trace(first))
+        put_matrix(turned, turning[e])
+        f0, f1, f2 = force
         for j in range(3):
-            near_force[j] = rot[0, j] * f0 + rot[1, j] * f1 + rot[2, j] * f2
-            near_moment[j] = rot[0, j] * m0 + rot[1, j] * m1 + rot[2, j] * m2
-        # stiff = sum of (pull r^T - (r . pull) I): the Hessian of a dead load by rotations
-        trace = first[0, 0] + first[1, 1] + first[2, 2]
-        for i in range(3):
-            for j in range(3):
-                stiff[i, j] = first[i, j]
-            stiff[i, i] -= trace
-        for i in range(3):
-            for j in range(3):
-                turning[e, i, j] = h * scale[e, j] * (
-                    rot[i, 0] * near[0, j] + rot[i, 1] * near[1, j] + rot[i, 2] * near[2, j])
-        # shifting, in the world, times the cross-product matrix of the force
-        for j in range(3):
-            weight = h * scale[e, j]
-            s0 = weight * (rot[0, 0] * shifting[0, j] + rot[0, 1] * shifting[1, j]
-                           + rot[0, 2] * shifting[2, j])
-            s1 = weight * (rot[1, 0] * shifting[0, j] + rot[1, 1] * shifting[1, j]
-                           + rot[1, 2] * shifting[2, j])
-            s2 = weight * (rot[2, 0] * shifting[0, j] + rot[2, 1] * shifting[1, j]
-                           + rot[2, 2] * shifting[2, j])
-            for i in range(3):
-                rolled[j, i] = (turning[e, 0, j] * stiff[0, i] + turning[e, 1, j] * stiff[1, i]
-                                + turning[e, 2, j] * stiff[2, i])
-            cross[e, j, 0] = rolled[j, 0] + s1 * f2 - s2 * f1
-            cross[e, j, 1] = rolled[j, 1] + s2 * f0 - s0 * f2
-            cross[e, j, 2] = rolled[j, 2] + s0 * f1 - s1 * f0
-        for i in range(3):
-            for j in range(3):
-                own[i, j] = 0.0
-        add_second_derivatives(phi, h, near_force, near_moment, own)
-        for i in range(3):
-            for j in range(3):
-                diagonal[e, i, j] = h * h * scale[e, i] * scale[e, j] * own[i, j]
-        for i in range(3):
-            for j in range(3):
-                both = (rolled[i, 0] * turning[e, 0, j] + rolled[i, 1] * turning[e, 1, j]
-                        + rolled[i, 2] * turning[e, 2, j])
-                diagonal[e, i, j] += 0.5 * both
-                diagonal[e, j, i] += 0.5 * both
-        d0 = positions[e + 1, 0] - positions[e, 0]
-        d1 = positions[e + 1, 1] - positions[e, 1]
-        d2 = positions[e + 1, 2] - positions[e, 2]
-        first[0, 0] += f0 * d0
-        first[0, 1] += f0 * d1
-        first[0, 2] += f0 * d2
-        first[1, 0] += f1 * d0
-        first[1, 1] += f1 * d1
-        first[1, 2] += f1 * d2
-        first[2, 0] += f2 * d0
-        first[2, 1] += f2 * d1
-        first[2, 2] += f2 * d2
-        m0 += d1 * f2 - d2 * f1
-        m1 += d2 * f0 - d0 * f2
-        m2 += d0 * f1 - d1 * f0
+            s0, s1, s2 = shifted[j], shifted[3 + j], shifted[6 + j]
+            cross[e, j, 0] = rolled[3 * j] + s1 * f2 - s2 * f1
+            cross[e, j, 1] = rolled[3 * j + 1] + s2 * f0 - s0 * f2
+            cross[e, j, 2] = rolled[3 * j + 2] + s0 * f1 - s1 * f0
+        own = second_derivatives_with(x, y, z, h, transposed_applied(frame, force),
+                                      transposed_applied(frame, moment), c, d)
+        both = times(rolled, turned)
+        diagonal[e, 0, 0] = w0 * w0 * own[0] + both[0]
+        diagonal[e, 1, 1] = w1 * w1 * own[4] + both[4]
+        diagonal[e, 2, 2] = w2 * w2 * own[8] + both[8]
+        diagonal[e, 0, 1] = diagonal[e, 1, 0] = w0 * w1 * own[1] + 0.5 * (both[1] + both[3])
+        diagonal[e, 0, 2] = diagonal[e, 2, 0] = w0 * w2 * own[2] + 0.5 * (both[2] + both[6])
+        diagonal[e, 1, 2] = diagonal[e, 2, 1] = w1 * w2 * own[5] + 0.5 * (both[5] + both[7])
+        along = (positions[e + 1, 0] - positions[e, 0], positions[e + 1, 1] - positions[e, 1],
+                 positions[e + 1, 2] - positions[e, 2])
+        first = added(first, outer(force, along))
+        moment = plus(moment, crossed(along, force))
         while place >= 0 and attached.element[attached.order[place]] == e:
-            c = attached.order[place]
-            own_force = attached.force[c]
-            g0, g1, g2 = own_force
-            length = attached.fraction[c] * h
-            part_of_element(h, attached.fraction[c], strains[e], scale[e], rot, part, arm)
-            for i in range(3):
-                phi[i] = length * strains[e, i]
-                near_moment[i] = 0.0
-                if beside:
-                    for j in range(3):
-                        near_moment[i] += rot[j, i] * attached.moment[c, j]
-                near_force[i] = rot[0, i] * g0 + rot[1, i] * g1 + rot[2, i] * g2
-                for j in range(3):
-                    own[i, j] = 0.0
-            add_second_derivatives(phi, length, near_force, near_moment, own)
+            point = attached.order[place]
+            there, length = vector(attached.force[point]), attached.fraction[point] * h
+            part_of_element(h, attached.fraction[point], strains[e], scale[e], rotations[e], part,
+                            arm)
+            own = second_derivatives(
+                length * strains[e, 0], length * strains[e, 1], length * strains[e, 2], length,
+                transposed_applied(frame, there),
+                transposed_applied(frame, vector(attached.moment[point])) if beside else _NO_MOMENT)
             for j in range(3):
-                cross[e, j, 0] += part[4, j] * g2 - part[5, j] * g1
-                cross[e, j, 1] += part[5, j] * g0 - part[3, j] * g2
-                cross[e, j, 2] += part[3, j] * g1 - part[4, j] * g0
+                lever = crossed((part[3, j], part[4, j], part[5, j]), there)
+                cross[e, j, 0] += lever[0]
+                cross[e, j, 1] += lever[1]
+                cross[e, j, 2] += lever[2]
                 for i in range(3):
-                    diagonal[e, i, j] += length * length * scale[e, i] * scale[e, j] * own[i, j]
+                    diagonal[e, i, j] += (length * length * scale[e, i] * scale[e, j]
+                                          * own[3 * i + j])
             if beside:
-                _carry_along(attached.first[c], part, cross[e], diagonal[e], first)
-                m0 += attached.moment[c, 0]
-                m1 += attached.moment[c, 1]
-                m2 += attached.moment[c, 2]
-            for i in range(3):
-                for j in range(3):
-                    first[i, j] += own_force[i] * arm[j]
-            m0 += arm[1] * g2 - arm[2] * g1
-            m1 += arm[2] * g0 - arm[0] * g2
-            m2 += arm[0] * g1 - arm[1] * g0
-            f0 += g0
-            f1 += g1
-            f2 += g2
+                _carry_along(attached.first[point], part, cross[e], diagonal[e])
+                first = added(first, matrix(attached.first[point]))
+                moment = plus(moment, vector(attached.moment[point]))
+            first = added(first, outer(there, vector(arm)))
+            moment = plus(moment, crossed(vector(arm), there))
+            force = plus(force, there)
             place -= 1
-    trace = first[0, 0] + first[1, 1] + first[2, 2]
-    for i in range(3):
-        first[i, i] -= trace
-    return first.T.copy()
+    base = np.empty((3, 3))
+    put_matrix(without_trace(first), base)
+    return base.T.copy()
+
+
+_NO_MOMENT = (0.0, 0.0, 0.0)
 
 
 @kernel
-def _carry_along(own_first, part, cross, diagonal, first):
+def _carry_along(own_first, part, cross, diagonal):
     """Add what forces at offsets from a point do as that point's frame turns.
 
     Args:
         own_first: (3, 3) sum of force r^T; part: (6, 3) twist of the frame by the element's strain
-        cross: (3, 3 or 6), diagonal: (3, 3) of the element, first: (3, 3) of all beyond: added to
+        cross: (3, 3 or 6), diagonal: (3, 3) of the element: added to
     """
     trace = own_first[0, 0] + own_first[1, 1] + own_first[2, 2]
     rolled = np.empty((3, 3))
@@ -185,7 +151,6 @@ def _carry_along(own_first, part, cross, diagonal, first):
                     + rolled[i, 2] * part[2, j])
             diagonal[i, j] += 0.5 * both
             diagonal[j, i] += 0.5 * both
-            first[i, j] += own_first[i, j]
 
 
 @kernel
@@ -200,8 +165,6 @@ def add_stiffness(lengths, strains, scale, rotations, positions, weight, attache
         turning: (N, 6, 3), cross: (N, 3, 6), diagonal: (N, 3, 3): filled by `second_order` in
             their first three rows (columns); completed here
     """
-    near, shifting = np.empty((3, 3)), np.empty((3, 3))
-    phi = np.empty(3)
     beyond = np.zeros((6, 6))  # of all nodes beyond: their springs as seen by a twist
     rolled = np.empty((3, 6))
     place = attached.element.size - 1
@@ -214,15 +177,11 @@ def add_stiffness(lengths, strains, scale, rotations, positions, weight, attache
     _add_transposed(rigid, local, beyond)
     for e in range(lengths.size - 1, -1, -1):
         h = lengths[e]
-        for i in range(3):
-            phi[i] = h * strains[e, i]
-        jacobians(phi, h, near, shifting)
+        _, shifting = jacobians(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h)
         rot, where, twist = rotations[e], positions[e + 1], turning[e]
+        put_matrix(columns_scaled(times(matrix(rot), shifting), h * scale[e, 0], h * scale[e, 1],
+                                  h * scale[e, 2]), twist[3:])
         for j in range(3):
-            factor = h * scale[e, j]
-            for i in range(3):
-                twist[3 + i, j] = factor * (rot[i, 0] * shifting[0, j] + rot[i, 1] * shifting[1, j]
-                                            + rot[i, 2] * shifting[2, j])
             twist[3, j] -= twist[1, j] * where[2] - twist[2, j] * where[1]
             twist[4, j] -= twist[2, j] * where[0] - twist[0, j] * where[2]
             twist[5, j] -= twist[0, j] * where[1] - twist[1, j] * where[0]

@@ -3,22 +3,20 @@ import pytest
 from scipy.integrate import quad_vec
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.ritz.arc import add_second_derivatives, jacobians, rotation_and_chord
+from dlo_planner.ritz.arc import jacobians, rotation_and_chord, second_derivatives, slope
 
 VECTORS = [np.zeros(3), np.array([1e-4, -2e-4, 5e-5]), np.array([0.02, 0.1, -0.07]),
            np.array([0.5, -0.6, 0.62]), np.array([0.5, -0.6, 0.63]), np.array([2.0, 1.0, -2.5])]
 
 
 def arc(phi, h=0.7):
-    turn, chord = np.empty((3, 3)), np.empty(3)
-    rotation_and_chord(*phi, h, turn, chord)
-    return turn, chord
+    turn, chord = rotation_and_chord(*phi, h)
+    return np.reshape(turn, (3, 3)), np.array(chord)
 
 
 def derivatives(phi, h=0.7):
-    turning, shifting = np.empty((3, 3)), np.empty((3, 3))
-    jacobians(phi, h, turning, shifting)
-    return turning, shifting
+    turning, shifting = jacobians(*phi, h)
+    return np.reshape(turning, (3, 3)), np.reshape(shifting, (3, 3))
 
 
 @pytest.mark.parametrize('phi', VECTORS)
@@ -43,10 +41,17 @@ def test_jacobians_against_differences(phi):
 
 
 @pytest.mark.parametrize('phi', VECTORS)
+def test_slope_of_a_load(phi, rng):
+    force, moment = rng.normal(size=(2, 3))
+    turning, shifting = derivatives(phi)
+    np.testing.assert_allclose(slope(*phi, 0.7, tuple(force), tuple(moment)),
+                               turning.T @ moment + shifting.T @ force, atol=1e-14)
+
+
+@pytest.mark.parametrize('phi', VECTORS)
 def test_second_derivatives_against_differences(phi, rng):
     force, moment = rng.normal(size=(2, 3))
-    second = np.zeros((3, 3))
-    add_second_derivatives(phi, 0.7, force, moment, second)
+    second = np.reshape(second_derivatives(*phi, 0.7, tuple(force), tuple(moment)), (3, 3))
     expected = np.zeros((3, 3))
     step = 1e-5
     for j in range(3):
