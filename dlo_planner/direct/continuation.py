@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.discretisation import SAMPLES
 from dlo_planner.minimize.leash import largest_turn_between
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import freeze
+from dlo_planner.ritz.rotation import partway, rotation_vector
 
 _LONGEST_TURN = 0.25  # rad: longer steps of the gripper are cut in any case
 _HALVINGS = 7    # a step is cut into 2^7 parts at most before a leap counts as a jump
@@ -94,7 +94,7 @@ def _lost(previous, shape):
             (previous.at(previous.s[-1]), shape.at(shape.s[-1]), previous.far_wrench,
              shape.far_wrench)]
     for one, other, first, last in ends:
-        turn = Rotation.from_matrix(other.rotation @ one.rotation.T).as_rotvec()
+        turn = rotation_vector(tuple((other.rotation @ one.rotation.T).ravel().tolist()))
         moved = np.concatenate([other.position - one.position, turn])
         work += 0.5 * float((first + last) @ moved)
     lost = previous.energy + work - shape.energy - (shape.dissipated - previous.dissipated)
@@ -130,6 +130,5 @@ def shape_change(one, other):
 
 def between(one, other, fraction):
     """Return the Pose at `fraction` of the way: position linear, rotation about one fixed axis."""
-    turn = Rotation.from_matrix(other.rotation @ one.rotation.T).as_rotvec()
-    rotation = Rotation.from_rotvec(fraction * turn).as_matrix() @ one.rotation
-    return Pose.from_rotation(one.position + fraction * (other.position - one.position), rotation)
+    return Pose.from_rotation(one.position + fraction * (other.position - one.position),
+                              partway(one.rotation, other.rotation, float(fraction)))

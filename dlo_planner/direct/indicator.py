@@ -9,6 +9,8 @@ length it says nothing.
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.model.value import freeze
 from dlo_planner.ritz.truncation import truncation
@@ -30,14 +32,30 @@ def surely_within(shape: 'Shape', accuracy: float, mesh: Discretisation | None =
         mesh: Discretisation to which the shape would be transferred; None: its own
     """
     here = shape._discretisation if mesh is None else mesh
-    around = here.surroundings
-    times = _times(shape, around.rod)
-    if (times is None or shape.stability < _STABLE and shape.far_end is None
-            or around.rod.varies or around.point_loads or callable(around.load)):
+    times = _times(shape, here.rod)
+    if times is None or shape.stability < _STABLE and shape.far_end is None or not _known(here):
         return False
     strains = shape.element_strains if mesh is None else here.strains_from(
         shape.s, shape.element_strains)
     return bool(times * _truncation(here, strains) <= accuracy)
+
+
+def hanging_surely_within(mesh: Discretisation, stability: np.ndarray, truncated: np.ndarray,
+                          accuracy: float) -> np.ndarray:
+    """Return (n,) what `surely_within` says of DLOs that hang freely.
+
+    Args:
+        mesh: Discretisation of all
+        stability: (n,); truncated: (n,) `truncation` of each, m
+        accuracy: m
+    """
+    return (stability >= _STABLE) & (_FREE * truncated <= accuracy) & _known(mesh)
+
+
+def _known(mesh):
+    """Whether `truncation` says something of a DLO."""
+    around = mesh.surroundings
+    return not (around.rod.varies or around.point_loads or callable(around.load))
 
 
 def like_before(shape: 'Shape', before: 'Shape | None', accuracy: float) -> bool:

@@ -72,8 +72,8 @@ def hanging(discretisation, gripper, initial, most=np.inf):
         initial: Shape from which it starts; None: its stress-free shape
         most: rad, by which it may turn from `initial` in the gripper before the search is given up
     """
-    strains, before, nodes = discretisation.relaxed, gripper.rotation, _NOT_LOOKED_AT
-    frames = _NO_FRAMES
+    strains, before, nodes = discretisation.relaxed, gripper.rotation, NO_NODES
+    frames = NO_FRAMES
     if initial is not None:
         strains = initial.element_strains
         if not discretisation.has_nodes(initial.s):
@@ -81,25 +81,29 @@ def hanging(discretisation, gripper, initial, most=np.inf):
             freeze(strains)
         elif most < np.inf:
             frames, before, nodes = initial.frames, initial.gripper.rotation, discretisation.sampled
-    (strains, frames, positions, wrench, elastic, load, residual, stability, iterations,
+    (strains, frames, positions, wrench, elastic, energy, residual, stability, iterations,
      kicks) = hang(discretisation.static, gripper.rotation, gripper.position, strains, TOLERANCE,
                    MAX_ITERATIONS, frames, before, nodes, most)
-    energy = elastic + load + float(discretisation.load @ gripper.position)
     past = discretisation.start
     return Shape(gripper, discretisation.s, positions, frames, strains, energy, elastic, wrench,
-                 residual, stability, iterations, residual < CONVERGED and stability > -NEUTRAL,
+                 residual, stability, iterations, hangs_still(residual, stability),
                  far_wrench=_NOTHING, _discretisation=discretisation, _history=past, _before=past,
                  _estimate=partial(_estimate_hanging, discretisation, gripper, strains, positions),
                  ), kicks
+
+
+def hangs_still(residual, stability):
+    """Whether a DLO that hangs freely is in a stable or neutral equilibrium."""
+    return (residual < CONVERGED) & (stability > -NEUTRAL)
 
 
 def _estimate_hanging(discretisation, gripper, strains, positions):
     return _estimate(discretisation, gripper, strains, positions - gripper.position, None, None)
 
 
-_NOT_LOOKED_AT = np.zeros(0, dtype=np.int64)
-_NO_FRAMES = np.zeros((0, 3, 3))
-freeze(_NO_FRAMES)
+NO_NODES = np.zeros(0, dtype=np.int64)  # of no Leash
+NO_FRAMES = np.zeros((0, 3, 3))
+freeze(NO_FRAMES)
 
 
 def solve(discretisation, system, gripper, q, history, most=MAX_ITERATIONS, check=True,

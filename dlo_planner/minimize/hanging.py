@@ -1,7 +1,7 @@
 """A DLO that hangs freely: nothing acts on it but dead loads. From one gripper's pose to its shape.
 
 All of it is one kernel: of the time that such a shape takes, most would else be spent between
-kernels. `shapes` in a loop need no Python at all.
+kernels. Many shapes in a loop need no Python at all.
 """
 
 import numpy as np
@@ -12,9 +12,10 @@ from dlo_planner.energy.potential import turned_system, unknown_count, unknowns_
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.leash import leash_on
 from dlo_planner.minimize.newton import leashed_newton
+from dlo_planner.ritz.truncation import truncation
 
 
-@kernel
+@kernel(nogil=True)
 def hang(system, base, origin, strains, tolerance, max_iterations, frames, before, nodes, most):
     """Return the equilibrium that the DLO falls into from given strains.
 
@@ -28,7 +29,7 @@ def hang(system, base, origin, strains, tolerance, max_iterations, frames, befor
     Returns:
         strains: (N, 3); rotations: (N + 1, 3, 3); positions: (N + 1, 3), world, m
         wrench: (6,) force and moment of the gripper on the DLO
-        elastic: J; load: J, potential of the dead loads, zero at the gripper
+        elastic, energy: J, what is stored in the DLO, and all with the dead loads' potential
         residual, stability, iterations, kicks: as `newton`
     """
     turned = turned_system(system, base.copy())
@@ -40,12 +41,34 @@ def hang(system, base, origin, strains, tolerance, max_iterations, frames, befor
         turned, q, tolerance, max_iterations, check, leash)
     elastic = add_elastic(system.lengths, state.strains, system.natural, system.stiffness,
                           state.slope)
-    load, _ = dead_load(system.pull, state.positions)
     positions, wrench = np.empty_like(state.positions), np.empty(6)
     for k in range(positions.shape[0]):
         for i in range(3):
             positions[k, i] = state.positions[k, i] + origin[i]
+    load, _ = dead_load(system.pull, positions)
     for i in range(3):
         wrench[i], wrench[3 + i] = state.base_force[i], state.base_moment[i]
-    return (state.strains, state.rotations, positions, wrench, elastic, load, residual, stability,
-            iterations, kicks)
+    return (state.strains, state.rotations, positions, wrench, elastic, elastic + load, residual,
+            stability, iterations, kicks)
+
+
+@kernel(nogil=True)
+def hang_many(system, bases, origins, start, tolerance, max_iterations, frames, nodes, strains,
+              rotations, positions, wrenches, energies, proofs, iterations):
+    """Fill the equilibria that the DLO falls into from one shape in many grippers, as `hang`.
+
+    Args:
+        bases: (n, 3, 3), read-only, rotations of the grippers; origins: (n, 3), read-only, m
+        start: (N, 3), read-only, strains, 1/m
+        frames, nodes: of no Leash: (0, 3, 3), read-only, and (0,)
+        strains: (n, N, 3), rotations: (n, N + 1, 3, 3), positions: (n, N + 1, 3), wrenches: (n, 6),
+            energies: (n, 2) elastic and all, proofs: (n, 3) residual, stability, `truncation`,
+            iterations: (n,): all filled
+    """
+    for k in range(bases.shape[0]):
+        (strains[k], rotations[k], positions[k], wrenches[k], energies[k, 0], energies[k, 1],
+         proofs[k, 0], proofs[k, 1], iterations[k], _) = hang(
+            system, bases[k], origins[k], start, tolerance, max_iterations, frames, bases[k], nodes,
+            np.inf)
+        proofs[k, 2] = truncation(system.lengths, strains[k], system.natural, system.scale,
+                                  system.basis)

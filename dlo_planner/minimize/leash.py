@@ -1,7 +1,8 @@
 """How far a DLO may change on the way to the next minimum before the search is given up.
 
-Nor may it fall off a saddle: then it is no continuation of what it was. A step of the gripper that is too long for its shape to follow is made again in parts. Most of the
-work of finding that out would be the way down to a shape that is not wanted.
+Nor may it fall off a saddle: then it is no continuation of what it was. A step of the gripper that
+is too long for the shape to follow is made again in parts; most of the work of finding that out
+would be the way down to a shape that is not wanted.
 """
 
 import numpy as np

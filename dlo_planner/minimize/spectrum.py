@@ -15,6 +15,7 @@ from dlo_planner.minimize.linear import solve
 
 _STEPS = 40
 _ROUGH = 1e-2  # of the tolerance: how exactly it is looked whether it still grows
+_EXACT = 1e-11
 _MODE_BELOW = 1e-3  # nobody asks for the mode of a shape that is well stable
 
 
@@ -51,8 +52,10 @@ def lowest_mode(system, hessian, shift, tolerance):
         for e in range(m):
             for i in range(3):
                 image[e, i] /= side[k]
-        previous, top = top, _largest_eigenvalue(diagonal, side, k + 1, top, _ROUGH * tolerance)
-        if top - previous < tolerance * top:
+        stable = top * (shift + _MODE_BELOW) < 1.0
+        near = tolerance if stable else _EXACT  # of a shape that falls, the mode is wanted as well
+        previous, top = top, _largest_eigenvalue(diagonal, side, k + 1, top, _ROUGH * near)
+        if top - previous < near * top:
             used = k + 1
             break
     top = _largest_eigenvalue(diagonal, side, used, 0.0, 1e-13)

@@ -84,6 +84,9 @@ def results(name, value, shape, error=InvalidTask):
             and all(size is None or size == got
                     for size, got in zip(shape, value.shape, strict=True))):
         return value
+    plain = _plain(value, shape)
+    if plain is not None:
+        return plain
     sizes = ', '.join('n' if size is None else str(size) for size in shape)
     try:
         given = np.array(value)
@@ -172,6 +175,18 @@ def row(name, value, error=InvalidTask, *, least=1, most=None, **limits):
     for index in np.flatnonzero(doubtful):
         number(f'{name}[{index}]', float(values[index]), error, **limits)
     return values
+
+
+def _plain(value, shape):
+    """Return as a new array what is right at a glance; None of what has to be looked at."""
+    if type(value) in (tuple, list):
+        right = shape == (len(value),) and all(type(one) is float for one in value)
+    else:
+        right = type(value) is np.ndarray and value.dtype == float and value.shape == shape
+    if not right:
+        return None
+    result = np.array(value)
+    return result if result.size and np.abs(result).max() <= _EXTREME else None
 
 
 def vector(name, value, size, error=InvalidTask):

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dlo_planner.direct.many import hanging_shapes
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import freeze, put
@@ -79,6 +80,10 @@ def piece_of(simulator: Shared, grippers: Sequence[Pose], **more: Any) -> Piece:
 def found(piece: Piece) -> Found:
     """Return what a Piece asks for; this is what workers do."""
     simulator = piece.simulator.content
+    if len(piece.anew) == len(piece.positions):
+        rows = _each_alone(simulator, piece)
+        if rows is not None:
+            return Found(rows)
     grippers = [_pose(*both) for both in zip(piece.positions, piece.rotations, strict=True)]
     starts = sorted({0, *piece.anew})
     shapes = []
@@ -90,6 +95,21 @@ def found(piece: Piece) -> Found:
         return Found(rows)
     good = [shape for shape in shapes if shape.converged or shape.nearly]
     return Found(rows, shapes[0] if piece.dropped else None, good[-1] if good else piece.start)
+
+
+def _each_alone(simulator, piece):
+    """Return `columns` of a DLO that hangs freely in each gripper; None if this one does not."""
+    hanging = hanging_shapes(simulator, piece.positions, piece.rotations)
+    if hanging is None:
+        return None
+    rows, good = hanging
+    rows['contact_table'] = columns([], simulator._discretisation.s)['contact_table']
+    for k in np.flatnonzero(~good):
+        shape = simulator.solve(_pose(piece.positions[k], piece.rotations[k]))
+        for name, values in columns([shape], simulator._discretisation.s).items():
+            if name != 'contact_table':
+                rows[name][k] = values[0]
+    return rows
 
 
 def _pose(position, rotation):

@@ -26,7 +26,7 @@ def bent(gripper, angle):
 
 def leaping(size, at=0.05):
     """Return an `equilibrium` whose shape changes by `size` once the gripper has turned by `at`."""
-    def equilibrium(gripper, initial, far_end):
+    def equilibrium(gripper, initial, far_end, most=np.inf):
         turned = Rotation.from_matrix(gripper.rotation).as_rotvec()[2]
         return bent(gripper, size if turned > at else 0.0), 0
     return equilibrium
@@ -42,7 +42,7 @@ def test_a_leap_is_a_jump_however_small(size):
 def test_a_quick_change_is_followed_in_smaller_steps():
     asked = []
 
-    def equilibrium(gripper, initial, far_end):
+    def equilibrium(gripper, initial, far_end, most=np.inf):
         turned = Rotation.from_matrix(gripper.rotation).as_rotvec()[2]
         asked.append(turned)
         return bent(gripper, 8.0 * turned), 0  # 8 rad per rad, without a leap
@@ -53,7 +53,7 @@ def test_a_quick_change_is_followed_in_smaller_steps():
 
 
 def test_a_failure_on_the_way_is_not_passed_over():
-    def equilibrium(gripper, initial, far_end):
+    def equilibrium(gripper, initial, far_end, most=np.inf):
         turned = Rotation.from_matrix(gripper.rotation).as_rotvec()[2]
         return replace(bent(gripper, 0.0), converged=turned < 0.3), 0
 
