@@ -1,6 +1,7 @@
 """How a grip moves between the instants at which its poses are given."""
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -46,12 +47,23 @@ class Guide(Value):
         """Return (6,) velocity (m/s) and angular velocity (rad/s) at `place` = time / dt, world."""
         if self._spline is None:
             return np.zeros(6)
-        x, y, z, w = q = self._spline(place)[3:]
-        rates = self._spline(place, 1) / self.dt
-        turn = w * rates[3:6] - rates[6] * q[:3]
-        turn += (y * rates[5] - z * rates[4], z * rates[3] - x * rates[5],
-                 x * rates[4] - y * rates[3])
-        return np.concatenate([rates[:3], 2 * turn / (q @ q)])
+        nearest = round(place)
+        if place == nearest and 0 <= nearest < len(self.poses):
+            return self._twists[nearest]
+        return self._twist([place])[0]
+
+    @cached_property
+    def _twists(self):
+        """(n, 6) at the poses: most of what is asked for, and quicker all at once."""
+        return self._twist(np.arange(len(self.poses)))
+
+    def _twist(self, places):
+        quaternions = self._spline(places)[:, 3:]
+        rates = self._spline(places, 1) / self.dt
+        vectors, w = quaternions[:, :3], quaternions[:, 3:]
+        turn = w * rates[:, 3:6] - rates[:, 6:] * vectors + np.cross(vectors, rates[:, 3:6])
+        return np.hstack([rates[:, :3],
+                          2 * turn / np.sum(quaternions**2, axis=1, keepdims=True)])
 
 
 def _spline(poses, at_rest):

@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dlo_planner.model.value import freeze
+
 INTEGRATORS = ('generalized_alpha', 'paper')
 
 
@@ -116,6 +118,14 @@ class Course:
     velocity: np.ndarray
     acceleration: np.ndarray
     mean: np.ndarray
+
+    def __post_init__(self):
+        freeze([self.position, self.velocity, self.acceleration, self.mean])
+
+    @property
+    def arrays(self):
+        """The four arrays."""
+        return self.position, self.velocity, self.acceleration, self.mean
 
     @classmethod
     def begun(cls, position, velocity, acceleration):

@@ -81,15 +81,32 @@ def hanging(discretisation, gripper, initial, most=np.inf):
             freeze(strains)
         elif most < np.inf:
             frames, before, nodes = initial.frames, initial.gripper.rotation, discretisation.sampled
+    found = hang(discretisation.static, gripper.rotation, gripper.position, strains, TOLERANCE,
+                 MAX_ITERATIONS, frames, before, nodes, most)
+    estimate = partial(_estimate_hanging, discretisation, gripper, found[0], found[2])
+    return hanging_shape(discretisation, gripper, found, 0.0, estimate), found[-1]
+
+
+def unknown():
+    """Return the error of what is not estimated by itself."""
+    return np.inf
+
+
+def hanging_shape(discretisation, gripper, found, rounding, estimate=unknown):
+    """Return the Shape of a DLO that hangs freely.
+
+    Args:
+        found: what `minimize.hanging.hang` returns
+        rounding: of the residual, where it is more than usual
+        estimate: function that returns its error, m
+    """
     (strains, frames, positions, wrench, elastic, energy, residual, stability, iterations,
-     kicks) = hang(discretisation.static, gripper.rotation, gripper.position, strains, TOLERANCE,
-                   MAX_ITERATIONS, frames, before, nodes, most)
+     _) = found
     past = discretisation.start
     return Shape(gripper, discretisation.s, positions, frames, strains, energy, elastic, wrench,
-                 residual, stability, iterations, hangs_still(residual, stability),
-                 far_wrench=_NOTHING, _discretisation=discretisation, _history=past, _before=past,
-                 _estimate=partial(_estimate_hanging, discretisation, gripper, strains, positions),
-                 ), kicks
+                 residual, stability, iterations,
+                 bool(hangs_still(residual - 100 * rounding, stability)), far_wrench=_NOTHING,
+                 _estimate=estimate, _discretisation=discretisation, _history=past, _before=past)
 
 
 def hangs_still(residual, stability):

@@ -12,7 +12,15 @@ import numpy as np
 from dlo_planner.direct.guide import Grips
 from dlo_planner.direct.integrator import Course, Scheme
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import MAX_ITERATIONS, shape_of, solve
+from dlo_planner.direct.statics import (
+    MAX_ITERATIONS,
+    TOLERANCE,
+    hanging_shape,
+    shape_of,
+    solve,
+    unknown,
+)
+from dlo_planner.direct.swinging import Coefficients, swing
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import placed, unknowns_of
@@ -70,6 +78,7 @@ class Stepper:
         # of the rod: 0.56 of the period of its slowest vibration, without tip mass
         self._own_time = np.sqrt((self.masses.sum() or 1.0) * rod.length**3
                                  / min(rod.stiffness[1:]))
+        self._known = {}  # Coefficients of the Schemes so far
         self._brief = Scheme.named('paper', min(_BRIEF[0] * dt, _BRIEF[1] * self._own_time))
 
     def step(self, before, place, scheme, patience=MAX_ITERATIONS):
@@ -96,6 +105,8 @@ class Stepper:
         mesh = self.discretisation
         gripper, far_end = self.grips.at(place)
         history = before.shape._history
+        if mesh.hangs and far_end is None:
+            return self._swung(before, place, scheme, gripper, patience)
         system = self._moving(gripper, far_end, history, before.nodes, before.bends, scheme)
         bends, dt = before.bends, scheme.dt
         guess, clear = bends.position + dt * (bends.velocity + 0.5 * dt * bends.acceleration), True
@@ -105,12 +116,42 @@ class Stepper:
             clear = self._is_clear(system, before.shape, guess, gripper)
         q = np.empty((mesh.n_unknowns, 3))
         unknowns_of(system, guess, q)
-        rounding = min(_ROUNDING * scheme.stiffness * self._own_time**2, _ROUGHEST)
+        rounding = self._rounding(scheme)
         found = solve(mesh, system, gripper, q, history, patience if clear else 0,
                       rounding=rounding)
         shape = shape_of(mesh, gripper, found, history, far_end, rounding)
-        shape = replace(shape, _estimate=_unknown, converged=shape.converged and clear)
-        return self._after(before, place, shape, scheme)
+        shape = replace(shape, _estimate=unknown, converged=shape.converged and clear)
+        nodes = scheme.after(before.nodes, shape.positions)
+        bends = scheme.after(before.bends, shape.element_strains)
+        return self._after(before, place, scheme, replace(
+            before, shape=shape, nodes=nodes, bends=bends, kinetic=self._kinetic(nodes.velocity),
+            damping=self._damping(nodes.velocity, bends.velocity)))
+
+    def _swung(self, before, place, scheme, gripper, patience):
+        """Return the Instant of a DLO that hangs freely."""
+        mesh = self.discretisation
+        rounding = self._rounding(scheme)
+        found, nodes, bends, kinetic, damping = swing(
+            mesh.static, gripper.rotation, gripper.position, self._coefficients(scheme),
+            before.nodes.arrays, before.bends.arrays, TOLERANCE + rounding, patience, True)
+        shape = hanging_shape(mesh, gripper, found, rounding)
+        return self._after(before, place, scheme, replace(
+            before, shape=shape, nodes=Course(shape.positions, *nodes),
+            bends=Course(shape.element_strains, *bends), kinetic=kinetic, damping=damping))
+
+    def _rounding(self, scheme):
+        """Return how large a residual rounding errors may leave."""
+        return min(_ROUNDING * scheme.stiffness * self._own_time**2, _ROUGHEST)
+
+    def _coefficients(self, scheme):
+        """Return the Coefficients of a Scheme."""
+        known = self._known.get(scheme)
+        if known is None:
+            known = self._known[scheme] = Coefficients(
+                *(float(one) for one in (scheme.alpha_m, scheme.alpha_f, scheme.beta, scheme.gamma,
+                                         scheme.dt, scheme.stiffness, scheme.drag,
+                                         *self.discretisation.rod.damping)), self.masses)
+        return known
 
     def _is_clear(self, system, old, strains, gripper):
         """Whether nothing is run through by the Shape `old` as it is when the gripper goes on."""
@@ -119,23 +160,22 @@ class Stepper:
                                   old.frames.copy(), old.positions - shift, new.rotations,
                                   new.positions)
 
-    def _after(self, before, place, shape, scheme):
-        nodes = scheme.after(before.nodes, shape.positions)
-        bends = scheme.after(before.bends, shape.element_strains)
+    def _after(self, before, place, scheme, there):
+        """Return the Instant `there`, at `place`, with its energy accounted for."""
+        shape = there.shape
         power = self.grips.power(place, shape.gripper_wrench, shape.far_wrench,
                                  shape.positions[-1])
-        damping = self._damping(nodes.velocity, bends.velocity)
         half = 0.5 * scheme.dt
         work = half * (before.power + power)
         if scheme.first_order:  # its forces are the same all the step long
             then = self.grips.power(before.place, shape.gripper_wrench, shape.far_wrench,
                                     shape.positions[-1])
             work = half * (then + power)
-        losses = before.losses + (half * (before.damping + damping),
+        losses = before.losses + (half * (before.damping + there.damping),
                                   shape.dissipated - before.shape.dissipated,
                                   _rubbed(before.shape, shape))
-        return Instant(place, shape, nodes, bends, self._kinetic(nodes.velocity), shape.energy,
-                       before.work + work, power, losses, damping)
+        return replace(there, place=place, potential=shape.energy, work=before.work + work,
+                       power=power, losses=losses)
 
     def begin(self, shape, velocity=None):
         """Return the Instant at time 0 of a DLO that is free to move from now on.
@@ -157,7 +197,7 @@ class Stepper:
         if velocity is not None:
             nodes, bends = self._set_going(nodes, bends, shape._history, velocity, brief, 0.0)
         nodes, bends, state = self._accelerated(nodes, bends, shape._history, brief, 0.0)
-        begun = Instant(0.0, replace(shape, _estimate=_unknown), nodes, bends, 0.0, shape.energy,
+        begun = Instant(0.0, replace(shape, _estimate=unknown), nodes, bends, 0.0, shape.energy,
                         0.0, 0.0, np.zeros(3), 0.0)
         return self._with(begun, nodes, bends, state)
 
@@ -254,7 +294,3 @@ def _rubbed(before, after):
     """Return the work done against friction between two Shapes, J."""
     return sum(float(contact.friction @ (before.frame_at(contact.s)[1] - contact.position))
                for contact in after.contacts if contact.friction.any())
-
-
-def _unknown():
-    return np.inf

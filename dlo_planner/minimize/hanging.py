@@ -37,10 +37,20 @@ def hang(system, base, origin, strains, tolerance, max_iterations, frames, befor
     unknowns_of(turned, strains.copy(), q)
     leash = leash_on(frames, before, base, nodes, most)
     check = most > 0.0  # a literal would be compiled for by itself
+    return fallen(turned, origin, system.natural, system.stiffness, q, tolerance, max_iterations,
+                  check, leash)
+
+
+@kernel
+def fallen(system, origin, natural, stiffness, q, tolerance, max_iterations, check, leash):
+    """Return what `hang` does, from unknowns q (m, 3) on.
+
+    Args:
+        natural, stiffness: (N, 3) those whose elastic energy is given
+    """
     state, residual, stability, iterations, kicks = leashed_newton(
-        turned, q, tolerance, max_iterations, check, leash)
-    elastic = add_elastic(system.lengths, state.strains, system.natural, system.stiffness,
-                          state.slope)
+        system, q, tolerance, max_iterations, check, leash)
+    elastic = add_elastic(system.lengths, state.strains, natural, stiffness, state.slope)
     positions, wrench = np.empty_like(state.positions), np.empty(6)
     for k in range(positions.shape[0]):
         for i in range(3):
