@@ -32,7 +32,7 @@ def step(discretisation, gripper, initial, history, far_end, method='newton',
             the search is given up
     """
     if far_end is None and method == 'newton' and discretisation.hangs:
-        return hanging(discretisation, gripper, initial, most)
+        return _hanging(discretisation, gripper, initial, most)
     past = past_of(discretisation, initial, history)
     if initial is None:
         strains = discretisation.stress_free(past)
@@ -45,6 +45,16 @@ def step(discretisation, gripper, initial, history, far_end, method='newton',
                                             past)
     shape, kicks = equilibrium(discretisation, gripper, strains, method, past, far_end)
     return (shape if clear else replace(shape, converged=False, jumped=True)), kicks
+
+
+def _hanging(discretisation, gripper, initial, most):
+    """Return what `step` does for a DLO that hangs freely, see `Discretisation.hangs`."""
+    if initial is None:
+        return hanging(discretisation, gripper, discretisation.relaxed)
+    if discretisation.has_nodes(initial.s):
+        return hanging(discretisation, gripper, initial.element_strains, initial, most)
+    return hanging(discretisation, gripper,
+                   discretisation.strains_from(initial.s, initial.element_strains))
 
 
 def held_by(surroundings, gripper, initial):

@@ -48,6 +48,8 @@ def equilibrium(discretisation, gripper, strains, method='newton', history=None,
         history: History on the same mesh; None: no past
         far_end: FarEnd or None
     """
+    if method == 'newton' and far_end is None and discretisation.hangs:
+        return hanging(discretisation, gripper, strains)
     system = discretisation.system(gripper.rotation, gripper.position, history, far_end)
     q = discretisation.unknowns(strains)
     if method != 'newton':
@@ -65,22 +67,20 @@ def equilibrium(discretisation, gripper, strains, method='newton', history=None,
     return shape_of(discretisation, gripper, found, history, far_end), found[4]
 
 
-def hanging(discretisation, gripper, initial, most=np.inf):
+def hanging(discretisation, gripper, strains, near=None, most=np.inf):
     """Return what `equilibrium` does for a DLO that hangs freely, see `Discretisation.hangs`.
 
     Args:
-        initial: Shape from which it starts; None: its stress-free shape
-        most: rad, by which it may turn from `initial` in the gripper before the search is given up
+        strains: as in `equilibrium`
+        near: Shape on the same mesh, which may not be left by more than `most` (rad, of a node in
+            the gripper): then the search is given up
     """
-    strains, before, nodes = discretisation.relaxed, gripper.rotation, NO_NODES
-    frames = NO_FRAMES
-    if initial is not None:
-        strains = initial.element_strains
-        if not discretisation.has_nodes(initial.s):
-            strains = discretisation.strains_from(initial.s, strains)
-            freeze(strains)
-        elif most < np.inf:
-            frames, before, nodes = initial.frames, initial.gripper.rotation, discretisation.sampled
+    frames, before, nodes = NO_FRAMES, gripper.rotation, NO_NODES
+    if most < np.inf:
+        frames, before, nodes = near.frames, near.gripper.rotation, discretisation.sampled
+    if strains.flags.writeable:  # another type for kernels
+        strains = np.array(strains)
+        freeze(strains)
     found = hang(discretisation.static, gripper.rotation, gripper.position, strains, TOLERANCE,
                  MAX_ITERATIONS, frames, before, nodes, most)
     estimate = partial(_estimate_hanging, discretisation, gripper, found[0], found[2])

@@ -23,15 +23,15 @@ def settled(varied: Varied, z: np.ndarray, gripper: Pose, before: Shape | None =
     """
     mesh = varied.at(z)
 
-    def found(gripper, initial, _):
+    def found(gripper, initial, _far_end=None, _most=None):
         if initial is None:
-            return equilibrium(mesh, gripper, np.array(mesh.natural))
+            return equilibrium(mesh, gripper, mesh.natural)
         strains = initial.element_strains
         if len(strains) != mesh.s.size - 1:
             strains = mesh.strains_from(initial.s * (mesh.s[-1] / initial.s[-1]), strains)
-        return equilibrium(mesh, gripper, np.array(strains))
+        return equilibrium(mesh, gripper, strains)
 
     if before is None or not followed:
-        return found(gripper, before, None)[0]
+        return found(gripper, before)[0]
     # first the equilibrium at z in the gripper's pose of `before`: following starts from one
-    return follow(found, found(before.gripper, before, None)[0], gripper)
+    return follow(found, found(before.gripper, before)[0], gripper)

@@ -19,6 +19,7 @@ from msg_helpers.joints import joint_trajectory_msg, positions_from_joint_state
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                       durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _LATEST = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+_MOST_JOINTS = 1000  # of which positions are remembered
 _STALE = 1.0   # s, after which a position of the arm's joints is not the present one
 _AWAY = 1e-2   # rad or m: farther from its first point the arm has to be brought there
 PARAMETERS = {
@@ -134,8 +135,9 @@ class ArmOutput:
             return
         now = monotonic()
         # one new dict: the thread that plans reads the old one meanwhile
-        self._positions = {**self._positions,
-                           **{name: (value, now) for name, value in positions.items()}}
+        known = {**self._positions, **{name: (value, now) for name, value in positions.items()}}
+        newest = sorted(known.items(), key=lambda item: item[1][1])[-_MOST_JOINTS:]
+        self._positions = dict(newest)
 
 
 def _current(arm, known, now):

@@ -16,6 +16,7 @@ from dlo_planner.inverse.correction import correct
 from dlo_planner.inverse.estimate import Estimate
 from dlo_planner.inverse.steering import Steered
 from dlo_planner.model.pose import Pose
+from dlo_planner.ros.beginning import blending_as
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.door import named
 from dlo_planner.ros.doubts import doubts, kept_out, unexplained
@@ -130,7 +131,12 @@ class Camera:
                 abs(stamp - when) < scene.seeing.correction_period):
             return
         way = execution.way
-        steered = way if isinstance(way, Steered) else Steered.of(way, plan.shapes[-1])
+        trajectory = way.trajectory if isinstance(way, Steered) else way
+        steered = Steered.of(trajectory, plan.shapes[-1])
+        if way is not trajectory:
+            steered = blending_as(way, steered.windows, execution.done)
+        if steered is None:
+            return
         reached = steered.reached(plan.times)
         if execution.done + steered.windows.sum() > steered.trajectory.duration:
             return  # it would come too late

@@ -105,7 +105,7 @@ MEANINGS = {
                               'is void',
     Cause.PAUSED: 'the node stood still for longer than `execute.longest_pause`',
     Cause.SHUTDOWN: 'the node ends',
-    Cause.NOTHING_TO_CANCEL: '`cancel`, and nothing was planned or executed',
+    Cause.NOTHING_TO_CANCEL: '`cancel`, and nothing was planned, proved or executed',
     Cause.MISS_EXPECTED: 'the observed DLO is not inside the cut-out with 95 %: it stops before it',
     Cause.INTERNAL: 'an error of the node itself; the log has its place',
 }

@@ -71,12 +71,14 @@ class Drive:
     def _on_cancel(self, _, response):
         with self._reporter.answering('cancel', answer=response) as outcome:
             planning = self._planning.cancel('canceled')
-            executing = self._store.state.executing
+            before = self._store.state
+            executing, proving = before.executing, before.proving and not before.executing
             self._store.change(State.canceled)
-            if not planning and not executing:
-                raise Refused(Cause.NOTHING_TO_CANCEL, 'nothing was planned or executed')
+            if not (planning or executing or proving):
+                raise Refused(Cause.NOTHING_TO_CANCEL, 'nothing was planned, proved or executed')
             outcome.message = ' and '.join(
-                ['the execution comes to rest'] * executing + ['the planning ends'] * planning)
+                ['the execution comes to rest'] * executing + ['the planning ends'] * planning
+                + ['the proof ends'] * proving)
         return response
 
     def _command(self):

@@ -8,6 +8,7 @@ import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.ros.beginning import from_where_it_is
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.execution import Execution, Heard
 from dlo_planner.ros.planning import Made
@@ -123,6 +124,7 @@ class State:
             Refused: naming what is missing, or why it must not be executed
         """
         way, scene = ready(self, now), self.made.scene
+        way = from_where_it_is(way, self.heard.pose.compose(scene.tool), self.made.plan.shapes[0])
         execution = Execution(way, scene.tool.inverse(), scene.frame_id, self.scene.guards,
                               scene.period)
         return replace(self, execution=execution, running=self.made)
@@ -144,9 +146,18 @@ class State:
             return self
         return replace(self, execution=replace(execution, way=corrected(execution.done)))
 
+    @property
+    def proving(self) -> bool:
+        """Whether the last plan is still being proved."""
+        return self.proof is not None and not self.proof.done
+
     def canceled(self) -> 'State':
-        """Return the State in which what is executed comes to rest, after `cancel`."""
-        return self._with_execution(self.execution.canceled()) if self.executing else self
+        """Return the State after `cancel`: what is executed comes to rest, or the proof ends."""
+        if self.executing:
+            return self._with_execution(self.execution.canceled())
+        if self.proving:
+            return self.without_plan(Cause.CANCELED, 'canceled while the plan was proved')
+        return self
 
     def stopped(self, cause: Cause, reason: str) -> 'State':
         """Return the State in which what is executed comes to rest, if anything is."""

@@ -42,7 +42,8 @@ REQUESTS = {
             'plan_two_cutouts', 0, '12 gripper poses'),
     'replan': (lambda c: c.trigger('replan'), 'replan', 0, '12 gripper poses'),
     'reset': (lambda c: c.trigger('reset'), 'reset', 0, 'natural shape'),
-    'cancel': (lambda c: c.trigger('cancel'), 'cancel', 414, 'nothing was planned or executed'),
+    'cancel': (lambda c: c.trigger('cancel'), 'cancel', 414,
+               'nothing was planned, proved or executed'),
 }
 
 

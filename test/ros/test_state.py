@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from dlo_planner import Pose, Sphere, replay
+from dlo_planner.ros.beginning import blending_as
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.execution import Heard
 from dlo_planner.ros.parameters import ENTRIES
@@ -115,6 +117,57 @@ def test_a_proved_plan_is_executed_and_only_once(proved):
     assert refused.value.cause == Cause.EXECUTING
     assert state.ticked(10.06).execution.command is not None
     assert state.scene.guards == state.execution.guards
+
+
+def test_an_execution_begins_where_the_gripper_is(proved):
+    pose = proved.pose
+    turn = Rotation.from_rotvec([0, 0.03, 0])
+    here = Pose.from_rotation(pose.position + (0.0, 0.012, -0.005),
+                              turn.as_matrix() @ pose.rotation)
+    execution = proved.hearing(Heard(here, 10.0)).started(10.02).execution
+    way, planned = execution.way, proved.proof.report.trajectory
+    first = way.at([0.0])[0][0]
+    np.testing.assert_allclose(first.position, here.position, atol=1e-12)
+    np.testing.assert_allclose(first.rotation, here.rotation, atol=1e-12)
+    # it goes over to the plan smoothly, and then keeps to it
+    blended = way.windows.sum()
+    assert {round(float(period), 6) for period in way.windows[:2]} <= {
+        round(1 / float(one), 6) for one in proved.made.plan.shapes[0].modes(4).frequencies}
+    times = np.linspace(0, blended, 200)
+    away = np.array([np.linalg.norm(one.position - other.position) for one, other in zip(
+        way.at(times)[0], planned.at(times)[0], strict=True)])
+    assert np.diff(away).max() < 1e-12 and np.abs(np.diff(away)).max() < 0.013 * 3 / 200
+    late = np.linspace(blended, planned.duration, 20)
+    for one, other in zip(way.at(late)[0], planned.at(late)[0], strict=True):
+        np.testing.assert_allclose(one.matrix, other.matrix, atol=1e-12)
+
+
+def test_what_a_robot_makes_up_for_is_not_blended(proved):
+    here = Pose(proved.pose.position + (0.0, 0.0, 0.9e-3), proved.pose.quaternion)
+    way = proved.hearing(Heard(here, 10.0)).started(10.02).execution.way
+    assert way is proved.proof.report.trajectory
+
+
+def test_other_windows_wait_until_all_is_blended_in(proved):
+    here = Pose(proved.pose.position + (0.0, 0.0, 5e-3), proved.pose.quaternion)
+    way = proved.hearing(Heard(here, 10.0)).started(10.02).execution.way
+    other = way.windows * 0.9
+    assert blending_as(way, way.windows, 0.0) is way
+    assert blending_as(way, other, 0.99 * way.windows.sum()) is None
+    later = 1.01 * way.windows.sum()
+    changed = blending_as(way, other, later)
+    np.testing.assert_array_equal(changed.windows, other)
+    np.testing.assert_allclose(changed.at([later])[0][0].matrix, way.at([later])[0][0].matrix,
+                               atol=1e-12)
+
+
+def test_cancel_ends_a_proof(proved):
+    proving = replace(proved, proof=Proof(proved.made.plan))
+    assert proving.proving and not proved.proving
+    after = proving.canceled()
+    assert after.made is None and 'canceled' in after.void
+    assert after.proved(proved.proof).proof is None  # it comes too late
+    assert proved.canceled() is proved  # nothing is to be canceled
 
 
 @pytest.mark.parametrize(('spoil', 'cause', 'named'), [

@@ -1,0 +1,54 @@
+"""A motion begins where the gripper is, which is hardly ever exactly where the plan begins."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.periods import slowest_period
+from dlo_planner.inverse.steering import Change, Steered
+from dlo_planner.inverse.timed_path import TimedPath
+from dlo_planner.model.pose import Pose
+
+_NOTICED = 1e-3, 5e-3  # m, rad: what is less is left to the robot, as it is at every command
+_LONG_AGO = -1e6       # s
+_WINDOWS = 0.02, 5.0   # s
+_EVEN = 0.1            # s
+
+
+def from_where_it_is(way: TimedPath, here: Pose, shape: Shape) -> TimedPath | Steered:
+    """Return a motion that begins at a pose and goes over to its way without swinging the DLO.
+
+    Args:
+        way: TimedPath of the gripper
+        here: Pose of the gripper now, near the beginning of the way
+        shape: Shape of the DLO there
+    """
+    first = way.at([0.0])[0][0]
+    turn = Rotation.from_matrix(here.rotation @ first.rotation.T).as_rotvec()
+    away = np.concatenate([turn, here.position - first.position])
+    if np.linalg.norm(away[3:]) <= _NOTICED[0] and np.linalg.norm(turn) <= _NOTICED[1]:
+        return way
+    try:
+        steered = Steered.of(way, shape)
+    except InvalidTask:  # modes are not defined for all shapes
+        period = np.clip(slowest_period(shape.rod), *_WINDOWS)
+        steered = Steered(way, [period, period, _EVEN])
+    return replace(steered, changes=(Change(_LONG_AGO, [0.0], away[None]),
+                                     Change(0.0, [0.0], -away[None])))
+
+
+def blending_as(steered: Steered, windows: np.ndarray, time: float) -> Steered | None:
+    """Return a Steered that blends further changes in over other windows.
+
+    None as long as one of its changes is still being blended in: the motion would leap.
+
+    Args:
+        windows: (k,) s; time: of the motion, s
+    """
+    if np.array_equal(steered.windows, windows):
+        return steered
+    last = max((change.since for change in steered.changes), default=_LONG_AGO)
+    return replace(steered, windows=windows) if time >= last + steered.windows.sum() else None
