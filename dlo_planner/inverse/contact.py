@@ -10,7 +10,7 @@ import numpy as np
 
 from dlo_planner.inverse.continuity import gripper_motion
 from dlo_planner.inverse.draft import Draft
-from dlo_planner.inverse.intervals import minima
+from dlo_planner.inverse.intervals import best_first, minima
 from dlo_planner.inverse.touching import HARDLY_STABLE, Contacting
 
 CONDITIONS = ('least_energy', 'least_force', 'least_motion', 'largest_clearance')
@@ -81,7 +81,7 @@ def _cost_of(task, condition, start):
 def _minima_of(task, parts, condition, start):
     """Return [(cost, force)], best first, of the local minima in all `parts`."""
     cost = _cost_of(task, condition, start)
-    return sorted(found for part in parts for found in minima(cost, task.merit, part))
+    return best_first([found for part in parts for found in minima(cost, task.merit, part)])
 
 
 def first_choice(task, parts, condition, start, draft):

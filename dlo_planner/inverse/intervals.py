@@ -12,6 +12,7 @@ _PER_DECADE = 8
 _END = 1e-6     # relative: how well the ends of an interval are found
 _SAMPLES = 9    # of an interval at least
 _CLOSE = 1e-5   # relative: how well a minimum is found
+_ALIKE = 1e-9   # relative: costs that differ by less are alike
 _LOOKED_CLOSER = 4  # places where an interval may hide
 _WORST = 1e6    # stands for no value at all
 
@@ -106,4 +107,10 @@ def minima(cost, merit, xs):
                                    options={'xatol': _CLOSE})
             if best.fun < values[k]:
                 found[-1] = (float(best.fun), float(np.exp(best.x)))
-    return sorted(found)
+    return best_first(found)
+
+
+def best_first(found):
+    """Return pairs (cost, x) by cost, those that rounding errors alone tell apart by x."""
+    unit = _ALIKE * max((abs(cost) for cost, _ in found), default=0.0) or 1.0
+    return sorted(found, key=lambda one: (round(one[0] / unit), one[1]))

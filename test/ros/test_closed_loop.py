@@ -27,6 +27,7 @@ OVERRIDES = {'rod.length': 0.3, 'rod.diameter': 1e-3, 'diagnostics_period': 0.1,
              'threading.linear_speed': 0.2, 'threading.angular_speed': 1.0,
              'threading.tolerance': 1e-3, 'cutouts.radius': 2.5e-3,
              'incoming_command_timeout': 0.5, 'execute.longest_pause': 2.0,
+             'constraints.path.position': 0.2,
              'observe.noise': 3e-4, 'observe.period': 0.05, 'observe.correction_period': 0.2,
              'spread.natural_curvature': 0.3, 'spread.curvature_variation': 0.0}
 

@@ -42,8 +42,9 @@ REQUESTS = {
             'plan_two_cutouts', 0, '12 gripper poses'),
     'replan': (lambda c: c.trigger('replan'), 'replan', 0, '12 gripper poses'),
     'reset': (lambda c: c.trigger('reset'), 'reset', 0, 'natural shape'),
-    'cancel': (lambda c: c.trigger('cancel'), 'cancel', 414,
-               'nothing was planned, proved or executed'),
+    # the first one ends what the requests before have left: a proof
+    'cancel': (lambda c: (c.trigger('cancel'), c.status_of('cancel'), c.trigger('cancel')),
+               'cancel', 414, 'nothing was planned, proved or executed'),
 }
 
 
