@@ -14,6 +14,7 @@ from dlo_planner.minimize.protocol import Problem
 
 SEARCHES = {'dfp': dfp, 'downhill_simplex': downhill_simplex}
 METHODS = ('newton', *SEARCHES)
+_EPS = 2.2e-16
 
 
 def search(system, q, method, tolerance):
@@ -36,7 +37,7 @@ def search(system, q, method, tolerance):
     def value_and_gradient(flat):
         return value(flat), state.gradient.ravel().copy()
 
-    problem = Problem(value, value_and_gradient, np.sqrt(bend_energy(system)))
+    problem = Problem(value, value_and_gradient, np.sqrt(bend_energy(system)), rounding(system))
     iterations = evaluations = kicks = 0
     while True:
         found = SEARCHES[method](problem, q.ravel().copy(), tolerance)
@@ -45,6 +46,12 @@ def search(system, q, method, tolerance):
         if kicked is None or kicks >= MOST_KICKS:
             return reached, residual, stability, iterations, kicks, evaluations
         q, kicks = kicked, kicks + 1
+
+
+def rounding(system):
+    """Return the rounding errors of the potential in J, but for those in proportion to it."""
+    weight = np.linalg.norm(system.pull, axis=1).sum()
+    return _EPS * (weight * system.lengths.sum() + bend_energy(system))
 
 
 def judged(system, q, tolerance):
