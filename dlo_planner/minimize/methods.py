@@ -9,6 +9,7 @@ import numpy as np
 from dlo_planner.energy.potential import bend_energy, evaluate, new_state
 from dlo_planner.minimize.dfp import dfp
 from dlo_planner.minimize.downhill_simplex import downhill_simplex
+from dlo_planner.minimize.linear import assemble, factorise, new_hessian
 from dlo_planner.minimize.newton import MOST_KICKS, NEUTRAL, descend, kick
 from dlo_planner.minimize.protocol import Problem
 
@@ -28,6 +29,34 @@ def search(system, q, method, tolerance):
         state, residual, stability, iterations, kicks: as `newton`
         evaluations: of the potential
     """
+    problem = problem_of(system)
+    iterations = evaluations = kicks = 0
+    while True:
+        found = SEARCHES[method](problem, q.ravel().copy(), tolerance)
+        iterations, evaluations = iterations + found.iterations, evaluations + found.evaluations
+        reached, residual, stability, kicked = judged(system, found.q.reshape(q.shape), tolerance)
+        if kicked is None or kicks >= MOST_KICKS:
+            return reached, residual, stability, iterations, kicks, evaluations
+        q, kicks = kicked, kicks + 1
+
+
+def near(system, q, method, tolerance, most):
+    """Return unknowns (m, 3) on the way from q to a minimum, and the work that it took.
+
+    Nothing is said of them: they are where others begin.
+
+    Args:
+        most: work, after which the search ends where it is: Newton steps, or evaluations
+    """
+    if method == 'newton':
+        state, _, _, iterations, _ = descend(system, q, tolerance, most, False)
+        return state.q, iterations
+    found = SEARCHES[method](problem_of(system), q.ravel().copy(), tolerance, most)
+    return found.q.reshape(q.shape), found.evaluations
+
+
+def problem_of(system):
+    """Return the Problem of the potential of a System, its unknowns in one row."""
     state = new_state(system)
 
     def value(flat):
@@ -37,15 +66,22 @@ def search(system, q, method, tolerance):
     def value_and_gradient(flat):
         return value(flat), state.gradient.ravel().copy()
 
-    problem = Problem(value, value_and_gradient, np.sqrt(bend_energy(system)), rounding(system))
-    iterations = evaluations = kicks = 0
-    while True:
-        found = SEARCHES[method](problem, q.ravel().copy(), tolerance)
-        iterations, evaluations = iterations + found.iterations, evaluations + found.evaluations
-        reached, residual, stability, kicked = judged(system, found.q.reshape(q.shape), tolerance)
-        if kicked is None or kicks >= MOST_KICKS:
-            return reached, residual, stability, iterations, kicks, evaluations
-        q, kicks = kicked, kicks + 1
+    return Problem(value, value_and_gradient, np.sqrt(bend_energy(system)), rounding(system))
+
+
+def convex_between(system, one, other):
+    """Whether the potential is convex on the straight way between unknowns (m, 3), at 3 points.
+
+    Then descents from both end in one minimum, as far as three points can tell.
+    """
+    state, hessian = new_state(system), new_hessian(system)
+    for fraction in (0.0, 0.5, 1.0):
+        state.q[:] = one + fraction * (other - one)
+        evaluate(system, state)
+        assemble(system, state, hessian)
+        if factorise(system, hessian, 0.0):
+            return False
+    return True
 
 
 def rounding(system):
