@@ -20,7 +20,7 @@ _DIFFERENT = 0.1     # of the velocities: what grips and inextensibility may cha
 
 
 def refuse_motion(around, strains):
-    """Raise InvalidTask where motions in these Surroundings, or of these unknowns, have no solver."""
+    """Raise InvalidTask where motions in these Surroundings, or by such strains, have no solver."""
     if around.pinned:
         raise InvalidTask('grip = \'pinned\': expected a simulator whose gripper clamps the '
                           'DLO where motions are simulated')

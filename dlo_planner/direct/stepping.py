@@ -109,7 +109,8 @@ class Stepper:
     def step_from(self, before, place, scheme, guess, patience=MAX_ITERATIONS):
         """Return the Instant at `place`, for which the search begins with strains (N, 3)."""
         mesh, history, clear = self.discretisation, before.shape._history, True
-        system, gripper, far_end, rounding = self.moving(before, place, scheme)
+        system, gripper, far_end, rounding = self.moving(before.nodes, before.bends, history,
+                                                         place, scheme)
         if mesh.surroundings.obstacles:
             clear = self._is_clear(system, before.shape, guess, gripper)
         q, evaluations = np.empty((mesh.n_unknowns, 3)), 0
@@ -125,11 +126,10 @@ class Stepper:
                         evaluations=evaluations)
         return self._after(before, place, shape, scheme)
 
-    def moving(self, before, place, scheme):
+    def moving(self, nodes, bends, history, place, scheme):
         """Return System, gripper, far end, and what rounding leaves of the residual, of a step."""
         gripper, far_end = self.grips.at(place)
-        system = self._moving(gripper, far_end, before.shape._history, before.nodes, before.bends,
-                              scheme)
+        system = self._moving(gripper, far_end, history, nodes, bends, scheme)
         return (system, gripper, far_end,
                 min(_ROUNDING * scheme.stiffness * self._own_time**2, _ROUGHEST))
 

@@ -1,11 +1,11 @@
 """The downhill simplex method of Nelder and Mead (paper, section 3.5).
 
-The simplex is SciPy's. Its first edges are the axes of a quadratic surface through values about the
-start, each as long as raises the potential alike: an even simplex turns flat in a long valley. It
-compares values, so it cannot tell points apart that differ by the square root of the rounding
-errors. The end is therefore that of the original method (Nelder and Mead 1965, appendix): the lowest
-point of a quadratic surface through values about the simplex. Where there is none, or it is not near, the
-simplex is set up anew.
+The simplex is SciPy's. Its first edges are the axes of a quadratic surface through values about
+the start, each as long as raises the potential alike: an even simplex turns flat in a long valley.
+It compares values, so it cannot tell points apart that differ by the square root of the rounding
+errors. The end is therefore that of the original method (Nelder and Mead 1965, appendix): the
+lowest point of a quadratic surface through values about the simplex. Where there is none, or it is
+not near, the simplex is set up anew.
 """
 
 import numpy as np
@@ -68,7 +68,7 @@ def _axes(value, q, scale):
 
 
 def _settled(value, q, scale, tolerance):
-    """Return the lowest point (n,) of quadratic surfaces from q on, and whether it is the minimum."""
+    """Return the lowest point (n,) of quadratic surfaces from q on, and if it is the minimum."""
     before = np.inf
     for _ in range(_SURFACES):
         size = np.hypot(np.linalg.norm(q), scale)
@@ -88,7 +88,7 @@ def _settled(value, q, scale, tolerance):
 
 
 def slope(value, q, edge):
-    """Return the gradient (n,) at q (n,) from values at four points on each axis, of fourth order."""
+    """Return the gradient (n,) at q (n,), of fourth order, from four values on each axis."""
     gradient = np.empty(q.size)
     for i in range(q.size):
         axis = np.zeros(q.size)

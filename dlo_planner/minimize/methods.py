@@ -41,7 +41,7 @@ def search(system, q, method, tolerance):
 
 
 def near(system, q, method, tolerance, most):
-    """Return unknowns (m, 3) on the way from q to a minimum, and the work that it took.
+    """Return strains (N, 3) on the way from q (m, 3) to a minimum, and the work that it took.
 
     Nothing is said of them: they are where others begin.
 
@@ -49,10 +49,13 @@ def near(system, q, method, tolerance, most):
         most: work, after which the search ends where it is: Newton steps, or evaluations
     """
     if method == 'newton':
-        state, _, _, iterations, _ = descend(system, q, tolerance, most, False)
-        return state.q, iterations
-    found = SEARCHES[method](problem_of(system), q.ravel().copy(), tolerance, most)
-    return found.q.reshape(q.shape), found.evaluations
+        state, _, _, work, _ = descend(system, q, tolerance, most, False)
+    else:
+        found = SEARCHES[method](problem_of(system), q.ravel().copy(), tolerance, most)
+        state, work = new_state(system), found.evaluations
+        state.q[:] = found.q.reshape(q.shape)
+        evaluate(system, state)
+    return state.strains, work
 
 
 def problem_of(system):

@@ -1,0 +1,264 @@
+"""Dependent computation (paper, section 4.3.5): steps that need the one before, looked at ahead.
+
+While one task computes step i, the others compute what steps i + 1, i + 2, ... would be if the DLO
+went there at once from where it is known to be: positions and velocities (or, where it is moved
+slowly, the permanent set) are those of step i - 1, the time is 2 dt, 3 dt, ... When the time of
+such a step comes, what was found is where its search begins. Nothing else is taken from it: the
+answer is the minimum of the same potential as in serial computation.
+
+All tasks end together: a look ahead may take as much work as the step before did. So the answer
+does not depend on how fast workers are.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlo_planner.direct.accuracy import past_of
+from dlo_planner.direct.continuation import LONGEST_TURN, fell
+from dlo_planner.direct.grips import poses
+from dlo_planner.direct.motion import Motion
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.statics import equilibrium
+from dlo_planner.direct.stepping import Stepper
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.errors import InvalidTask
+from dlo_planner.minimize.methods import convex_between
+from dlo_planner.model.checks import instance, integer, number
+from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.parallel.ahead import UNLIMITED, Moving, Resting, look
+from dlo_planner.parallel.pieces import Shared
+from dlo_planner.parallel.workers import Crew, Workers, checked
+from dlo_planner.progress import OnProgress, Progress
+
+_MOST_TASKS = 1024
+_NO_MATTER = ('obstacles', 'pinned', 'has_moments')  # of Surroundings: without them only
+
+
+def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float | None = None,
+                executor: Workers = None, *, tasks: int | None = None,
+                initial: Shape | Motion | None = None,
+                velocity: ArrayLike | Callable | None = None, tolerance: float | None = None,
+                integrator: str = 'generalized_alpha', progress: OnProgress = None,
+                deadline: float | None = None) -> Motion | list[Shape]:
+    """Return a Motion, or the shapes of a slow one, each step begun with what was seen ahead of it.
+
+    The result is that of `simulator.simulate(grippers, dt, ...)`, or of `simulator.track(grippers)`
+    where `dt` is None, but for what the minimizer leaves open: an answer is accepted only if it has
+    converged and the potential is convex on the way to it from where the serial search would have
+    begun; otherwise that is made. It does not depend on the executor or its workers.
+
+    Args:
+        simulator: DirectSimulator
+        grippers: n Pose: at the times 0, dt, 2 dt, ..., or those of a slow motion
+        dt: s; None: the motion is slow (a DLO that yields depends on its steps all the same)
+        executor: as for `parallel.map`; None: nothing is looked at ahead
+        tasks: how many at once, the caller's own among them, which needs no worker: so many less
+            one steps are looked at. None: as many as have been found to pay: 1, which is none.
+        initial, velocity, tolerance, integrator, progress, deadline: as for `simulate`; velocity,
+            tolerance and integrator are not looked at where `dt` is None
+
+    Nothing is looked at ahead among obstacles, with a pinned gripper or with dead moments, nor in a
+    slow motion with `accuracy` or `strains='paper'`.
+
+    Raises:
+        InvalidTask: an argument makes no sense; the message names it
+        DeadlineExceeded: the deadline is over
+        concurrent.futures.BrokenExecutor: the executor broke for good
+    """
+    instance('simulator', simulator, DirectSimulator)
+    checked(executor)
+    tasks = 1 if tasks is None else integer('tasks', tasks, minimum=1, maximum=_MOST_TASKS)
+    steps = Progress(progress, deadline)
+    grippers = poses(grippers)
+    if dt is None and isinstance(initial, Motion):
+        raise InvalidTask(f'initial = {initial!r}: expected a Shape where dt is None')
+    if dt is not None:
+        dt = number('dt', dt, above=0)
+    if executor is None or tasks == 1 or any(getattr(simulator.surroundings, name)
+                                             for name in _NO_MATTER):
+        if dt is None:
+            return simulator.track(grippers, progress, initial, deadline=deadline)
+        return simulator.simulate(grippers, dt, initial, velocity=velocity, tolerance=tolerance,
+                                  integrator=integrator, progress=progress, deadline=deadline)
+    with Crew(executor, steps.check) as crew:
+        rounds = Rounds(crew, tasks)
+        if dt is None:
+            return Tracker(simulator, rounds).track(grippers, initial, steps)
+        return simulator._motion(partial(AheadStepper, rounds, len(grippers) - 1), grippers, dt,
+                                 initial, None, velocity, tolerance, integrator, steps)
+
+
+class Rounds:
+    """Steps made while others are looked at, and what was seen.
+
+    Args:
+        crew: Crew
+        tasks: steps at once, the true one among them
+
+    Attributes:
+        made: one line for each round: place, work of the true step, whether a guess was used,
+            refused or not there (1, -1, 0), works of the looks ahead
+    """
+
+    def __init__(self, crew: Crew, tasks: int):
+        self._crew, self.tasks = crew, tasks
+        self._seen = {}          # place: strains
+        self._most = UNLIMITED   # work of a look ahead
+        self.made = []
+
+    def seen(self, place):
+        """Return the strains (N, 3) seen at a place, None if none were."""
+        return self._seen.get(place)
+
+    def make(self, place, ahead, step):
+        """Return what a step at `place` gives, while others are looked at.
+
+        Args:
+            ahead: tasks by place, made as ahead(most)
+            step: called as step(strains or None); returns result, work, and what became of the
+                strains: 1, -1, 0 as in `made`
+        """
+        tasks = ahead(self._most)
+        futures = self._crew.begin(look, tasks.values())
+        try:
+            result, work, used = step(self.seen(place))
+            guesses = self._crew.gathered(futures)
+        finally:
+            for future in futures:
+                future.cancel()
+        self._seen = {there: guess.strains for there, guess in zip(tasks, guesses, strict=False)
+                      if guess is not None}
+        self._most = max(work, 1)
+        self.made.append((place, work, used, [0 if one is None else one.work for one in guesses]))
+        return result
+
+
+def _work(shape):
+    """Return the work that a Shape took, as `minimize.methods.near` counts it."""
+    return shape.evaluations or shape.iterations
+
+
+class AheadStepper(Stepper):
+    """Makes the steps of one DLO in moving grips, and looks at those to come.
+
+    Args:
+        rounds: Rounds
+        last: place of the last step
+        more: as for Stepper
+    """
+
+    def __init__(self, rounds: Rounds, last: int, *more):
+        super().__init__(*more)
+        self._rounds, self._last, self._shared = rounds, last, Shared(Stepper(*more))
+
+    def _step(self, before, place, scheme, patience):
+        usual = self.guess(before, scheme.dt)
+
+        def ahead(most):
+            return self._ahead(before, place, scheme, usual, most)
+
+        def step(seen):
+            vain = 0
+            if seen is not None:
+                after = self.step_from(before, place, scheme, seen, patience)
+                if after.shape.converged and self._same(before, place, scheme, usual, after):
+                    return after, _work(after.shape), 1
+                vain = _work(after.shape)
+            after = self.step_from(before, place, scheme, usual, patience)
+            return after, vain + _work(after.shape), 0 if seen is None else -1
+
+        return self._rounds.make(place, ahead, step)
+
+    def _ahead(self, before, place, scheme, usual, most):
+        """Return Moving tasks by place."""
+        size, tasks, strains = scheme.dt / self.dt, {}, usual
+        history = replace(before.shape._history, of=None)  # which is long, and not needed
+        for k in range(1, self._rounds.tasks):
+            there = place + k * size
+            if there > self._last:
+                break
+            seen = self._rounds.seen(there)
+            strains = strains if seen is None else seen  # else those of the place before
+            tasks[there] = Moving(self._shared, before.nodes, before.bends, history, there,
+                                  replace(scheme, dt=(k + 1) * scheme.dt), strains, most)
+        return tasks
+
+    def _same(self, before, place, scheme, usual, after):
+        """Whether the serial search would have ended there too."""
+        system, *_ = self.moving(before.nodes, before.bends, before.shape._history, place, scheme)
+        return _one_minimum(system, usual, after.shape.element_strains)
+
+
+def _one_minimum(system, usual, strains):
+    """Whether descents from both strains (N, 3) end in one minimum, as far as can be told."""
+    size = system.basis.shape[1] or system.lengths.size
+    one, other = np.empty((2, size, 3))
+    unknowns_of(system, np.array(usual), one)
+    unknowns_of(system, np.array(strains), other)
+    return convex_between(system, one, other)
+
+
+class Tracker:
+    """Follows a DLO through slow steps, and looks at those to come.
+
+    Args:
+        simulator: DirectSimulator
+        rounds: Rounds
+    """
+
+    def __init__(self, simulator: DirectSimulator, rounds: Rounds):
+        self._simulator, self._rounds, self._shared = simulator, rounds, Shared(simulator)
+
+    def track(self, grippers: tuple[Pose, ...], initial: Shape | None, steps: Progress) -> list:
+        """Return what `DirectSimulator.track` does."""
+        shapes, before = [], initial
+        for place, gripper in enumerate(grippers):
+            if before is None or not self._can(before):
+                shape, = self._simulator.track([gripper], initial=before, deadline=steps.left())
+            else:
+                shape = self._step(grippers, place, before, steps)
+            shapes.append(shape)
+            if shape.converged or shape.nearly:
+                before = shape
+            steps.done(len(shapes), len(grippers))
+        return shapes
+
+    def _can(self, before):
+        """Whether steps after the Shape `before` can be looked at."""
+        simulator = self._simulator
+        return (simulator.accuracy is None and simulator.strains == 'components'
+                and simulator._made(before) and before.far_end is None and before.parts is None)
+
+    def _step(self, grippers, place, before, steps):
+        mesh, gripper = self._simulator._discretisation, grippers[place]
+        history = past_of(mesh, before, self._simulator._history)
+        usual = mesh.strains_from(before.s, before.element_strains)
+
+        def ahead(most):
+            tasks, strains = {}, usual
+            for there in range(place + 1, min(place + self._rounds.tasks, len(grippers))):
+                seen = self._rounds.seen(there)
+                strains = strains if seen is None else seen
+                tasks[there] = Resting(self._shared, np.array(grippers[there].rotation),
+                                       replace(history, of=None), strains, most)
+            return tasks
+
+        def step(seen):
+            vain = 0
+            if seen is not None and angle_between(before.gripper.rotation,
+                                                  gripper.rotation) <= LONGEST_TURN:
+                shape, kicks = equilibrium(mesh, gripper, seen, self._simulator.method, history)
+                system = mesh.system(gripper.rotation, history=history)
+                if (shape.converged and not kicks and not fell(before, shape)
+                        and _one_minimum(system, usual, shape.element_strains)):
+                    return shape, _work(shape), 1
+                vain = _work(shape)
+            shape, = self._simulator.track([gripper], initial=before, deadline=steps.left())
+            return shape, vain + _work(shape), 0 if seen is None else -1
+
+        return self._rounds.make(place, ahead, step)
