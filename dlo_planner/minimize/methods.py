@@ -9,7 +9,6 @@ import numpy as np
 from dlo_planner.energy.potential import bend_energy, evaluate, new_state
 from dlo_planner.minimize.dfp import dfp
 from dlo_planner.minimize.downhill_simplex import downhill_simplex
-from dlo_planner.minimize.linear import assemble, factorise, new_hessian
 from dlo_planner.minimize.newton import MOST_KICKS, NEUTRAL, descend, kick
 from dlo_planner.minimize.protocol import Problem
 
@@ -70,21 +69,6 @@ def problem_of(system):
         return value(flat), state.gradient.ravel().copy()
 
     return Problem(value, value_and_gradient, np.sqrt(bend_energy(system)), rounding(system))
-
-
-def convex_between(system, one, other):
-    """Whether the potential is convex on the straight way between unknowns (m, 3), at 3 points.
-
-    Then descents from both end in one minimum, as far as three points can tell.
-    """
-    state, hessian = new_state(system), new_hessian(system)
-    for fraction in (0.0, 0.5, 1.0):
-        state.q[:] = one + fraction * (other - one)
-        evaluate(system, state)
-        assemble(system, state, hessian)
-        if factorise(system, hessian, 0.0):
-            return False
-    return True
 
 
 def rounding(system):

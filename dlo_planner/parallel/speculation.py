@@ -27,7 +27,7 @@ from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.stepping import Stepper
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.errors import InvalidTask
-from dlo_planner.minimize.methods import convex_between
+from dlo_planner.minimize.same_minimum import leads_to, lower
 from dlo_planner.model.checks import instance, integer, number
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.parallel.ahead import UNLIMITED, Moving, Resting, look
@@ -48,9 +48,11 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
     """Return a Motion, or the shapes of a slow one, each step begun with what was seen ahead of it.
 
     The result is that of `simulator.simulate(grippers, dt, ...)`, or of `simulator.track(grippers)`
-    where `dt` is None, but for what the minimizer leaves open: an answer is accepted only if it has
-    converged and the potential is convex on the way to it from where the serial search would have
-    begun; otherwise that is made. It does not depend on the executor or its workers.
+    where `dt` is None, but for what the minimizer leaves open (residuals below its tolerance). A
+    guess is used only where its potential is lower than where the serial search begins, and what
+    is found from it is kept only if it has converged and Newton's method goes to it straight from
+    there (`minimize.same_minimum`); otherwise the serial search is made. The result does not
+    depend on the executor or its workers.
 
     Args:
         simulator: DirectSimulator
@@ -163,10 +165,12 @@ class AheadStepper(Stepper):
             return self._ahead(before, place, scheme, usual, most)
 
         def step(seen):
-            vain = 0
-            if seen is not None:
+            vain, system = 0, self._system(before, place, scheme)
+            start = _unknowns(system, usual)
+            if seen is not None and lower(system, _unknowns(system, seen), start):
                 after = self.step_from(before, place, scheme, seen, patience)
-                if after.shape.converged and self._same(before, place, scheme, usual, after):
+                end = _unknowns(system, after.shape.element_strains)
+                if after.shape.converged and leads_to(system, start, end):
                     return after, _work(after.shape), 1
                 vain = _work(after.shape)
             after = self.step_from(before, place, scheme, usual, patience)
@@ -188,19 +192,14 @@ class AheadStepper(Stepper):
                                   replace(scheme, dt=(k + 1) * scheme.dt), strains, most)
         return tasks
 
-    def _same(self, before, place, scheme, usual, after):
-        """Whether the serial search would have ended there too."""
-        system, *_ = self.moving(before.nodes, before.bends, before.shape._history, place, scheme)
-        return _one_minimum(system, usual, after.shape.element_strains)
+    def _system(self, before, place, scheme):
+        return self.moving(before.nodes, before.bends, before.shape._history, place, scheme)[0]
 
 
-def _one_minimum(system, usual, strains):
-    """Whether descents from both strains (N, 3) end in one minimum, as far as can be told."""
-    size = system.basis.shape[1] or system.lengths.size
-    one, other = np.empty((2, size, 3))
-    unknowns_of(system, np.array(usual), one)
-    unknowns_of(system, np.array(strains), other)
-    return convex_between(system, one, other)
+def _unknowns(system, strains):
+    q = np.empty((system.basis.shape[1] or system.lengths.size, 3))
+    unknowns_of(system, np.array(strains), q)
+    return q
 
 
 class Tracker:
@@ -249,13 +248,15 @@ class Tracker:
             return tasks
 
         def step(seen):
-            vain = 0
-            if seen is not None and angle_between(before.gripper.rotation,
-                                                  gripper.rotation) <= LONGEST_TURN:
+            vain, system = 0, mesh.system(gripper.rotation, history=history)
+            turn, start = angle_between(before.gripper.rotation, gripper.rotation), _unknowns(
+                system, usual)
+            if (seen is not None and turn <= LONGEST_TURN
+                    and lower(system, _unknowns(system, seen), start)):
                 shape, kicks = equilibrium(mesh, gripper, seen, self._simulator.method, history)
-                system = mesh.system(gripper.rotation, history=history)
+                end = _unknowns(system, shape.element_strains)
                 if (shape.converged and not kicks and not fell(before, shape)
-                        and _one_minimum(system, usual, shape.element_strains)):
+                        and leads_to(system, start, end)):
                     return shape, _work(shape), 1
                 vain = _work(shape)
             shape, = self._simulator.track([gripper], initial=before, deadline=steps.left())
