@@ -13,6 +13,7 @@ does not depend on how fast workers are.
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -95,6 +96,23 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
                                  initial, None, velocity, tolerance, integrator, steps)
 
 
+class Round(NamedTuple):
+    """A true step, and the looks ahead meanwhile.
+
+    Attributes:
+        place: of the step
+        work: of it, in the unit of `minimize.methods.near`; judging: Newton steps beside it
+        guess: 'used', 'refused', or 'none'
+        ahead: works of the looks ahead
+    """
+
+    place: float
+    work: int
+    judging: int
+    guess: str
+    ahead: tuple[int, ...]
+
+
 class Rounds:
     """Steps made while others are looked at, and what was seen.
 
@@ -103,8 +121,7 @@ class Rounds:
         tasks: steps at once, the true one among them
 
     Attributes:
-        made: one line for each round: place, work of the true step, whether a guess was used,
-            refused or not there (1, -1, 0), works of the looks ahead
+        made: one Round for each round
     """
 
     def __init__(self, crew: Crew, tasks: int):
@@ -122,21 +139,22 @@ class Rounds:
 
         Args:
             ahead: tasks by place, made as ahead(most)
-            step: called as step(strains or None); returns result, work, and what became of the
-                strains: 1, -1, 0 as in `made`
+            step: called as step(strains or None); returns result, work, Newton steps of judging,
+                and what became of the strains: 'used', 'refused', 'none'
         """
         tasks = ahead(self._most)
         futures = self._crew.begin(look, tasks.values())
         try:
-            result, work, used = step(self.seen(place))
+            result, *told = step(self.seen(place))
             guesses = self._crew.gathered(futures)
         finally:
             for future in futures:
                 future.cancel()
         self._seen = {there: guess.strains for there, guess in zip(tasks, guesses, strict=False)
                       if guess is not None}
-        self._most = max(work, 1)
-        self.made.append((place, work, used, [0 if one is None else one.work for one in guesses]))
+        done = Round(place, *told, tuple(0 if one is None else one.work for one in guesses))
+        self._most = max(done.work, 1)
+        self.made.append(done)
         return result
 
 
@@ -165,16 +183,19 @@ class AheadStepper(Stepper):
             return self._ahead(before, place, scheme, usual, most)
 
         def step(seen):
-            vain, system = 0, self._system(before, place, scheme)
-            start = _unknowns(system, usual)
-            if seen is not None and lower(system, _unknowns(system, seen), start):
-                after = self.step_from(before, place, scheme, seen, patience)
-                end = _unknowns(system, after.shape.element_strains)
-                if after.shape.converged and leads_to(system, start, end):
-                    return after, _work(after.shape), 1
-                vain = _work(after.shape)
+            vain = judging = 0
+            if seen is not None:
+                system = self._system(before, place, scheme)
+                start = _unknowns(system, usual)
+                if lower(system, _unknowns(system, seen), start):
+                    after = self.step_from(before, place, scheme, seen, patience)
+                    end, vain = _unknowns(system, after.shape.element_strains), _work(after.shape)
+                    same, judging = leads_to(system, start, end)
+                    if after.shape.converged and same:
+                        return after, vain, judging, 'used'
             after = self.step_from(before, place, scheme, usual, patience)
-            return after, vain + _work(after.shape), 0 if seen is None else -1
+            return (after, vain + _work(after.shape), judging,
+                    'none' if seen is None else 'refused')
 
         return self._rounds.make(place, ahead, step)
 
@@ -248,18 +269,20 @@ class Tracker:
             return tasks
 
         def step(seen):
-            vain, system = 0, mesh.system(gripper.rotation, history=history)
-            turn, start = angle_between(before.gripper.rotation, gripper.rotation), _unknowns(
-                system, usual)
-            if (seen is not None and turn <= LONGEST_TURN
-                    and lower(system, _unknowns(system, seen), start)):
-                shape, kicks = equilibrium(mesh, gripper, seen, self._simulator.method, history)
-                end = _unknowns(system, shape.element_strains)
-                if (shape.converged and not kicks and not fell(before, shape)
-                        and leads_to(system, start, end)):
-                    return shape, _work(shape), 1
-                vain = _work(shape)
+            vain = judging = 0
+            turn = angle_between(before.gripper.rotation, gripper.rotation)
+            if seen is not None and turn <= LONGEST_TURN:
+                system = mesh.system(gripper.rotation, history=history)
+                start = _unknowns(system, usual)
+                if lower(system, _unknowns(system, seen), start):
+                    shape, kicks = equilibrium(mesh, gripper, seen, self._simulator.method,
+                                               history)
+                    end, vain = _unknowns(system, shape.element_strains), _work(shape)
+                    same, judging = leads_to(system, start, end)
+                    if shape.converged and not kicks and not fell(before, shape) and same:
+                        return shape, vain, judging, 'used'
             shape, = self._simulator.track([gripper], initial=before, deadline=steps.left())
-            return shape, vain + _work(shape), 0 if seen is None else -1
+            return (shape, vain + _work(shape), judging,
+                    'none' if seen is None else 'refused')
 
         return self._rounds.make(place, ahead, step)
