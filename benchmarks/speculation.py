@@ -28,11 +28,12 @@ from dlo_planner.parallel.speculation import AheadStepper, Rounds, Tracker  # no
 from dlo_planner.parallel.workers import Crew  # noqa: E402
 from dlo_planner.progress import Progress  # noqa: E402
 
-TASKS = (1, 2, 3, 4, 8, 16)
+TASKS = (1, 2, 3, 4, 6, 8, 16, 32, 64)
 NAMES = {'newton': 'Newton', 'dfp': 'DFP', 'downhill_simplex': 'simplex'}
 NEWTON_STEP = 4.0  # evaluations with gradient: Hessian, factorization, solution (measured: 3 to 5)
 MESSAGE = 5.0      # evaluations with gradient, of 64 elements: 0.1 ms for a task or its result
 MESH = {'n_elements': 32, 'n_terms': 4}
+SMALL = {'n_elements': 16, 'n_terms': 2}  # for the simplex, which is slow
 
 
 class Here(Executor):
@@ -53,6 +54,11 @@ class FromTheShapeBefore(AheadStepper):
         return before.bends.position.copy()
 
 
+def mesh_of(method):
+    """Return the options of the mesh with which a method is looked at."""
+    return SMALL if method == 'downhill_simplex' else MESH
+
+
 def turned(degrees):
     """Return the gripper of benchmark C."""
     return Pose((0, 0, 1), Rotation.from_euler('y', -degrees, degrees=True).as_quat())
@@ -67,7 +73,7 @@ def moving(method, tasks, make):
     """Return the Rounds of benchmark C in motion: 180 degrees and back in 4 s, steps of 0.05 s."""
     way = [turned(90 * (1 - np.cos(np.pi * k / 40))) for k in range(81)]
     rounds = Rounds(Crew(Here(), lambda: None), tasks)
-    motion = DirectSimulator(wire(damping=(0.5, 0.0)), method=method, **MESH)._motion(
+    motion = DirectSimulator(wire(damping=(0.5, 0.0)), method=method, **mesh_of(method))._motion(
         partial(make, rounds, 80), way, 0.05, None, None, None, np.inf, 'paper', Progress())
     assert motion.converged, motion.message
     return rounds.made
@@ -77,7 +83,8 @@ def yielding(method, tasks):
     """Return the Rounds of benchmark C of a soft wire that yields, moved slowly by 3 degrees."""
     way = [turned(angle) for angle in [*range(0, 181, 3), *range(177, -1, -3)]]
     rounds = Rounds(Crew(Here(), lambda: None), tasks)
-    simulator = DirectSimulator(wire(yield_stress=60e6, hardening=0.01), method=method, **MESH)
+    simulator = DirectSimulator(wire(yield_stress=60e6, hardening=0.01), method=method,
+                                **mesh_of(method))
     shapes = Tracker(simulator, rounds).track(way, None, Progress())
     assert all(shape.converged for shape in shapes)
     return rounds.made
@@ -100,19 +107,21 @@ def seconds_of(made, newton, message):
     return total
 
 
-def speedups(run, method, ideal=False):
-    """Return a list of (tasks, speedup, part of the guesses that were used)."""
-    unit = 1.0 if method == 'newton' else NEWTON_STEP  # a Newton step in the unit of work
-    evaluations = unit if method != 'newton' else 1.0 / NEWTON_STEP
-    newton, message = (0.0, 0.0) if ideal else (unit, MESSAGE * (
-        evaluations if method == 'newton' else 1.0))
-    lines, serial = [], None
-    for tasks in TASKS:
-        made = run(method, tasks)
-        total = seconds_of(made, newton, message)
-        serial = serial or total
-        lines.append((tasks, serial / total, np.mean([one.guess == 'used' for one in made])))
-    return lines
+def speedups(recorded, method, ideal):
+    """Return a list of (tasks, speedup, part of the guesses that were used).
+
+    Args:
+        recorded: Rounds' lines by tasks
+        ideal: whether messages and judging cost nothing
+    """
+    newton, message = NEWTON_STEP, MESSAGE
+    if method == 'newton':  # its unit of work is a step
+        newton, message = 1.0, MESSAGE / NEWTON_STEP
+    if ideal:
+        newton = message = 0.0
+    times = {tasks: seconds_of(made, newton, message) for tasks, made in recorded.items()}
+    return [(tasks, times[1] / times[tasks], np.mean([one.guess == 'used' for one in made]))
+            for tasks, made in recorded.items()]
 
 
 CASES = {
@@ -126,8 +135,9 @@ def table():
     found = {}
     for case, run in CASES.items():
         for method, name in NAMES.items():
+            recorded = {tasks: run(method, tasks) for tasks in TASKS}
             for ideal in (True, False):
-                lines = speedups(run, method, ideal)
+                lines = speedups(recorded, method, ideal)
                 found[case, name, ideal] = lines
                 print(f'{case}: {name}{", free messages and judging" if ideal else ""}')
                 print('  tasks   ' + ' '.join(f'{tasks:5d}' for tasks, _, _ in lines))
@@ -165,7 +175,7 @@ def measure():
     for case, rod, dt in (('in motion', wire(damping=(0.5, 0.0)), 0.05),
                           ('yielding', wire(yield_stress=60e6, hardening=0.01), None)):
         for method, name in NAMES.items():
-            simulator = DirectSimulator(rod, method=method, **MESH)
+            simulator = DirectSimulator(rod, method=method, **mesh_of(method))
             more = {} if dt is None else {'integrator': 'paper', 'tolerance': np.inf}
             parallel.speculative(simulator, way[:4], dt, Here(), tasks=2, **more)  # compiles
             for what, make in (('serial', None), ('thread', partial(ThreadPoolExecutor, 1)),

@@ -15,13 +15,14 @@ from dlo_planner.minimize.protocol import Minimum
 
 _RESTARTS = 10
 _ROUGHLY = 1e-4, 1e-8  # of the scale and its square: what a simplex has come down to
-_SURFACES = 12
+_SURFACES = 16
 _NEARER = 0.7     # of the step before: one that is longer is made of rounding errors
 _FLAT = 1e-3      # curvatures nearer to zero than this are not told from it
 _EDGE = 2e-5      # of the size: long against rounding errors, short against the third derivative
-_STEP = 6e-4      # of the size: the same for the fifth
+_STEPS = 6e-4, 2e-5, 2e-6  # of the size: the same for the fifth; and where curvatures jump
 _SLIGHT = 1e-2    # of the size: within which a surface tells the axes
 _SHORTEST = 1e-3  # of the scale: edges of a simplex that is set up anew
+_UNTOLD, _EPS = 3.0, 2.2e-16  # rounding errors of a difference, of a number
 _FINEST = 1e-7    # of the size: a last step that rounding errors may make
 
 
@@ -50,7 +51,7 @@ def downhill_simplex(problem, q, tolerance, most=2_000_000):
             'maxfev': max(1, most - evaluations)})
         iterations += found.nit
         moved = np.linalg.norm(found.x - q)
-        q, settled = _settled(value, found.x, problem.scale, tolerance)
+        q, settled = _settled(problem, value, found.x, tolerance)
         if settled or evaluations >= most:
             break
         size = np.clip(moved, _SHORTEST * problem.scale, problem.scale)
@@ -67,24 +68,40 @@ def _axes(value, q, scale):
     return (axes / np.sqrt(np.maximum(np.abs(curvature), 1.0))).T
 
 
-def _settled(value, q, scale, tolerance):
-    """Return the lowest point (n,) of quadratic surfaces from q on, and if it is the minimum."""
-    before = np.inf
+def _settled(problem, value, q, tolerance):
+    """Return the lowest point (n,) of quadratic surfaces from q on, and if it is the minimum.
+
+    Values tell a smooth function's slope best from afar. Where its curvatures jump, as those of
+    what yields do, they have to be close: so near that rounding errors hide the difference.
+    """
+    before, finer = np.inf, iter(_STEPS)
+    step = next(finer)
     for _ in range(_SURFACES):
-        size = np.hypot(np.linalg.norm(q), scale)
+        size = np.hypot(np.linalg.norm(q), problem.scale)
         _, hessian = quadratic_surface(value, q, _EDGE * size)
         curvature, axes = np.linalg.eigh(hessian)
         if curvature[0] < -_FLAT:  # the surface has no lowest point
             return q, False
-        along = axes.T @ slope(value, q, _STEP * size)
-        step = -axes @ (along / np.maximum(curvature, _FLAT))
-        moved = np.linalg.norm(step) / size
-        if not moved < _NEARER * before:
+        along = axes.T @ slope(value, q, step * size)
+        move = -axes @ (along / np.maximum(curvature, _FLAT))
+        moved = np.linalg.norm(move) / size
+        nearer = moved < _NEARER * before
+        if nearer:
+            q, before = q + move, moved
+        if nearer and moved >= tolerance:
+            continue
+        closer = next(finer, None)
+        if closer is None or _agree(problem, value, q, step * size, closer * size):
             return q, moved < _FINEST
-        q, before = q + step, moved
-        if moved < tolerance:
-            return q, True
+        before, step = np.inf, closer
     return q, False
+
+
+def _agree(problem, value, q, step, closer):
+    """Whether slopes from two steps differ by no more than rounding errors make of it."""
+    rounding = (problem.noise + _EPS * abs(value(q))) / closer
+    return (np.linalg.norm(slope(value, q, step) - slope(value, q, closer))
+            <= _UNTOLD * rounding * np.sqrt(q.size))
 
 
 def slope(value, q, edge):

@@ -19,12 +19,12 @@ def lower(system, one, other):
 
 
 def leads_to(system, start, end):
-    """Return whether Newton's method goes from `start` to `end` (m, 3), and the steps it makes.
+    """Return whether Newton's method goes from `start` to `end` (m, 3), its steps, and if it leant.
 
-    To go there it has to arrive, without leaning to a side. One step and the Hessian there do not
-    tell: that of what yields jumps, and beyond an unstable shape minima lie close together.
+    It has to go all the way. One step and the Hessian there do not tell: that of what yields jumps,
+    and beyond an unstable shape minima lie close together.
     """
     state, residual, _, steps, leant = newton(system, start, _TOLERANCE, _STEPS, False)
     away = np.linalg.norm(state.q - end)
-    there = residual < _TOLERANCE and not leant and away <= _CLOSE * np.linalg.norm(end)
-    return bool(there), steps
+    there = residual < _TOLERANCE and away <= _CLOSE * np.linalg.norm(end)
+    return bool(there), steps, bool(leant)

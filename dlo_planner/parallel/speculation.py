@@ -51,9 +51,9 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
     The result is that of `simulator.simulate(grippers, dt, ...)`, or of `simulator.track(grippers)`
     where `dt` is None, but for what the minimizer leaves open (residuals below its tolerance). A
     guess is used only where its potential is lower than where the serial search begins, and what
-    is found from it is kept only if it has converged and Newton's method goes to it straight from
-    there (`minimize.same_minimum`); otherwise the serial search is made. The result does not
-    depend on the executor or its workers.
+    is found from it is kept only if it has converged and Newton's method goes to it from there
+    (`minimize.same_minimum`); otherwise the serial search is made. The result does not depend on
+    the executor or its workers.
 
     Args:
         simulator: DirectSimulator
@@ -190,7 +190,7 @@ class AheadStepper(Stepper):
                 if lower(system, _unknowns(system, seen), start):
                     after = self.step_from(before, place, scheme, seen, patience)
                     end, vain = _unknowns(system, after.shape.element_strains), _work(after.shape)
-                    same, judging = leads_to(system, start, end)
+                    same, judging, _ = leads_to(system, start, end)
                     if after.shape.converged and same:
                         return after, vain, judging, 'used'
             after = self.step_from(before, place, scheme, usual, patience)
@@ -278,8 +278,9 @@ class Tracker:
                     shape, kicks = equilibrium(mesh, gripper, seen, self._simulator.method,
                                                history)
                     end, vain = _unknowns(system, shape.element_strains), _work(shape)
-                    same, judging = leads_to(system, start, end)
-                    if shape.converged and not kicks and not fell(before, shape) and same:
+                    same, judging, leant = leads_to(system, start, end)
+                    # an unstable shape on the way: the serial step is cut into smaller ones
+                    if same and shape.converged and not (leant or kicks or fell(before, shape)):
                         return shape, vain, judging, 'used'
             shape, = self._simulator.track([gripper], initial=before, deadline=steps.left())
             return (shape, vain + _work(shape), judging,
