@@ -78,6 +78,7 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
     tasks = 1 if tasks is None else integer('tasks', tasks, minimum=1, maximum=_MOST_TASKS)
     steps = Progress(progress, deadline)
     grippers = poses(grippers)
+    instance('initial', initial, (Shape, Motion), optional=True)
     if dt is None and isinstance(initial, Motion):
         raise InvalidTask(f'initial = {initial!r}: expected a Shape where dt is None')
     if dt is not None:
