@@ -101,7 +101,7 @@ def test_a_motion_is_that_of_simulate(method, count, tolerance, integrator, roun
     assert serial.converged and ahead.converged
     assert_alike(ahead.shapes, serial.shapes)
     np.testing.assert_allclose(ahead.velocities, serial.velocities, atol=1e-7)
-    assert sum(len(one.ahead) for one in rounds[0].made) > len(way)
+    assert sum(len(one.ahead) for one in rounds[0].made) >= len(way)
 
 
 def test_guesses_are_used_where_they_are_better(monkeypatch, rounds):
