@@ -62,7 +62,7 @@ class DirectSimulator(Value):
             beside it; it replaces 'fourier' where an accuracy is asked for, which the plain series
             hardly ever reaches), or 'local' (one unknown strain per element)
         method: 'newton' (default), or the paper's 'dfp' and 'downhill_simplex', for study: without
-            obstacles, far ends that are held, dead moments and pinned grippers; the last one is slow
+            obstacles, held far ends, dead moments and pinned grippers; the last one is slow
         strains: what the series describe: 'components' (torsion, curvature about n, about b) or
             'paper' (q_d, q_kappa, q_tau), for study, with 'dfp' or 'downhill_simplex' only
         accuracy: in m; picks mesh and terms instead of n_elements and n_terms. The basis is then
