@@ -163,12 +163,13 @@ def draw(found, path):
                 tasks, gains, _ = zip(*found[case, name, ideal], strict=True)
                 axes.plot(tasks, gains, style, color=color, ms=3,
                           label=name + (', free messages and judging' if ideal else ''))
-        axes.set(title=case, xlabel='tasks $N_p$', xscale='log', ylim=(0, None))
+        axes.set(title=case, xlabel='tasks $N_p$', xscale='log')
         axes.set_xticks(TASKS, TASKS, minor=False)
         axes.set_xticks([], minor=True)
         axes.axhline(1.0, color='0.7', lw=0.8)
         axes.grid(alpha=0.3)
-    figure.axes[0].set_ylabel('speedup')
+    figure.axes[0].set(ylabel='speedup', ylim=(0, 1.05 * max(
+        gain for lines in found.values() for _, gain, _ in lines)))
     figure.axes[0].legend(fontsize=7)
     figure.savefig(path, dpi=110)
 
