@@ -19,13 +19,13 @@ _TOLERANCE = 1e-3    # of the length
 _DIFFERENT = 0.1     # of the velocities: what grips and inextensibility may change of them
 
 
-def refuse_motion(around, method):
-    """Raise InvalidTask where motions in these Surroundings, or by this method, have no solver."""
+def refuse_motion(around, strains):
+    """Raise InvalidTask where motions in these Surroundings, or by such strains, have no solver."""
     if around.pinned:
         raise InvalidTask('grip = \'pinned\': expected a simulator whose gripper clamps the '
                           'DLO where motions are simulated')
-    if method != 'newton':
-        raise InvalidTask(f'method = {method!r}: expected a simulator with \'newton\' '
+    if strains != 'components':
+        raise InvalidTask(f'strains = {strains!r}: expected a simulator with \'components\' '
                           'where motions are simulated')
     if around.has_moments:
         raise InvalidTask('point_loads: expected forces alone in a motion, dead moments have '

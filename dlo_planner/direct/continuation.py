@@ -10,7 +10,7 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import freeze
 from dlo_planner.ritz.rotation import partway, rotation_vector
 
-_LONGEST_TURN = 0.25  # rad: longer steps of the gripper are cut in any case
+LONGEST_TURN = 0.25  # rad: longer steps of the gripper are cut in any case
 _HALVINGS = 7    # a step is cut into 2^7 parts at most before a leap counts as a jump
 _LEAP = 0.1      # rad: change of shape that a vanishing step of the gripper cannot cause
 _LOST_OF_WORK, _LOST_OF_ELASTIC = 0.2, 0.05  # of energy, by more than which a held DLO has fallen
@@ -39,7 +39,7 @@ def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
         # both ends go in small parts anyway; a fall shows as energy that no work accounts for
         shape, kicks = equilibrium(gripper, previous, far_end)
         return _jumped(shape, shape.jumped or kicks > 0 or fell(previous, shape))
-    if turn <= _LONGEST_TURN or halvings == 0:
+    if turn <= LONGEST_TURN or halvings == 0:
         most = np.inf if halvings == 0 or previous.contacts else _LEAP + _FOLLOWING * turn
         shape, kicks = equilibrium(gripper, previous, None, most)
         if shape.converged and not kicks and not fell(previous, shape):
@@ -49,7 +49,7 @@ def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
     halfway = between(previous.gripper, gripper, 0.5)
     middle = follow(equilibrium, previous, halfway, None, halvings - 1)
     if not middle.converged:
-        return replace(middle if turn > _LONGEST_TURN else shape, jumped=True)
+        return replace(middle if turn > LONGEST_TURN else shape, jumped=True)
     shape = follow(equilibrium, middle, gripper, None, halvings - 1)
     return _jumped(shape, shape.jumped or middle.jumped)
 

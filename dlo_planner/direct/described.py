@@ -12,7 +12,7 @@ import numpy as np
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.statics import TOLERANCE, shape_of
 from dlo_planner.energy.potential import evaluate, new_state
-from dlo_planner.minimize.methods import SEARCHES, judged
+from dlo_planner.minimize.methods import SEARCHES, judged, rounding
 from dlo_planner.minimize.newton import MOST_KICKS
 from dlo_planner.minimize.protocol import Problem
 from dlo_planner.ritz.paper_strains import from_components, to_components
@@ -61,7 +61,7 @@ def described_equilibrium(discretisation, gripper, strains, method, history):
         return energy, (basis.T @ slope * unit).ravel()
 
     bend = np.sqrt(stiffness / length)
-    problem = Problem(value, value_and_gradient, bend)
+    problem = Problem(value, value_and_gradient, bend, rounding(system))
     iterations = evaluations = kicks = 0
     while True:
         start = weighted.T @ _described(system, state, strains) / unit

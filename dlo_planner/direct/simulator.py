@@ -61,8 +61,8 @@ class DirectSimulator(Value):
         basis: 'chebyshev' (default), 'fourier', 'fourier_polynomial' (with polynomials to degree 4
             beside it; it replaces 'fourier' where an accuracy is asked for, which the plain series
             hardly ever reaches), or 'local' (one unknown strain per element)
-        method: 'newton' (default), or the paper's 'dfp' and 'downhill_simplex', for study; the last
-            one is slow
+        method: 'newton' (default), or the paper's 'dfp' and 'downhill_simplex', for study: without
+            obstacles, held far ends, dead moments and pinned grippers; the last one is slow
         strains: what the series describe: 'components' (torsion, curvature about n, about b) or
             'paper' (q_d, q_kappa, q_tau), for study, with 'dfp' or 'downhill_simplex' only
         accuracy: in m; picks mesh and terms instead of n_elements and n_terms. The basis is then
@@ -308,22 +308,29 @@ class DirectSimulator(Value):
         Where the motion cannot go on it ends: `Motion.converged` is False then, and `status` and
         `message` say why, and when.
         """
+        return self._motion(Stepper, grippers, dt, initial, far_ends, velocity, tolerance,
+                            integrator, Progress(progress, deadline))
+
+    def _motion(self, make, grippers, dt, initial, far_ends, velocity, tolerance, integrator,
+                steps):
+        """Return what `simulate` does; `make` makes the Stepper."""
         grippers = poses(grippers, 1)
-        steps = Progress(progress, deadline)
         dt = number('dt', dt, above=0)
         tolerance = motion_tolerance(tolerance, self.rod.length)
         choice('integrator', integrator, INTEGRATORS)
-        refuse_motion(self.surroundings, self.method)
+        refuse_motion(self.surroundings, self.strains)
         if isinstance(initial, Motion):
             initial, velocity = last_of(initial, velocity)
         self._check(grippers[0], initial)
         ends = ends_of(far_ends, len(grippers))
         for gripper, end in zip(grippers, ends, strict=True):
             self._check(gripper, None, end)
+            self._judge_end(end)
         grips = moving_grips(grippers, ends, dt, velocity is None, initial)
         start, mesh = self._beginning(grippers[0], ends[0], initial)
-        return simulate(Stepper(mesh, grips, dt), start, nodes_velocity(velocity, initial, start),
-                        len(grippers), integrator, tolerance, steps, initial is None)
+        return simulate(make(mesh, grips, dt, self.method), start,
+                        nodes_velocity(velocity, initial, start), len(grippers), integrator,
+                        tolerance, steps, initial is None)
 
     def _beginning(self, gripper, far_end, initial):
         """Return the Shape at time 0 of a motion and the Discretisation for the rest of it."""
@@ -335,7 +342,7 @@ class DirectSimulator(Value):
                 mesh = moving_mesh(known._discretisation)
         if initial is not None:
             return first_shape(mesh, gripper, far_end, initial, self._history), mesh
-        return step(mesh, gripper, known, self._history, far_end)[0], mesh
+        return step(mesh, gripper, known, self._history, far_end, self.method)[0], mesh
 
     def discretisation(self, gripper: Pose, shape: Shape | None) -> Discretisation:
         """Return the Discretisation that this simulator uses at a gripper's pose.
@@ -359,10 +366,13 @@ class DirectSimulator(Value):
         if self.accuracy is not None:
             return accurate_equilibrium(self._discretisation, self._fine, self.accuracy, gripper,
                                         initial, self._history, far_end, most)
-        if far_end is not None and self.method != 'newton':
-            raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with a far end')
+        self._judge_end(far_end)
         return step(self._discretisation, gripper, initial, self._history, far_end, self.method,
                     self.strains, most)
+
+    def _judge_end(self, far_end):
+        if far_end is not None and self.method != 'newton':
+            raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with a far end')
 
     def _made(self, shape):
         """Whether a Shape is of this DLO, with all that acts on it here."""

@@ -24,6 +24,7 @@ from dlo_planner.direct.swinging import Coefficients, swing
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import placed, unknowns_of
+from dlo_planner.minimize.methods import search
 
 _BRIEF = 1e-2, 1e-3  # of a step, of the DLO's own time: how long it is watched at the beginning
 _ROUNDING = 1e-17    # of the residual, per inertia's strength relative to elasticity's
@@ -69,10 +70,12 @@ class Stepper:
         discretisation: Discretisation
         grips: Grips
         dt: s, unit of `place`
+        method: of METHODS, by which steps are minimised; beginnings are by Newton's
     """
 
-    def __init__(self, discretisation, grips: Grips, dt):
+    def __init__(self, discretisation, grips: Grips, dt, method='newton'):
         self.discretisation, self.grips, self.dt = discretisation, grips, dt
+        self.method = method
         rod = discretisation.rod
         self.masses = node_masses(rod, discretisation.s)
         # of the rod: 0.56 of the period of its slowest vibration, without tip mass
@@ -102,25 +105,37 @@ class Stepper:
         return replace(self._step(calm, place, euler, patience), touched=True)
 
     def _step(self, before, place, scheme, patience):
-        mesh = self.discretisation
         gripper, far_end = self.grips.at(place)
-        history = before.shape._history
-        if mesh.hangs and far_end is None:
+        if self.discretisation.hangs and far_end is None and self.method == 'newton':
             return self._swung(before, place, scheme, gripper, patience)
-        system = self._moving(gripper, far_end, history, before.nodes, before.bends, scheme)
-        bends, dt = before.bends, scheme.dt
-        guess, clear = bends.position + dt * (bends.velocity + 0.5 * dt * bends.acceleration), True
+        return self.step_from(before, place, scheme, self.guess(before, scheme.dt), patience)
+
+    def guess(self, before, dt):
+        """Return the strains (N, 3) with which the search for those dt (s) later begins."""
+        bends = before.bends
+        if self.discretisation.surroundings.obstacles:
+            # where the DLO is known to be outside of obstacles
+            return bends.position.copy()  # a Shape's are read-only, another type for kernels
+        return bends.position + dt * (bends.velocity + 0.5 * dt * bends.acceleration)
+
+    def step_from(self, before, place, scheme, guess, patience=MAX_ITERATIONS):
+        """Return the Instant at `place`, for which the search begins with strains (N, 3)."""
+        mesh, history, clear = self.discretisation, before.shape._history, True
+        system, gripper, far_end, rounding = self.moving(before.nodes, before.bends, history,
+                                                         place, scheme)
         if mesh.surroundings.obstacles:
-            # the search begins where the DLO is known to be outside of obstacles
-            guess = bends.position.copy()  # a Shape's are read-only, another type for kernels
             clear = self._is_clear(system, before.shape, guess, gripper)
-        q = np.empty((mesh.n_unknowns, 3))
+        q, evaluations = np.empty((mesh.n_unknowns, 3)), 0
         unknowns_of(system, guess, q)
-        rounding = self._rounding(scheme)
-        found = solve(mesh, system, gripper, q, history, patience if clear else 0,
-                      rounding=rounding)
+        if self.method == 'newton':
+            found = solve(mesh, system, gripper, q, history, patience if clear else 0,
+                          rounding=rounding)
+        else:
+            *found, evaluations = search(system, q, self.method, TOLERANCE + rounding)
+            found = (*found, system, 0.0)
         shape = shape_of(mesh, gripper, found, history, far_end, rounding)
-        shape = replace(shape, _estimate=unknown, converged=shape.converged and clear)
+        shape = replace(shape, _estimate=unknown, converged=shape.converged and clear,
+                        evaluations=evaluations)
         nodes = scheme.after(before.nodes, shape.positions)
         bends = scheme.after(before.bends, shape.element_strains)
         return self._after(before, place, scheme, replace(
@@ -152,6 +167,12 @@ class Stepper:
                                          scheme.dt, scheme.stiffness, scheme.drag,
                                          *self.discretisation.rod.damping)), self.masses)
         return known
+
+    def moving(self, nodes, bends, history, place, scheme):
+        """Return System, gripper, far end, and what rounding leaves of the residual, of a step."""
+        gripper, far_end = self.grips.at(place)
+        system = self._moving(gripper, far_end, history, nodes, bends, scheme)
+        return system, gripper, far_end, self._rounding(scheme)
 
     def _is_clear(self, system, old, strains, gripper):
         """Whether nothing is run through by the Shape `old` as it is when the gripper goes on."""

@@ -1,71 +1,118 @@
 """The downhill simplex method of Nelder and Mead (paper, section 3.5).
 
-The simplex is SciPy's. It is restarted with a fresh one until that brings nothing more, because a
-simplex that has become flat stands still anywhere. It compares values, so it cannot tell points
-apart that differ by the square root of the rounding errors. The end is therefore that of the
-original method (Nelder and Mead 1965, appendix): a quadratic surface through the values at the
-corners of a small simplex and at the middles of its edges, whose lowest point is the minimum to
-some 2/3 of all digits.
+The simplex is SciPy's. Its first edges are the axes of a quadratic surface through values about
+the start, each as long as raises the potential alike: an even simplex turns flat in a long valley.
+It compares values, so it cannot tell points apart that differ by the square root of the rounding
+errors. The end is therefore that of the original method (Nelder and Mead 1965, appendix): the
+lowest point of a quadratic surface through values about the simplex. Where there is none, or it is
+not near, the simplex is set up anew.
 """
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.optimize import minimize
 
 from dlo_planner.minimize.protocol import Minimum
 
 _RESTARTS = 10
-_STANDING = 1e-6  # of problem.scale: the finest move that values alone can tell
-_SURFACES = 8
+_ROUGHLY = 1e-4, 1e-8  # of the scale and its square: what a simplex has come down to
+_SURFACES = 16
+_NEARER = 0.7     # of the step before: one that is longer is made of rounding errors
+_FLAT = 1e-3      # curvatures nearer to zero than this are not told from it
 _EDGE = 2e-5      # of the size: long against rounding errors, short against the third derivative
+_STEPS = 6e-4, 2e-5, 2e-6  # of the size: the same for the fifth; and where curvatures jump
+_SLIGHT = 1e-2    # of the size: within which a surface tells the axes
+_SHORTEST = 1e-3  # of the scale: edges of a simplex that is set up anew
+_UNTOLD, _EPS = 3.0, 2.2e-16  # rounding errors of a difference, of a number
+_FINEST = 1e-7    # of the size: a last step that rounding errors may make
 
 
-def downhill_simplex(problem, q, tolerance, max_iterations=50_000):
+def downhill_simplex(problem, q, tolerance, most=2_000_000):
     """Return the Minimum reached from `q` (n,).
 
     Args:
         problem: Problem; its gradient is not used
         q: where to start
         tolerance: a step that moves q by less, relative to q and problem.scale, is the last
-        max_iterations: steps of the simplex at most, all restarts together
+        most: evaluations after which no further simplex is set up, and one comes to its end
     """
     iterations = evaluations = 0
+
+    def value(at):
+        nonlocal evaluations
+        evaluations += 1
+        return problem.value(at)
+
     size = problem.scale
     for _ in range(_RESTARTS):
-        simplex = q + size * np.vstack([np.zeros(q.size), np.eye(q.size)])
-        found = minimize(problem.value, q, method='Nelder-Mead', options={
-            'initial_simplex': simplex, 'adaptive': True, 'xatol': 1e-8 * problem.scale,
-            'fatol': 1e-14 * problem.scale**2, 'maxiter': max_iterations - iterations,
-            'maxfev': 100 * max_iterations})
+        simplex = q + size * np.vstack([np.zeros(q.size), _axes(value, q, problem.scale)])
+        found = minimize(value, q, method='Nelder-Mead', options={
+            'initial_simplex': simplex, 'adaptive': True, 'xatol': _ROUGHLY[0] * problem.scale,
+            'fatol': _ROUGHLY[1] * problem.scale**2, 'maxiter': most,
+            'maxfev': max(1, most - evaluations)})
         iterations += found.nit
-        evaluations += found.nfev
         moved = np.linalg.norm(found.x - q)
-        q = found.x
-        if moved < max(tolerance, _STANDING) * problem.scale or iterations >= max_iterations:
+        q, settled = _settled(problem, value, found.x, tolerance)
+        if settled or evaluations >= most:
             break
-        size = np.clip(moved, 1e-3 * problem.scale, problem.scale)
-    q, used = _settled(problem, q, tolerance)
-    return Minimum(q, iterations, evaluations + used)
+        size = np.clip(moved, _SHORTEST * problem.scale, problem.scale)
+    return Minimum(q, iterations, evaluations)
 
 
-def _settled(problem, q, tolerance):
-    """Return the lowest point (n,) of the quadratic surfaces from q on, and the values used."""
-    used, before = 0, np.inf
+def _axes(value, q, scale):
+    """Return rows (n, n): edges that raise the potential like a unit edge does one of curvature 1.
+
+    Where it curves less than the elastic energy does, they are no longer than that.
+    """
+    _, hessian = quadratic_surface(value, q, _SLIGHT * scale)
+    curvature, axes = np.linalg.eigh(hessian)
+    return (axes / np.sqrt(np.maximum(np.abs(curvature), 1.0))).T
+
+
+def _settled(problem, value, q, tolerance):
+    """Return the lowest point (n,) of quadratic surfaces from q on, and if it is the minimum.
+
+    Values tell a smooth function's slope best from afar. Where its curvatures jump, as those of
+    what yields do, they have to be close: so near that rounding errors hide the difference.
+    """
+    before, finer = np.inf, iter(_STEPS)
+    step = next(finer)
     for _ in range(_SURFACES):
         size = np.hypot(np.linalg.norm(q), problem.scale)
-        gradient, hessian = quadratic_surface(problem.value, q, _EDGE * size)
-        used += (q.size + 1) * (q.size + 2) // 2
-        try:
-            step = -cho_solve(cho_factor(hessian), gradient)
-        except LinAlgError:  # no minimum of a surface: what the simplex found stands
-            break
-        moved = np.linalg.norm(step) / size
-        if not moved < 0.5 * before:
-            break
-        q, before = q + step, moved
-        if moved < tolerance:
-            break
-    return q, used
+        _, hessian = quadratic_surface(value, q, _EDGE * size)
+        curvature, axes = np.linalg.eigh(hessian)
+        if curvature[0] < -_FLAT:  # the surface has no lowest point
+            return q, False
+        along = axes.T @ slope(value, q, step * size)
+        move = -axes @ (along / np.maximum(curvature, _FLAT))
+        moved = np.linalg.norm(move) / size
+        nearer = moved < _NEARER * before
+        if nearer:
+            q, before = q + move, moved
+        if nearer and moved >= tolerance:
+            continue
+        closer = next(finer, None)
+        if closer is None or _agree(problem, value, q, step * size, closer * size):
+            return q, moved < _FINEST
+        before, step = np.inf, closer
+    return q, False
+
+
+def _agree(problem, value, q, step, closer):
+    """Whether slopes from two steps differ by no more than rounding errors make of it."""
+    rounding = (problem.noise + _EPS * abs(value(q))) / closer
+    return (np.linalg.norm(slope(value, q, step) - slope(value, q, closer))
+            <= _UNTOLD * rounding * np.sqrt(q.size))
+
+
+def slope(value, q, edge):
+    """Return the gradient (n,) at q (n,), of fourth order, from four values on each axis."""
+    gradient = np.empty(q.size)
+    for i in range(q.size):
+        axis = np.zeros(q.size)
+        axis[i] = edge
+        near, far = (value(q + k * axis) - value(q - k * axis) for k in (1, 2))
+        gradient[i] = (8 * near - far) / (12 * edge)
+    return gradient
 
 
 def quadratic_surface(value, q, edge):

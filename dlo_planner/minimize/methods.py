@@ -14,6 +14,7 @@ from dlo_planner.minimize.protocol import Problem
 
 SEARCHES = {'dfp': dfp, 'downhill_simplex': downhill_simplex}
 METHODS = ('newton', *SEARCHES)
+_EPS = 2.2e-16
 
 
 def search(system, q, method, tolerance):
@@ -27,6 +28,37 @@ def search(system, q, method, tolerance):
         state, residual, stability, iterations, kicks: as `newton`
         evaluations: of the potential
     """
+    problem = problem_of(system)
+    iterations = evaluations = kicks = 0
+    while True:
+        found = SEARCHES[method](problem, q.ravel().copy(), tolerance)
+        iterations, evaluations = iterations + found.iterations, evaluations + found.evaluations
+        reached, residual, stability, kicked = judged(system, found.q.reshape(q.shape), tolerance)
+        if kicked is None or kicks >= MOST_KICKS:
+            return reached, residual, stability, iterations, kicks, evaluations
+        q, kicks = kicked, kicks + 1
+
+
+def near(system, q, method, tolerance, most):
+    """Return strains (N, 3) on the way from q (m, 3) to a minimum, and the work that it took.
+
+    Nothing is said of them: they are where others begin.
+
+    Args:
+        most: work, after which the search ends where it is: Newton steps, or evaluations
+    """
+    if method == 'newton':
+        state, _, _, work, _ = descend(system, q, tolerance, most, False)
+    else:
+        found = SEARCHES[method](problem_of(system), q.ravel().copy(), tolerance, most)
+        state, work = new_state(system), found.evaluations
+        state.q[:] = found.q.reshape(q.shape)
+        evaluate(system, state)
+    return state.strains, work
+
+
+def problem_of(system):
+    """Return the Problem of the potential of a System, its unknowns in one row."""
     state = new_state(system)
 
     def value(flat):
@@ -36,15 +68,13 @@ def search(system, q, method, tolerance):
     def value_and_gradient(flat):
         return value(flat), state.gradient.ravel().copy()
 
-    problem = Problem(value, value_and_gradient, np.sqrt(bend_energy(system)))
-    iterations = evaluations = kicks = 0
-    while True:
-        found = SEARCHES[method](problem, q.ravel().copy(), tolerance)
-        iterations, evaluations = iterations + found.iterations, evaluations + found.evaluations
-        reached, residual, stability, kicked = judged(system, found.q.reshape(q.shape), tolerance)
-        if kicked is None or kicks >= MOST_KICKS:
-            return reached, residual, stability, iterations, kicks, evaluations
-        q, kicks = kicked, kicks + 1
+    return Problem(value, value_and_gradient, np.sqrt(bend_energy(system)), rounding(system))
+
+
+def rounding(system):
+    """Return the rounding errors of the potential in J, but for those in proportion to it."""
+    weight = np.linalg.norm(system.pull, axis=1).sum()
+    return _EPS * (weight * system.lengths.sum() + bend_energy(system))
 
 
 def judged(system, q, tolerance):

@@ -14,11 +14,13 @@ class Problem:
         value: q -> J
         value_and_gradient: q -> (J, (n,))
         scale: size of q that is neither small nor large, sqrt(J)
+        noise: rounding errors of the value, J, but for those in proportion to it
     """
 
     value: Callable
     value_and_gradient: Callable
     scale: float
+    noise: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -81,6 +81,31 @@ class Crew:
             self._share_out(function, tasks, done)
         return [results[index] for index in range(len(results))]
 
+    def begin(self, function: Callable, tasks: Iterable) -> list:
+        """Give tasks to the executor; return Futures, for `gathered`, at once."""
+        try:
+            return [self._executor.submit(function, task) for task in tasks]
+        except BrokenExecutor as error:
+            self._renew(error)
+            return []
+
+    def gathered(self, futures: Iterable) -> list:
+        """Return the results of Futures; those that were lost with a worker are None."""
+        waiting, broken = set(futures), None
+        while waiting:
+            self._check()
+            _, waiting = wait(waiting, _LOOK)
+        results = []
+        for future in futures:
+            error = future.exception()
+            if error is not None and not isinstance(error, BrokenExecutor):
+                raise error
+            results.append(None if error is not None else future.result())
+            broken = broken or error
+        if broken is not None:
+            self._renew(broken)
+        return results
+
     def _share_out(self, function, tasks, done):
         waiting, vain = {}, 0
         try:

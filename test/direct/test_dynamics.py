@@ -54,6 +54,28 @@ def swing(steps, integrator='generalized_alpha', rod=None, seconds=0.6, toleranc
                                                     integrator=integrator, tolerance=tolerance)
 
 
+@pytest.mark.parametrize('integrator', ['paper', 'generalized_alpha'])
+@pytest.mark.parametrize(('method', 'mesh'), [
+    ('dfp', {'n_elements': 24, 'n_terms': 5}), ('dfp', {'basis': 'local', 'n_elements': 16}),
+    ('downhill_simplex', {'n_elements': 12, 'n_terms': 2})])
+@pytest.mark.parametrize('more', [
+    {}, {'damping': (0.5, 0.01)},
+    {'yield_curvature': 0.5, 'yield_torsion': 0.4, 'hardening': 0.05}])
+def test_motions_by_the_papers_methods(method, mesh, integrator, more):
+    rod = Rod(1.0, 0.3, (1.0, 2.0), 0.7, natural_curvature=(0.5, 0.3), **more)
+    one, other = (swing(12, integrator, rod, tolerance=np.inf, method=name, **mesh)
+                  for name in (method, 'newton'))
+    assert one.converged and other.converged
+    for shape, wanted in zip(one.shapes, other.shapes, strict=True):
+        assert shape.residual < 1e-8 and shape.evaluations > 0 == wanted.evaluations
+        np.testing.assert_allclose(shape.positions, wanted.positions, atol=1e-7)
+    np.testing.assert_allclose(one.velocities, other.velocities, atol=1e-5)
+    np.testing.assert_allclose(one.losses, other.losses, rtol=1e-4, atol=1e-7)
+    if 'hardening' in more:
+        assert one.losses[-1, 1] > 1e-3 * np.ptp(one.potential_energy)
+    assert one.error_estimate[-1] == pytest.approx(other.error_estimate[-1], rel=1e-3)
+
+
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 @pytest.mark.parametrize('root', ROOTS)
 def test_cantilever_frequencies(root, basis):

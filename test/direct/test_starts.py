@@ -196,8 +196,12 @@ def test_what_is_no_start_is_refused_by_name():
         direct.simulate([LEVEL] * 2, 0.01, held)
     with pytest.raises(InvalidTask, match=r'grippers\[0\]'):
         direct.simulate([TILTED] * 2, 0.01, SHAPE)
+    dfp = DirectSimulator(HERE['rod'], method='dfp')
     with pytest.raises(InvalidTask, match='method'):
-        DirectSimulator(HERE['rod'], method='dfp').simulate([LEVEL] * 2, 0.01)
+        dfp.simulate([LEVEL] * 2, 0.01, held, far_ends=[held.far_end] * 2)
+    paper = DirectSimulator(HERE['rod'], method='dfp', strains='paper')
+    with pytest.raises(InvalidTask, match='strains'):
+        paper.simulate([LEVEL] * 2, 0.01)
     assert direct.solve(LEVEL, held).far_end is None
     np.testing.assert_allclose(direct.solve(LEVEL, held).positions, SHAPE.positions, atol=1e-8)
 

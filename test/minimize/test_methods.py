@@ -6,7 +6,8 @@ from scipy.optimize import rosen, rosen_der
 
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.minimize.dfp import dfp
-from dlo_planner.minimize.downhill_simplex import downhill_simplex, quadratic_surface
+from dlo_planner.minimize.downhill_simplex import downhill_simplex, quadratic_surface, slope
+from dlo_planner.minimize.line_search import along
 from dlo_planner.minimize.newton import newton
 from dlo_planner.minimize.protocol import Problem
 
@@ -79,6 +80,61 @@ def test_a_quadratic_surface_is_of_second_order():
     errors = [np.abs(quadratic_surface(rosen, at, edge)[0] - rosen_der(at)).max()
               for edge in (1e-3, 5e-4)]
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.05)
+
+
+def test_the_slope_from_values_is_of_fourth_order():
+    at = np.array([0.3, -0.7, 0.2])
+    cubic = np.array([1.0, -2.0, 0.5])
+    found = slope(lambda q: cubic @ q**3 + np.sin(q).sum(), at, 1e-3)
+    np.testing.assert_allclose(found, 3 * cubic * at**2 + np.cos(at), atol=1e-11)
+
+
+def _quartic(q):
+    return float(q[0] ** 4 + (q[0] - 2) ** 2), np.array([4 * q[0] ** 3 + 2 * (q[0] - 2)])
+
+
+@pytest.mark.parametrize('step', [1e-3, 0.5, 2.0, 50.0])
+def test_a_line_search_ends_where_the_slope_does(step):
+    start, way = np.array([-1.0]), np.array([step])
+    value, gradient = _quartic(start)
+    at, low, there = along(_quartic, start, way, value, gradient, 0.0)
+    assert abs(there @ way) <= 0.1 * abs(gradient @ way) and low < value
+    assert (low, there) == _quartic(at)
+
+
+def test_a_line_search_goes_by_the_slope_where_values_are_rounded():
+    # a value of 1e6 with a gain of 1e-16: no value tells, the slope does
+    def rounded(q):
+        return 1e6 + 0.5 * float(q @ q), q
+
+    start = np.array([1e-8, 2e-8])
+    at, _, there = along(rounded, start, -3.0 * start, *rounded(start), 0.0)
+    assert np.linalg.norm(at) < 0.1 * np.linalg.norm(start)
+    assert along(rounded, start, start, rounded(start)[0], -start, 0.0) is None  # it lies
+
+
+def test_dfp_ends_at_rounding_errors_of_the_gradient():
+    # a quadratic on a large constant: values tell the minimum to 1e-5 only
+    curvatures = np.geomspace(1, 1e4, 12)
+    problem = Problem(lambda q: 1e4 + 0.5 * curvatures @ q**2,
+                      lambda q: (1e4 + 0.5 * curvatures @ q**2, curvatures * q), 1.0)
+    found = dfp(problem, np.ones(12), 1e-11)
+    assert np.linalg.norm(curvatures * found.q) < 1e-11
+    assert found.evaluations < 300
+
+
+def test_searches_end_when_their_work_is_done():
+    start = np.array([-1.2, 1.0, 0.5])
+    for search, room in ((dfp, 35), (downhill_simplex, 200)):
+        assert search(ROSENBROCK, start, 1e-10, 20).evaluations <= 20 + room
+        assert search(ROSENBROCK, start, 1e-10).evaluations > 60
+
+
+def test_the_simplex_needs_a_few_thousand_values_however_stiff():
+    # w L^3 / EI = 1200 and rigidities of 12.7 : 1 : 2.3, where an even simplex takes 800,000
+    rod = Rod(1.0, 1200 / 9.81, (12.7, 1.0), 2.34)
+    shape = DirectSimulator(rod, n_elements=32, n_terms=5, method='downhill_simplex').solve(TILTED)
+    assert shape.converged and shape.evaluations < 20_000
 
 
 @pytest.mark.parametrize('options', [

@@ -1,0 +1,30 @@
+"""Whether what a search found from one start is what it would have found from another one."""
+
+import numpy as np
+
+from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.minimize.newton import newton
+
+_TOLERANCE, _STEPS = 1e-9, 30  # residual and Newton steps of a way that is gone to its end
+_CLOSE = 1e-7  # of the unknowns: what two searches for one minimum may leave between them
+
+
+def lower(system, one, other):
+    """Whether the potential is lower at unknowns `one` (m, 3) than at `other`."""
+    state, values = new_state(system), []
+    for q in (one, other):
+        state.q[:] = q
+        values.append(evaluate(system, state)[0])
+    return values[0] < values[1]
+
+
+def leads_to(system, start, end):
+    """Return whether Newton's method goes from `start` to `end` (m, 3), its steps, and if it leant.
+
+    It has to go all the way. One step and the Hessian there do not tell: that of what yields jumps,
+    and beyond an unstable shape minima lie close together.
+    """
+    state, residual, _, steps, leant = newton(system, start, _TOLERANCE, _STEPS, False)
+    away = np.linalg.norm(state.q - end)
+    there = residual < _TOLERANCE and away <= _CLOSE * np.linalg.norm(end)
+    return bool(there), steps, bool(leant)

@@ -1,0 +1,75 @@
+"""Looking ahead: shapes of steps to come, roughly, from a shape that is known; what workers do."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dlo_planner.direct.history import History
+from dlo_planner.direct.integrator import Course, Scheme
+from dlo_planner.direct.statics import TOLERANCE
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.minimize.methods import near
+from dlo_planner.parallel.pieces import Shared
+
+UNLIMITED = 1_000_000  # more work than anything takes
+
+
+class Moving(NamedTuple):
+    """A DLO in motion, several steps in one.
+
+    Attributes:
+        stepper: Shared Stepper
+        nodes, bends: Courses of now; history: History of now
+        place: where to look, in instants
+        scheme: of one step from now to there
+        strains: (N, 3) 1/m, where the search begins
+        most: work, in the unit of `minimize.methods.near`
+    """
+
+    stepper: Shared
+    nodes: Course
+    bends: Course
+    history: History
+    place: float
+    scheme: Scheme
+    strains: np.ndarray
+    most: int
+
+
+class Resting(NamedTuple):
+    """A DLO that is moved slowly, several steps in one.
+
+    Attributes:
+        simulator: Shared DirectSimulator
+        rotation: (3, 3) of the gripper there; history: History of now
+        strains, most: as for Moving
+    """
+
+    simulator: Shared
+    rotation: np.ndarray
+    history: History
+    strains: np.ndarray
+    most: int
+
+
+class Guess(NamedTuple):
+    """What was seen: strains (N, 3) in 1/m, and the work that it took."""
+
+    strains: np.ndarray
+    work: int
+
+
+def look(task: Moving | Resting) -> Guess:
+    """Return the Guess that a task asks for."""
+    if isinstance(task, Moving):
+        stepper = task.stepper.content
+        method = stepper.method
+        system, _, _, rounding = stepper.moving(task.nodes, task.bends, task.history, task.place,
+                                                task.scheme)
+    else:
+        simulator = task.simulator.content
+        method, rounding = simulator.method, 0.0
+        system = simulator._discretisation.system(task.rotation, history=task.history)
+    q = np.empty((system.basis.shape[1] or system.lengths.size, 3))
+    unknowns_of(system, np.array(task.strains), q)
+    return Guess(*near(system, q, method, TOLERANCE + rounding, task.most))

@@ -1,0 +1,290 @@
+"""Dependent computation (paper, section 4.3.5): steps that need the one before, looked at ahead.
+
+While one task computes step i, the others compute what steps i + 1, i + 2, ... would be if the DLO
+went there at once from where it is known to be: positions and velocities (or, where it is moved
+slowly, the permanent set) are those of step i - 1, the time is 2 dt, 3 dt, ... When the time of
+such a step comes, what was found is where its search begins. Nothing else is taken from it: the
+answer is the minimum of the same potential as in serial computation.
+
+All tasks end together: a look ahead may take as much work as the step before did. So the answer
+does not depend on how fast workers are.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlo_planner.direct.accuracy import past_of
+from dlo_planner.direct.continuation import LONGEST_TURN, fell
+from dlo_planner.direct.grips import poses
+from dlo_planner.direct.motion import Motion
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.statics import equilibrium
+from dlo_planner.direct.stepping import Stepper
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.errors import InvalidTask
+from dlo_planner.minimize.same_minimum import leads_to, lower
+from dlo_planner.model.checks import instance, integer, number
+from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.parallel.ahead import UNLIMITED, Moving, Resting, look
+from dlo_planner.parallel.pieces import Shared
+from dlo_planner.parallel.workers import Crew, Workers, checked
+from dlo_planner.progress import OnProgress, Progress
+
+_MOST_TASKS = 1024
+_NO_MATTER = ('obstacles', 'pinned', 'has_moments')  # of Surroundings: without them only
+
+
+def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float | None = None,
+                executor: Workers = None, *, tasks: int | None = None,
+                initial: Shape | Motion | None = None,
+                velocity: ArrayLike | Callable | None = None, tolerance: float | None = None,
+                integrator: str = 'generalized_alpha', progress: OnProgress = None,
+                deadline: float | None = None) -> Motion | list[Shape]:
+    """Return a Motion, or the shapes of a slow one, each step begun with what was seen ahead of it.
+
+    The result is that of `simulator.simulate(grippers, dt, ...)`, or of `simulator.track(grippers)`
+    where `dt` is None, but for what the minimizer leaves open (residuals below its tolerance). A
+    guess is used only where its potential is lower than where the serial search begins, and what
+    is found from it is kept only if it has converged and Newton's method goes to it from there
+    (`minimize.same_minimum`); otherwise the serial search is made. The result does not depend on
+    the executor or its workers.
+
+    Args:
+        simulator: DirectSimulator
+        grippers: n Pose: at the times 0, dt, 2 dt, ..., or those of a slow motion
+        dt: s; None: the motion is slow (a DLO that yields depends on its steps all the same)
+        executor: as for `parallel.map`; None: nothing is looked at ahead
+        tasks: how many at once, the caller's own among them, which needs no worker: so many less
+            one steps are looked at. None: as many as have been found to pay: 1, which is none.
+        initial, velocity, tolerance, integrator, progress, deadline: as for `simulate`; velocity,
+            tolerance and integrator are not looked at where `dt` is None
+
+    Nothing is looked at ahead among obstacles, with a pinned gripper or with dead moments, nor in a
+    slow motion with `accuracy` or `strains='paper'`.
+
+    Raises:
+        InvalidTask: an argument makes no sense; the message names it
+        DeadlineExceeded: the deadline is over
+        concurrent.futures.BrokenExecutor: the executor broke for good
+    """
+    instance('simulator', simulator, DirectSimulator)
+    checked(executor)
+    tasks = 1 if tasks is None else integer('tasks', tasks, minimum=1, maximum=_MOST_TASKS)
+    steps = Progress(progress, deadline)
+    grippers = poses(grippers)
+    instance('initial', initial, (Shape, Motion), optional=True)
+    if dt is None and isinstance(initial, Motion):
+        raise InvalidTask(f'initial = {initial!r}: expected a Shape where dt is None')
+    if dt is not None:
+        dt = number('dt', dt, above=0)
+    if executor is None or tasks == 1 or any(getattr(simulator.surroundings, name)
+                                             for name in _NO_MATTER):
+        if dt is None:
+            return simulator.track(grippers, progress, initial, deadline=deadline)
+        return simulator.simulate(grippers, dt, initial, velocity=velocity, tolerance=tolerance,
+                                  integrator=integrator, progress=progress, deadline=deadline)
+    with Crew(executor, steps.check) as crew:
+        rounds = Rounds(crew, tasks)
+        if dt is None:
+            return Tracker(simulator, rounds).track(grippers, initial, steps)
+        return simulator._motion(partial(AheadStepper, rounds, len(grippers) - 1), grippers, dt,
+                                 initial, None, velocity, tolerance, integrator, steps)
+
+
+class Round(NamedTuple):
+    """A true step, and the looks ahead meanwhile.
+
+    Attributes:
+        place: of the step
+        work: of it, in the unit of `minimize.methods.near`; judging: Newton steps beside it
+        guess: 'used', 'refused', or 'none'
+        ahead: works of the looks ahead
+    """
+
+    place: float
+    work: int
+    judging: int
+    guess: str
+    ahead: tuple[int, ...]
+
+
+class Rounds:
+    """Steps made while others are looked at, and what was seen.
+
+    Args:
+        crew: Crew
+        tasks: steps at once, the true one among them
+
+    Attributes:
+        made: one Round for each round
+    """
+
+    def __init__(self, crew: Crew, tasks: int):
+        self._crew, self.tasks = crew, tasks
+        self._seen = {}          # place: strains
+        self._most = UNLIMITED   # work of a look ahead
+        self.made = []
+
+    def seen(self, place):
+        """Return the strains (N, 3) seen at a place, None if none were."""
+        return self._seen.get(place)
+
+    def make(self, place, ahead, step):
+        """Return what a step at `place` gives, while others are looked at.
+
+        Args:
+            ahead: tasks by place, made as ahead(most)
+            step: called as step(strains or None); returns result, work, Newton steps of judging,
+                and what became of the strains: 'used', 'refused', 'none'
+        """
+        tasks = ahead(self._most)
+        futures = self._crew.begin(look, tasks.values())
+        try:
+            result, *told = step(self.seen(place))
+            guesses = self._crew.gathered(futures)
+        finally:
+            for future in futures:
+                future.cancel()
+        self._seen = {there: guess.strains for there, guess in zip(tasks, guesses, strict=False)
+                      if guess is not None}
+        done = Round(place, *told, tuple(0 if one is None else one.work for one in guesses))
+        self._most = max(done.work, 1)
+        self.made.append(done)
+        return result
+
+
+def _work(shape):
+    """Return the work that a Shape took, as `minimize.methods.near` counts it."""
+    return shape.evaluations or shape.iterations
+
+
+class AheadStepper(Stepper):
+    """Makes the steps of one DLO in moving grips, and looks at those to come.
+
+    Args:
+        rounds: Rounds
+        last: place of the last step
+        more: as for Stepper
+    """
+
+    def __init__(self, rounds: Rounds, last: int, *more):
+        super().__init__(*more)
+        self._rounds, self._last, self._shared = rounds, last, Shared(Stepper(*more))
+
+    def _step(self, before, place, scheme, patience):
+        usual = self.guess(before, scheme.dt)
+
+        def ahead(most):
+            return self._ahead(before, place, scheme, usual, most)
+
+        def step(seen):
+            vain = judging = 0
+            if seen is not None:
+                system = self._system(before, place, scheme)
+                start = _unknowns(system, usual)
+                if lower(system, _unknowns(system, seen), start):
+                    after = self.step_from(before, place, scheme, seen, patience)
+                    end, vain = _unknowns(system, after.shape.element_strains), _work(after.shape)
+                    same, judging, _ = leads_to(system, start, end)
+                    if after.shape.converged and same:
+                        return after, vain, judging, 'used'
+            after = self.step_from(before, place, scheme, usual, patience)
+            return (after, vain + _work(after.shape), judging,
+                    'none' if seen is None else 'refused')
+
+        return self._rounds.make(place, ahead, step)
+
+    def _ahead(self, before, place, scheme, usual, most):
+        """Return Moving tasks by place."""
+        size, tasks, strains = scheme.dt / self.dt, {}, usual
+        history = replace(before.shape._history, of=None)  # which is long, and not needed
+        for k in range(1, self._rounds.tasks):
+            there = place + k * size
+            if there > self._last:
+                break
+            seen = self._rounds.seen(there)
+            strains = strains if seen is None else seen  # else those of the place before
+            tasks[there] = Moving(self._shared, before.nodes, before.bends, history, there,
+                                  replace(scheme, dt=(k + 1) * scheme.dt), strains, most)
+        return tasks
+
+    def _system(self, before, place, scheme):
+        return self.moving(before.nodes, before.bends, before.shape._history, place, scheme)[0]
+
+
+def _unknowns(system, strains):
+    q = np.empty((system.basis.shape[1] or system.lengths.size, 3))
+    unknowns_of(system, np.array(strains), q)
+    return q
+
+
+class Tracker:
+    """Follows a DLO through slow steps, and looks at those to come.
+
+    Args:
+        simulator: DirectSimulator
+        rounds: Rounds
+    """
+
+    def __init__(self, simulator: DirectSimulator, rounds: Rounds):
+        self._simulator, self._rounds, self._shared = simulator, rounds, Shared(simulator)
+
+    def track(self, grippers: tuple[Pose, ...], initial: Shape | None, steps: Progress) -> list:
+        """Return what `DirectSimulator.track` does."""
+        shapes, before = [], initial
+        for place, gripper in enumerate(grippers):
+            if before is None or not self._can(before):
+                shape, = self._simulator.track([gripper], initial=before, deadline=steps.left())
+            else:
+                shape = self._step(grippers, place, before, steps)
+            shapes.append(shape)
+            if shape.converged or shape.nearly:
+                before = shape
+            steps.done(len(shapes), len(grippers))
+        return shapes
+
+    def _can(self, before):
+        """Whether steps after the Shape `before` can be looked at."""
+        simulator = self._simulator
+        return (simulator.accuracy is None and simulator.strains == 'components'
+                and simulator._made(before) and before.far_end is None and before.parts is None)
+
+    def _step(self, grippers, place, before, steps):
+        mesh, gripper = self._simulator._discretisation, grippers[place]
+        history = past_of(mesh, before, self._simulator._history)
+        usual = mesh.strains_from(before.s, before.element_strains)
+
+        def ahead(most):
+            tasks, strains = {}, usual
+            for there in range(place + 1, min(place + self._rounds.tasks, len(grippers))):
+                seen = self._rounds.seen(there)
+                strains = strains if seen is None else seen
+                tasks[there] = Resting(self._shared, np.array(grippers[there].rotation),
+                                       replace(history, of=None), strains, most)
+            return tasks
+
+        def step(seen):
+            vain = judging = 0
+            turn = angle_between(before.gripper.rotation, gripper.rotation)
+            if seen is not None and turn <= LONGEST_TURN:
+                system = mesh.system(gripper.rotation, history=history)
+                start = _unknowns(system, usual)
+                if lower(system, _unknowns(system, seen), start):
+                    shape, kicks = equilibrium(mesh, gripper, seen, self._simulator.method,
+                                               history)
+                    end, vain = _unknowns(system, shape.element_strains), _work(shape)
+                    same, judging, leant = leads_to(system, start, end)
+                    # an unstable shape on the way: the serial step is cut into smaller ones
+                    if same and shape.converged and not (leant or kicks or fell(before, shape)):
+                        return shape, vain, judging, 'used'
+            shape, = self._simulator.track([gripper], initial=before, deadline=steps.left())
+            return (shape, vain + _work(shape), judging,
+                    'none' if seen is None else 'refused')
+
+        return self._rounds.make(place, ahead, step)
