@@ -1,4 +1,4 @@
-"""Packages that only some parts need: imported where they are used, named where they are missing."""
+"""Packages that only some parts need: imported where used, named where they are missing."""
 
 from importlib import import_module
 from types import ModuleType
@@ -17,7 +17,7 @@ def extra(module: str, name: str, purpose: str) -> ModuleType:
     Raises:
         MissingExtra: it is not installed; the message names the extra and the command
     """
-    package = module.split('.')[0]
+    package = module.split('.', maxsplit=1)[0]
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
