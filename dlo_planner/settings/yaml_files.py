@@ -2,11 +2,11 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from functools import cache
 from pathlib import Path
 
+import yaml
+
 from dlo_planner.errors import InvalidTask
-from dlo_planner.extras import extra
 from dlo_planner.settings.entries import ENTRIES, as_declared, within_limits
 from dlo_planner.settings.names import unknown_parameter
 
@@ -25,7 +25,6 @@ def read_values(source: str | Path, changes: Iterable[str] = ()) -> tuple[dict, 
 
     Raises:
         InvalidTask: no such file, or a value makes no sense; the message names it
-        MissingExtra: PyYAML is not installed
     """
     path = config_file(source)
     given = _flat(_of_node(path, load_yaml(path.read_text(encoding='utf-8'), str(path))))
@@ -47,7 +46,7 @@ def write_values(path: Path, values: Mapping[str, object]) -> None:
             branch = branch.setdefault(parent, {})
         branch[last] = value
     content = {'/**': {'ros__parameters': tree}}
-    path.write_text(_yaml().safe_dump(content, sort_keys=False, allow_unicode=True),
+    path.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True),
                     encoding='utf-8')
 
 
@@ -58,8 +57,8 @@ def load_yaml(text: str, name: str) -> object:
         InvalidTask: it is no YAML; the message begins with `name`
     """
     try:
-        return _yaml().load(text, Loader=_loader())  # noqa: S506 - made of SafeLoader
-    except _yaml().YAMLError as error:
+        return yaml.load(text, Loader=_Loader)
+    except yaml.YAMLError as error:
         said = ' '.join(str(error).split())
         raise InvalidTask(f'{name}: expected YAML, {said}') from None
 
@@ -122,14 +121,8 @@ def _changed(change):
     return {name: load_yaml(text, f'parameter {name}')}
 
 
-def _yaml():
-    return extra('yaml', 'test', 'YAML files')
+class _Loader(yaml.SafeLoader):
+    """YAML 1.1 takes 8e6 and 110.0e9 for words; ROS and YAML 1.2 do not."""
 
 
-@cache
-def _loader():
-    class Loader(_yaml().SafeLoader):
-        """YAML 1.1 takes 8e6 and 110.0e9 for words; ROS and YAML 1.2 do not."""
-
-    Loader.add_implicit_resolver('tag:yaml.org,2002:float', _FLOAT, list('-+0123456789.'))
-    return Loader
+_Loader.add_implicit_resolver('tag:yaml.org,2002:float', _FLOAT, list('-+0123456789.'))
