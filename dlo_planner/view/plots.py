@@ -25,7 +25,7 @@ OVER_TIME = ('time', *COLORINGS)
 
 def plot_shape(shape: Shape, ax=None, color: str | None = None, obstacles: Iterable = ()):
     """Return the Figure of a Shape, see `Shape.plot`."""
-    color = choice('color', color or 'curvature', COLORINGS)
+    color = choice('color', 'curvature' if color is None else color, COLORINGS)
     stage = Stage.of((shape,), obstacles)
     painted = coloring(shape, color)
     frame = Frame.of(ax)
@@ -37,7 +37,7 @@ def plot_shape(shape: Shape, ax=None, color: str | None = None, obstacles: Itera
 
 def plot_plan(plan: Plan, ax=None, color: str | None = None, obstacles: Iterable = ()):
     """Return the Figure of a Plan, see `Plan.plot`."""
-    color = choice('color', color or 'time', OVER_TIME)
+    color = choice('color', 'time' if color is None else color, OVER_TIME)
     if not len(plan):
         raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
     stage = Stage.of(plan.shapes, obstacles, plan)
@@ -56,7 +56,7 @@ def plot_plan(plan: Plan, ax=None, color: str | None = None, obstacles: Iterable
 
 def plot_motion(motion: Motion, ax=None, color: str | None = None, obstacles: Iterable = ()):
     """Return the Figure of a Motion, see `Motion.plot`."""
-    color = choice('color', color or 'time', OVER_TIME)
+    color = choice('color', 'time' if color is None else color, OVER_TIME)
     if not len(motion):
         raise InvalidTask(f'motion = {motion!r}: expected a Motion with an instant')
     stage = Stage.of(motion.shapes, obstacles)
