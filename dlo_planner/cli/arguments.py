@@ -1,5 +1,6 @@
 """What subcommands have in common: types of arguments, options, the DLO that a file describes."""
 
+import sys
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
@@ -112,7 +113,7 @@ class Bar:
         self._label = label
         self._bar = None
         self._total = 0
-        self._shown = click.get_text_stream('stderr').isatty()
+        self._shown = sys.stderr.isatty()
 
     def __call__(self, done: int, total: int) -> None:
         """Show that `done` of `total` steps are finished; a new total is a new bar."""
@@ -122,7 +123,7 @@ class Bar:
             self.close()
             self._total = total
             self._bar = click.progressbar(length=total, label=self._label, width=_WIDTH,
-                                          file=click.get_text_stream('stderr'))
+                                          file=sys.stderr)
             self._bar.__enter__()
         self._bar.update(done - self._bar.pos)
 

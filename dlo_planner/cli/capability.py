@@ -64,7 +64,7 @@ _RANGE = RangeType()
               show_default=True, help='What the picture shows.')
 @written('.png .svg .pdf slices of the map, .csv a line for each cut-out')
 def command(dlo, outputs, jobs, axis, quantity, **asked):
-    r"""Find out which round cut-outs of a cell can be threaded, with what margin.
+    """Find out which round cut-outs of a cell can be threaded, with what margin.
 
     CONFIG describes the DLO and the gripper's workspace (parameters workspace.*). Each combination
     of place, direction and radius is one cut-out.
@@ -72,7 +72,7 @@ def command(dlo, outputs, jobs, axis, quantity, **asked):
     \b
     Examples:
       dlo-planner map rubber_hose --x 0.2:1:5 --z 0.6:1.4:5 --radius 0.02 --jobs 4 -o map.png
-      dlo-planner map rubber_hose --x 0.5 --z 1 --along 1,0,0 --along 1,0,-1 --radius 0.012 \
+      dlo-planner map rubber_hose --x 0.5 --z 1 --along 1,0,0 --along 1,0,-1 --radius 0.012 \\
           --radius 0.02 -o map.csv
 
     Exit code 3: none of them can be threaded.

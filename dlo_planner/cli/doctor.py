@@ -45,7 +45,7 @@ class Finding(NamedTuple):
 
 @click.command('doctor')
 def command():
-    r"""Check versions, compiled kernels, extras and ROS; say what to do where something is amiss.
+    """Check versions, compiled kernels, extras and ROS; say what to do where something is amiss.
 
     \b
     ok    as it should be

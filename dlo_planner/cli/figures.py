@@ -38,7 +38,7 @@ def shows(path: Path) -> str:
 @click.option('-o', '--output', 'folder', default='figures', show_default=True,
               type=click.Path(file_okay=False, path_type=Path), help='Folder that they go to.')
 def command(names, every, folder):
-    r"""List the figures, or make those that are named.
+    """List the figures, or make those that are named.
 
     They are made by scripts of the repository, each of which can be read and run by itself.
 

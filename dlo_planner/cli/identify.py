@@ -31,7 +31,7 @@ _DEFAULT = ('bending_stiffness', 'natural_curvature')
               help='Write a file; may be repeated: .yaml all parameters, for the node and as '
               'CONFIG; .csv what was found.')
 def command(dlo, observations, grippers, names, noise, outputs):
-    r"""Find out what a DLO is like: it hangs from the gripper, points of it were seen.
+    """Find out what a DLO is like: it hangs from the gripper, points of it were seen.
 
     CONFIG is a first guess, and right in all that is not sought. OBSERVATIONS are YAML files, or
     CSV files of points x, y, z (m, world) with --gripper for each. Two or more poses of the gripper

@@ -77,7 +77,7 @@ def _version():
                                              'max_content_width': 100})
 @click.version_option(_version(), prog_name='dlo-planner')
 def main() -> None:
-    r"""Direct and inverse simulation of deformable linear objects (DLOs) in a gripper.
+    """Direct and inverse simulation of deformable linear objects (DLOs) in a gripper.
 
     A DLO (wire, hose, leaf spring) is described by a YAML file, the same as for the ROS node, or by
     the name of one that comes with the package: copper_wire, rubber_hose, steel_leaf_spring. SI
@@ -88,7 +88,7 @@ def main() -> None:
     Examples:
       dlo-planner doctor
       dlo-planner shape copper_wire --gripper 0,0,1 -o wire.png
-      dlo-planner thread copper_wire -p rod.diameter=0.0015 --hole 1,0.2,0.8,1,1,0 \
+      dlo-planner thread copper_wire -p rod.diameter=0.0015 --hole 1,0.2,0.8,1,1,0 \\
           --radius 0.01 -o plan.npz -o plan.png -o gripper.poses.yaml
       dlo-planner replay copper_wire plan.npz -p rod.diameter=0.0015 -o report.png
       dlo-planner COMMAND --help        more about a command, with examples

@@ -16,7 +16,7 @@ _ENDINGS = (*PICTURES, *VALUES, '.csv')
 @written('.png .svg .pdf the picture, .npz .json the report (Report.load reads it), .csv its '
          'figures')
 def command(dlo, plan, outputs):
-    r"""Run a saved plan through the direct simulator: slowly, and in motion as it is executed.
+    """Run a saved plan through the direct simulator: slowly, and in motion as it is executed.
 
     CONFIG describes the DLO, as for "dlo-planner thread": the planner's own, or a better known one.
     PLAN is a file that "dlo-planner thread -o plan.npz" or Plan.save wrote. The parameters

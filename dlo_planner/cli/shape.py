@@ -26,7 +26,7 @@ _ENDINGS = (*PICTURES, *VALUES, '.csv', *POSES)
 @written('.png .svg .pdf the picture, .npz .json the shape (Shape.load reads it), .csv its nodes, '
          '.poses.yaml .poses.json geometry_msgs/Pose[] of its nodes')
 def command(dlo, grippers, file, far_end, grip, outputs):
-    r"""Predict the shape of a DLO for a pose of its gripper.
+    """Predict the shape of a DLO for a pose of its gripper.
 
     CONFIG is a YAML file of parameters, as for the node, or copper_wire, rubber_hose,
     steel_leaf_spring. With several poses the DLO follows slowly from one to the next, and the last

@@ -32,7 +32,7 @@ _ENDINGS = (*PICTURES, *FILMS, *VALUES, '.csv', *POSES)
          '"dlo-planner replay" read it), .csv its waypoints, .poses.yaml .poses.json '
          'geometry_msgs/Pose[] of the gripper')
 def command(dlo, holes, radius, start, prove, deadline, outputs):
-    r"""Plan the gripper poses that thread the free end through cut-outs.
+    """Plan the gripper poses that thread the free end through cut-outs.
 
     CONFIG is a YAML file of parameters, as for the node, or copper_wire, rubber_hose,
     steel_leaf_spring. Its parameters threading.* and workspace.* count.
@@ -42,7 +42,7 @@ def command(dlo, holes, radius, start, prove, deadline, outputs):
       dlo-planner thread copper_wire -p rod.diameter=0.0015 --hole 1,0.2,0.8,1,1,0 --radius 0.01
       dlo-planner thread rubber_hose --hole 0,0,1 -o plan.npz -o plan.png -o plan.gif
       dlo-planner thread rubber_hose --hole 0,0,1 -o gripper.poses.json      for MoveIt
-      dlo-planner thread rubber_hose --hole 0,0,1 --start -0.8,0,1 -p threading.standoff=0.05 \
+      dlo-planner thread rubber_hose --hole 0,0,1 --start -0.8,0,1 -p threading.standoff=0.05 \\
           --prove
 
     Exit code 3: there is no such plan (the reason is said, with the waypoint, the constraint and

@@ -50,7 +50,7 @@ def as_declared(parameters: list[Parameter]) -> list[Parameter]:
         try:
             value = parameter.value if entry is None else typed(
                 parameter.name, parameter.value, entry.default)
-        except (InvalidTask, OverflowError):
+        except InvalidTask:
             value = parameter.value
         result.append(parameter if value is parameter.value or entry is None
                       else Parameter(parameter.name, value=value))

@@ -178,23 +178,31 @@ def as_declared(name: str, value: object, default: object) -> object:
     Raises:
         InvalidTask: it has another type than the default
     """
-    def number(item):
-        return isinstance(item, int | float) and not isinstance(item, bool)
-
-    if isinstance(default, float) and number(value):
-        return float(value)
+    listed = not isinstance(value, str) and hasattr(value, '__iter__')
     if isinstance(default, list) and isinstance(default[0], str):
-        if isinstance(value, str) or any(not isinstance(item, str) for item in value):
+        if not listed or any(not isinstance(item, str) for item in value):
             raise InvalidTask(f'parameter {name} = {value!r}: expected a list of strings')
         return list(value) or default
     if isinstance(default, list):
-        items = list(value) if not isinstance(value, str) and hasattr(value, '__iter__') else None
-        if items is None or not all(number(item) for item in items):
+        if not listed or not all(map(_is_number, value)):
             raise InvalidTask(f'parameter {name} = {value!r}: expected a list of numbers')
-        return [float(item) for item in items]
+        return [_float(name, item) for item in value]
+    if isinstance(default, float) and _is_number(value):
+        return _float(name, value)
     if type(value) is not type(default):
         raise InvalidTask(f'parameter {name} = {value!r}: expected a {type(default).__name__}')
     return value
+
+
+def _is_number(value):
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _float(name, value):
+    try:
+        return float(value)
+    except OverflowError:
+        raise InvalidTask(f'parameter {name}: expected a number below 1e308') from None
 
 
 def within_limits(name: str, value: object, entry: Entry) -> object:

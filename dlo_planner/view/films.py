@@ -75,9 +75,9 @@ def between(value: Plan | Motion, painted: list, time: float) -> tuple:
     after = min(k + 1, len(value) - 1)
     span = times[after] - times[k]
     share = float(np.clip((time - times[k]) / span, 0.0, 1.0)) if span > 0 else 1.0
+    if len(value.shapes[k].s) != len(value.shapes[after].s):
+        k = after = k if share < 1 else after
     one, other = value.shapes[k], value.shapes[after]
-    if len(one.s) != len(other.s):
-        other, after, share = one, k, 0.0
     turn = Rotation.from_matrix(other.gripper.rotation @ one.gripper.rotation.T).as_rotvec()
     gripper = Pose.from_rotation(
         (1 - share) * one.gripper.position + share * other.gripper.position,
