@@ -82,8 +82,9 @@ class Frame:
         """Show the box between two corners (3,) in m, with equal scales and units."""
         axes = self.axes
         if not self.space:
-            axes.set(xlabel='x [m]', ylabel='z [m]', xlim=(low[0], high[0]),
-                     ylim=(low[2], high[2]))
+            axes.set(xlabel='x [m]', ylabel='z [m]')
+            axes.update_datalim(np.array([low, high])[:, SIDE])
+            axes.autoscale_view()
             axes.set_aspect('equal', adjustable='datalim')
             axes.grid(alpha=0.3)
             return

@@ -130,11 +130,11 @@ def test_a_plan_is_proved(planned):
     assert float(said['stability']) == pytest.approx(report.stability, rel=1e-3)
 
 
-def test_a_plan_of_another_dlo_is_not_safe(planned):
-    result = run('replay', 'copper_wire', 'plan.npz', *QUICK, '-p', 'rod.youngs_modulus=70e9',
-                 '-p', 'threading.tolerance=1')
+def test_a_plan_that_leaves_the_workspace_is_not_safe(planned):
+    result = run('replay', 'copper_wire', 'plan.npz', *QUICK, '-p', 'workspace.upper=[-9, 9, 9]')
     assert result.exit_code == NO_SOLUTION
     assert re.search(r'safe +no', result.output)
+    assert 'beyond its workspace' in result.output
 
 
 def test_what_cannot_be_threaded_says_where_and_why():
