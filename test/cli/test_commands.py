@@ -273,6 +273,7 @@ def test_bad_input_is_named(arguments, named):
     result = run(*arguments)
     assert result.exit_code == BAD_INPUT, result.output
     assert named in result.output
+    assert 'residual' not in result.output  # refused before anything is computed
     assert not list(Path().iterdir())
 
 
