@@ -13,7 +13,8 @@ setup(
     license='Apache-2.0',
     packages=find_packages(include=['dlo_planner*', 'msg_helpers*']),
     python_requires='>=3.11',
-    install_requires=['numpy>=1.26', 'scipy>=1.11', 'numba>=0.59', 'toppra>=0.6'],
+    install_requires=['numpy>=1.26', 'scipy>=1.11', 'numba>=0.59', 'toppra>=0.6',
+                      'click>=8.1', 'pyyaml'],
     extras_require={
         'figures': ['matplotlib'],
         'arm': ['pin>=3'],
@@ -28,13 +29,12 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/config', glob('config/*')),
         (f'share/{NAME}/launch', glob('launch/*.py')),
+        # what `ros2 run` finds; their common names are on nobody's PATH
+        (f'lib/{NAME}', sorted(glob('scripts/*'))),
     ],
     entry_points={
         'console_scripts': [
-            'planner_node = dlo_planner.ros.main:main',
-            'demo = dlo_planner.ros.demo:main',
-            'viewer = dlo_planner.ros.viewer:main',
-            'cell = dlo_planner.cell.node:main',
+            'dlo-planner = dlo_planner.cli.main:main',
         ],
     },
     zip_safe=False,

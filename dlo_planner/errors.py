@@ -23,6 +23,10 @@ class InvalidTask(DloPlannerError, ValueError):
     """A pose, cut-out, option or request makes no sense; the message says which and why."""
 
 
+class MissingExtra(DloPlannerError, ModuleNotFoundError):
+    """An optional package is not installed; the message names the extra that installs it."""
+
+
 class NotConverged(DloPlannerError):
     """The minimiser ended without an equilibrium where one was indispensable.
 

@@ -216,6 +216,11 @@ def arguments():
         'gripper_at.stamp': 0.5, 'ClosedLoop.advanced.bound': 0.001, 'Observer.noise': 1e-3,
         'Observer.cutout': 1e-3, 'bias': 1e-3, 'outliers': 0.1, 'sway': 1e-3, 'drift': 0.0,
         'windows': [1.0, 0.5, 0.1], 'changes': (), 'correction': known['Correction'],
+        # pictures and films
+        'ax': None, 'Plan.animate.seconds': 0.1,
+        'Motion.animate.seconds': 0.1, 'Plan.plot.color': 'time',
+        'Motion.plot.color': 'time', 'Plan.animate.path': 'film.gif',
+        'Motion.animate.path': 'film.gif', 'Report.load.path': 'report.npz',
         'reached': [0.0] * len(known['Correction'].grippers), 'plan_times': [0.0],
         'Steered.at.times': [0.0], 'Observer.update.noise': 1e-3,
     }

@@ -1,6 +1,8 @@
 """Whatever is given for an argument: an answer, or an error that says what is wrong with it."""
 
+import matplotlib
 import pytest
+from matplotlib import pyplot
 from misuse import MALFORMED, arguments_of, outcome, public_callables
 from specimens import arguments, values
 
@@ -31,6 +33,10 @@ def somewhere(tmp_path, monkeypatch):
     values()['Shape'].save('saved.npz')
     values()['Plan'].save('plan.npz')
     values()['Motion'].save('motion.npz')
+    values()['Report'].save('report.npz')
+    monkeypatch.setitem(matplotlib.rcParams, 'figure.max_open_warning', 0)
+    yield
+    pyplot.close('all')
 
 
 @pytest.mark.parametrize('name', CALLABLES)

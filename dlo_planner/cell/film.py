@@ -1,14 +1,13 @@
-"""A film of a run, as a GIF. Matplotlib draws it, which needs no display."""
+"""A film of a run. Matplotlib draws it, which needs no display."""
 
 from os import PathLike
 
-import matplotlib
 import numpy as np
-from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.figure import Figure
 
 from dlo_planner.cell.plant import Plant
 from dlo_planner.cell.tasks import Task
+from dlo_planner.view.films import checked_path, write_film
 
 _POINTS = 81     # on the DLO
 _EVERY = 0.1     # s between two pictures
@@ -33,10 +32,10 @@ class Film:
         self._forces.append(plant.largest_forces.max(initial=0.0))
 
     def save(self, path: str | PathLike, task: Task) -> None:
-        """Write the GIF: views from the side and from above, the hole's normal to the right."""
+        """Write the GIF or MP4: from the side and from above, the hole's normal to the right."""
         axes = self._axes(task)
         curves = (np.array(self._curves) - task.cutout.centre) @ axes.T
-        figure = Figure(figsize=(7.2, 6.4), dpi=70, layout='constrained')
+        figure = Figure(figsize=(6.4, 5.6), layout='constrained')
         panels = figure.subplots(2, 1)
         lines = [self._panel(panel, task, curves, k) for k, panel in zip((2, 1), panels,
                                                                         strict=True)]
@@ -51,9 +50,7 @@ class Film:
                                 f'{self._times[number]:.1f} s, force so far '
                                 f'{self._forces[number]:.2g} N', fontsize=10)
 
-        with matplotlib.rc_context({'animation.embed_limit': 100}):
-            FuncAnimation(figure, draw, len(curves)).save(
-                path, PillowWriter(fps=round(_SPEED / _EVERY)))
+        write_film(figure, draw, len(curves), checked_path(path), rate=round(_SPEED / _EVERY))
 
     @staticmethod
     def _axes(task):

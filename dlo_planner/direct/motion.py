@@ -1,9 +1,10 @@
 """The answer of a dynamic simulation."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,15 +12,28 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.storage import load, pack, save, unpack
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import choice, figure, items, results, shown
-from dlo_planner.model.value import Constant, Value, brief, freeze, put
+from dlo_planner.model.value import Constant, brief, freeze, put
+from dlo_planner.pictured import Filmed
 
 STATUSES = ('complete', 'unsolved', 'energy')
 _ARRAYS = ('times', 'velocities', 'kinetic_energy', 'potential_energy', 'work', 'losses')
 _FIGURES = ('tolerance', 'status', 'message')
 
 
+class Instant(NamedTuple):
+    """One instant of a Motion: what `Motion` says of it under the same names, in the singular."""
+
+    time: float
+    shape: Shape
+    velocities: np.ndarray
+    kinetic_energy: float
+    potential_energy: float
+    work: float
+    losses: np.ndarray
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Motion(Value):
+class Motion(Filmed):
     """A DLO in motion at n instants.
 
     Attributes:
@@ -88,7 +102,7 @@ class Motion(Value):
         arrays['error_estimate'] = self.__dict__.get('error_estimate', np.full(len(self), np.nan))
         for k, shape in enumerate(self.shapes):
             arrays |= pack(shape, f'{k}/')
-        save(path, arrays)
+        save(path, arrays, 'Motion')
 
     @classmethod
     def load(cls, path: str | PathLike) -> 'Motion':
@@ -97,7 +111,7 @@ class Motion(Value):
         Raises:
             InvalidTask: not such a file
         """
-        return load(path, cls._read)
+        return load(path, cls._read, 'Motion')
 
     @classmethod
     def _read(cls, arrays):
@@ -113,6 +127,15 @@ class Motion(Value):
 
     def __len__(self):
         return len(self.shapes)
+
+    def __getitem__(self, index: int | slice) -> 'Instant | tuple[Instant, ...]':
+        """Return one Instant, or several."""
+        instants = tuple(map(Instant, self.times, self.shapes, self.velocities,
+                             self.kinetic_energy, self.potential_energy, self.work, self.losses))
+        return instants[index]
+
+    def __iter__(self) -> Iterator['Instant']:
+        return iter(self[:])
 
     @property
     def energy(self) -> np.ndarray:

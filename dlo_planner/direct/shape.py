@@ -30,7 +30,8 @@ from dlo_planner.model.checks import (
 from dlo_planner.model.far_end import FarEnd, distance, within_reach
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.value import Constant, Value, brief, freeze, put
+from dlo_planner.model.value import Constant, brief, freeze, put
+from dlo_planner.pictured import Pictured
 from dlo_planner.ritz.kinematics import point_inside
 
 _ROUNDING = 1e-9  # of the length
@@ -38,7 +39,7 @@ _NEARLY, _STABLE, _KEPT = 1e-4, 1e-3, 1e-6  # what a shape is not to exceed to g
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Shape(Value):
+class Shape(Pictured):
     """A static shape of a DLO held by a gripper; N_L elements, N_L + 1 nodes, world frame, SI.
 
     Two shapes are equal if all that is listed here is, and the past that the next step begins with.
@@ -354,7 +355,7 @@ class Shape(Value):
 
     def save(self, path: str | PathLike) -> None:
         """Write the shape as npz, or JSON (see `Plan.save`): all but rod and surroundings."""
-        save(path, pack(self))
+        save(path, pack(self), 'Shape')
 
     @classmethod
     def load(cls, path: str | PathLike) -> 'Shape':
@@ -363,7 +364,7 @@ class Shape(Value):
         Raises:
             InvalidTask: not such a file
         """
-        return load(path, partial(unpack, cls))
+        return load(path, partial(unpack, cls), 'Shape')
 
     def moved(self, displacement: ArrayLike) -> 'Shape':
         """Return the same shape carried by `displacement` (3,) m: gravity does not notice.
@@ -374,3 +375,8 @@ class Shape(Value):
         gripper = Pose.from_rotation(self.gripper.position + displacement, self.gripper.rotation)
         return replace(self, gripper=gripper, positions=self.positions + displacement,
                        energy=self.energy + float(displacement @ self.gripper_wrench[:3]))
+
+    @property
+    def obstacles(self) -> tuple:
+        """The obstacles of its simulator; () for a shape from a file."""
+        return () if self._discretisation is None else self._discretisation.surroundings.obstacles

@@ -15,7 +15,7 @@ from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Constant
 
-_FORMAT = 1
+_FORMAT = 2  # 1: files of 0.1.0, which do not say what they hold
 _ARRAYS = ('s', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
 _NUMBERS = ('energy', 'elastic_energy', 'residual', 'stability', 'iterations', 'converged',
             'jumped', 'evaluations', 'violation', 'dissipated')
@@ -74,41 +74,48 @@ def unpack(shape_class, stored, prefix=''):
                        _estimate=Constant(estimate), _history=history, **values)
 
 
-def save(path, arrays):
+def save(path, arrays, kind):
     """Write a mapping of arrays: as JSON where `path` ends with .json, else as compressed npz.
 
     Both keep every number exactly.
+
+    Args:
+        kind: of value that they hold, e.g. 'Plan'
 
     Raises:
         InvalidTask: nothing can be written there
     """
     instance('path', path, (str, PathLike))
+    marked = {'format': _FORMAT, 'kind': kind, **arrays}
     try:
         if _is_json(path):
-            write_json(path, {'format': np.asarray(_FORMAT), **arrays})
+            write_json(path, {name: np.asarray(one) for name, one in marked.items()})
         else:
-            np.savez_compressed(path, format=_FORMAT, **arrays)
+            np.savez_compressed(path, **marked)
     except (OSError, ValueError) as error:
         raise InvalidTask(f'path = {shown(str(path))}: expected a file to write, '
                           f'{error}') from None
 
 
-def load(path, read):
-    """Return what `read` makes of the mapping of arrays in a file written by `save`.
+def load(path, read, kind):
+    """Return what `read` makes of the mapping of arrays in a file that `save` wrote for a `kind`.
 
     Raises:
         InvalidTask: not such a file; the message names it
     """
     instance('path', path, (str, PathLike))
-    kind = 'a JSON' if _is_json(path) else 'an npz'
+    written = 'a JSON' if _is_json(path) else 'an npz'
     try:
         arrays = read_json(path) if _is_json(path) else _read_npz(path)
-        known = int(arrays.pop('format', -1))
+        known, held = int(arrays.pop('format', -1)), str(arrays.pop('kind', kind))
     except Exception as error:  # whatever another file makes of the reader
-        raise InvalidTask(f'path = {shown(str(path))}: expected {kind} file, {error}') from None
-    if known != _FORMAT:
+        raise InvalidTask(f'path = {shown(str(path))}: expected {written} file, {error}') from None
+    if not 1 <= known <= _FORMAT:
         raise InvalidTask(f'path = {shown(str(path))}: expected a file saved by this package, '
                           f'format {_FORMAT}, it has {known if known >= 0 else "none"}')
+    if held != kind:
+        raise InvalidTask(f'path = {shown(str(path))}: expected a file that holds a {kind}, it '
+                          f'holds a {held}')
     try:
         return read(arrays)
     except Exception as error:  # the same

@@ -19,7 +19,8 @@ from dlo_planner.inverse.plan_storage import plan_arrays, plan_contents
 from dlo_planner.inverse.timing import times_at_speed
 from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import Value, brief, put
+from dlo_planner.model.value import brief, put
+from dlo_planner.pictured import Filmed
 
 _FREE = (np.inf,) * 3
 _SAME = 1e-6      # of the length, or of unit vectors: poses that are nearer are one
@@ -50,7 +51,7 @@ class PlanPoint(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Plan(Value):
+class Plan(Filmed):
     """A sequence of gripper poses; n waypoints.
 
     Attributes:
@@ -129,7 +130,7 @@ class Plan(Value):
 
         As JSON where `path` ends with .json, else as npz; both keep every number exactly.
         """
-        save(path, plan_arrays(self))
+        save(path, plan_arrays(self), 'Plan')
 
     @classmethod
     def load(cls, path: str | PathLike) -> 'Plan':
@@ -139,7 +140,7 @@ class Plan(Value):
             InvalidTask: not such a file; the message names it
         """
         return load(path, lambda arrays: cls(
-            **plan_contents(arrays), status=PlanStatus(str(arrays['status']))))
+            **plan_contents(arrays), status=PlanStatus(str(arrays['status']))), 'Plan')
 
     @property
     def clearance(self) -> np.ndarray:

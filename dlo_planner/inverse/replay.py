@@ -2,24 +2,28 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from os import PathLike
 
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
+from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.continuity import apart
 from dlo_planner.inverse.in_motion import in_motion, least_clearance, watched
 from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.passing import means_to_touch
 from dlo_planner.inverse.plan import Plan
+from dlo_planner.inverse.report_storage import report_arrays, report_contents
 from dlo_planner.inverse.trajectory import Trajectory
 from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.checks import figure, flag, instance, items, shown
 from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.model.part import before
 from dlo_planner.model.surface import Surface
-from dlo_planner.model.value import Value, brief, put
+from dlo_planner.model.value import brief, put
+from dlo_planner.pictured import Reported
 from dlo_planner.progress import OnProgress, Progress
 
 _AS_PLANNED = 0.01  # of the length: shapes that are farther from the planned ones are others
@@ -29,7 +33,7 @@ _MAY_BE_LEFT_OUT = ('miss', 'misalignment', 'clearance', 'dynamic_miss', 'swing'
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Report(Value):
+class Report(Reported):
     """What the direct simulator says of a plan; worst values over all waypoints, or in motion.
 
     A figure that nothing was looked at for is nan, and named in `not_looked_at`.
@@ -94,6 +98,19 @@ class Report(Value):
         return brief(self, 'safe' if self.safe else f'not safe: {self.reason}', *(
             f'{name.replace("_", " ")} {getattr(self, name):.3g} {unit}'.rstrip()
             for name, unit in said.items() if np.isfinite(getattr(self, name))))
+
+    def save(self, path: str | PathLike) -> None:
+        """Write the report and its trajectory, as npz or JSON (see `Plan.save`)."""
+        save(path, report_arrays(self), 'Report')
+
+    @classmethod
+    def load(cls, path: str | PathLike) -> 'Report':
+        """Return the Report saved at `path`.
+
+        Raises:
+            InvalidTask: not such a file; the message names it
+        """
+        return load(path, lambda arrays: cls(**report_contents(arrays)), 'Report')
 
     @property
     def safe(self) -> bool:

@@ -9,12 +9,13 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.calm import calm_law, margin, predicted
-from dlo_planner.inverse.in_motion import in_motion, least_clearance, watched
+from dlo_planner.inverse.in_motion import InMotion, in_motion, least_clearance, watched
 from dlo_planner.inverse.leg_tasks import leg_tasks
 from dlo_planner.inverse.limits import Limits
 from dlo_planner.inverse.passing import means_to_touch
 from dlo_planner.inverse.path import GripperPath
 from dlo_planner.inverse.plan import Plan
+from dlo_planner.inverse.time_law import TimeLaw
 from dlo_planner.inverse.timed_path import TimedPath, fastest_law
 from dlo_planner.model.checks import instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES
@@ -97,6 +98,15 @@ class Trajectory(TimedPath):
     def __repr__(self):
         said = '' if self.motion is None else f'miss {self.motion.miss:.2g} m'
         return brief(self, f'{self.duration:.4g} s', f'{len(self.path.legs)} legs', said)
+
+
+def restored(path: GripperPath, laws: tuple[TimeLaw | None, ...], limits: Limits,
+             tolerance: float, motion: InMotion | None, mode_margin: float) -> Trajectory:
+    """Return the Trajectory with these attributes, as it was saved; nothing is searched for."""
+    way = Trajectory.__new__(Trajectory)
+    TimedPath.__init__(way, path, laws, limits)
+    put(way, tolerance=tolerance, motion=motion, mode_margin=mode_margin)
+    return way
 
 
 class _Search:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dlo_planner.extras import extra
 from dlo_planner.model.checks import choice, instance
 from dlo_planner.parallel.capability import CapabilityMap
 
@@ -26,9 +27,8 @@ def slices(capability: CapabilityMap, axis: str = 'y', quantity: str = 'share'):
 
     Raises:
         InvalidTask: an argument makes no sense
+        MissingExtra: matplotlib is not installed
     """
-    from matplotlib.figure import Figure  # noqa: PLC0415  (an extra)
-
     instance('capability', capability, CapabilityMap)
     across = 'xyz'.index(choice('axis', axis, ('x', 'y', 'z')))
     choice('quantity', quantity, tuple(QUANTITIES))
@@ -41,7 +41,8 @@ def slices(capability: CapabilityMap, axis: str = 'y', quantity: str = 'share'):
     if quantity != 'share' and np.isfinite(values).any():
         low, high = np.nanmin(values), np.nanmax(values)
     columns = min(levels.size, 4)
-    figure = Figure(figsize=(1.5 + 3.2 * columns, 1.5 + 3.0 * -(-levels.size // columns)),
+    figure = extra('matplotlib.figure', 'figures', 'pictures').Figure(
+        figsize=(1.5 + 3.2 * columns, 1.5 + 3.0 * -(-levels.size // columns)),
                     layout='constrained')
     axes = figure.subplots(-(-levels.size // columns), columns, squeeze=False, sharex=True,
                            sharey=True).ravel()

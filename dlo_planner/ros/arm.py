@@ -14,6 +14,7 @@ from dlo_planner.arm import Arm, JointTrajectory, joint_trajectory
 from dlo_planner.arm.urdf import parsed, single_joints
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.model.pose import Pose
+from dlo_planner.settings.entries import ARM
 from msg_helpers.joints import joint_trajectory_msg, positions_from_joint_state
 
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
@@ -22,18 +23,6 @@ _LATEST = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 _MOST_JOINTS = 1000  # of which positions are remembered
 _STALE = 1.0   # s, after which a position of the arm's joints is not the present one
 _AWAY = 1e-2   # rad or m: farther from its first point the arm has to be brought there
-PARAMETERS = {
-    'arm.tool_link': ('', 'Link of robot_description whose frame is the tool frame; empty: no '
-                      'joint trajectories are made.'),
-    'arm.joints': ([''], 'Joints that move; none: all that move the tool link.'),
-    'arm.packages': ([''], 'Folders with the packages of meshes (package://), besides those of '
-                     'AMENT_PREFIX_PATH.'),
-    'arm.base.position': ([0.0, 0.0, 0.0], 'Where the root link of robot_description is in '
-                          'frame_id, m.'),
-    'arm.base.orientation': ([0.0, 0.0, 0.0, 1.0], 'Quaternion x, y, z, w of it.'),
-    'arm.self_clearance': (0.0, 'By how much links have to stay clear of each other, m.'),
-    'arm.deadline': (20.0, 'Computing after which the search is given up, s.'),
-}
 
 
 class ArmOutput:
@@ -47,7 +36,7 @@ class ArmOutput:
         self._node = node
         self._description = self._semantic = None
         self._positions = {}  # name -> (rad or m, when it was received)
-        for name, (default, description) in PARAMETERS.items():
+        for name, (default, description) in ARM.items():
             if not node.has_parameter(name):
                 _declare(node, name, default, description)
         self._out = node.create_publisher(JointTrajectoryMsg, '~/joint_trajectory', _LATCHED)

@@ -1,7 +1,4 @@
-"""Parameter values given at the start (`-p`, a YAML file); those that mean nothing are named."""
-
-from collections.abc import Iterable
-from difflib import get_close_matches
+"""Parameter values given at the start (`-p`, a YAML file)."""
 
 from rclpy.node import Node
 
@@ -24,19 +21,3 @@ def take_overrides(node: Node) -> dict[str, object]:
     for name in names:
         node.undeclare_parameter(name)
     return values
-
-
-def unknown_override(name: str, known: Iterable[str]) -> str:
-    """Return the warning about a value for a parameter that does not exist.
-
-    Args:
-        name: as it was given
-        known: names of the parameters that exist
-    """
-    by_lower = {one.lower(): one for one in known}
-    ends = {one.rsplit('.', 1)[-1]: one for one in by_lower}
-    given = name.lower()
-    near = get_close_matches(given, by_lower, 1) or [
-        ends[end] for end in get_close_matches(given.rsplit('.', 1)[-1], ends, 1)]
-    hint = f': did you mean {by_lower[near[0]]}?' if near else ''
-    return f'parameter {name} does not exist, its value has no effect{hint}'

@@ -36,7 +36,7 @@ def view(plan: Plan, inverse: InverseSimulator | None = None, *, obstacles: Iter
 
     Raises:
         InvalidTask: an argument makes no sense; the message names it
-        ModuleNotFoundError: viser is not installed (extra `view`)
+        MissingExtra: viser is not installed (extra `view`)
     """
     checked(plan)
     instance('inverse', inverse, InverseSimulator, optional=True)

@@ -31,10 +31,14 @@ class Coloring(NamedTuple):
     Attributes:
         colors: (N_L + 1, 3) red, green, blue, 0 to 1
         caption: what the colors mean, with the unit
+        top: what the brightest color stands for, in the unit of `label`; the darkest stands for 0
+        label: what is colored, with its unit
     """
 
     colors: np.ndarray
     caption: str
+    top: float = 1.0
+    label: str = 'part of the yield limit'
 
 
 def viridis(share: ArrayLike) -> np.ndarray:
@@ -50,7 +54,7 @@ def viridis(share: ArrayLike) -> np.ndarray:
     return colors
 
 
-def coloring(shape: Shape, color: str = 'curvature') -> Coloring:
+def coloring(shape: Shape, color: str = 'curvature', top: float | None = None) -> Coloring:
     """Return the Coloring of a Shape.
 
     Args:
@@ -58,6 +62,8 @@ def coloring(shape: Shape, color: str = 'curvature') -> Coloring:
         color: 'curvature': from 0 to the rod's max_bend_curvature, or to the sharpest bend of this
             shape if the rod has none; 'yield': strain since the stress-free shape as a part of what
             yields, from 0 to 1. Nodes beyond the limit are in ALERT.
+        top: of curvature, 1/m, that the brightest color stands for where the rod has no limit, so
+            that several shapes can be compared; None: the sharpest bend of this one
 
     Raises:
         InvalidTask: another `color`
@@ -67,10 +73,13 @@ def coloring(shape: Shape, color: str = 'curvature') -> Coloring:
         return _by_yield(shape)
     curvature = np.linalg.norm(shape.strains[:, 1:], axis=1)
     limit = None if shape.rod is None else shape.rod.max_bend_curvature
-    top = max(curvature.max(), _SMALLEST) if limit is None else limit
+    if limit is not None:
+        top = limit
+    elif top is None:
+        top = max(curvature.max(), _SMALLEST)
     share = np.minimum(curvature / top, 1.0) if limit is None else curvature / top
     return Coloring(viridis(share), f'curvature: 0 to {top:.3g} 1/m'
-                    + ('' if limit is None else ' (limit)'))
+                    + ('' if limit is None else ' (limit)'), top, 'curvature [1/m]')
 
 
 def _by_yield(shape):

@@ -10,6 +10,7 @@ from threading import Event, Lock
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.extras import extra
 from dlo_planner.model.checks import instance, integer
 from dlo_planner.model.pose import Pose
 from dlo_planner.view.canvas import Canvas
@@ -34,7 +35,7 @@ class Page:
         port: that it listens on, or the next free one
 
     Raises:
-        ModuleNotFoundError: viser is not installed
+        MissingExtra: viser is not installed
     """
 
     def __init__(self, title: str, host: str = LOCAL, port: int = PORT):
@@ -150,12 +151,7 @@ def put_at(handle, pose: Pose) -> None:
 
 def _server(host, port, title):
     """Return a viser server that no page can have shared through a tunnel."""
-    try:
-        import viser  # noqa: PLC0415 - an extra
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError('the page needs viser, which is the extra `view`: '
-                                  'pip install "dlo_planner[view]"') from error
-
+    viser = extra('viser', 'view', 'pages in the browser')
     try:
         with socket.create_server((host, 0)):
             pass  # viser would look for a free port for ever

@@ -22,11 +22,16 @@ _WIDE = 2.0      # m, how much of a plane is drawn
 _LETTER = 0.02   # m
 
 
-def cutout_items(cutouts: Iterable[CutOut]) -> list[Item]:
-    """Return the rims of CutOuts and their normals, items 2 k and 2 k + 1 of 'cutout'."""
-    drawn = []
+def cutout_items(cutouts: Iterable[CutOut], length: float = _AXIS) -> list[Item]:
+    """Return the rims of CutOuts and their normals, items 2 k and 2 k + 1 of 'cutout'.
+
+    Args:
+        cutouts: CutOuts
+        length: of a normal, m
+    """
+    length, drawn = number('length', length, above=0), []
     for index, cutout in enumerate(items('cutouts', cutouts, CutOut)):
-        tip = cutout.centre + _AXIS * cutout.normal
+        tip = cutout.centre + length * cutout.normal
         drawn += [Item('cutout', 2 * index, 'line', ORANGE, points=rim(cutout), pose=cutout.pose,
                        size=(_THIN, 0.0, 0.0)),
                   Item('cutout', 2 * index + 1, 'arrow', ORANGE, points=(cutout.centre, tip),
@@ -34,11 +39,16 @@ def cutout_items(cutouts: Iterable[CutOut]) -> list[Item]:
     return drawn
 
 
-def path_items(grippers: Iterable[Pose]) -> list[Item]:
-    """Return the way of the gripper, 'trajectory' 0, and its directions on it, 1."""
-    grippers = items('grippers', grippers, Pose)
+def path_items(grippers: Iterable[Pose], length: float = _AXIS) -> list[Item]:
+    """Return the way of the gripper, 'trajectory' 0, and its directions on it, 1.
+
+    Args:
+        grippers: Poses
+        length: of a direction, m
+    """
+    length, grippers = number('length', length, above=0), items('grippers', grippers, Pose)
     points = np.array([pose.position for pose in grippers]).reshape(-1, 3)
-    tips = points + _AXIS * np.array([pose.direction for pose in grippers]).reshape(-1, 3)
+    tips = points + length * np.array([pose.direction for pose in grippers]).reshape(-1, 3)
     ticks = np.stack([points, tips], axis=1).reshape(-1, 3)
     return [Item('trajectory', 0, 'line', _GREEN, points=points, size=(_THIN, 0.0, 0.0)),
             Item('trajectory', 1, 'segments', _GREEN, points=ticks, size=(_THIN / 2, 0.0, 0.0))]

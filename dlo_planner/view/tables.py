@@ -7,10 +7,12 @@ import numpy as np
 
 from dlo_planner.inverse.plan import Plan
 from dlo_planner.view.colors import viridis
+from dlo_planner.view.summaries import plan_columns
 
 _STEPS = 9
 _MARGINS = ('miss [', 'miss in', 'clearance', 'margin', 'stability', 'force', 'duration', 'swing')
 _TINY = 1e-6  # what is smaller is rounding
+_SHOWN = {'m': ('mm', 1e3), '': ('-', 1.0)}  # unit -> that of the page, and how many make one
 LEVELS = {0: ('ok', '#1b7837'), 1: ('warning', '#b35806'), 2: ('error', '#b2182b'),
           3: ('stale', '#666666')}
 
@@ -30,16 +32,10 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 def margins(plan: Plan, index: int) -> str:
     """Return the table of a Plan's margins: at one waypoint, and the worst of all."""
-    columns = [
-        ('miss [mm]', 1e3 * plan.miss, np.max),
-        ('misalignment [deg]', np.rad2deg(plan.misalignment), np.max),
-        ('room at the rim [mm]', 1e3 * _rim_room(plan), np.min),
-        ('clearance [mm]', 1e3 * plan.clearance, np.min),
-        ('bend margin [1/m]', plan.bend_margin, np.min),
-        ('stability [-]', plan.stability, np.min),
-        ('residual [-]', plan.residual, np.max)]
-    rows = [(name, _figure(values[index]), _figure(worst(values)))
-            for name, values, worst in columns]
+    rows = []
+    for name, values, worst, unit in plan_columns(plan):
+        shown, scale = _SHOWN.get(unit, (unit, 1.0))
+        rows.append((f'{name} [{shown}]', _figure(scale * values[index]), _figure(scale * worst)))
     return table((f'waypoint {index + 1} of {len(plan)}', 'here', 'worst'), rows)
 
 
@@ -69,10 +65,6 @@ def color_bar(caption: str) -> str:
     return ('<div style="padding:4px 12px;font-size:12px">'
             f'<div style="height:12px;background:linear-gradient(to right,{stops})"></div>'
             f'{escape(caption)}</div>')
-
-
-def _rim_room(plan):
-    return plan.clearances[:, :, 0].min(axis=1, initial=np.inf)
 
 
 def _spoken(text):

@@ -26,8 +26,13 @@ def room(cutout: CutOut) -> float | None:
     return None if cutout.width is None else min(cutout.width, cutout.height) / 2
 
 
-def plate(cutout: CutOut) -> np.ndarray:
-    """Return (3 n, 3) m: triangles of a square plate around the hole of a CutOut, in its frame."""
+def plate(cutout: CutOut, half: float = 0.0) -> np.ndarray:
+    """Return (3 n, 3) m: triangles of a square plate around the hole of a CutOut, in its frame.
+
+    Args:
+        cutout: CutOut
+        half: least half side of the plate, m
+    """
     angle = np.linspace(0, 2 * np.pi, _STEPS + 1)
     around = np.column_stack([np.cos(angle), np.sin(angle)])
     square = around / np.abs(around).max(axis=1, keepdims=True)
@@ -35,7 +40,7 @@ def plate(cutout: CutOut) -> np.ndarray:
         inner = 0.5 * np.array([cutout.width, cutout.height]) * square
     else:
         inner = (cutout.radius or _SHOWN_RADIUS) * around
-    outer = _PLATE * np.abs(inner).max() * square
+    outer = max(half, _PLATE * np.abs(inner).max()) * square
     corners = np.stack([inner[:-1], outer[:-1], outer[1:], inner[:-1], outer[1:], inner[1:]],
                        axis=1).reshape(-1, 2)
     return np.column_stack([np.zeros(len(corners)), corners])

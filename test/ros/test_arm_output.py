@@ -16,7 +16,8 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from dlo_planner import DloPlannerError, Infeasible, InvalidTask, Pose
-from dlo_planner.ros.arm import _LATCHED, PARAMETERS, ArmOutput
+from dlo_planner.ros.arm import _LATCHED, ArmOutput
+from dlo_planner.settings.entries import ARM
 
 STAMP, SECONDS = Time(sec=5), 10
 TOOL = Pose((0.0, 0.0, 0.1), (0.0, 0.0, 0.0, 1.0))
@@ -107,8 +108,8 @@ def test_a_proved_plan_becomes_what_the_controller_takes(cell):
 def test_no_arm_is_asked_for(cell):
     cell = cell()
     assert cell.output.on_proof(None, TOOL, STAMP) is None
-    assert {name: cell.node.get_parameter(name).value for name in PARAMETERS} == {
-        name: default for name, (default, _) in PARAMETERS.items()}
+    assert {name: cell.node.get_parameter(name).value for name in ARM} == {
+        name: default for name, (default, _) in ARM.items()}
 
 
 def test_what_is_missing_is_said(cell):

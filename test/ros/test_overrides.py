@@ -5,8 +5,10 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from dlo_planner.ros.overrides import take_overrides, unknown_override
-from dlo_planner.ros.parameters import ENTRIES, declare
+from dlo_planner.ros.overrides import take_overrides
+from dlo_planner.ros.parameters import declare
+from dlo_planner.settings.entries import ENTRIES
+from dlo_planner.settings.names import unknown_parameter
 
 
 @pytest.fixture
@@ -29,12 +31,12 @@ def node_with(context, **values):
     ('rod.young_modulus', 'rod.youngs_modulus'), ('threading.waypoint', 'threading.waypoints'),
     ('rod.dampening', 'rod.damping'), ('simulator.nelements', 'simulator.n_elements')])
 def test_a_misspelt_name_is_recognized(name, meant):
-    assert unknown_override(name, ENTRIES).endswith(f'did you mean {meant}?')
-    assert name in unknown_override(name, ENTRIES)
+    assert unknown_parameter(name, ENTRIES).endswith(f'did you mean {meant}?')
+    assert name in unknown_parameter(name, ENTRIES)
 
 
 def test_no_guess_at_what_is_like_nothing():
-    text = unknown_override('xqzw', ENTRIES)
+    text = unknown_parameter('xqzw', ENTRIES)
     assert 'xqzw' in text and 'did you mean' not in text
 
 

@@ -1,0 +1,1 @@
+"""The command `dlo-planner`: the library at the terminal, without ROS."""

@@ -1,0 +1,79 @@
+"""`dlo-planner identify`: a DLO's properties from points of it."""
+
+from pathlib import Path
+
+import click
+import numpy as np
+
+from dlo_planner.cli.arguments import POSE, READ, Bar, described
+from dlo_planner.cli.main import NO_SOLUTION
+from dlo_planner.cli.outputs import checked, write_table
+from dlo_planner.cli.reading import read_observations
+from dlo_planner.inverse.fitting import fit_rod
+from dlo_planner.settings.identified import NAMES, identified
+from dlo_planner.settings.yaml_files import write_values
+from dlo_planner.view.summaries import figure, text_table
+
+_DEFAULT = ('bending_stiffness', 'natural_curvature')
+
+
+@click.command('identify')
+@described
+@click.argument('observations', type=READ, nargs=-1, required=True)
+@click.option('-g', '--gripper', 'grippers', type=POSE, multiple=True,
+              help='Pose of the gripper for a CSV file of points; once for each of them.')
+@click.option('--find', 'names', multiple=True, default=_DEFAULT, show_default=True,
+              type=click.Choice(NAMES), help='What is sought; may be repeated.')
+@click.option('--noise', type=float, help='Standard deviation of each coordinate of a point, m. '
+              'Default: from the misfit.')
+@click.option('-o', '--output', 'outputs', multiple=True, metavar='FILE',
+              type=click.Path(dir_okay=False, path_type=Path),
+              help='Write a file; may be repeated: .yaml all parameters, for the node and as '
+              'CONFIG; .csv what was found.')
+def command(dlo, observations, grippers, names, noise, outputs):
+    """Find out what a DLO is like: it hangs from the gripper, points of it were seen.
+
+    CONFIG is a first guess, and right in all that is not sought. OBSERVATIONS are YAML files, or
+    CSV files of points x, y, z (m, world) with --gripper for each. Two or more poses of the gripper
+    tell more. Shapes tell ratios: stiffness is found beside a mass that is known.
+
+    \b
+    Examples:
+      dlo-planner identify my_cable.yaml seen.csv --gripper 0,0,1 -o identified.yaml
+      dlo-planner identify my_cable.yaml looks.yaml --find bending_stiffness
+      dlo-planner shape identified.yaml --gripper 0,0,1 -o wire.png
+
+    \b
+    looks.yaml:
+      - gripper: {position: [0, 0, 1], orientation: [0, 0, 0, 1]}
+        points: [[0.2, 0.0, 0.98], [0.5, 0.0, 0.86], [0.8, 0.0, 0.61]]
+        s: [0.2, 0.52, 0.9]     # arc lengths in m, where they are known
+
+    Exit code 3: the search did not come to its end.
+    """
+    checked(outputs, ('.yaml', '.csv'))
+    values, direct = dlo
+    seen = read_observations(observations, grippers)
+    with Bar('searches') as bar:
+        fit = fit_rod(direct.rod, seen, names, noise=noise, progress=bar, gravity=direct.gravity,
+                      obstacles=direct.obstacles)
+    rows = _rows(fit)
+    click.echo(text_table('Fit', rows))
+    for path in outputs:
+        if path.suffix.lower() == '.csv':
+            write_table(path, ('quantity', 'value', 'deviation or unit'), rows)
+        else:
+            write_values(path, values | identified(fit, values))
+        click.echo(f'wrote {path}')
+    if not fit.converged:
+        raise SystemExit(NO_SOLUTION)
+
+
+def _rows(fit):
+    rows = [('converged', 'yes' if fit.converged else 'no', ''),
+            ('misfit', figure(fit.misfit), 'm')]
+    numbers = np.concatenate([np.ravel(one).astype(float) for one in fit.values.values()])
+    spread = np.concatenate([np.ravel(one).astype(float) for one in fit.deviations.values()])
+    return rows + [(name, figure(number), f'+- {deviation:.2g}' if np.isfinite(deviation)
+                    else 'not told by the observations')
+                   for name, number, deviation in zip(fit.names, numbers, spread, strict=True)]

@@ -1,0 +1,105 @@
+"""The entry of the command `dlo-planner`: its subcommands, and with what status it ends."""
+
+import re
+import sys
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+
+try:
+    import click
+except ModuleNotFoundError:
+    sys.exit('dlo-planner needs click: pip install click (Ubuntu: apt install python3-click)')
+
+from dlo_planner.errors import (
+    DeadlineExceeded,
+    DloPlannerError,
+    Infeasible,
+    NotConverged,
+)
+
+BAD_INPUT, NO_SOLUTION = 2, 3  # exit codes
+_COMMANDS = {  # name -> module; each is imported when it is called, so that --help is quick
+    'shape': 'shape', 'thread': 'thread', 'replay': 'replay', 'identify': 'identify',
+    'map': 'capability', 'figures': 'figures', 'doctor': 'doctor'}
+_HELP = {
+    'shape': 'The shape of a DLO in a gripper.',
+    'thread': 'Gripper poses that thread a DLO through cut-outs.',
+    'replay': 'Prove a saved plan, at rest and in motion.',
+    'identify': 'Find out what a DLO is like from points of it.',
+    'map': 'Which cut-outs of a cell can be threaded.',
+    'figures': 'List and make the figures of examples and paper.',
+    'doctor': 'Check the installation, and say what to do.'}
+
+
+class Commands(click.Group):
+    """The subcommands, imported when they are called; errors of the library end with a status."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return their names, in the order of the work."""
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        """Return one of them."""
+        if name not in _COMMANDS:
+            return None
+        return import_module(f'dlo_planner.cli.{_COMMANDS[name]}').command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the list of them without importing any."""
+        with formatter.section('Commands'):
+            formatter.write_dl(list(_HELP.items()))
+
+    def invoke(self, ctx: click.Context) -> object:
+        """Run the command; say what was wrong in a line, without a traceback."""
+        try:
+            return super().invoke(ctx)
+        except (Infeasible, NotConverged, DeadlineExceeded) as error:
+            click.echo(f'no solution: {error}', err=True)
+            if isinstance(error, Infeasible):
+                click.echo(f'  waypoint {error.waypoint}, {error.constraint}, by '
+                           f'{error.amount:.4g}', err=True)
+            ctx.exit(NO_SOLUTION)
+        except DloPlannerError as error:
+            click.echo(f'Error: {error}', err=True)
+            ctx.exit(BAD_INPUT)
+
+
+def _version():
+    """Return the version: of the sources, where this is one of them; else as installed."""
+    package = Path(__file__).parents[2] / 'package.xml'
+    if package.is_file():
+        return re.search(r'<version>(.*?)</version>', package.read_text(encoding='utf-8'))[1]
+    return version('dlo_planner')
+
+
+@click.group(cls=Commands, context_settings={'help_option_names': ['-h', '--help'],
+                                             'max_content_width': 100})
+@click.version_option(_version(), prog_name='dlo-planner')
+def main() -> None:
+    """Direct and inverse simulation of deformable linear objects (DLOs) in a gripper.
+
+    A DLO (wire, hose, leaf spring) is described by a YAML file, the same as for the ROS node, or by
+    the name of one that comes with the package: copper_wire, rubber_hose, steel_leaf_spring. SI
+    units; a pose is X,Y,Z (level, along x), X,Y,Z,DX,DY,DZ (place and direction) or
+    X,Y,Z,QX,QY,QZ,QW (place and quaternion).
+
+    \b
+    Examples:
+      dlo-planner doctor
+      dlo-planner shape copper_wire --gripper 0,0,1 -o wire.png
+      dlo-planner thread copper_wire -p rod.diameter=0.0015 --hole 1,0.2,0.8,1,1,0 \\
+          --radius 0.01 -o plan.npz -o plan.png -o gripper.poses.yaml
+      dlo-planner replay copper_wire plan.npz -p rod.diameter=0.0015 -o report.png
+      dlo-planner COMMAND --help        more about a command, with examples
+
+    \b
+    Exit codes:
+      0  done
+      2  bad input: an option, a file or a value; the message names it
+      3  no solution: infeasible, not converged, not safe, or the deadline is over
+    """
+
+
+if __name__ == '__main__':
+    main()

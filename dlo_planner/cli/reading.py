@@ -1,0 +1,158 @@
+"""Poses, obstacles and observations from files and options."""
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from dlo_planner.errors import DloPlannerError, InvalidTask
+from dlo_planner.inverse.observation import Observation
+from dlo_planner.model.checks import row, shown
+from dlo_planner.model.obstacles import Box, Capsule, Plane, Sphere
+from dlo_planner.model.pose import Pose
+from dlo_planner.settings.yaml_files import load_yaml
+
+_LEVEL = (0.0, 0.0, 0.0, 1.0)
+
+
+def pose_of_numbers(name: str, numbers: Sequence[float]) -> Pose:
+    """Return the Pose of 3 (level), 6 (place, direction) or 7 numbers (place, quaternion).
+
+    Raises:
+        InvalidTask: another count, or no pose
+    """
+    numbers = row(name, numbers)
+    if numbers.size == 3:
+        return Pose(numbers, _LEVEL)
+    if numbers.size == 6:
+        return Pose.looking_along(numbers[:3], numbers[3:])
+    if numbers.size == 7:
+        return Pose(numbers[:3], numbers[3:])
+    raise InvalidTask(f'{name} = {shown(numbers.tolist())}: expected 3, 6 or 7 numbers: a place, '
+                      'and a direction or a quaternion')
+
+
+def pose_of(name: str, content: object) -> Pose:
+    """Return the Pose that a part of a YAML file says: numbers, or as geometry_msgs/Pose.
+
+    Raises:
+        InvalidTask: it is no pose
+    """
+    if isinstance(content, list):
+        return pose_of_numbers(name, content)
+    if not isinstance(content, dict) or 'position' not in content:
+        raise InvalidTask(f'{name} = {shown(content)}: expected position and orientation, or '
+                          '3, 6 or 7 numbers')
+    turned = content.get('orientation', content.get('quaternion', _LEVEL))
+    return Pose(_numbers(f'{name}.position', content['position'], 'xyz'),
+                _numbers(f'{name}.orientation', turned, 'xyzw'))
+
+
+def read_poses(path: Path) -> list[Pose]:
+    """Return the Poses of a YAML or JSON file: a list of poses, as `-o x.poses.yaml` writes it."""
+    content = load_yaml(path.read_text(encoding='utf-8'), str(path))
+    if isinstance(content, dict):
+        content = content.get('poses')
+    if not isinstance(content, list) or not content:
+        raise InvalidTask(f'{path}: expected a list of poses')
+    return [pose_of(f'{path}[{k}]', one) for k, one in enumerate(content)]
+
+
+def read_obstacles(path: Path) -> tuple:
+    """Return the obstacles of a YAML file.
+
+    Raises:
+        InvalidTask: naming what is wrong
+    """
+    content = load_yaml(path.read_text(encoding='utf-8'), str(path))
+    if not isinstance(content, list):
+        raise InvalidTask(f'{path}: expected a list of obstacles')
+    return tuple(_obstacle(f'{path}[{k}]', one) for k, one in enumerate(content))
+
+
+def read_observations(paths: Sequence[Path], grippers: Sequence[Pose]) -> list[Observation]:
+    """Return Observations: of YAML files, each with its grippers; of CSV files x, y, z.
+
+    Args:
+        paths: of the files
+        grippers: Poses, one for each CSV file
+
+    Raises:
+        InvalidTask: naming what is wrong
+    """
+    tables = [path for path in paths if path.suffix.lower() == '.csv']
+    if len(tables) != len(grippers):
+        raise InvalidTask(f'--gripper was given {len(grippers)} times: expected once for each of '
+                          f'the {len(tables)} CSV files')
+    left, out = iter(grippers), []
+    for path in paths:
+        if path.suffix.lower() == '.csv':
+            out.append(Observation(next(left), _table(path)))
+        else:
+            out += _observations(path)
+    return out
+
+
+def _observations(path):
+    content = load_yaml(path.read_text(encoding='utf-8'), str(path))
+    if isinstance(content, dict):
+        content = content.get('observations', [content])
+    if not isinstance(content, list) or not content:
+        raise InvalidTask(f'{path}: expected a list of observations')
+    out = []
+    for k, one in enumerate(content):
+        if not isinstance(one, dict) or not {'gripper', 'points'} <= one.keys():
+            raise InvalidTask(f'{path}[{k}]: expected gripper: and points:')
+        out.append(Observation(pose_of(f'{path}[{k}].gripper', one['gripper']), one['points'],
+                               one.get('s')))
+    return out
+
+
+def _table(path):
+    """Return (n, 3) of a CSV file, its heading left out."""
+    rows = []
+    with path.open(newline='', encoding='utf-8') as file:
+        for number, cells in enumerate(csv.reader(file), start=1):
+            try:
+                rows.append([float(cell) for cell in cells[:3]])
+            except ValueError:
+                if number > 1:
+                    raise InvalidTask(f'{path}, line {number}: expected x, y, z') from None
+    if not rows or any(len(one) != 3 for one in rows):
+        raise InvalidTask(f'{path}: expected lines of x, y, z in m')
+    return np.array(rows)
+
+
+def _obstacle(name, content):
+    if not isinstance(content, dict) or len(content) != 1:
+        raise InvalidTask(f'{name} = {shown(content)}: expected one of {", ".join(_KINDS)}')
+    kind, said = next(iter(content.items()))
+    if kind not in _KINDS or not isinstance(said, dict):
+        raise InvalidTask(f'{name}: expected one of {", ".join(_KINDS)}, with its values')
+    try:
+        return _KINDS[kind](name, said)
+    except KeyError as error:
+        raise InvalidTask(f'{name}.{kind}: expected {error.args[0]}') from None
+    except DloPlannerError as error:
+        raise InvalidTask(f'{name}: {error}') from None
+
+
+_KINDS = {
+    'box': lambda name, said: Box(pose_of(f'{name}.pose', said['pose']), said['size'],
+                                  said.get('friction', 0.0)),
+    'sphere': lambda _, said: Sphere(said['center'], said['radius'], said.get('friction', 0.0)),
+    'capsule': lambda _, said: Capsule(said['start'], said['end'], said['radius'],
+                                       said.get('friction', 0.0)),
+    'plane': lambda _, said: Plane(said['point'], said['normal'], said.get('friction', 0.0))}
+
+
+def _numbers(name, content, keys):
+    if isinstance(content, dict):
+        if not set(content) <= set(keys):
+            raise InvalidTask(f'{name} = {shown(content)}: expected {", ".join(keys)}')
+        given = {**dict.fromkeys(keys, 0.0), **content}
+        if keys == 'xyzw' and not content.get('w') and not any(content.values()):
+            given['w'] = 1.0
+        return [given[key] for key in keys]
+    return row(name, content)

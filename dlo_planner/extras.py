@@ -1,0 +1,27 @@
+"""Packages that only some parts need: imported where used, named where they are missing."""
+
+from importlib import import_module
+from types import ModuleType
+
+from dlo_planner.errors import MissingExtra
+
+
+def extra(module: str, name: str, purpose: str) -> ModuleType:
+    """Return a module of an optional package.
+
+    Args:
+        module: its name, e.g. 'matplotlib.figure'
+        name: of the extra that installs it, e.g. 'figures'
+        purpose: what needs it, for the message: 'pictures'
+
+    Raises:
+        MissingExtra: it is not installed; the message names the extra and the command
+    """
+    package = module.split('.', maxsplit=1)[0]
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as error:
+        if (error.name or '').split('.')[0] != package:
+            raise  # the package is there, and misses another one
+        raise MissingExtra(f"{purpose} need {package}, which the extra '{name}' installs: "
+                           f"pip install 'dlo_planner[{name}]'", name=error.name) from None

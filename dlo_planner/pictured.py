@@ -1,0 +1,107 @@
+"""Shorthands of answers: to see them, to read them as a table, to hand them on as plain Python.
+
+`Shape`, `Plan`, `Motion` and `Report` are made far below the room that draws them, so this file is
+the one place from which an import goes up (a stated exception in `pyproject.toml`): inside the
+methods, when one is called. What they do is written in `dlo_planner.view.looks`, as functions.
+"""
+
+from collections.abc import Iterable
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dlo_planner.model.plain import plain
+from dlo_planner.model.value import Value
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def _looks():
+    from dlo_planner.view import looks  # noqa: PLC0415 - up, see above
+    return looks
+
+
+class Summarized(Value):
+    """A value with a table, a picture in notebooks, and a form in plain Python."""
+
+    def summary(self) -> str:
+        """Return a table of what matters: one quantity a line, with its unit."""
+        return _looks().summary(self)
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the public attributes as dicts, lists, numbers and strings, SI units.
+
+        A Pose is {'position', 'quaternion'}. What is not known is nan, which JSON has no word for.
+        """
+        return plain(self)
+
+    def _repr_html_(self) -> str:
+        return _looks().html(self)
+
+
+class Reported(Summarized):
+    """A value that shows figures and limits."""
+
+    def plot(self, *, ax: 'Axes | None' = None) -> 'Figure':
+        """Draw the figures beside what they may be; needs matplotlib (extra `figures`).
+
+        Args:
+            ax: Axes to draw in; None: a new figure
+
+        Returns:
+            matplotlib Figure
+
+        Raises:
+            InvalidTask: ax is no Axes
+            MissingExtra: matplotlib is not installed
+        """
+        return _looks().plot(self, ax=ax)
+
+
+class Pictured(Summarized):
+    """A value that shows a DLO in space."""
+
+    def plot(self, *, ax: 'Axes | None' = None, color: str | None = None,
+             obstacles: Iterable = ()) -> 'Figure':
+        """Draw it with what it passes and touches; needs matplotlib (extra `figures`).
+
+        Args:
+            ax: Axes to draw in; with projection='3d' in space, else from the side (x and z).
+                None: a new figure in space, seen from where most of it is seen
+            color: 'curvature' or 'yield', see `dlo_planner.view.colors.coloring`; 'time', where
+                there are times. None: 'curvature' of a Shape, 'time' of a Plan or Motion
+            obstacles: drawn besides those that the shapes know
+
+        Returns:
+            matplotlib Figure; `figure.savefig('picture.png')` writes it
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            MissingExtra: matplotlib is not installed
+        """
+        return _looks().plot(self, ax=ax, color=color, obstacles=obstacles)
+
+
+class Filmed(Pictured):
+    """A value that shows a DLO over time."""
+
+    def animate(self, path: str | PathLike, *, color: str = 'curvature',
+                seconds: float | None = None, obstacles: Iterable = ()) -> Path:
+        """Write a film of it: GIF, or MP4 where ffmpeg is installed; needs matplotlib.
+
+        Args:
+            path: of the film, ends with .gif or .mp4
+            color: 'curvature' or 'yield'
+            seconds: that the film lasts, at most 120; None: as long as the motion, 10 at most
+            obstacles: drawn besides those that the shapes know
+
+        Returns:
+            the path
+
+        Raises:
+            InvalidTask: an argument makes no sense, or nothing can be written there
+            MissingExtra: matplotlib is not installed; or ffmpeg, for an MP4
+        """
+        return _looks().animate(self, path, color=color, seconds=seconds, obstacles=obstacles)

@@ -1,0 +1,1 @@
+"""Parameters: one table, read from YAML, and what their values describe; no ROS in here."""

@@ -1,0 +1,213 @@
+"""All parameters: one table, for the node, the YAML files in config/ and the command line."""
+
+from dataclasses import dataclass
+
+from dlo_planner.errors import InvalidTask
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One parameter: its default (which fixes the type), meaning, limits, and if it may change."""
+
+    default: object
+    description: str
+    lowest: float | None = None
+    highest: float | None = None
+    read_only: bool = False
+
+
+ARM = {
+    'arm.tool_link': ('', 'Link of robot_description whose frame is the tool frame; empty: no '
+                      'joint trajectories are made.'),
+    'arm.joints': ([''], 'Joints that move; none: all that move the tool link.'),
+    'arm.packages': ([''], 'Folders with the packages of meshes (package://), besides those of '
+                     'AMENT_PREFIX_PATH.'),
+    'arm.base.position': ([0.0, 0.0, 0.0], 'Where the root link of robot_description is in '
+                          'frame_id, m.'),
+    'arm.base.orientation': ([0.0, 0.0, 0.0, 1.0], 'Quaternion x, y, z, w of it.'),
+    'arm.self_clearance': (0.0, 'By how much links have to stay clear of each other, m.'),
+    'arm.deadline': (20.0, 'Computing after which the search is given up, s.'),
+}
+ENTRIES = {
+    'frame_id': Entry('world', 'Frame of all poses in and out, z up.', read_only=True),
+    'diagnostics_period': Entry(1.0, 'Seconds between messages on /diagnostics.', 0.05, 60.0,
+                                read_only=True),
+    'rod.name': Entry('copper wire', 'Name of the DLO, in the log and on diagnostics.'),
+    'rod.section': Entry('round', 'Section: round | tube | rectangular (density, youngs_modulus, '
+                         'poisson_ratio and sizes are used) | stiffness (mass_per_length, '
+                         'bending_stiffness, torsional_stiffness are used).'),
+    'rod.length': Entry(1.0, 'Length between gripper and free end, m.', 1e-3, 100.0),
+    'rod.diameter': Entry(1e-3, 'Outer diameter (round, tube; elsewhere for pictures), m.',
+                          1e-5, 1.0),
+    'rod.inner_diameter': Entry(0.0, 'Inner diameter of a tube, m.', 0.0, 1.0),
+    'rod.width': Entry(0.01, 'Width along the n axis (rectangular), m.', 1e-5, 1.0),
+    'rod.thickness': Entry(0.001, 'Thickness along the b axis (rectangular), m.', 1e-5, 1.0),
+    'rod.density': Entry(8960.0, 'Density, kg/m^3.', 0.0, 3e4),
+    'rod.youngs_modulus': Entry(110e9, 'Young\'s modulus, Pa.', 1e3, 1e13),
+    'rod.poisson_ratio': Entry(0.34, 'Poisson ratio.', -0.99, 0.5),
+    'rod.mass_per_length': Entry(0.007, 'Mass per length (section: stiffness), kg/m.', 0.0, 1e3),
+    'rod.bending_stiffness': Entry([0.0054, 0.0054], 'EI_n, EI_b (section: stiffness), N m^2.'),
+    'rod.torsional_stiffness': Entry(0.004, 'GJ (section: stiffness), N m^2.', 1e-12, 1e9),
+    'rod.natural_curvature': Entry([0.0, 0.0], 'Stress-free curvature k_n, k_b, 1/m.'),
+    'rod.natural_curvature_terms': Entry(
+        [0.0, 0.0], 'What is added to it along s: pairs (about n, about b) of coefficients of the '
+        'Legendre polynomials P_1, P_2, ... of 2 s / length - 1, 1/m.'),
+    'rod.natural_twist': Entry(0.0, 'Stress-free torsion, 1/m.', -1e4, 1e4),
+    'rod.tip_mass': Entry(0.0, 'Mass at the free end, kg.', 0.0, 1e3),
+    'rod.damping': Entry([0.0, 0.0], 'Rayleigh damping in motion: 1/s times mass, s times '
+                         'stiffness.'),
+    'rod.yield_stress': Entry(0.0, 'Stress at which it yields (sections), Pa; 0 = never.', 0.0,
+                              1e12),
+    'rod.yield_curvature': Entry([0.0, 0.0], 'Curvatures about n and b at which it yields '
+                                 '(section: stiffness), 1/m; 0 = never.'),
+    'rod.yield_torsion': Entry(0.0, 'Torsion at which it yields (section: stiffness), 1/m; 0 = '
+                               'never.', 0.0, 1e6),
+    'rod.section_model': Entry('', 'How it goes on yielding: fibres | round | rectangular | '
+                               'ideal; empty: fibres of a section, ideal without.'),
+    'rod.hardening': Entry(0.0, 'Part of the stiffness that never yields.', 0.0, 0.999),
+    'rod.max_bend_curvature': Entry(0.0, 'Curvature that no plan may exceed, 1/m; 0 = any.', 0.0,
+                                    1e6),
+    'gravity': Entry([0.0, 0.0, -9.81], 'Gravity in the world frame, m/s^2.'),
+    'simulator.basis': Entry('chebyshev', 'How a shape is written: chebyshev | fourier | local.'),
+    'simulator.n_elements': Entry(64, 'Elements (unused with an accuracy).', 2, 2_000),
+    'simulator.n_terms': Entry(10, 'Terms of the series (unused by local and with an accuracy).',
+                               1, 200),
+    'simulator.accuracy': Entry(0.0, 'Wanted accuracy, m, 1e-6 of the length at least; 0 = use '
+                                'n_elements and n_terms.',
+                                0.0, 1.0),
+    'tool.position': Entry([0.0, 0.0, 0.0], 'Where the DLO leaves the gripper, in the tool frame '
+                           'that gripper poses refer to, m.'),
+    'tool.orientation': Entry([0.0, 0.0, 0.0, 1.0], 'Quaternion x, y, z, w there; its x axis is '
+                              'the DLO\'s tangent.'),
+    'threading.waypoints': Entry(40, 'Poses in a plan.', 2, 10_000),
+    'threading.deepest': Entry(0.95, 'Part of the length that is threaded through.', 0.0, 1.0),
+    'threading.linear_speed': Entry(0.1, 'Limit of the motion, m/s.', 1e-4, 10.0),
+    'threading.angular_speed': Entry(0.5, 'Limit of the motion, rad/s.', 1e-4, 100.0),
+    'threading.linear_acceleration': Entry(0.5, 'Limit of the motion, m/s^2.', 1e-4, 1e3),
+    'threading.angular_acceleration': Entry(2.0, 'Limit of the motion, rad/s^2.', 1e-4, 1e4),
+    'threading.linear_jerk': Entry(5.0, 'Limit of the motion, m/s^3.', 1e-4, 1e5),
+    'threading.angular_jerk': Entry(20.0, 'Limit of the motion, rad/s^3.', 1e-4, 1e6),
+    'threading.standoff': Entry(0.0, 'With more than 0, a plan begins at the gripper\'s present '
+                                'pose, and the free end waits so far before the hole, m.', 0.0,
+                                10.0),
+    'threading.gripper_clearance': Entry(0.0, 'The plan ends where the gripper comes nearer to '
+                                         'the sheet than this, m; 0 = does not care.', 0.0, 10.0),
+    # No range: it would refuse nan.
+    'threading.tolerance': Entry(0.0, 'By how much the DLO in motion may miss, come nearer to a '
+                                 'rim than planned, or still vibrate at the end, m; 0 or nan = a '
+                                 'quarter of the room in the hole, 0.001 where it has no size.'),
+    'threading.deadline': Entry(60.0, 'Computing after which the search for a calm motion is given '
+                                'up, s.', 0.1, 3600.0),
+    'threading.planning_deadline': Entry(60.0, 'Computing after which the search for a plan is '
+                                         'given up, s.', 0.01, 3600.0),
+    'threading.may_yield': Entry(True, 'Whether a plan may set the DLO for good.'),
+    'cutouts.radius': Entry(0.0, 'Of round cut-outs, for clearances, m; 0 = not known.', 0.0,
+                            10.0),
+    'workspace.lower': Entry([-float('inf')] * 3, 'Corner of the box for the gripper, m.'),
+    'workspace.upper': Entry([float('inf')] * 3, 'The other corner, m.'),
+    'workspace.gripper_radius': Entry(0.0, 'Of the sphere about the gripper that keeps out of '
+                                      'obstacles and in the box, m.', 0.0, 10.0),
+    'workspace.reach': Entry(1000.0, 'Farthest from the origin of frame_id that any pose may be, '
+                             'm.', 1e-3, 1e6),
+    'spread.bending_stiffness': Entry(0.05, 'How uncertain EI is: standard deviation as a part of '
+                                      'it.', 0.0, 1.0),
+    'spread.torsional_stiffness': Entry(0.05, 'The same of GJ.', 0.0, 1.0),
+    'spread.mass': Entry(0.02, 'The same of all masses.', 0.0, 1.0),
+    'spread.length': Entry(0.0, 'The same of the length, m.', 0.0, 1.0),
+    'spread.natural_curvature': Entry(0.05, 'The same of each component of the natural curvature, '
+                                      '1/m.', 0.0, 1e4),
+    'spread.curvature_variation': Entry(0.03, 'The same of what varies along s of it, 1/m.', 0.0,
+                                        1e4),
+    'spread.gripper_position': Entry(5e-4, 'The same of where the gripper holds the DLO along '
+                                     'each axis, m.', 0.0, 1.0),
+    'spread.gripper_rotation': Entry(3.5e-3, 'The same of how it is turned about each axis, rad.',
+                                     0.0, 3.2),
+    'observe.noise': Entry(1e-3, 'Standard deviation of each coordinate of observed_points, m.',
+                           1e-6, 1.0),
+    'observe.bias': Entry(0.0, 'Of the camera\'s constant error along each axis, m.', 0.0, 1.0),
+    'observe.outliers': Entry(0.1, 'Part of the points that are none of the DLO.', 0.0, 0.9),
+    'observe.sway': Entry(5e-4, 'Of the free end about its rest while the gripper stands still, '
+                          'm.', 0.0, 1.0),
+    'observe.cutout': Entry(0.0, 'Of the place of a cut-out along each axis, m.', 0.0, 1.0),
+    'observe.stamps': Entry(0.02, 'By how much the stamps of clouds may be wrong against those of '
+                            'gripper_pose, s.', 0.0, 1.0),
+    'observe.period': Entry(0.2, 'Seconds between two clouds that are looked at.', 0.0, 60.0),
+    'observe.correct': Entry(True, 'Whether what is executed is corrected by what is seen.'),
+    'observe.correction_period': Entry(0.5, 'Seconds between two corrections.', 0.0, 60.0),
+    'observe.largest_correction': Entry(0.02, 'A correction that moves the gripper farther is not '
+                                        'executed, m.', 0.0, 10.0),
+    **{name: Entry(default, description) for name, (default, description) in ARM.items()},
+    'autostart': Entry(True, 'Whether the node configures and activates itself, without a '
+                       'lifecycle manager.', read_only=True),
+    'markers.color': Entry('curvature', 'What the color of the DLO tells: curvature | yield.'),
+    'execute.rate': Entry(50.0, 'Commands per second on gripper_command.', 1.0, 1000.0,
+                          read_only=True),
+    'execute.start_distance': Entry(0.02, 'How far from a plan\'s beginning the gripper may be to '
+                                    'execute it, m.', 0.0, 10.0),
+    'execute.start_angle': Entry(0.1, 'How far it may be turned against that, rad.', 0.0, 3.2),
+    'execute.longest_pause': Entry(0.5, 'Seconds between two commands after which an execution '
+                                   'ends: the rest is not the motion that was proved; 0 = any.',
+                                   0.0, 60.0),
+    # Named and meant as those of joint_trajectory_controller and moveit_servo: 0 = not checked.
+    'constraints.path.position': Entry(0.02, 'Farthest that the gripper may be from its command '
+                                       'on the way; more than speed times lag, m; 0 = any.', 0.0,
+                                       10.0),
+    'constraints.path.angle': Entry(0.1, 'How far it may be turned against that, rad; 0 = any.',
+                                    0.0, 3.2),
+    'constraints.path.shape': Entry(0.0, 'Farthest that the observed DLO may be from its plan, m; '
+                                    '0 = any.', 0.0, 10.0),
+    'constraints.goal.position': Entry(0.01, 'Farthest that the gripper may be from the last '
+                                       'command at the end, m; 0 = any.', 0.0, 10.0),
+    'constraints.goal.angle': Entry(0.05, 'How far it may be turned against that, rad; 0 = any.',
+                                    0.0, 3.2),
+    'constraints.goal_time': Entry(2.0, 'Seconds after the end of the motion in which the gripper '
+                                   'has to come there; 0 = waits for good.', 0.0, 3600.0),
+    'cmd_timeout': Entry(0.0, 'Seconds after the end of the motion for which the last command is '
+                         'repeated, where constraints.goal_time is 0; 0 = for good.', 0.0, 3600.0),
+    'incoming_command_timeout': Entry(0.1, 'Age of the last gripper_pose, by its stamp, from which '
+                                      'on an execution is refused or stops, s; 0 = any.', 0.0,
+                                      60.0),
+    'decelerate_on_cancel': Entry(True, 'Whether `cancel` lets the motion run out within the '
+                                  'limits of acceleration, or ends it with the last command.'),
+}
+
+
+def as_declared(name: str, value: object, default: object) -> object:
+    """Return a value with whole numbers made floats where `default` has floats.
+
+    Raises:
+        InvalidTask: it has another type than the default
+    """
+    listed = not isinstance(value, str) and hasattr(value, '__iter__')
+    if isinstance(default, list) and isinstance(default[0], str):
+        if not listed or any(not isinstance(item, str) for item in value):
+            raise InvalidTask(f'parameter {name} = {value!r}: expected a list of strings')
+        return list(value) or default
+    if isinstance(default, list):
+        if not listed or not all(map(_is_number, value)):
+            raise InvalidTask(f'parameter {name} = {value!r}: expected a list of numbers')
+        return [_float(name, item) for item in value]
+    if isinstance(default, float) and _is_number(value):
+        return _float(name, value)
+    if type(value) is not type(default):
+        raise InvalidTask(f'parameter {name} = {value!r}: expected a {type(default).__name__}')
+    return value
+
+
+def _is_number(value):
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _float(name, value):
+    try:
+        return float(value)
+    except OverflowError:
+        raise InvalidTask(f'parameter {name}: expected a number below 1e308') from None
+
+
+def within_limits(name: str, value: object, entry: Entry) -> object:
+    """Return a value of an Entry's type; raise InvalidTask if it is beyond the Entry's limits."""
+    if entry.lowest is not None and not entry.lowest <= value <= entry.highest:
+        raise InvalidTask(f'parameter {name} = {value!r}: expected {entry.lowest:g} to '
+                          f'{entry.highest:g}')
+    return value

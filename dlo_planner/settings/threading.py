@@ -1,0 +1,67 @@
+"""The whole way through cut-outs, as the parameters `threading.*` ask for it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.inverse.plan import Plan, joined
+from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.threading import kept_before
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose
+from dlo_planner.progress import OnProgress
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is asked of the way; attributes are the parameters `threading.*` of the same names."""
+
+    waypoints: int
+    deepest: float
+    linear_speed: float
+    angular_speed: float
+    standoff: float
+    gripper_clearance: float
+
+    @classmethod
+    def of(cls, values: Mapping) -> 'Wanted':
+        """Return that of parameter values."""
+        return cls(*(values[f'threading.{name}'] for name in (
+            'waypoints', 'deepest', 'linear_speed', 'angular_speed', 'standoff',
+            'gripper_clearance')))
+
+
+def way_through(inverse: InverseSimulator, cutouts: Sequence[CutOut], wanted: Wanted, *,
+                start: Pose | None = None, initial: Shape | None = None,
+                progress: OnProgress = None, deadline: float | None = None) -> Plan:
+    """Return the Plan through cut-outs; with a standoff, it begins at the gripper's present pose.
+
+    Args:
+        inverse: InverseSimulator
+        cutouts: one, two, or more, in the order in which they are passed
+        wanted: Wanted, or what has its attributes
+        start: Pose of the gripper now; None: the threading begins where it is best
+        initial: Shape of the DLO now, or None; it counts where the plan begins at `start`
+        progress, deadline: as for `InverseSimulator.thread`
+
+    Raises:
+        DloPlannerError: refused, with the reason
+    """
+    depths = np.linspace(0.0, wanted.deepest * inverse.simulator.rod.length, wanted.waypoints)
+    options = {'linear_speed': wanted.linear_speed, 'angular_speed': wanted.angular_speed,
+               'progress': progress, 'deadline': deadline}
+    if len(cutouts) == 1:
+        plan = inverse.thread(cutouts[0], start=start, depths=depths, **options)
+    elif len(cutouts) == 2:
+        plan = inverse.thread_two(*cutouts, start=start, depths=depths, **options)
+    else:
+        plan = inverse.thread_sequence(cutouts, start=start, depths=depths, **options)
+    if wanted.gripper_clearance:
+        plan = inverse.check(kept_before(plan, cutouts[0], wanted.gripper_clearance, True))
+    if not wanted.standoff or start is None:
+        return plan
+    way = inverse.start_phase(cutouts[0], plan, start, standoff=wanted.standoff, initial=initial,
+                              **options)
+    return inverse.check(joined(way, plan))

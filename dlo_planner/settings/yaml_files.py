@@ -1,0 +1,128 @@
+"""Values of parameters from YAML files, as the node reads them."""
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import yaml
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.settings.entries import ENTRIES, as_declared, within_limits
+from dlo_planner.settings.names import unknown_parameter
+
+_NODES = ('/**', '/*', '/dlo_planner', 'dlo_planner', '/**/dlo_planner')  # keys that mean the node
+_FLOAT = re.compile(r'[-+]?(\d[\d_]*\.?\d*|\.\d+)([eE][-+]?\d+)?$')  # YAML 1.2, as ROS reads it
+_PACKAGE = Path(__file__).parents[1]
+
+
+def read_values(source: str | Path, changes: Iterable[str] = ()) -> tuple[dict, list[str]]:
+    """Return the values of all parameters (name -> value), and warnings of names without meaning.
+
+    Args:
+        source: YAML file, keyed '/**:' and 'ros__parameters:' as for the node; or the name of one
+            in config/, e.g. 'copper_wire'
+        changes: 'name=value' or 'name:=value', which count more than the file
+
+    Raises:
+        InvalidTask: no such file, or a value makes no sense; the message names it
+    """
+    path = config_file(source)
+    given = _flat(_of_node(path, load_yaml(path.read_text(encoding='utf-8'), str(path))))
+    for change in changes:
+        given |= _changed(change)
+    warnings = [unknown_parameter(name, ENTRIES) for name in given if name not in ENTRIES]
+    return {name: within_limits(name, as_declared(name, given.get(name, entry.default),
+                                                  entry.default), entry)
+            for name, entry in ENTRIES.items()}, warnings
+
+
+def write_values(path: Path, values: Mapping[str, object]) -> None:
+    """Write values of parameters as a YAML file for the node, and for `read_values`."""
+    tree = {}
+    for name, value in values.items():
+        *parents, last = name.split('.')
+        branch = tree
+        for parent in parents:
+            branch = branch.setdefault(parent, {})
+        branch[last] = value
+    content = {'/**': {'ros__parameters': tree}}
+    path.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True),
+                    encoding='utf-8')
+
+
+def load_yaml(text: str, name: str) -> object:
+    """Return the content of a YAML text; numbers like 8e6 are numbers.
+
+    Raises:
+        InvalidTask: it is no YAML; the message begins with `name`
+    """
+    try:
+        return yaml.load(text, Loader=_Loader)
+    except yaml.YAMLError as error:
+        said = ' '.join(str(error).split())
+        raise InvalidTask(f'{name}: expected YAML, {said}') from None
+
+
+def config_file(source: str | Path) -> Path:
+    """Return the path of a YAML file, or of the one in config/ that has this name.
+
+    Raises:
+        InvalidTask: there is none; the message lists those that there are
+    """
+    path = Path(source)
+    if path.is_file():
+        return path
+    known = config_files()
+    if str(source) in known:
+        return known[str(source)]
+    raise InvalidTask(f'config = {str(source)!r}: expected a YAML file, or one of '
+                      f'{", ".join(known) or "the files of config/, which is not installed"}')
+
+
+def config_files() -> dict[str, Path]:
+    """Return the YAML files in config/ by their names: of the sources, or where it is installed."""
+    folders = [_PACKAGE.parent / 'config', *(
+        parent / 'share' / 'dlo_planner' / 'config' for parent in _PACKAGE.parents)]
+    folder = next((one for one in folders if (one / 'copper_wire.yaml').is_file()), None)
+    return {} if folder is None else {path.stem: path for path in sorted(folder.glob('*.yaml'))}
+
+
+def _of_node(path, content):
+    """Return the parameters (nested dicts) of a file's content that are the node's."""
+    if not isinstance(content, dict) or not any(key in _NODES for key in content):
+        raise InvalidTask(f'{path}: expected parameters under /**: and ros__parameters:')
+    out = {}
+    for key, inside in content.items():
+        if key not in _NODES:
+            continue
+        if not isinstance(inside, dict) or not isinstance(inside.get('ros__parameters'), dict):
+            raise InvalidTask(f'{path}: expected ros__parameters: under {key}:')
+        out |= _flat(inside['ros__parameters'])
+    return out
+
+
+def _flat(tree, before=''):
+    flat = {}
+    for name, value in tree.items():
+        if isinstance(value, dict):
+            flat |= _flat(value, f'{before}{name}.')
+        else:
+            flat[f'{before}{name}'] = value
+    return flat
+
+
+def _changed(change):
+    name, sign, text = change.partition('=')
+    name = name.removesuffix(':').strip()
+    if not sign or not name:
+        raise InvalidTask(f'parameter {change!r}: expected name=value')
+    if name not in ENTRIES:
+        raise InvalidTask(unknown_parameter(name, ENTRIES))
+    return {name: load_yaml(text, f'parameter {name}')}
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML 1.1 takes 8e6 and 110.0e9 for words; ROS and YAML 1.2 do not."""
+
+
+_Loader.add_implicit_resolver('tag:yaml.org,2002:float', _FLOAT, list('-+0123456789.'))

@@ -1,0 +1,68 @@
+"""What the shorthands of answers do (`dlo_planner.pictured`): one entry for each kind of value."""
+
+from base64 import b64encode
+from dataclasses import replace
+from html import escape
+from io import BytesIO
+from os import PathLike
+from pathlib import Path
+
+from dlo_planner.direct.motion import Motion
+from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import DloPlannerError, MissingExtra
+from dlo_planner.extras import extra
+from dlo_planner.inverse.plan import Plan
+from dlo_planner.inverse.replay import Report
+from dlo_planner.view.axes import Frame
+from dlo_planner.view.films import film
+from dlo_planner.view.plots import plot_motion, plot_plan, plot_shape
+from dlo_planner.view.report_plot import plot_report
+from dlo_planner.view.summaries import rows_of, text_table
+
+_PLOTS = {Shape: plot_shape, Plan: plot_plan, Motion: plot_motion, Report: plot_report}
+_THUMBNAIL, _DPI = (4.6, 3.1), 72  # inches
+
+
+def plot(value, **options):
+    """Return the Figure of a value, see `Pictured.plot` and `Reported.plot`."""
+    return _PLOTS[_kind(value)](value, **options)
+
+
+def animate(value: Plan | Motion, path: str | PathLike, **options) -> Path:
+    """Write a film of a value, see `Filmed.animate`."""
+    return film(value, path, **options)
+
+
+def summary(value) -> str:
+    """Return the table of a value as text."""
+    return text_table(repr(value).split('(', 1)[0], rows_of(value))
+
+
+def html(value) -> str:
+    """Return a line and a thumbnail; the line alone where no picture can be made."""
+    line = f'<code>{escape(repr(value))}</code>'
+    try:
+        picture = b64encode(_thumbnail(value)).decode()
+    except (DloPlannerError, MissingExtra):
+        return f'<div>{line}</div>'
+    return (f'<div>{line}<br><img alt="{escape(_kind(value).__name__)}" '
+            f'src="data:image/png;base64,{picture}"></div>')
+
+
+def _thumbnail(value):
+    """Return the bytes of a PNG."""
+    if isinstance(value, Report):
+        figure = extra('matplotlib.figure', 'figures', 'pictures').Figure(
+            figsize=_THUMBNAIL, layout='constrained')
+        axes = figure.add_subplot()
+    else:
+        axes = replace(Frame.new(_THUMBNAIL, managed=False), titled=False)
+        figure = axes.figure
+    plot(value, ax=axes)
+    file = BytesIO()
+    figure.savefig(file, format='png', dpi=_DPI)
+    return file.getvalue()
+
+
+def _kind(value):
+    return next(kind for kind in _PLOTS if isinstance(value, kind))

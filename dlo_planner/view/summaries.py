@@ -1,0 +1,121 @@
+"""Tables of what matters in an answer, as rows and as text."""
+
+from collections.abc import Sequence
+from dataclasses import fields
+
+import numpy as np
+
+from dlo_planner.direct.motion import Motion
+from dlo_planner.direct.shape import Shape
+from dlo_planner.inverse.plan import Plan
+from dlo_planner.inverse.replay import Report
+
+Row = tuple[str, str, str]  # quantity, value, unit
+_UNITS = {
+    'miss': 'm', 'misalignment': 'rad', 'contact_force': 'N', 'clearance': 'm', 'deviation': 'm',
+    'dynamic_miss': 'm', 'swing': 'm', 'arrival': 'm', 'departure': 'm', 'dynamic_clearance': 'm',
+    'dynamic_contact_force': 'N', 'duration': 's', 'step': 's', 'workspace_margin': 'm',
+    'bend_margin': '1/m', 'tolerance': 'm'}
+
+
+def rows_of(value: Shape | Plan | Motion | Report) -> list[Row]:
+    """Return the rows of a value: (quantity, value, unit), all of them texts."""
+    for kind, rows in ((Shape, _of_shape), (Plan, _of_plan), (Motion, _of_motion)):
+        if isinstance(value, kind):
+            return rows(value)
+    return _of_report(value)
+
+
+def text_table(head: str, rows: Sequence[Row]) -> str:
+    """Return rows as lines of text, their columns aligned, under a heading."""
+    name = max((len(row[0]) for row in rows), default=0)
+    value = max((len(row[1]) for row in rows), default=0)
+    lines = [f'  {one:<{name}}  {said:>{value}}  {unit}'.rstrip() for one, said, unit in rows]
+    return '\n'.join([head, *lines])
+
+
+def figure(number: float) -> str:
+    """Return a number in four digits; what is infinite or nan as a word."""
+    if np.isnan(number):
+        return 'not looked at'
+    if np.isinf(number):
+        return 'no limit' if number > 0 else '-inf'
+    return f'{number:.4g}'
+
+
+def _point(position):
+    return ', '.join(f'{0.0 + round(value, 12):.4g}' for value in position)
+
+
+def _of_shape(shape):
+    force = np.linalg.norm(shape.gripper_wrench.reshape(2, 3), axis=1)
+    rows = [
+        ('status', shape.status, ''),
+        ('length', figure(shape.s[-1]), 'm'),
+        ('elements', str(len(shape.element_strains)), ''),
+        ('gripper', _point(shape.gripper.position), 'm'),
+        ('far end', _point(shape.positions[-1]), 'm'),
+        ('sharpest bend, radius', figure(shape.bend_radius.min()), 'm'),
+        ('gripper bears, force', figure(force[0]), 'N'),
+        ('gripper bears, moment', figure(force[1]), 'N m'),
+        ('elastic energy', figure(shape.elastic_energy), 'J'),
+        ('residual', figure(shape.residual), ''),
+        ('stability', figure(shape.stability), ''),
+        ('error estimate', figure(shape.error_estimate), 'm')]
+    if np.isfinite(shape.bend_margin):
+        rows.append(('margin to the sharpest bend allowed', figure(shape.bend_margin), '1/m'))
+    if shape.contacts:
+        rows += [('contacts', str(len(shape.contacts)), ''),
+                 ('largest contact force', figure(max(one.force for one in shape.contacts)), 'N')]
+    return rows
+
+
+def _of_plan(plan):
+    rows = [('status', plan.status.value, ''), ('waypoints', str(len(plan)), '')]
+    if not len(plan):
+        return rows
+    rows += [
+        ('duration at the plan\'s speeds', figure(plan.times[-1]), 's'),
+        ('depth, first to last', f'{plan.depths[0]:.4g} to {plan.depths[-1]:.4g}', 'm'),
+        ('gripper, first', _point(plan.grippers[0].position), 'm'),
+        ('gripper, last', _point(plan.grippers[-1].position), 'm')]
+    return rows + [(name, figure(worst), unit) for name, _, worst, unit in plan_columns(plan)]
+
+
+def plan_columns(plan: Plan) -> list[tuple[str, np.ndarray, float, str]]:
+    """Return what there is to say of each waypoint: (quantity, values (n,), worst, unit)."""
+    rim = plan.clearances[:, :, 0].min(axis=1, initial=np.inf)
+    columns = [('miss', plan.miss, np.max, 'm'),
+               ('misalignment', np.rad2deg(plan.misalignment), np.max, 'deg'),
+               ('room at the rim', rim, np.min, 'm'), ('clearance', plan.clearance, np.min, 'm'),
+               ('bend margin', plan.bend_margin, np.min, '1/m'),
+               ('stability', plan.stability, np.min, ''), ('residual', plan.residual, np.max, '')]
+    return [(name, values, float(worst(values)), unit) for name, values, worst, unit in columns]
+
+
+def _of_motion(motion):
+    rows = [('status', motion.status, ''), ('instants', str(len(motion)), '')]
+    if motion.message:
+        rows.append(('message', motion.message, ''))
+    if not len(motion):
+        return rows
+    tip = np.linalg.norm(motion.velocities[:, -1], axis=1)
+    return rows + [
+        ('duration', figure(motion.times[-1] - motion.times[0]), 's'),
+        ('far end, last', _point(motion.shapes[-1].positions[-1]), 'm'),
+        ('largest speed of the far end', figure(tip.max()), 'm/s'),
+        ('work of the gripper', figure(motion.work[-1]), 'J'),
+        ('dissipated', figure(motion.dissipated[-1]), 'J'),
+        ('numerical loss', figure(motion.numerical_loss[-1]), 'J'),
+        ('tolerance', figure(motion.tolerance), 'm')]
+
+
+def _of_report(report):
+    rows = [('safe', 'yes' if report.safe else 'no', '')]
+    if not report.safe:
+        rows.append(('reason', report.reason, ''))
+    rows.append(('converged', 'yes' if report.converged else 'no', ''))
+    names = [item.name for item in fields(report)
+             if isinstance(getattr(report, item.name), float)]
+    return rows + [(name.replace('_', ' '), figure(getattr(report, name)), _UNITS.get(name, ''))
+                   for name in names]

@@ -1,0 +1,310 @@
+"""The command `dlo-planner`: what it prints and writes, and with what status it ends."""
+
+import csv
+import json
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from dlo_planner import DirectSimulator, Plan, Pose, Report, Rod, Shape
+from dlo_planner.cli.doctor import findings
+from dlo_planner.cli.figures import scripts, shows
+from dlo_planner.cli.main import BAD_INPUT, NO_SOLUTION, main
+
+COMMANDS = ['shape', 'thread', 'replay', 'identify', 'map', 'figures', 'doctor']
+QUICK = ['-p', 'simulator.n_elements=16', '-p', 'simulator.n_terms=6', '-p', 'rod.diameter=0.0015',
+         '-p', 'threading.waypoints=6', '-p', 'threading.deepest=0.3']
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, [str(one) for one in arguments])
+
+
+def quick():
+    """Return the DirectSimulator that QUICK describes."""
+    return DirectSimulator(Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34), n_elements=16, n_terms=6)
+
+
+@pytest.fixture
+def planned():
+    result = run('thread', 'copper_wire', *QUICK, '--hole', '0.4,0,1', '--radius', '0.02',
+                 '-o', 'plan.npz', '-o', 'plan.csv', '-o', 'way.poses.yaml', '-o', 'way.poses.json')
+    assert result.exit_code == 0, result.output
+    return result
+
+
+# ---- shape ----------------------------------------------------------------------------------
+
+
+def test_a_shape_is_that_of_the_library():
+    result = run('shape', 'copper_wire', *QUICK, '-g', '0.1,0,1', '-o', 'wire.npz', '-o',
+                 'wire.csv', '-o', 'wire.json', '-o', 'wire.png')
+    assert result.exit_code == 0, result.output
+    assert 'status' in result.output and 'converged' in result.output
+    shape = quick().solve(Pose((0.1, 0, 1), (0, 0, 0, 1)))
+    for name in ('wire.npz', 'wire.json'):
+        np.testing.assert_allclose(Shape.load(name).positions, shape.positions, atol=1e-9)
+    with Path('wire.csv').open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 17
+    np.testing.assert_allclose([float(rows[-1][key]) for key in 'xyz'], shape.positions[-1],
+                               atol=1e-9)
+    assert float(rows[-1]['s']) == 1.0
+    assert Path('wire.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_the_dlo_follows_several_poses_also_from_a_file():
+    Path('way.yaml').write_text('- {position: [0, 0, 1], orientation: {w: 1.0}}\n'
+                                '- [0, 0, 0.9, 1, 0, -1]\n')
+    result = run('shape', 'copper_wire', *QUICK, '--grippers', 'way.yaml', '-o', 'last.npz')
+    assert result.exit_code == 0, result.output
+    gripper = Shape.load('last.npz').gripper
+    np.testing.assert_allclose(gripper.matrix, Pose.looking_along((0, 0, 0.9), (1, 0, -1)).matrix,
+                               atol=1e-12)
+
+
+def test_obstacles_are_read_and_touched():
+    Path('table.yaml').write_text('- plane: {point: [0, 0, 0.9], normal: [0, 0, 1]}\n'
+                                  '- sphere: {center: [9, 0, 0], radius: 0.1}\n'
+                                  '- capsule: {start: [9, 1, 0], end: [9, 2, 0], radius: 0.1}\n'
+                                  '- box: {pose: [9, 5, 0], size: [1, 1, 1], friction: 0.2}\n')
+    result = run('shape', 'copper_wire', *QUICK, '-g', '0,0,1', '--obstacles', 'table.yaml')
+    assert result.exit_code == 0, result.output
+    assert 'largest contact force' in result.output
+    Path('bad.yaml').write_text('- sphere: {center: [9, 0, 0]}\n')
+    result = run('shape', 'copper_wire', '-g', '0,0,1', '--obstacles', 'bad.yaml')
+    assert result.exit_code == BAD_INPUT and 'bad.yaml[0].sphere: expected radius' in result.output
+
+
+def test_a_held_far_end():
+    result = run('shape', 'copper_wire', *QUICK, '-g', '0,0,1', '--far-end', '0.8,0,1', '-o',
+                 'held.npz')
+    assert result.exit_code == 0, result.output
+    np.testing.assert_allclose(Shape.load('held.npz').positions[-1], (0.8, 0, 1), atol=1e-6)
+
+
+def test_out_of_reach_is_no_solution():
+    result = run('shape', 'copper_wire', *QUICK, '-g', '0,0,1', '--far-end', '1.8,0,1')
+    assert result.exit_code == NO_SOLUTION
+    assert 'out of reach' in result.output
+
+
+# ---- thread, replay -------------------------------------------------------------------------
+
+
+def test_a_plan_is_written_as_poses_and_as_a_table(planned):
+    plan = Plan.load('plan.npz')
+    assert len(plan) == 6
+    poses = yaml.safe_load(Path('way.poses.yaml').read_text())
+    assert poses == json.loads(Path('way.poses.json').read_text())
+    assert len(poses) == 6
+    for known, gripper in zip(poses, plan.grippers, strict=True):
+        assert [known['position'][key] for key in 'xyz'] == gripper.position.tolist()
+        assert [known['orientation'][key] for key in 'xyzw'] == gripper.quaternion.tolist()
+    with Path('plan.csv').open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row['time']) for row in rows] == plan.times.tolist()
+    assert 'stability' in planned.output
+
+
+def test_a_plan_is_proved(planned):
+    result = run('replay', 'copper_wire', 'plan.npz', *QUICK, '-o', 'report.json', '-o',
+                 'report.csv')
+    assert result.exit_code == 0, result.output
+    report = Report.load('report.json')
+    assert report.safe and report.trajectory is not None
+    assert re.search(r'safe +yes', result.output)
+    with Path('report.csv').open(newline='') as file:
+        said = {row['quantity']: row['value'] for row in csv.DictReader(file)}
+    assert float(said['stability']) == pytest.approx(report.stability, rel=1e-3)
+
+
+def test_a_plan_that_leaves_the_workspace_is_not_safe(planned):
+    result = run('replay', 'copper_wire', 'plan.npz', *QUICK, '-p', 'workspace.upper=[-9, 9, 9]')
+    assert result.exit_code == NO_SOLUTION
+    assert re.search(r'safe +no', result.output)
+    assert 'beyond its workspace' in result.output
+
+
+def test_what_cannot_be_threaded_says_where_and_why():
+    result = run('thread', 'copper_wire', '--hole', '0,0,1')
+    assert result.exit_code == NO_SOLUTION
+    assert 'waypoint 0, stability, by 0.24' in result.output
+
+
+def test_it_may_begin_at_the_gripper():
+    result = run('thread', 'copper_wire', *QUICK, '-p', 'threading.standoff=0.05', '--hole',
+                 '0.4,0,1', '--start', '-0.9,0.1,1', '-o', 'plan.npz')
+    assert result.exit_code == 0, result.output
+    np.testing.assert_allclose(Plan.load('plan.npz').grippers[0].position, (-0.9, 0.1, 1))
+
+
+def test_several_holes_are_passed():
+    result = run('thread', 'copper_wire', *QUICK, '--hole', '0,0,1', '--hole', '0.2,0,1', '-o',
+                 'plan.npz')
+    assert result.exit_code == 0, result.output
+    assert len(Plan.load('plan.npz').passes[-1]) == 2
+
+
+# ---- identify, map --------------------------------------------------------------------------
+
+
+def test_what_is_identified_is_a_file_for_the_next_command():
+    true = Rod.circular(1.0, 1.5e-3, 8960.0, 1.2 * 110e9, 0.34)
+    simulator = DirectSimulator(true, n_elements=64)
+    looks = [Pose((0, 0, 1), (0, 0, 0, 1)), Pose.looking_along((0, 0, 1), (1, 0, 1))]
+    Path('looks.yaml').write_text(yaml.safe_dump([
+        {'gripper': {'position': one.position.tolist(), 'orientation': one.quaternion.tolist()},
+         'points': simulator.solve(one).positions[8::8].tolist()} for one in looks[:1]]))
+    np.savetxt('seen.csv', simulator.solve(looks[1]).positions[8::8], delimiter=',',
+               header='x,y,z', comments='')
+    result = run('identify', 'copper_wire', 'looks.yaml', 'seen.csv', '-g', '0,0,1,1,0,1', '-p',
+                 'rod.diameter=0.0015', '--find', 'bending_stiffness', '-o', 'found.yaml')
+    assert result.exit_code == 0, result.output
+    assert re.search(r'bending_stiffness\[0\] +0\.03', result.output)
+    assert run('shape', 'found.yaml', '-g', '0,0,1', '-o', 'again.npz').exit_code == 0
+    np.testing.assert_allclose(Shape.load('again.npz').positions[-1],
+                               simulator.solve(looks[0]).positions[-1], atol=1e-3)
+
+
+def test_points_need_their_gripper():
+    Path('seen.csv').write_text('x,y,z\n0.1,0,1\n')
+    result = run('identify', 'copper_wire', 'seen.csv')
+    assert result.exit_code == BAD_INPUT and '--gripper' in result.output
+    Path('seen.csv').write_text('x,y,z\n0.1,0\n')
+    result = run('identify', 'copper_wire', 'seen.csv', '-g', '0,0,1')
+    assert result.exit_code == BAD_INPUT and 'x, y, z' in result.output
+
+
+def test_a_map_has_a_line_for_each_cutout():
+    result = run('map', 'copper_wire', *QUICK, '--x', '0.3:0.5:2', '--z', '1', '--radius', '0.02',
+                 '--along', '1,0,0', '--along', '0,0,1', '-o', 'map.csv', '-o', 'map.png')
+    assert result.exit_code == 0, result.output
+    with Path('map.csv').open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert [(float(row['x']), float(row['direction_z'])) for row in rows] == [
+        (0.3, 0.0), (0.3, 1.0), (0.5, 0.0), (0.5, 1.0)]
+    threaded = [row['outcome'] == 'threaded' for row in rows]
+    assert threaded[0] and threaded[2]
+    assert re.search(rf'threaded +{sum(threaded)} +cut-outs', result.output)
+
+
+def test_a_map_of_nothing_is_no_solution():
+    result = run('map', 'copper_wire', *QUICK, '-p', 'workspace.lower=[5, 5, 5]', '-p',
+                 'workspace.upper=[6, 6, 6]', '--x', '0.3', '--z', '1', '--radius', '0.02')
+    assert result.exit_code == NO_SOLUTION
+    assert 'workspace' in result.output
+
+
+# ---- figures, doctor ------------------------------------------------------------------------
+
+
+def test_the_figures_are_listed():
+    result = run('figures')
+    assert result.exit_code == 0
+    assert {'dynamics', 'plasticity'} <= scripts().keys()
+    for name, path in scripts().items():
+        assert re.search(rf'^  {name} .*{re.escape(shows(path))}$', result.output, re.MULTILINE)
+    assert run('figures', 'nonsense').exit_code == BAD_INPUT
+
+
+@pytest.mark.parametrize(('status', 'code'), [(0, 0), (1, NO_SOLUTION)])
+def test_a_script_is_run_with_its_folder(monkeypatch, here, status, code):
+    script = here / 'figure.py'
+    script.write_text('"""A figure."""\nimport sys, pathlib\n'
+                      'pathlib.Path(sys.argv[1], "made").touch()\n' f'sys.exit({status})\n')
+    monkeypatch.setattr('dlo_planner.cli.figures.scripts', lambda: {'figure': script})
+    assert run('figures', 'figure', '-o', 'pictures').exit_code == code
+    assert (here / 'pictures' / 'made').exists()
+
+
+def test_the_doctor_names_what_is_missing_and_what_to_do(monkeypatch):
+    from importlib.util import find_spec  # noqa: PLC0415
+    monkeypatch.setattr('dlo_planner.cli.doctor.find_spec',
+                        lambda name: None if name in ('viser', 'rclpy') else find_spec(name))
+    said = {one.name: one for one in findings()}
+    assert said['numpy'].state == 'ok'
+    assert said['extra view'].state == 'note'
+    assert said['extra view'].remedy == "pip install 'dlo_planner[view]'"
+    assert said['ROS'].state == 'note' and 'setup.bash' in said['ROS'].remedy
+    assert 'copper_wire' in said['DLOs by name'].found
+    assert 'kernels' in said['compiled kernels'].name
+
+
+def test_the_doctor_ends_badly_where_something_is_bad(monkeypatch):
+    monkeypatch.setattr('dlo_planner.cli.doctor._ros', lambda: None)
+    monkeypatch.setattr('dlo_planner.cli.doctor.findings', lambda: iter(list(findings())[:5]))
+    assert run('doctor').exit_code == 0
+    monkeypatch.setattr('dlo_planner.cli.doctor._NEEDED', {'numpy': (99, 0), 'nonsense': (1, 0)})
+    result = run('doctor')
+    assert result.exit_code == NO_SOLUTION
+    assert 'pip install --upgrade "numpy>=99.0"' in result.output
+    assert 'pip install nonsense' in result.output
+
+
+# ---- all of them ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(('arguments', 'named'), [
+    (['shape', 'bamboo', '-g', '0,0,1'], 'copper_wire, rubber_hose'),
+    (['shape', 'copper_wire'], '--gripper'),
+    (['shape', 'copper_wire', '-g', '0,0'], '3, 6 or 7 numbers'),
+    (['shape', 'copper_wire', '-g', 'a,b,c'], 'X,Y,Z'),
+    (['shape', 'copper_wire', '-g', '0,0,nan'], 'gripper'),
+    (['shape', 'copper_wire', '-g', '0,0,1', '-p', 'rod.lenght=1'], 'rod.length'),
+    (['shape', 'copper_wire', '-g', '0,0,1', '-p', 'rod.diameter=-1'], 'rod.diameter'),
+    (['shape', 'copper_wire', '-g', '0,0,1', '-o', 'wire.txt'], 'wire.txt'),
+    (['shape', 'copper_wire', '-g', '0,0,1', '-o', 'nowhere/wire.npz'], 'nowhere'),
+    (['thread', 'copper_wire'], '--hole'),
+    (['map', 'copper_wire', '--x', '1:2', '--z', '1', '--radius', '0.1'], 'FIRST:LAST:COUNT'),
+    (['nonsense'], 'nonsense')])
+def test_bad_input_is_named(arguments, named):
+    result = run(*arguments)
+    assert result.exit_code == BAD_INPUT, result.output
+    assert named in result.output
+    assert 'residual' not in result.output  # refused before anything is computed
+    assert not list(Path().iterdir())
+
+
+def test_a_file_that_holds_something_else():
+    quick().solve(Pose((0, 0, 1), (0, 0, 0, 1))).save('shape.npz')
+    result = run('replay', 'copper_wire', 'shape.npz')
+    assert result.exit_code == BAD_INPUT and 'holds a Plan, it holds a Shape' in result.output
+
+
+def examples():
+    """Yield the examples that the helps show, as lists of arguments."""
+    for name in (None, *COMMANDS):
+        text = run(*([name] if name else []), '--help').output.replace('\\\n', ' ')
+        for line in re.findall(r'^ +dlo-planner (.*)', text, re.MULTILINE):
+            arguments = shlex.split(re.split(r'  {3,}[a-z]', line)[0])
+            if 'COMMAND' not in arguments:
+                yield name, arguments
+
+
+def test_every_help_has_examples_that_are_right():
+    for name in ('my_cable.yaml', 'table.yaml', 'plan.npz', 'seen.csv', 'looks.yaml'):
+        Path(name).touch()
+    shown = list(examples())
+    assert {name for name, _ in shown} == {None, *COMMANDS}
+    for _, (name, *arguments) in shown:
+        command = main.get_command(None, name)
+        command.make_context(name, arguments)  # it would raise a UsageError
+
+
+def test_exit_codes_are_told():
+    assert '2  bad input' in run('--help').output and '3  no solution' in run('--help').output
+    for name in ('shape', 'thread', 'replay', 'identify', 'map'):
+        assert 'Exit code 3:' in run(name, '--help').output
+    assert '0.1.0' in run('--version').output

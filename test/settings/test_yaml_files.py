@@ -1,0 +1,114 @@
+"""Parameters from YAML: the node's table, its types and limits, names that mean nothing."""
+
+from pathlib import Path
+
+import pytest
+
+from dlo_planner import InvalidTask, Rod
+from dlo_planner.settings.building import direct_of, inverse_of, limits_of, rod_of, tolerance_of
+from dlo_planner.settings.entries import ENTRIES
+from dlo_planner.settings.yaml_files import config_files, read_values, write_values
+
+HEAD = '/**:\n  ros__parameters:\n'
+
+
+def written(folder, text, head=HEAD):
+    path = folder / 'dlo.yaml'
+    path.write_text(head + text)
+    return path
+
+
+def test_a_file_of_config_describes_its_rod():
+    values, warnings = read_values('copper_wire')
+    assert warnings == []
+    assert values['rod.youngs_modulus'] == 110e9  # YAML 1.1 takes 110.0e9 for a word
+    assert rod_of(values) == Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34,
+                                          natural_curvature=(0.0, 0.0), damping=(0.0, 0.0))
+
+
+@pytest.mark.parametrize('name', ['copper_wire', 'rubber_hose', 'steel_leaf_spring'])
+def test_every_file_of_config_is_read_by_name_and_by_path(name):
+    by_name, _ = read_values(name)
+    assert by_name == read_values(config_files()[name])[0]
+    assert by_name.keys() == ENTRIES.keys()
+    for key, entry in ENTRIES.items():
+        assert type(by_name[key]) is type(entry.default), key
+    simulator = direct_of(by_name)
+    assert inverse_of(by_name, simulator).simulator.rod == simulator.rod
+
+
+def test_changes_count_more_than_the_file():
+    values, _ = read_values('copper_wire', ['rod.diameter=0.0015', 'rod.length:=2',
+                                            'workspace.lower=[-1, -1, 0]',
+                                            'threading.may_yield=false'])
+    assert values['rod.diameter'] == 0.0015
+    assert values['rod.length'] == 2.0 and isinstance(values['rod.length'], float)
+    assert values['workspace.lower'] == [-1.0, -1.0, 0.0]
+    assert values['threading.may_yield'] is False
+
+
+@pytest.mark.parametrize(('text', 'value'), [
+    ('8e3', 8e3), ('8.0e3', 8e3), ('1E-3', 1e-3), ('.5', 0.5), ('-2e+1', -20.0), ('7', 7.0),
+    ('0.25', 0.25), ('1.', 1.0)])
+def test_numbers_are_numbers_as_ros_reads_them(tmp_path, text, value):
+    path = written(tmp_path, f'    rod: {{natural_twist: {text}}}\n')
+    assert read_values(path)[0]['rod.natural_twist'] == value
+
+
+def test_names_that_mean_nothing_are_told(tmp_path):
+    values, warnings = read_values(written(tmp_path, '    rod: {lenght: 2.0}\n'))
+    assert values['rod.length'] == ENTRIES['rod.length'].default
+    assert len(warnings) == 1 and 'did you mean rod.length?' in warnings[0]
+    with pytest.raises(InvalidTask, match=r'did you mean rod\.length'):
+        read_values('copper_wire', ['rod.lenght=2'])
+
+
+@pytest.mark.parametrize(('text', 'head', 'named'), [
+    ('    rod: {length: 1000}\n', HEAD, r'rod\.length = 1000\.0: expected 0\.001 to 100'),
+    ('    rod: {length: long}\n', HEAD, r'rod\.length'),
+    ('    simulator: {n_elements: 1}\n', HEAD, r'simulator\.n_elements = 1: expected 2 to 2000'),
+    ('    gravity: 9.81\n', HEAD, 'gravity'), ('    rod: [\n', HEAD, 'expected YAML'),
+    ('    arm: {joints: 5}\n', HEAD, r'arm\.joints = 5: expected a list of strings'),
+    ('    rod: {length: 1' + 400 * '0' + '}\n', HEAD, r'rod\.length'),
+    ('    rod: {length: }\n', HEAD, r'rod\.length = None'),
+    ('    rod: {length: .nan}\n', HEAD, r'rod\.length = nan'),
+    ('', '/**:\n', 'ros__parameters'), ('rod: {length: 1.0}\n', '', r'under /\*\*'),
+    ('', 'other_node:\n  ros__parameters: {a: 1}\n', r'under /\*\*')])
+def test_what_makes_no_sense_is_named(tmp_path, text, head, named):
+    with pytest.raises(InvalidTask, match=named):
+        read_values(written(tmp_path, text, head))
+
+
+def test_a_file_that_is_not_there():
+    with pytest.raises(InvalidTask, match='copper_wire, rubber_hose, steel_leaf_spring'):
+        read_values('bamboo')
+    with pytest.raises(InvalidTask, match='name=value'):
+        read_values('copper_wire', ['rod.length'])
+
+
+def test_values_of_other_nodes_do_not_count(tmp_path):
+    path = written(tmp_path, '    rod: {length: 2.0}\ncamera:\n  ros__parameters:\n'
+                   '    rod: {length: 3.0}\n')
+    assert read_values(path)[0]['rod.length'] == 2.0
+
+
+def test_what_is_written_is_read_again(tmp_path):
+    values, _ = read_values('rubber_hose', ['threading.tolerance=1e-5', 'rod.name="a: b"'])
+    path = tmp_path / 'again.yaml'
+    write_values(path, values)
+    assert read_values(path) == (values, [])
+
+
+def test_limits_and_tolerance():
+    values, _ = read_values('copper_wire', ['threading.linear_jerk=7', 'threading.tolerance=0'])
+    assert limits_of(values).linear_jerk == 7.0
+    assert tolerance_of(values) is None
+    assert tolerance_of(values | {'threading.tolerance': float('nan')}) is None
+    assert tolerance_of(values | {'threading.tolerance': 0.01}) == 0.01
+    with pytest.raises(InvalidTask, match='tolerance'):
+        tolerance_of(values | {'threading.tolerance': 2.0})
+
+
+def test_the_files_are_those_of_the_sources():
+    root = Path(__file__).parents[2]
+    assert set(config_files().values()) == set((root / 'config').glob('*.yaml'))
