@@ -1,10 +1,11 @@
-"""The ruler: static shapes of a round wire under its weight, by one loop written for nothing else.
+"""The ruler: static shapes of a round wire under its weight, by a loop written for nothing else.
 
-The method is that of the package with `basis='local'`: arcs of constant strain, Newton's method with
-a Riccati sweep, at most 0.8 rad in a step, a shift where a pivot is negative, a stated side where the
-wire may fall to either, a kick off a saddle, the lowest eigenvalue at the end. Forces are vertical,
-so a rotation about the vertical costs nothing and all blocks are 2 wide; gradient, Hessian,
-factorization and the first half of the solution are one pass. Nothing of the package is imported.
+The method is that of the package with `basis='local'`: arcs of constant strain, Newton's method
+with a Riccati sweep, at most 0.8 rad in a step, a shift where a pivot is negative, a stated side
+where the wire may fall to either, a kick off a saddle, the lowest eigenvalue at the end. Forces are
+vertical, so a rotation about the vertical costs nothing and all blocks are 2 wide; gradient,
+Hessian, factorization and the first half of the solution are one pass. Nothing of the package is
+imported.
 """
 
 from math import cos, pi, sin, sqrt
@@ -23,7 +24,7 @@ compiled = njit(cache=True, error_model='numpy', nogil=True)
 
 
 class Wire(NamedTuple):
-    """A wire of N even elements: their length in m, weights (N + 1,) of the nodes in N, GJ and EI."""
+    """A wire of N even elements: their length, m; weights (N + 1,) of the nodes, N; GJ and EI."""
 
     h: float
     weights: np.ndarray
@@ -164,7 +165,7 @@ def _march(wire, scale, q, base, work):
 
 @compiled
 def _column(frame, scale, turned, shifted, weight, moment):
-    """Return what one unknown does to all beyond: its rotation, the same rolled by the load, and both.
+    """Return what one unknown does to all beyond: rotation, that rolled by the load, and all.
 
     Args:
         turned, shifted: (3,) in the element's frame: rotation, displacement of its far end
@@ -229,7 +230,7 @@ def _times(m, v):
 
 @compiled
 def _sweep(wire, scale, q, work, shift):
-    """Factorize the Hessian plus `shift`, begin the step; return negative pivots, gradient squared."""
+    """Factorize Hessian + `shift`, begin the step; return negative pivots, gradient squared."""
     h, torsion, bending = wire.h, scale[0], scale[1]
     negative, gradient2, weight = 0, 0.0, 0.0
     moment = (0.0, 0.0, 0.0)
@@ -420,7 +421,7 @@ def _lowest(work, shift, mode):
 
 @compiled
 def _factorize(wire, scale, work, shift):
-    """Return the first shift in a growing row that leaves no negative pivot, and gradient squared."""
+    """Return the first shift in a row that leaves no negative pivot, and gradient squared."""
     negative, gradient2 = _sweep(wire, scale, work.q, work, shift)
     while negative > 0:
         shift = max(1e-3, 4.0 * shift)

@@ -17,25 +17,22 @@ _STARTS = 5
 def iteration(budget: float) -> Timed:
     """Return what one more Newton iteration costs: the slope of times over counts.
 
-    Of solves from one shape to poses ever farther away, on a way without falls: no trial is given
-    up, no Hessian shifted. All that a solve costs once drops out.
+    Of cold solves from the gripper that points down, where nothing is left to do, to the level
+    one: no trial is given up, no Hessian shifted. All that a solve costs once drops out.
     """
-    simulator, poses = local(), [turned(angle) for angle in np.geomspace(1e-4, 60.0, 30)]
-    known = simulator.solve(turned(0))
-    wire, work = floor.copper_wire(), floor.new_work(64)
-    first, *bases = rotations([turned(0), *poses])
-    floor.search(wire, first, work)
-    start = work.q.copy()
+    simulator = local()
+    poses = [turned(angle - 90.0) for angle in np.geomspace(1e-6, 90.0, 30)]
+    wire, work, bases = floor.copper_wire(), floor.new_work(64), rotations(poses)
 
     def of_floor(base):
-        work.q[:] = start
+        work.q[:] = 0.0
         return floor.search(wire, base, work)[2]
 
-    counts = [simulator.solve(pose, known).iterations for pose in poses]
+    counts = [simulator.solve(pose).iterations for pose in poses]
     floor_counts = [of_floor(base) for base in bases]
     ended, own, ratios = perf_counter() + budget, [], []
     while len(own) < 5 or perf_counter() < ended:
-        own.append(slope(counts, [_quickest(lambda p=pose: simulator.solve(p, known))
+        own.append(slope(counts, [_quickest(lambda p=pose: simulator.solve(p))
                                   for pose in poses]))
         ratios.append(own[-1] / slope(floor_counts, [_quickest(lambda b=base: of_floor(b))
                                                      for base in bases]))

@@ -1,4 +1,4 @@
-"""What others are measured by: the floor at several pieces of work, and one solve of the package."""
+"""What others are measured by: the floor at several pieces of work, one solve of the package."""
 
 from functools import cache
 
