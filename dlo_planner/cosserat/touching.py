@@ -115,6 +115,7 @@ def pressed(cords: tuple[Cord, Cord]) -> list:
                      options={'eps': 1e-5, 'xtol': _SAME})
         if not found.success or np.abs(found.fun).max() > _PLACED:
             raise FloatingPointError(f'the contact was not found: {found.message}')
+        contact.shapes = [None, None]  # from the natural shape: it does not depend on the trials
         contact.misfit(found.x, start)
         force = found.x[0] * force
         before = list(zip(contact.shapes, contact.stretches, strict=True))
