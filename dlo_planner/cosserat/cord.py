@@ -99,15 +99,14 @@ class Cord:
         return Stretch.along(free, np.einsum('ki,ki->k', beyond, chord) / (self.young * self.area))
 
 
-def at_rest(cord: Cord, rod: Rod, stretch: Stretch, loads=(), before: Shape | None = None
-            ) -> Shape:
+def at_rest(cord: Cord, rod: Rod, stretch: Stretch, loads=()) -> Shape:
     """Return the Shape in which a cord comes to rest whose Stretch is given.
 
     Raises:
         FloatingPointError: none was found
     """
     simulator = cord.simulator(rod, stretch, loads)
-    shape = simulator.solve(cord.gripper, before, far_end=cord.far_end)
+    shape = simulator.solve(cord.gripper, far_end=cord.far_end)
     if not shape.converged:
         raise FloatingPointError(f'no equilibrium was found: {shape.status}')
     return shape

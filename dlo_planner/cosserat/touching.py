@@ -45,8 +45,7 @@ class Contact:
         """Let both come to rest pressed by `force` in N; return the gap between them in m."""
         for k, sign in enumerate((-1.0, 1.0)):
             loads = [(self.places[k], sign * force * self.normal)]
-            self.shapes[k] = at_rest(self.cords[k], self._rods[k], self.stretches[k], loads,
-                                     self.shapes[k])
+            self.shapes[k] = at_rest(self.cords[k], self._rods[k], self.stretches[k], loads)
         points = self._points(self.crossed())
         return float((points[1] - points[0]) @ self.normal) - sum(c.radius for c in self.cords)
 
@@ -63,7 +62,7 @@ class Contact:
 
     def take(self, stretches: list[Stretch]) -> None:
         """Begin anew with these Stretches."""
-        self.stretches, self.shapes = stretches, [None, None]
+        self.stretches = stretches
         self._rods = [cord.rod(one) for cord, one in zip(self.cords, stretches, strict=True)]
 
     def misfit(self, trial: np.ndarray, start: np.ndarray) -> np.ndarray:
@@ -115,7 +114,6 @@ def pressed(cords: tuple[Cord, Cord]) -> list:
                      options={'eps': 1e-5, 'xtol': _SAME})
         if not found.success or np.abs(found.fun).max() > _PLACED:
             raise FloatingPointError(f'the contact was not found: {found.message}')
-        contact.shapes = [None, None]  # from the natural shape: it does not depend on the trials
         contact.misfit(found.x, start)
         force = found.x[0] * force
         before = list(zip(contact.shapes, contact.stretches, strict=True))
