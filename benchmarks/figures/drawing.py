@@ -1,0 +1,31 @@
+"""Pictures and tables of one look."""
+
+import matplotlib
+
+matplotlib.use('Agg')
+from matplotlib import pyplot as plt  # noqa: E402  the backend has to be chosen first
+
+from benchmarks import report  # noqa: E402
+
+COLORS = dict(zip(('chebyshev', 'fourier', 'local', 'newton', 'dfp', 'downhill_simplex', 'A', 'B'),
+                  ('C0', 'C1', 'C2', 'C0', 'C1', 'C3', 'C0', 'C3'), strict=True))
+
+
+def axes(count=1, **more):
+    """Return a figure and its axes, side by side."""
+    figure, found = plt.subplots(1, count, figsize=(5.2 * count, 3.6), layout='constrained',
+                                 squeeze=False, **more)
+    for one in found[0]:
+        one.grid(alpha=0.3, which='both')
+    return figure, list(found[0])
+
+
+def save(figure, folder, name, title, heads, lines, data):
+    """Write picture, table and JSON; print the table."""
+    folder.mkdir(parents=True, exist_ok=True)
+    figure.suptitle(title, fontsize=11)
+    figure.savefig(folder / f'{name}.png', dpi=110)
+    plt.close(figure)
+    text = report.markdown(heads, lines)
+    print(f'{title}\n{text}', flush=True)
+    report.write(folder, name, f'# {title}', f'![{title}]({name}.png)\n\n{text}', data)
