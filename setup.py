@@ -19,6 +19,7 @@ setup(
         'arm': ['pin>=3'],
         'view': ['viser>=1.1'],
         'cluster': ['distributed>=2024.1'],
+        'peers': ['mujoco', 'pyelastica', 'cosseratbench', 'matplotlib'],
         'cell': ['mujoco>=3.13', 'matplotlib'],
         'test': ['pytest', 'hypothesis', 'import-linter', 'ros-domain-coordinator',
                  'playwright', 'pyyaml'],
@@ -30,6 +31,7 @@ setup(
         (f'share/{NAME}/launch', glob('launch/*.py')),
     ],
     entry_points={
+        'cosseratbench.solvers': [f'{NAME} = dlo_planner.cosserat.solver:DloPlanner'],
         'console_scripts': [
             'planner_node = dlo_planner.ros.main:main',
             'demo = dlo_planner.ros.demo:main',

@@ -1,4 +1,4 @@
-"""The paper's Fig. 5, 6, 8, 9, 10, 12 as tables and pictures; each script uses public names only."""
+"""The paper's Fig. 5, 6, 8, 9, 10, 12 as tables and pictures, by public names only."""
 
 from importlib import import_module
 

@@ -13,17 +13,23 @@ COLORS = dict(zip(('chebyshev', 'fourier', 'local', 'newton', 'dfp', 'downhill_s
 
 def axes(count=1, **more):
     """Return a figure and its axes, side by side."""
-    figure, found = plt.subplots(1, count, figsize=(5.2 * count, 3.6), layout='constrained',
+    figure, found = plt.subplots(1, count, figsize=(5.6 * count, 3.8), layout='constrained',
                                  squeeze=False, **more)
     for one in found[0]:
         one.grid(alpha=0.3, which='both')
     return figure, list(found[0])
 
 
+def ticks(axis, values):
+    """Mark these values on a logarithmic x axis, and no others."""
+    axis.set_xticks(values, [f'{value:g}' for value in values])
+    axis.xaxis.set_minor_formatter('')
+
+
 def save(figure, folder, name, title, heads, lines, data):
     """Write picture, table and JSON; print the table."""
     folder.mkdir(parents=True, exist_ok=True)
-    figure.suptitle(title, fontsize=11)
+    figure.suptitle(title, fontsize=10)
     figure.savefig(folder / f'{name}.png', dpi=110)
     plt.close(figure)
     text = report.markdown(heads, lines)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from benchmarks.cases import local, turned, wire
-from benchmarks.figures.drawing import COLORS, axes, save
+from benchmarks.figures.drawing import COLORS, axes, save, ticks
 from dlo_planner import DirectSimulator
 
 SIZES = (4, 6, 8, 10, 12, 15, 20, 24, 32, 48, 64, 96, 120, 160, 240, 320, 480)
@@ -31,7 +31,8 @@ def main(folder):
     for name, row in found.items():
         axis.loglog(list(row), list(row.values()), 'o-', ms=4, color=COLORS[name],
                     label=f'benchmark {name}')
-    ends = np.array([12.0, 480.0])
+    ticks(axis, (4, 8, 15, 32, 64, 120, 240, 480))
+    ends = np.array([12.0, 240.0])
     axis.loglog(ends, found['A'][24] * (24 / ends) ** 2, 'k:', lw=1, label='second order')
     axis.set_xlabel('number of elements $N_L$')
     axis.set_ylabel('largest deviation $\\Delta x_{max}$ [m]')

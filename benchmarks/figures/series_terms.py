@@ -3,7 +3,7 @@
 import numpy as np
 
 from benchmarks.cases import local, turned, wire
-from benchmarks.figures.drawing import COLORS, axes, save
+from benchmarks.figures.drawing import COLORS, axes, save, ticks
 from dlo_planner import DirectSimulator
 
 TERMS = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48)
@@ -34,7 +34,7 @@ def main(folder):
                         color=COLORS[name], label=f'benchmark {name}')
         axis.set_title(basis, fontsize=10)
         axis.set_xlabel('number of series terms $N_c$')
-        axis.set_xticks([2, 4, 8, 16, 32], ['2', '4', '8', '16', '32'])
+        ticks(axis, (2, 4, 8, 16, 32))
         axis.legend(fontsize=8)
     both[0].set_ylabel('largest deviation $\\Delta x_{max}$ [m]')
     lines = [[str(terms), *(f'{row[terms]:.1e}' if terms in row else 'not converged'

@@ -1,6 +1,6 @@
 """Fig. 8: computation time by the number of elements, 8 Chebyshev terms."""
 
-from benchmarks.figures.drawing import COLORS, axes, save
+from benchmarks.figures.drawing import COLORS, axes, save, ticks
 from benchmarks.figures.timed import METHODS, times
 from benchmarks.timing import exponent
 
@@ -19,7 +19,7 @@ def main(folder):
                     color=COLORS[method], label=METHODS[method] + (growth if len(row) > 1 else ''))
     axis.set_xlabel('number of elements $N_L$')
     axis.set_ylabel('CPU time of benchmark C [s]')
-    axis.set_xticks(SIZES, [str(n) for n in SIZES])
+    ticks(axis, SIZES)
     axis.legend(fontsize=8)
     lines = [[str(n), *(f'{row[n]:.3g}' if n in row else '-' for row in found.values())]
              for n in SIZES]
