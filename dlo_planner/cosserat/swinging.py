@@ -15,7 +15,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 
 _HINGE = 1e-6       # of the length
-_SOFT = 1e-3        # of the cord's bend energy per rad: of a hinge that turns by 1 rad
+_SOFT = 1e-3, 1e-5  # moment of a hinge per rad: of EI / L, and of the weight times L at least
 _STEPS = 800        # in the slowest vibration of a hanging cord, about
 
 
@@ -38,9 +38,10 @@ def swung(cord: Cord, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
               'twist': _on(own.torsional_stiffness, mesh)}
     if cord.grip == 'pinned':
         hinge = _HINGE * mesh[-1]
+        weight = cord.density * cord.area * cord.length * np.linalg.norm(cord.gravity)
+        soft = hinge * max(_SOFT[0] * values['bend'][0] / mesh[-1], _SOFT[1] * weight * mesh[-1])
         mesh = np.concatenate([[0.0], hinge + mesh])
-        soft = _SOFT * hinge / mesh[-1]
-        values = {name: np.concatenate([[row[0] * (1.0 if name == 'mass' else soft)], row])
+        values = {name: np.concatenate([[row[0] if name == 'mass' else soft], row])
                   for name, row in values.items()}
         strains = np.concatenate([np.zeros((1, 3)), strains])
     shapes = _simulated(cord, mesh, values, gripper, strains, times)

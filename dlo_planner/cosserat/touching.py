@@ -112,8 +112,8 @@ def pressed(cords: tuple[Cord, Cord]) -> list:
         start = np.concatenate([[force], contact.normal])
         found = root(contact.misfit, [1.0, *contact.places, 0.0, 0.0], args=(start,),
                      options={'eps': 1e-5, 'xtol': _SAME})
-        if not found.success or np.abs(found.fun).max() > _PLACED:
-            raise FloatingPointError(f'the contact was not found: {found.message}')
+        if np.abs(found.fun).max() > _PLACED:  # the mesh moves with the place: not quite smooth
+            raise FloatingPointError(f'the contact was not found, {found.fun} is left')
         contact.misfit(found.x, start)
         force = found.x[0] * force
         before = list(zip(contact.shapes, contact.stretches, strict=True))
