@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from time import perf_counter
 
-from benchmarks import guards, report
+from benchmarks import guards, page, report
 from benchmarks.table import rows
 
 _DOCS = Path(__file__).parent.parent / 'docs' / 'benchmarks'
@@ -69,6 +69,8 @@ def main(arguments=None):
     for name in ('peers', 'suite', 'figures'):
         if given.what in ('all', name):
             _part(name)(given.output)
+    if not given.rows:
+        page.write(given.output)
     print(f'{perf_counter() - started:.0f} s; written to {given.output}')
     return 0
 

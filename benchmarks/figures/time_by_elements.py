@@ -4,7 +4,7 @@ from benchmarks.figures.drawing import COLORS, axes, save, ticks
 from benchmarks.figures.timed import METHODS, times
 from benchmarks.timing import exponent
 
-SIZES = (16, 32, 64, 128)
+SIZES = (16, 32, 64, 96)
 _TERMS = 8
 
 

@@ -3,7 +3,7 @@
 from benchmarks.figures.drawing import COLORS, axes, save
 from benchmarks.figures.timed import METHODS, times
 
-TERMS = (2, 4, 6, 8, 12)
+TERMS = (2, 4, 6, 8, 10)
 _ELEMENTS = 32
 
 

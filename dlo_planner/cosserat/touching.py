@@ -15,7 +15,7 @@ _FIRST = 0.02    # of the weight: the first trial of the force
 _MOST = 1e3      # of it: the largest
 _TURNS = 20
 _SAME = 1e-6     # of strain, of the length, rad: what turns may still change
-_PLACED = 1e-4   # m, rad: how well the contact is placed; the gap feels its square
+_PLACED = 1e-3   # m, rad: how well the contact is placed; the gap feels its square
 _SAMPLES = 801
 
 

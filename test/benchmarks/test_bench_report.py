@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from benchmarks import guards, report, suite
+from benchmarks import guards, page, report, suite
 from benchmarks.peers.compare import line, time_to
 from benchmarks.rows import Goal, Row
 from benchmarks.timing import Timed
@@ -64,3 +64,11 @@ def test_ranks_of_the_suite():
                'c': {'outcome': 'unsupported', 'wall_s': None, 'metrics': {}}}
     assert suite.ranks(results, None) == ['a', 'b']
     assert suite.ranks(results, 'error') == ['b', 'a']
+
+
+def test_the_page_takes_what_was_measured(tmp_path):
+    folder = tmp_path / 'found'
+    report.write(folder, 'core', '# Title', '![x](a.png)\n\n| 1 |\n', {})
+    words = page.text('before {{core}} after {{peers}}', folder)
+    assert words.startswith('before ![x](found/a.png)')
+    assert words.endswith('after *Not measured yet.*')
