@@ -96,7 +96,9 @@ class Cord:
         for s, force in loads:
             beyond = beyond + (s > middle)[:, None] * force
         chord = np.diff(shape.positions, axis=0) / np.diff(shape.s)[:, None]
-        return Stretch.along(free, np.einsum('ki,ki->k', beyond, chord) / (self.young * self.area))
+        own = Stretch.along(free, np.einsum('ki,ki->k', beyond, chord) / (self.young * self.area))
+        even = np.linspace(0, self.length, self.n + 1)  # without nodes at loads, which move
+        return Stretch.along(even, np.diff(own.to_stretched(even)) / np.diff(even) - 1)
 
 
 def at_rest(cord: Cord, rod: Rod, stretch: Stretch, loads=()) -> Shape:

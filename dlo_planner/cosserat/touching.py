@@ -14,6 +14,8 @@ from dlo_planner.cosserat.stretch import Stretch
 _FIRST = 0.02    # of the weight: the first trial of the force
 _MOST = 1e3      # of it: the largest
 _TURNS = 20
+_TRIALS = 40
+_ROUGH = 1e-5    # parts: how well force, place and normal are found together
 _SAME = 1e-6     # of strain, of the length, rad: what turns may still change
 _PLACED = 1e-3   # m, rad: how well the contact is placed; the gap feels its square
 _SAMPLES = 801
@@ -111,11 +113,11 @@ def pressed(cords: tuple[Cord, Cord]) -> list:
     for _ in range(_TURNS):
         start = np.concatenate([[force], contact.normal])
         found = root(contact.misfit, [1.0, *contact.places, 0.0, 0.0], args=(start,),
-                     options={'eps': 1e-5, 'xtol': _SAME})
+                     options={'eps': 1e-4, 'xtol': _ROUGH, 'maxfev': _TRIALS})
         if np.abs(found.fun).max() > _PLACED:  # the mesh moves with the place: not quite smooth
             raise FloatingPointError(f'the contact was not found, {found.fun} is left')
         contact.misfit(found.x, start)
-        force = found.x[0] * force
+        force = _refined(contact, found.x[0] * force)
         before = list(zip(contact.shapes, contact.stretches, strict=True))
         if contact.stretch(force) < _SAME:
             return before
@@ -133,6 +135,15 @@ def _force(contact, step, most):
         if high > most:
             raise FloatingPointError('the cords cannot be pressed apart')
     return brentq(contact.rest, low, high, xtol=1e-3 * step)
+
+
+def _refined(contact, force):
+    """Return the force with which the gap vanishes, from a good guess, at the same place."""
+    far = (1 + 100 * _ROUGH) * force
+    one, other = contact.rest(force), contact.rest(far)
+    force -= one * (far - force) / (other - one)
+    contact.rest(force)
+    return force
 
 
 def _line(cord):
