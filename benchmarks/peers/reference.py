@@ -14,7 +14,7 @@ from scipy.optimize import root_scalar
 LENGTH, DIAMETER, DENSITY, YOUNG, GRAVITY = 1.0, 1e-3, 8960.0, 110e9, 9.81
 WEIGHT = DENSITY * np.pi * DIAMETER**2 / 4 * GRAVITY  # N/m
 BENDING = YOUNG * np.pi * DIAMETER**4 / 64            # N m^2
-_STEPS = 20
+_STEPS = 10
 
 
 @dataclass(frozen=True)
