@@ -14,7 +14,7 @@ from scipy.optimize import root_scalar
 LENGTH, DIAMETER, DENSITY, YOUNG, GRAVITY = 1.0, 1e-3, 8960.0, 110e9, 9.81
 WEIGHT = DENSITY * np.pi * DIAMETER**2 / 4 * GRAVITY  # N/m
 BENDING = YOUNG * np.pi * DIAMETER**4 / 64            # N m^2
-_STEPS = 10
+_STEPS = 20
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,8 @@ def _tip(gripper, tip_mass, load, guess):
         return _integrated(tip, tip_mass, load).y[0, -1] - gripper - np.pi / 2
 
     found = root_scalar(miss, x0=guess, x1=guess - 1e-3, xtol=1e-12, rtol=1e-13)
-    if not found.converged or abs(miss(found.root)) > 1e-9:
-        raise FloatingPointError(f'no shape at a gripper angle of {gripper:g} rad')
+    curve = _integrated(found.root, tip_mass, load)
+    bent_one_way = (curve.y[1] <= 0).all() and curve.y[0, -1] < np.pi  # the others have loops
+    if not found.converged or abs(curve.y[0, -1] - gripper - np.pi / 2) > 1e-9 or not bent_one_way:
+        raise FloatingPointError(f'no plain shape at a gripper angle of {gripper:g} rad')
     return found.root
