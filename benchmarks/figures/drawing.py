@@ -1,5 +1,7 @@
 """Pictures and tables of one look."""
 
+from textwrap import fill
+
 import matplotlib
 
 matplotlib.use('Agg')
@@ -29,7 +31,7 @@ def ticks(axis, values):
 def save(figure, folder, name, title, heads, lines, data):
     """Write picture, table and JSON; print the table."""
     folder.mkdir(parents=True, exist_ok=True)
-    figure.suptitle(title, fontsize=10)
+    figure.suptitle(fill(title, 68 * len(figure.axes)), fontsize=10)
     figure.savefig(folder / f'{name}.png', dpi=110)
     plt.close(figure)
     text = report.markdown(heads, lines)

@@ -12,6 +12,11 @@ def main(folder):
     """Make table and picture."""
     found = {method: {n: seconds for (n, _), seconds in
                       times(method, [(n, _TERMS) for n in SIZES]).items()} for method in METHODS}
+    draw(folder, found)
+
+
+def draw(folder, found):
+    """Write table and picture of method -> (size -> s)."""
     figure, (axis,) = axes()
     for method, row in found.items():
         growth = f', grows like $N_L^{{{exponent(list(row), list(row.values())):.2f}}}$'
@@ -20,9 +25,9 @@ def main(folder):
     axis.set_xlabel('number of elements $N_L$')
     axis.set_ylabel('CPU time of benchmark C [s]')
     ticks(axis, SIZES)
-    axis.legend(fontsize=8)
+    axis.legend(fontsize=7, loc='upper left', bbox_to_anchor=(0.0, 0.82))
     lines = [[str(n), *(f'{row[n]:.3g}' if n in row else '-' for row in found.values())]
-             for n in SIZES]
+             for n in sorted({n for row in found.values() for n in row})]
     save(figure, folder, 'fig08',
          'Fig. 8: time by the number of elements, 8 Chebyshev terms, benchmark C',
          ['N_L', *(f'{METHODS[method]} [s]' for method in found)], lines, found)

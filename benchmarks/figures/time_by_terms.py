@@ -12,6 +12,11 @@ def main(folder):
     found = {method: {terms: seconds for (_, terms), seconds in
                       times(method, [(_ELEMENTS, terms) for terms in TERMS]).items()}
              for method in METHODS}
+    draw(folder, found)
+
+
+def draw(folder, found):
+    """Write table and picture of method -> (size -> s)."""
     figure, (axis,) = axes()
     for method, row in found.items():
         axis.semilogy(list(row), list(row.values()), 'o-', ms=4,
@@ -20,7 +25,7 @@ def main(folder):
     axis.set_ylabel('CPU time of benchmark C [s]')
     axis.legend(fontsize=8)
     lines = [[str(n), *(f'{row[n]:.3g}' if n in row else '-' for row in found.values())]
-             for n in TERMS]
+             for n in sorted({n for row in found.values() for n in row})]
     save(figure, folder, 'fig09',
          'Fig. 9: time by the number of Chebyshev terms, 32 elements, benchmark C',
          ['N_c', *(f'{METHODS[method]} [s]' for method in found)], lines, found)
