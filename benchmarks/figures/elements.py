@@ -31,9 +31,9 @@ def main(folder):
     for name, row in found.items():
         axis.loglog(list(row), list(row.values()), 'o-', ms=4, color=COLORS[name],
                     label=f'benchmark {name}')
-    ticks(axis, (4, 8, 15, 32, 64, 120, 240, 480))
     ends = np.array([12.0, 240.0])
     axis.loglog(ends, found['A'][24] * (24 / ends) ** 2, 'k:', lw=1, label='second order')
+    ticks(axis, (4, 8, 15, 32, 64, 120, 240, 480))
     axis.set_xlabel('number of elements $N_L$')
     axis.set_ylabel('largest deviation $\\Delta x_{max}$ [m]')
     axis.legend(fontsize=8)
