@@ -1,6 +1,7 @@
 # make demo   the main job, done by real ROS 2 processes; pictures in demo_output/
 # make test   the tests
-# make bench  timings of the core
+# make bench  timings beside a hand-written loop, peers, the paper's figures: docs/benchmarks
+# make bench-check  fails where a ratio to that loop has grown by 30 %
 # make cell   20 tasks in a physics engine; table and film in cell_output/
 # make soak   a node under odd messages, load and faults for 10 minutes; report in soak_output/
 # make lint   style
@@ -11,7 +12,7 @@ PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/python
 
-.PHONY: demo test bench cell soak lint lock clean
+.PHONY: demo test bench bench-check cell soak lint lock clean
 demo: $(VENV)/ready
 	$(RUN) -m dlo_planner.ros.demo
 
@@ -19,7 +20,10 @@ test: $(VENV)/ready
 	OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -n 2 --dist loadgroup
 
 bench: $(VENV)/ready
-	$(RUN) benchmarks/run.py
+	$(RUN) -m benchmarks
+
+bench-check: $(VENV)/ready
+	$(RUN) -m benchmarks check
 
 cell: $(VENV)/ready
 	$(RUN) -m dlo_planner.cell

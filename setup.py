@@ -20,6 +20,7 @@ setup(
         'arm': ['pin>=3'],
         'view': ['viser>=1.1'],
         'cluster': ['distributed>=2024.1'],
+        'peers': ['mujoco', 'pyelastica', 'cosseratbench', 'matplotlib'],
         'cell': ['mujoco>=3.13', 'matplotlib'],
         'test': ['pytest', 'hypothesis', 'import-linter', 'ros-domain-coordinator',
                  'playwright', 'pyyaml'],
@@ -33,6 +34,7 @@ setup(
         (f'lib/{NAME}', sorted(glob('scripts/*'))),
     ],
     entry_points={
+        'cosseratbench.solvers': [f'{NAME} = dlo_planner.cosserat.solver:DloPlanner'],
         'console_scripts': [
             'dlo-planner = dlo_planner.cli.main:main',
         ],

@@ -1,0 +1,76 @@
+"""What is computed: the paper's benchmarks, and scenes in which the DLO touches something."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import Box, Capsule, CutOut, DirectSimulator, FarEnd, Pose, Rod, Sheet
+
+ANGLES = (*range(0, 181, 10), *range(170, -1, -10))  # degrees, benchmark C: up, over, and back
+SMOOTH = tuple(np.linspace(0, 72, 37))
+BAR = Capsule((0.3, -0.5, 0.7), (0.3, 0.5, 0.7), 0.02)
+
+
+def wire(diameter=1e-3, **more):
+    """Return the paper's copper wire of 1 m, or a thicker one."""
+    return Rod.circular(1.0, diameter, 8960.0, 110e9, 0.34, **more)
+
+
+def local(n=64, rod=None, **more):
+    """Return a DirectSimulator with one unknown strain per element."""
+    return DirectSimulator(rod or wire(), basis='local', n_elements=n, **more)
+
+
+def chebyshev(n=64, rod=None, **more):
+    """Return a DirectSimulator with ten Chebyshev terms."""
+    return DirectSimulator(rod or wire(), n_elements=n, **more)
+
+
+def turned(degrees):
+    """Return the gripper of benchmarks A, B (0 degrees) and C."""
+    return Pose((0, 0, 1), Rotation.from_euler('y', -degrees, degrees=True).as_quat())
+
+
+def level(height, x=0.0):
+    """Return a level gripper at a height."""
+    return Pose((x, 0, height), (0, 0, 0, 1))
+
+
+def random_poses(count, seed=0):
+    """Return poses in any direction."""
+    rng = np.random.default_rng(seed)
+    return [Pose((0, 0, 0), rng.normal(size=4)) for _ in range(count)]
+
+
+def rotations(poses):
+    """Return (n, 3, 3) of Poses, as the floor takes them."""
+    return np.array([pose.rotation for pose in poses])
+
+
+def hole(position, **size):
+    """Return a CutOut that is passed along x."""
+    return CutOut(Pose.looking_along(position, (1, 0, 0)), **size)
+
+
+def scenes(friction=0.2):
+    """Return name -> (DirectSimulator, poses): a wire lowered in steps of 10 mm."""
+    edge = Rotation.from_euler('zx', (30, 45), degrees=True)
+    up = Rotation.align_vectors([(0, 0, 1)], [(1, 1, 1)])[0]
+    down = [level(z) for z in np.arange(0.98, 0.70, -0.01)]
+    return {
+        'oblique edge of a box': (_touching(
+            [Box(Pose((0.4, 0, 0.65), edge.as_quat()), (0.3, 0.2, 0.2), friction)]), down),
+        'corner of a box': (_touching(
+            [Box(Pose((0.4, 0.01, 0.65), up.as_quat()), (0.2, 0.2, 0.2), friction)]), down),
+        'hole in a sheet': (_touching(
+            [Sheet.around(hole((0.4, 0, 1.0), radius=0.02), friction=friction)]),
+            [level(z) for z in np.arange(1.0, 0.88, -0.01)]),
+    }
+
+
+def _touching(obstacles):
+    return DirectSimulator(wire(1.5e-3), obstacles=obstacles)
+
+
+def held(distance=0.8, height=1.0):
+    """Return the FarEnd of a wire that is clamped at both ends."""
+    return FarEnd(level(height, distance))

@@ -1,0 +1,55 @@
+"""Fig. 10: how much independent computation gains from more workers."""
+
+import os
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+from time import perf_counter
+
+import numpy as np
+
+from benchmarks.cases import chebyshev, random_poses
+from benchmarks.figures.drawing import axes, save
+from dlo_planner import parallel
+
+_POSES, _REPEATS = 2000, 3
+
+
+def pools(workers):
+    """Return name -> executor of as many workers."""
+    return {'threads': ThreadPoolExecutor(workers),
+            'processes': ProcessPoolExecutor(workers, mp_context=get_context('forkserver'))}
+
+
+def wall(simulator, poses, executor):
+    """Return the median wall-clock time of all poses, in s, after one run that starts workers."""
+    parallel.map(simulator, poses, executor)
+    found = []
+    for _ in range(_REPEATS):
+        started = perf_counter()
+        parallel.map(simulator, poses, executor)
+        found.append(perf_counter() - started)
+    return float(np.median(found))
+
+
+def main(folder):
+    """Make table and picture."""
+    simulator, poses = chebyshev(), random_poses(_POSES)
+    alone = wall(simulator, poses, None)
+    counts = sorted({1, 2, os.cpu_count() or 1} & set(range(1, (os.cpu_count() or 1) + 1)))
+    found = {'threads': {}, 'processes': {}}
+    for count in counts:
+        for name, executor in pools(count).items():
+            with executor:
+                found[name][count] = alone / wall(simulator, poses, executor)
+    figure, (axis,) = axes()
+    axis.plot([1, max(counts)], [1, max(counts)], 'k:', lw=1, label='linear')
+    for name, row in found.items():
+        axis.plot(list(row), list(row.values()), 'o-', label=name)
+    axis.set_xlabel('workers $N_p$')
+    axis.set_ylabel('speedup over one without workers')
+    axis.set_xticks(counts)
+    axis.set_ylim(0, None)
+    axis.legend(fontsize=8)
+    lines = [[str(count), *(f'{row[count]:.2f}' for row in found.values())] for count in counts]
+    save(figure, folder, 'fig10', f'Fig. 10: speedup of {_POSES} independent shapes',
+         ['workers', *found], lines, {'serial_s': alone, **found})

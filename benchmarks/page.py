@@ -1,0 +1,24 @@
+"""The page of the documentation: its words are in page.md, its tables those that were measured."""
+
+import re
+from pathlib import Path
+
+_WORDS = Path(__file__).parent / 'page.md'
+_PLACE = re.compile(r'\{\{(\w+)\}\}')
+
+
+def text(words: str, folder: Path) -> str:
+    """Return a page with each {{name}} replaced by the file name.md of a folder, if it is there."""
+    def table(found):
+        path = folder / f'{found[1]}.md'
+        if not path.exists():
+            return '*Not measured yet.*'
+        told = path.read_text().split('\n', 2)[2].strip()  # without its title
+        return told.replace('](', f']({folder.name}/')
+
+    return _PLACE.sub(table, words)
+
+
+def write(folder: Path) -> None:
+    """Write the page beside a folder of results, under the same name."""
+    folder.with_suffix('.md').write_text(text(_WORDS.read_text(), folder))

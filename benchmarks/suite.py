@@ -1,0 +1,89 @@
+"""cosseratbench's validations: this package beside PyElastica and MuJoCo, by its own metrics.
+
+Others take minutes and do not change: what was measured of them is kept, and measured again with
+FRESH=1 in the environment. The results say on which machine.
+"""
+
+import json
+import os
+from importlib.util import find_spec
+
+from benchmarks import report
+
+EXPERIMENTS = ('cantilever', 'catenary', 'pendulum', 'crossing', 'twist')
+OURS = 'dlo_planner'
+_METRICS = {'cantilever': ('tip_deflection_error',), 'catenary': ('shape_error', 'sag_error'),
+            'pendulum': ('period_error', 'amplitude_change'),
+            'crossing': ('shape_error', 'lift_error'), 'twist': ('critical_twist_error',)}
+
+
+def scored(experiment, solver):
+    """Return outcome, s, why not, and metrics of a solver, as JSON can hold them."""
+    from cosseratbench.experiment import finite, run  # noqa: PLC0415  an extra
+    try:
+        result = run(experiment, solver)
+    except Exception as error:  # noqa: BLE001  a solver that does not fit its library's version
+        return {'outcome': 'failed', 'wall_s': None, 'why': str(error)[:200], 'metrics': {}}
+    return {'outcome': result.outcome, 'wall_s': result.wall_time,
+            'why': result.failure or ', '.join(result.missing), 'metrics': finite(result.metrics)}
+
+
+def ranks(results: dict[str, dict], metric: str | None) -> list[str]:
+    """Return the solvers that completed, the best first by a metric, by time if it is None."""
+    def size(name):
+        result = results[name]
+        return result['wall_s'] if metric is None else abs(result['metrics'][metric])
+
+    done = [name for name, result in results.items() if result['outcome'] == 'completed'
+            and (metric is None or result['metrics'].get(metric) is not None)]
+    return sorted(done, key=size)
+
+
+def lines(found: dict[str, dict[str, dict]]) -> list[list[str]]:
+    """Return the rows of the table."""
+    rows = []
+    for experiment, results in found.items():
+        best = {metric: ranks(results, metric)[:1] for metric in (*_METRICS[experiment], None)}
+        for solver, result in results.items():
+            if result['outcome'] != 'completed':
+                rows.append([experiment, solver, result['outcome'], result['why']])
+                continue
+            errors = [_marked(f'{metric} {result["metrics"][metric]:.2g}',
+                              best[metric] == [solver]) for metric in _METRICS[experiment]]
+            rows.append([experiment, solver, _marked(f'{result["wall_s"]:.3g} s',
+                                                     best[None] == [solver]), ', '.join(errors)])
+    return rows
+
+
+def _marked(text, best):
+    return f'**{text}**' if best else text
+
+
+def main(folder):
+    """Run this package, and the others where they are not known; print and write the table."""
+    if find_spec('cosseratbench') is None:
+        print('cosseratbench is not installed (extra `peers`)')
+        return
+    from cosseratbench import registry  # noqa: PLC0415
+
+    from dlo_planner.cosserat.solver import DloPlanner  # noqa: PLC0415
+
+    kept = folder / 'suite.json'
+    known = json.loads(kept.read_text())['suite'] if kept.exists() else {}
+    found = {}
+    for name in EXPERIMENTS:
+        experiment = registry.load_experiment(name)
+        before = {} if os.environ.get('FRESH') else known.get(name, {})
+        found[name] = {OURS: scored(experiment, DloPlanner())}
+        for other in ('pyelastica', 'mujoco'):
+            if other in before and before[other]['outcome'] != 'failed':
+                found[name][other] = before[other]
+            elif find_spec({'pyelastica': 'elastica'}.get(other, other)):
+                found[name][other] = scored(experiment, registry.load_solver(other))
+            elif other in before:
+                found[name][other] = before[other]
+    rows = lines(found)
+    for row in rows:
+        print(' | '.join(row), flush=True)
+    report.write(folder, 'suite', '# cosseratbench', report.markdown(
+        ['experiment', 'solver', 'time', 'errors (the best of each in bold)'], rows), found)
