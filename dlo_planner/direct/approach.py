@@ -74,11 +74,11 @@ def brought(discretisation, previous, strains, gripper, far_end, history):
         if done == 1.0:
             break  # what is left is the step itself
         found = solve(discretisation, system, there, new.q, history, _RELAXING, False, _ROUGHLY)
-        strains, system = found[0].strains, found[5]
+        strains, system = found.state.strains, found.system
         if discretisation.surroundings.pinned:  # it has turned
             there, begin, gripper = (Pose.from_rotation(pose.position, system.base)
                                      for pose in (there, begin, gripper))
             where = there
         history = replace(history, hold=system.hold.multiplier, node_force=system.contacts.node,
-                          points=points_of(system, found[0], there, False))
+                          points=points_of(system, found.state, there, False))
     return gripper, strains, replace(past, hold=history.hold), True

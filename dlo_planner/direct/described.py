@@ -5,14 +5,13 @@ curvature q_d has no effect, so the Hessian is singular there. The search theref
 slight bend towards where gravity would bend the DLO.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from dlo_planner.direct.discretisation import Discretisation
 from dlo_planner.direct.statics import TOLERANCE, shape_of
 from dlo_planner.energy.potential import evaluate, new_state
 from dlo_planner.minimize.methods import SEARCHES, judged, rounding
+from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.newton import MOST_KICKS
 from dlo_planner.minimize.protocol import Problem
 from dlo_planner.ritz.paper_strains import from_components, to_components
@@ -73,9 +72,8 @@ def described_equilibrium(discretisation, gripper, strains, method, history):
         if kicked is None or kicks >= MOST_KICKS:
             break
         strains, kicks = system.natural + system.scale * kicked, kicks + 1
-    shape = shape_of(free, gripper, (state, residual, stability, iterations, kicks, system, 0.0),
-                     history)
-    return replace(shape, evaluations=evaluations), kicks
+    found = Minimum(state, residual, stability, iterations, kicks, system, evaluations=evaluations)
+    return shape_of(free, gripper, found, history), kicks
 
 
 def _described(system, state, strains):

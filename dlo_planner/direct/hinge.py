@@ -25,12 +25,11 @@ def pinned_newton(system, q, tolerance, most, check, exact, previous):
     before = np.vstack([previous[:1], previous])
     found = constrained_newton(with_hinge(system), hinge_unknowns(system, q), tolerance, most,
                                check, exact, before)
-    state, settled = found[0], found[5]
-    clamped = without_hinge(system, settled, np.array(state.rotations[1]))
+    clamped = without_hinge(system, found.system, np.array(found.state.rotations[1]))
     final = new_state(clamped)
-    final.q[:] = own_unknowns(system, state.q)
+    final.q[:] = own_unknowns(system, found.state.q)
     evaluate(clamped, final)
-    return final, *found[1:5], clamped, found[6]
+    return found._replace(state=final, system=clamped)
 
 
 def with_hinge(system):

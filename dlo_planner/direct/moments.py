@@ -24,7 +24,7 @@ def balanced(solved, system, q, moments):
     The fixed point of frames -> shape -> frames is sought by Anderson's acceleration.
 
     Args:
-        solved: function (system, q) -> state, residual, stability, iterations, kicks, System, ...
+        solved: function (system, q) -> Minimum
         system: System without the moments; q: (m, 3) unknowns to begin with
         moments: (N + 1, 3) N m on the nodes, world axes
     """
@@ -38,8 +38,8 @@ def balanced(solved, system, q, moments):
     for _ in range(_ROUNDS):
         loaded = _pulled(system, free, unit * known)
         found = solved(loaded, placed(loaded, strains).q)
-        state, system = found[0], found[5]
-        iterations += found[3]
+        state, system = found.state, found.system
+        iterations += found.iterations
         strains = state.strains
         miss = _couples(system.lengths, strains, state.rotations, moments) / unit - known
         off = np.abs(miss).max()
@@ -47,7 +47,7 @@ def balanced(solved, system, q, moments):
             break
         tried, missed = [*tried, known][-_REMEMBERED:], [*missed, miss][-_REMEMBERED:]
         known = _next(tried, missed)
-    return (state, max(found[1], off), found[2], iterations, *found[4:])
+    return found._replace(residual=max(found.residual, off), iterations=iterations)
 
 
 def _pulled(system, free, couples):

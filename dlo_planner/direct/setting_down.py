@@ -87,8 +87,9 @@ def grown(discretisation: Discretisation, gripper: Pose, strains: np.ndarray, fa
         found = solve(discretisation, system._replace(scene=_thinner(system.scene, wanted)),
                       gripper, discretisation.unknowns(strains), history, _STEPS, False,
                       _ROUGHLY, _LEFT)
-        state, residual, system, violation = found[0], found[1], found[5], found[6]
-        if not (residual < _ENOUGH * _LEFT and violation < _ROUGHLY * discretisation.s[-1]):
+        state, system = found.state, found.system
+        if not (found.residual < _ENOUGH * _LEFT
+                and found.violation < _ROUGHLY * discretisation.s[-1]):
             step *= 0.5
             continue
         thin, step = wanted, min(2 * step, wanted)

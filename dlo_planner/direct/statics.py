@@ -53,9 +53,8 @@ def equilibrium(discretisation, gripper, strains, method='newton', history=None,
     system = discretisation.system(gripper.rotation, gripper.position, history, far_end)
     q = discretisation.unknowns(strains)
     if method != 'newton':
-        *found, evaluations = search(system, q, method, TOLERANCE)
-        shape = shape_of(discretisation, gripper, (*found, system, 0.0), history)
-        return replace(shape, evaluations=evaluations), found[4]
+        found = search(system, q, method, TOLERANCE)
+        return shape_of(discretisation, gripper, found, history), found.kicks
     most, exact = MAX_ITERATIONS, EXACT
     if not within_reach(far_end, gripper, discretisation.s[-1], discretisation.loaded):
         most = _IN_VAIN
@@ -64,7 +63,7 @@ def equilibrium(discretisation, gripper, strains, method='newton', history=None,
         length = discretisation.s[-1]
         exact = min(exact, 1e-4 * max(1.0 - distance(far_end, gripper) / length, _LEAST))
     found = solve(discretisation, system, gripper, q, history, most, exact=exact)
-    return shape_of(discretisation, gripper, found, history, far_end), found[4]
+    return shape_of(discretisation, gripper, found, history, far_end), found.kicks
 
 
 def hanging(discretisation, gripper, strains, near=None, most=np.inf):
@@ -125,7 +124,7 @@ freeze(NO_FRAMES)
 
 def solve(discretisation, system, gripper, q, history, most=MAX_ITERATIONS, check=True,
           exact=EXACT, rounding=0.0):
-    """Return what `constrained_newton` returns for q (m, 3) and the past `history` or None.
+    """Return the Minimum that is reached from q (m, 3) and the past `history` or None.
 
     Args:
         exact: part of the length by which constraints may be violated
@@ -149,10 +148,10 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None, roundin
     """Return the Shape of a kernel's result.
 
     Args:
-        found: state, residual, stability, iterations, kicks, system, violation
+        found: Minimum
         rounding: of the residual, where it is more than usual
     """
-    state, residual, stability, iterations, _, system, violation = found
+    state, system, stability = found.state, found.system, found.stability
     if discretisation.surroundings.pinned:
         gripper = Pose.from_rotation(gripper.position, system.base)
     history = history or discretisation.start
@@ -172,13 +171,13 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None, roundin
     past = History(discretisation.s, new_set, history.lost + lost, system.contacts.node,
                    points_of(system, state, gripper), system.hold.multiplier, positions,
                    state.rotations[:, :, 0].copy(), discretisation.surroundings)
-    converged = bool(_promised(system, state, residual, rounding)
+    converged = bool(_promised(system, state, found.residual, rounding)
                      and stability > -_neutral(discretisation, system)
-                     and _kept(discretisation, gripper, system, state, violation, far_end))
+                     and _kept(discretisation, gripper, system, state, found.violation, far_end))
     return Shape(gripper, discretisation.s, positions, state.rotations, state.strains, energy,
-                 stored, _wrench(discretisation, state), float(residual),
-                 float(stability), int(iterations), converged, contacts=touching,
-                 violation=float(violation), far_end=far_end,
+                 stored, _wrench(discretisation, state), float(found.residual),
+                 float(stability), int(found.iterations), converged, contacts=touching,
+                 evaluations=found.evaluations, violation=float(found.violation), far_end=far_end,
                  far_wrench=_NOTHING if far_end is None else _far_wrench(state),
                  dissipated=past.lost,
                  _estimate=partial(_estimate, discretisation, gripper, state.strains,
@@ -261,10 +260,11 @@ def _estimate(discretisation, gripper, strains, positions, history, far_end):
     unknowns_of(system, np.repeat(strains, 2, axis=0), q)
     if (system.scene.kind.size or far_end is not None or system.layers.share.size
             or discretisation.surroundings.has_moments or discretisation.surroundings.pinned):
-        state, residual, stability, *_, system, violation = solve(finer, system, gripper, q, past)
-        if not (_promised(system, state, residual, 0.0)
-                and stability > -_neutral(finer, system)
-                and _kept(finer, gripper, system, state, violation, far_end)):
+        found = solve(finer, system, gripper, q, past)
+        state, system = found.state, found.system
+        if not (_promised(system, state, found.residual, 0.0)
+                and found.stability > -_neutral(finer, system)
+                and _kept(finer, gripper, system, state, found.violation, far_end)):
             return np.inf
     else:
         state = newton(system, q, 1e-9, 4, False)[0]

@@ -125,17 +125,15 @@ class Stepper:
                                                          place, scheme)
         if mesh.surroundings.obstacles:
             clear = self._is_clear(system, before.shape, guess, gripper)
-        q, evaluations = np.empty((mesh.n_unknowns, 3)), 0
+        q = np.empty((mesh.n_unknowns, 3))
         unknowns_of(system, guess, q)
         if self.method == 'newton':
             found = solve(mesh, system, gripper, q, history, patience if clear else 0,
                           rounding=rounding)
         else:
-            *found, evaluations = search(system, q, self.method, TOLERANCE + rounding)
-            found = (*found, system, 0.0)
+            found = search(system, q, self.method, TOLERANCE + rounding)
         shape = shape_of(mesh, gripper, found, history, far_end, rounding)
-        shape = replace(shape, _estimate=unknown, converged=shape.converged and clear,
-                        evaluations=evaluations)
+        shape = replace(shape, _estimate=unknown, converged=shape.converged and clear)
         nodes = scheme.after(before.nodes, shape.positions)
         bends = scheme.after(before.bends, shape.element_strains)
         return self._after(before, place, scheme, replace(
@@ -270,7 +268,7 @@ class Stepper:
         system = self._moving(gripper, far_end, history, nodes, bends, brief)
         q = np.empty((mesh.n_unknowns, 3))
         unknowns_of(system, bends.position.copy(), q)
-        return solve(mesh, system, gripper, q, history, exact=_AT_ONCE)[0], gripper
+        return solve(mesh, system, gripper, q, history, exact=_AT_ONCE).state, gripper
 
     def _moving(self, gripper, far_end, history, nodes, bends, scheme):
         """Return the System of a step: the static one, with inertia and damping."""

@@ -117,11 +117,12 @@ class Linearized:
         system = mesh.system(shape.gripper.rotation, shape.gripper.position, past, shape.far_end)
         q = mesh.unknowns(strains)
         newtons = pinned_newton if mesh.surroundings.pinned else constrained_newton
-        state, residual, *_, system, violation = newtons(
-            system, q, 0.01 * _SETTLED, _MOST, False, _EXACT * mesh.s[-1], np.zeros((0, 6)))
-        if residual > max(_SETTLED, 10 * shape.residual) or violation > _VIOLATED * mesh.s[-1]:
+        found = newtons(system, q, 0.01 * _SETTLED, _MOST, False, _EXACT * mesh.s[-1],
+                        np.zeros((0, 6)))
+        if (found.residual > max(_SETTLED, 10 * shape.residual)
+                or found.violation > _VIOLATED * mesh.s[-1]):
             return None
-        return _vibration(mesh, system, state.q)
+        return _vibration(mesh, found.system, found.state.q)
 
 
 def _check(shape, name):

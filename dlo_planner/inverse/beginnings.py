@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.statics import shape_of
 from dlo_planner.energy.potential import placed
 from dlo_planner.inverse.marching import march_from_end
+from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.model.pose import Pose, angle_between
 
 _ALIKE = 1e-9  # part of the stiffness, rad along the length: what makes no difference
@@ -100,4 +101,4 @@ def _shape_at(discretisation, strains, base):
     gripper = Pose.from_rotation((0.0, 0.0, 0.0), base)
     system = discretisation.system(base)
     state = placed(system, strains)
-    return shape_of(discretisation, gripper, (state, np.inf, -np.inf, 0, 0, system, 0.0))
+    return shape_of(discretisation, gripper, Minimum(state, np.inf, -np.inf, 0, 0, system))

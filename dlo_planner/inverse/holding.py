@@ -19,6 +19,7 @@ from dlo_planner.energy.potential import placed
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.clearance import nearest
 from dlo_planner.inverse.marching import hanging
+from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.newton import descend, residual_of
 from dlo_planner.model.along import SeenFrom
 from dlo_planner.model.part import part_of_loads, part_of_rod
@@ -90,8 +91,8 @@ class ContactFamily:
         gripper = Pose.from_rotation(self.place - state.positions[self._node], base)
         touching = self._mesh.system(base, gripper.position)
         touching.contacts.node[self._body, self._node] = force
-        found = (state, residual_of(system, state),
-                 self._stability(state.strains, base, force), 0, 0, touching, 0.0)
+        found = Minimum(state, residual_of(system, state),
+                        self._stability(state.strains, base, force), 0, 0, touching)
         shape = shape_of(self._mesh, gripper, found)
         return replace(shape, violation=max(0.0, -self.gap(shape), self._inside))
 

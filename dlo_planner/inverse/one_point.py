@@ -9,6 +9,7 @@ from dlo_planner.inverse.aligned import aligned_newton, free_axis
 from dlo_planner.inverse.following import Passing
 from dlo_planner.inverse.hanging import crossings
 from dlo_planner.inverse.nested import nested_alignment
+from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.model.pose import Pose
 
 _MAX_ITERATIONS = 60
@@ -90,7 +91,7 @@ def aligned_on(discretisation, guess, s, normal, reference):
         return None
     gripper = Pose.from_rotation((0.0, 0.0, 0.0), base)
     return shape_of(discretisation, gripper,
-                    (state, residual, stability, iterations, 0, system, 0.0))
+                    Minimum(state, residual, stability, iterations, 0, system))
 
 
 def _nested(simulator, guess, s, normal, reference):

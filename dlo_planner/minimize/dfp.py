@@ -7,13 +7,13 @@ step takes in what the change of the gradient tells (Fletcher and Powell 1963).
 import numpy as np
 
 from dlo_planner.minimize.line_search import along
-from dlo_planner.minimize.protocol import Minimum
+from dlo_planner.minimize.protocol import Ended
 
 _LARGEST = 2.0  # of problem.scale: the longest step. Farther ones wind turns into a wire.
 
 
 def dfp(problem, q, tolerance, most=10_000):
-    """Return the Minimum reached from `q` (n,).
+    """Return where the search Ended that begins with `q` (n,).
 
     Args:
         problem: Problem
@@ -52,4 +52,4 @@ def dfp(problem, q, tolerance, most=10_000):
             inverse += (np.outer(step, step) / (step @ change)
                         - np.outer(seen, seen) / (change @ seen))
             known = True
-    return Minimum(q, iterations, evaluations)
+    return Ended(q, iterations, evaluations)

@@ -11,7 +11,7 @@ not near, the simplex is set up anew.
 import numpy as np
 from scipy.optimize import minimize
 
-from dlo_planner.minimize.protocol import Minimum
+from dlo_planner.minimize.protocol import Ended
 
 _RESTARTS = 10
 _ROUGHLY = 1e-4, 1e-8  # of the scale and its square: what a simplex has come down to
@@ -27,7 +27,7 @@ _FINEST = 1e-7    # of the size: a last step that rounding errors may make
 
 
 def downhill_simplex(problem, q, tolerance, most=2_000_000):
-    """Return the Minimum reached from `q` (n,).
+    """Return where the search Ended that begins with `q` (n,).
 
     Args:
         problem: Problem; its gradient is not used
@@ -55,7 +55,7 @@ def downhill_simplex(problem, q, tolerance, most=2_000_000):
         if settled or evaluations >= most:
             break
         size = np.clip(moved, _SHORTEST * problem.scale, problem.scale)
-    return Minimum(q, iterations, evaluations)
+    return Ended(q, iterations, evaluations)
 
 
 def _axes(value, q, scale):

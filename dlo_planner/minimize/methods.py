@@ -9,6 +9,7 @@ import numpy as np
 from dlo_planner.energy.potential import bend_energy, evaluate, new_state
 from dlo_planner.minimize.dfp import dfp
 from dlo_planner.minimize.downhill_simplex import downhill_simplex
+from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.newton import MOST_KICKS, NEUTRAL, descend, kick
 from dlo_planner.minimize.protocol import Problem
 
@@ -25,8 +26,7 @@ def search(system, q, method, tolerance):
         tolerance: of the residual
 
     Returns:
-        state, residual, stability, iterations, kicks: as `newton`
-        evaluations: of the potential
+        Minimum
     """
     problem = problem_of(system)
     iterations = evaluations = kicks = 0
@@ -35,7 +35,8 @@ def search(system, q, method, tolerance):
         iterations, evaluations = iterations + found.iterations, evaluations + found.evaluations
         reached, residual, stability, kicked = judged(system, found.q.reshape(q.shape), tolerance)
         if kicked is None or kicks >= MOST_KICKS:
-            return reached, residual, stability, iterations, kicks, evaluations
+            return Minimum(reached, residual, stability, iterations, kicks, system,
+                           evaluations=evaluations)
         q, kicks = kicked, kicks + 1
 
 

@@ -19,6 +19,7 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import move_multipliers
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import HELD_NEUTRAL, descend_held, held_newton
+from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.newton import descend, gradient_noise, kick, newton
 from dlo_planner.minimize.touching import truth
 from dlo_planner.minimize.watching import watching
@@ -48,8 +49,7 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
             nodes before it, from which friction counts; (0, 6) if there is no step before
 
     Returns:
-        what `newton` returns, then the System at the end (with its multipliers) and the largest
-        violation in m
+        Minimum
     """
     if system.scene.kind.size:
         return _touching_newton(system, q, _COARSER * tolerance, max_iterations, check, exact,
@@ -57,9 +57,8 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
     if _is_held(system):
         state, residual, stability, iterations, kicks, violation = held_newton(
             system, q, tolerance, exact, max_iterations, check)
-        return state, residual, stability, iterations, kicks, system, violation
-    found = newton(system, q, tolerance, max_iterations, check)
-    return *found, system, 0.0
+        return Minimum(state, residual, stability, iterations, kicks, system, violation)
+    return Minimum(*newton(system, q, tolerance, max_iterations, check), system)
 
 
 def _touching_newton(system, q, tolerance, max_iterations, check, exact, previous):
@@ -115,7 +114,7 @@ def _touching_newton(system, q, tolerance, max_iterations, check, exact, previou
     if check and not judged:
         stability, _ = _judged(system, state, tolerance, exact)
     final, residual, _, inside = truth(system, state.q)
-    return final, residual, stability, iterations, kicks, system, max(violation, inside)
+    return Minimum(final, residual, stability, iterations, kicks, system, max(violation, inside))
 
 
 def _is_held(system):

@@ -24,7 +24,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Minimum:
+class Ended:
     """Where a minimiser ended.
 
     Attributes:

@@ -1,0 +1,29 @@
+"""What a minimizer returns."""
+
+from typing import NamedTuple
+
+from dlo_planner.energy.potential import State, System
+
+
+class Minimum(NamedTuple):
+    """Where a descent ended, and what proves it to be a minimum, or not.
+
+    Attributes:
+        state: State there
+        residual: scaled gradient
+        stability: smallest eigenvalue of the Hessian, on what a grip leaves free; nan: not known
+        iterations: Newton steps made, or those of another method
+        kicks: how often a saddle was left
+        system: System with the multipliers of its constraints as they are at the end
+        violation: by how much a constraint is violated, m
+        evaluations: of the potential, where the method counts them
+    """
+
+    state: State
+    residual: float
+    stability: float
+    iterations: int
+    kicks: int
+    system: System
+    violation: float = 0.0
+    evaluations: int = 0
