@@ -3,18 +3,23 @@
 test_exercises.py watches that no kernel is left out.
 """
 
+import numpy as np
+
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.correction import correct
 from dlo_planner.inverse.fitting import fit_rod
+from dlo_planner.inverse.hanging import hanging_shapes
 from dlo_planner.inverse.observation import Observation
 from dlo_planner.inverse.observer import Observer
+from dlo_planner.inverse.penalties import AwayFrom
 from dlo_planner.inverse.replay import replay
 from dlo_planner.inverse.robustness import Spread
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.workspace import Workspace
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Plane, Sheet
+from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.ros.warm_up import warm_up, warm_up_proofs
@@ -36,11 +41,14 @@ def shapes():
         shape.at(0.5)
         Sensitivity(shape).moved([1e-3] * 6)
         direct.simulate([_LEVEL, _LEVEL], 0.01)
+    turned = PointLoad(moment=(0.0, 0.0, 1e-3))
+    assert DirectSimulator(_ROD, point_loads=[turned]).solve(_LEVEL).converged
 
 
 def node():
     """Do what a planner node may be asked for."""
     warm_up()
+    assert hanging_shapes(DirectSimulator(_ROD).surroundings, np.linspace(0, 1, 9)) is not None
 
 
 def proofs():
@@ -64,6 +72,8 @@ def touching():
     shapes = direct.track([_LEVEL, Pose((0, 0, -0.05), (0, 0, 0, 1))])
     direct.simulate([_LEVEL] * 2, 0.01, shapes[0])
     Sensitivity(shapes[-1])
+    direct.solve(_LEVEL, far_end=(0.8, 0, 0))
+    AwayFrom([Plane((0, 0, -0.2), (0, 0, 1))], 0.1).residuals(shapes[0])
     cell = Workspace(keep_out=[Plane((0, 0, -9), (0, 0, 1))])
     for simulator in (DirectSimulator(_YIELDING), direct):
         InverseSimulator(simulator, workspace=cell).thread(
