@@ -3,6 +3,7 @@
 import ast
 import dis
 import pkgutil
+from cProfile import Profile
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -103,6 +104,17 @@ def test_records_and_overloads():
     text = '@kernel\ndef f(x):\n    return Kind(x, x)'
     assert of(text, Kind=kinds[0]) != of(text, Kind=kinds[1]) == of(text, Kind=kinds[1])
     assert '_fields_of' in [function.__name__ for function in dependencies(read)]
+
+
+def test_a_profiler_changes_nothing():
+    text = '@kernel\ndef g(x):\n    return x + 1\n@kernel\ndef f(x):\n    return g(x)'
+    one = made(text)
+    before = fingerprint(one)
+    with Profile():
+        one.py_func.__globals__['g'](1)
+        one(1)
+    _scanned.cache_clear()
+    assert fingerprint(one) == before
 
 
 def unknown(x):

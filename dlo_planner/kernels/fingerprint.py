@@ -11,6 +11,7 @@ dictionaries, lists, objects). test_fingerprint.py holds the package to it.
 
 import dis
 import hashlib
+import inspect
 from collections.abc import Callable, Iterator
 from functools import cache
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
@@ -23,6 +24,9 @@ from numba.core.typing.templates import builtin_registry
 _EXACT = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), slice)
 _VERSIONED = ('builtins', 'math', 'cmath', 'operator', 'numpy', 'numba')  # in the cache's key
 _LOAD_GLOBAL, _EXTENDED_ARG = dis.opmap['LOAD_GLOBAL'], dis.opmap['EXTENDED_ARG']
+# Kinds of parameters and functions; numba itself changes another flag where a profiler runs.
+_KINDS = (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS | inspect.CO_GENERATOR | inspect.CO_COROUTINE
+          | inspect.CO_ASYNC_GENERATOR | inspect.CO_NESTED)
 
 
 class Unseen(TypeError):
@@ -141,7 +145,7 @@ def _scanned(code: CodeType, documented: bool) -> tuple[tuple[str, ...], bytes]:
             loads_first = True
     parts = [raw, repr((code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars,
                         code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount,
-                        code.co_flags)).encode()]
+                        code.co_flags & _KINDS)).encode()]
     docstring = documented and not loads_first
     for constant in (None, *code.co_consts[1:]) if docstring else code.co_consts:
         if isinstance(constant, CodeType):
