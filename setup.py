@@ -30,11 +30,14 @@ class BuildPy(build_py):
 
     def run(self):  # noqa: D102
         super().run()
-        compile_ahead('.' if self.editable_mode else self.build_lib)
+        compile_ahead('.' if self._in_place() else self.build_lib)
 
     def get_outputs(self, *args, **kwargs):  # noqa: D102
-        made = [] if self.editable_mode else glob(f'{self.build_lib}/{NAME}/compiled/*/*')
+        made = [] if self._in_place() else glob(f'{self.build_lib}/{NAME}/compiled/*/*')
         return super().get_outputs(*args, **kwargs) + made
+
+    def _in_place(self):
+        return getattr(self, 'editable_mode', False)  # since setuptools 64
 
 
 class Develop(develop):

@@ -205,6 +205,19 @@ def test_what_was_compiled_at_installation_is_used_on_this_processor(copied):
                NUMBA_CPU_NAME='generic')[1:3] == [[], ALL]
 
 
+def test_a_build_contains_what_was_compiled(copied):
+    pytest.importorskip('setuptools')
+    shutil.copy(Path(dlo_planner.__file__).parent.parent / 'setup.py', copied)
+    for changes, number in (({'DLO_PLANNER_PREBUILD': '0'}, 0), ({}, len(ALL))):
+        made = subprocess.run([sys.executable, 'setup.py', '-q', 'build'], cwd=copied, text=True,
+                              env=os.environ | changes, capture_output=True, check=False)
+        assert made.returncode == 0, made.stderr
+        assert len(list((copied / 'build').rglob('*.kernel'))) == number
+    assert not list((copied / 'dlo_planner').rglob('*.kernel'))
+    built = next((copied / 'build').rglob('chain.py')).parent.parent
+    assert run(built, HOME='/dev/null')[:3] == [[3.5, 0.0], ['first', 'alone'], []]
+
+
 def test_a_second_installation_compiles_and_keeps_what_has_changed(copied):
     before = {path.name: path.stat().st_mtime_ns for path in prebuilt(copied)}
     edit(copied, 'chain', 'x - 1.0', 'x - 2.0')
@@ -221,7 +234,7 @@ def test_a_file_that_is_not_whole_is_not_used(copied):
     for k, path in enumerate(files):
         data = path.read_bytes()
         path.write_bytes([data[:-9], b'', b'x' * 99, data[:200] + bytes([data[200] ^ 1])
-                          + data[201:], data[9:], data + data[:0]][k])
+                          + data[201:], data[9:], data[::-1]][k])
     values, found, compiled, _ = run(copied)
     assert values == [3.5, 0.0] and not found and set(compiled) >= {'first', 'alone', 'second'}
     assert run(copied)[:3] == [[3.5, 0.0], ['first', 'alone'], []]
