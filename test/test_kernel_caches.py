@@ -260,6 +260,15 @@ def test_what_a_kernel_reads_unseen_is_not_kept(copied):
     assert set(found) == {'aside', 'alone'}
 
 
+def test_a_kernel_that_is_handed_over_is_not_taken_for_another(copied):
+    code = ('import json\nfrom dlo_planner.deep import last, third\n'
+            'from dlo_planner.kernels import kernel\n@kernel\ndef apply(g, x):\n    return g(x)\n'
+            'print(json.dumps([apply({}, 1.0), sum(apply.stats.cache_hits.values())]))')
+    assert [run(copied, code.format(name)) for name in ('last', 'third')] == [[2.0, 0], [3.0, 0]]
+    edit(copied, 'deep', 'FACTORS[0]', 'FACTORS[1]')
+    assert run(copied, code.format('last')) == [3.0, 0]
+
+
 def test_a_folder_that_somebody_else_could_fill_is_not_used(copied):
     with tempfile.TemporaryDirectory() as free:
         Path(free, f'dlo_planner-{os.getuid()}').mkdir()

@@ -27,6 +27,7 @@ from numba.core import compiler
 from numba.core.caching import NullCache
 from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
+from numba.core.types import Callable
 
 from dlo_planner.kernels.fingerprint import Unseen, fingerprint
 from dlo_planner.kernels.folders import folders, prune
@@ -55,9 +56,8 @@ class KernelCache(NullCache):
     def load_overload(self, sig, target_context):
         """Return what was compiled before, None if there is nothing or it cannot be read."""
         target_context.refresh()
-        for target in accepted(target_context.codegen().magic_tuple()):
-            name = self._file(sig, target)
-            for folder in folders().read if name else ():
+        for name in self._files(sig, accepted(target_context.codegen().magic_tuple())):
+            for folder in folders().read:
                 found = _read(folder / name)
                 # pickles of numba's types, classes and environments: whatever fails is compiled
                 with suppress(Exception):
@@ -69,37 +69,42 @@ class KernelCache(NullCache):
 
     def save_overload(self, sig, data):
         """Keep what was compiled; where that cannot be done it stays in memory."""
-        folder, name = folders().write, self._file(sig, data.codegen.magic_tuple())
+        folder = folders().write
         dynamic = data.library.has_dynamic_globals or any(not one.can_cache for one in data.lifted)
-        if folder is None or name is None or dynamic:
+        if folder is None or dynamic:
             return
-        with suppress(OSError):
-            _write(folder / name, dumps(data._reduce()))
-            _prune_once(folder)
+        for name in self._files(sig, (data.codegen.magic_tuple(),)):
+            with suppress(OSError):
+                _write(folder / name, dumps(data._reduce()))
+                _prune_once(folder)
 
-    def _file(self, sig, target):
-        """Return the name of the file for some types and a processor, None if there can be none."""
+    def _files(self, sig, targets):
+        """Return the names of the files for some types and processors, none if there can be none.
+
+        A kernel that is handed over as an argument is in no fingerprint.
+        """
+        arguments = _arguments(sig)
+        if any(isinstance(one, Callable) for one in arguments):
+            return []
         try:
-            return f'{file_stem(self._kernel, target)}-{_digest(str(_arguments(sig)))}.kernel'
+            known = fingerprint(self._kernel)
         except Unseen:
-            return None
+            return []
+        types = _digest(str(arguments))
+        return [f'{_stem(self._kernel, known, target)}-{types}.kernel' for target in targets]
 
 
-def file_stem(kernel, target: tuple) -> str:
-    """Return how the names of a kernel's files begin, of these sources and this compiler.
-
-    Raises:
-        Unseen: of `fingerprint`
-    """
+def _stem(kernel, known, target):
+    """Return how the names of a kernel's files begin, of these sources and this compiler."""
     function = kernel.py_func
     name = f'{function.__module__}.{function.__qualname__}'.replace('<locals>.', '')
-    return f'{name}-{_digest(fingerprint(kernel), environment(), target)}'
+    return f'{name}-{_digest(known, environment(), target)}'
 
 
 def current_stems() -> set[str]:
-    """Return `file_stem` of all kernels that have been imported, for the target of this process."""
+    """Return how the names of files begin that are valid in this process, of imported kernels."""
     target = cpu_target.target_context.codegen().magic_tuple()
-    return {file_stem(kernel, target) for kernel in _KERNELS}
+    return {_stem(kernel, fingerprint(kernel), target) for kernel in _KERNELS}
 
 
 def _digest(*parts):
