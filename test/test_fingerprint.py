@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 
 import dlo_planner
-from dlo_planner.kernels import cache, kernel
+from dlo_planner.kernels import COMPILED, cache, kernel
 from dlo_planner.kernels.fingerprint import Unseen, _scanned, dependencies, fingerprint
 from dlo_planner.ritz.boxed import read
 from dlo_planner.ritz.record import Record
 
+pytestmark = pytest.mark.skipif(not COMPILED, reason='kernels are plain Python')
 PACKAGE = Path(dlo_planner.__file__).parent
 # Other ways to tell numba what to compile: no fingerprint would know of them.
 UNKNOWN = {'intrinsic', 'overload_method', 'overload_attribute', 'overload_classmethod', 'njit',

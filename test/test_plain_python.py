@@ -51,7 +51,7 @@ def run(code, **changes):
 
 @pytest.fixture(scope='module')
 def compiled():
-    known, told, found = run(JOBS)
+    known, told, found = run(JOBS, NUMBA_DISABLE_JIT='0')
     assert known and not told
     return found
 
