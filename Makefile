@@ -11,24 +11,25 @@
 PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/python
+KERNELS := $(shell grep -rl --include=*.py 'dlo_planner.kernels' dlo_planner)
 
 .PHONY: demo test bench bench-check cell soak lint lock clean
-demo: $(VENV)/ready
+demo: $(VENV)/compiled
 	$(RUN) -m dlo_planner.ros.demo
 
-test: $(VENV)/ready
+test: $(VENV)/compiled
 	OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -n 2 --dist loadgroup
 
-bench: $(VENV)/ready
+bench: $(VENV)/compiled
 	$(RUN) -m benchmarks
 
-bench-check: $(VENV)/ready
+bench-check: $(VENV)/compiled
 	$(RUN) -m benchmarks check
 
-cell: $(VENV)/ready
+cell: $(VENV)/compiled
 	$(RUN) -m dlo_planner.cell
 
-soak: $(VENV)/ready
+soak: $(VENV)/compiled
 	$(RUN) test/soak --minutes 10 --output soak_output
 
 lint: $(VENV)/ready
@@ -42,6 +43,11 @@ $(VENV)/ready: requirements.lock
 	  exit 1; }
 	@$(RUN) -m pip install --quiet --disable-pip-version-check -r requirements.lock
 	@touch $@
+	-@$(RUN) -m dlo_planner.prebuild && touch $(VENV)/compiled
+
+# The kernels that have changed are compiled once, not by each process that needs them.
+$(VENV)/compiled: $(VENV)/ready $(KERNELS)
+	-@$(RUN) -m dlo_planner.prebuild && touch $@
 
 lock:
 	rm -rf build/lock
@@ -50,5 +56,6 @@ lock:
 	build/lock/bin/python .ci/pins.py > requirements.lock
 
 clean:
-	rm -rf $(VENV) demo_output cell_output soak_output build install log .pytest_cache .hypothesis
+	rm -rf $(VENV) demo_output cell_output soak_output build install log .pytest_cache .hypothesis \
+	  dlo_planner/compiled
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -1,10 +1,52 @@
 """Build of the ROS 2 package; the Python packages are `dlo_planner` and `msg_helpers`."""
 
+import os
+import subprocess
+import sys
 from glob import glob
 
 from setuptools import find_packages, setup
+from setuptools.command.build_py import build_py
+from setuptools.command.develop import develop
 
 NAME = 'dlo_planner'
+
+
+def compile_ahead(folder):
+    """Compile the kernels of the package in a folder into it, so that the first start is quick.
+
+    It takes minutes; DLO_PLANNER_PREBUILD=0 leaves it to the first start. Without numba, or where
+    it fails, the package is as good, and compiles when it is used.
+    """
+    if os.environ.get('DLO_PLANNER_PREBUILD') == '0':
+        return
+    done = subprocess.run([sys.executable, '-m', f'{NAME}.prebuild'], cwd=folder, check=False)
+    if done.returncode:
+        print(f'{NAME}: kernels were not compiled ahead, see above', file=sys.stderr)
+
+
+class BuildPy(build_py):
+    """Copies the package, and compiles it in the copy; in place where that is what is installed."""
+
+    def run(self):  # noqa: D102
+        super().run()
+        compile_ahead('.' if self._in_place() else self.build_lib)
+
+    def get_outputs(self, *args, **kwargs):  # noqa: D102
+        made = [] if self._in_place() else glob(f'{self.build_lib}/{NAME}/compiled/*/*')
+        return super().get_outputs(*args, **kwargs) + made
+
+    def _in_place(self):
+        return getattr(self, 'editable_mode', False)  # since setuptools 64
+
+
+class Develop(develop):
+    """What `colcon build --symlink-install` runs."""
+
+    def run(self):  # noqa: D102
+        super().run()
+        compile_ahead('.')
+
 
 setup(
     name=NAME,
@@ -13,6 +55,8 @@ setup(
     license='Apache-2.0',
     packages=find_packages(include=['dlo_planner*', 'msg_helpers*']),
     python_requires='>=3.11',
+    # numba is not in package.xml, as rosdep has no key for it: a ROS package that is built without
+    # it runs as plain Python, slowly, until `pip install numba`.
     install_requires=['numpy>=1.26', 'scipy>=1.11', 'numba>=0.59', 'toppra>=0.6',
                       'click>=8.1', 'pyyaml'],
     extras_require={
@@ -39,5 +83,6 @@ setup(
             'dlo-planner = dlo_planner.cli.main:main',
         ],
     },
+    cmdclass={'build_py': BuildPy, 'develop': Develop},
     zip_safe=False,
 )

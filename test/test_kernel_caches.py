@@ -1,29 +1,66 @@
 """What was compiled from other sources is never run, and nothing need be written to work."""
 
+import json
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import pytest
 
 import dlo_planner
+from dlo_planner.kernels.folders import prune
 
-# A kernel of one file that calls one of another, and where its machine code was kept.
-MARCH = """
+# Kernels in two files: first -> second -> third -> last, first -> aside, and one alone.
+DEEP = """
 import numpy as np
-from dlo_planner.kernels import cache_folder
-from dlo_planner.ritz.kinematics import march
-rotations, positions = np.empty((3, 3, 3)), np.empty((3, 3))
-march(np.full(2, 0.5), np.zeros((2, 3)), np.eye(3), rotations, positions)
-print(positions[-1, 0], sum(march.stats.cache_hits.values()), cache_folder())
+from dlo_planner.kernels import kernel
+FACTORS = np.array([2.0, 3.0])
+@kernel
+def last(x):
+    return x * FACTORS[0]
+@kernel
+def third(x):
+    return last(x) + 1.0
 """
-ONLY_WHERE = """
-from dlo_planner.kernels import cache_folder
-print(0, 0, cache_folder())
+CHAIN = """
+from dlo_planner.deep import third
+from dlo_planner.kernels import kernel
+@kernel
+def second(x):
+    return third(x)
+@kernel
+def aside(x):
+    return 0.5 * x
+@kernel
+def first(x):
+    return second(x) + aside(x)
+@kernel
+def alone(x):
+    return x - 1.0
 """
+EXERCISES = """
+from dlo_planner.chain import alone, first
+def use():
+    first(1.0), alone(1.0)
+ALL = (use,)
+"""
+USE = """
+import json
+from dlo_planner.chain import alone, aside, first, second
+from dlo_planner.deep import last, third
+from dlo_planner.kernels.folders import folders
+values = [first(1.0), alone(1.0)]
+kernels = first, second, third, last, aside, alone
+print(json.dumps([values, [k.py_func.__name__ for k in kernels if sum(k.stats.cache_hits.values())],
+                  [k.py_func.__name__ for k in kernels if sum(k.stats.cache_misses.values())],
+                  str(folders().write)]))
+"""
+ALL = ['first', 'second', 'third', 'last', 'aside', 'alone']
+PREBUILD = 'from dlo_planner.prebuild import main; import sys; sys.exit(main([]))'
 # Becomes a user who may not write, once all is imported that lies where only others may read.
 AS_NOBODY = """
 import numba, os, sys
@@ -44,96 +81,207 @@ tempfile.gettempdir = nowhere
 
 @pytest.fixture
 def copied():
-    """Return a folder with a copy of some of the package, without caches, that all can read."""
+    """Return a folder with a package of that name and a few kernels, that all can read."""
     package = Path(dlo_planner.__file__).parent
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder, 'dlo_planner')
-        shutil.copytree(package / 'ritz', copy / 'ritz',
+        shutil.copytree(package / 'kernels', copy / 'kernels',
                         ignore=shutil.ignore_patterns('__pycache__'))
-        shutil.copy(package / 'kernels.py', copy)
-        Path(copy, '__init__.py').touch()
+        shutil.copy(package / 'prebuild.py', copy)
+        for name, text in (('__init__', ''), ('deep', DEEP), ('chain', CHAIN),
+                           ('exercises', EXERCISES)):
+            Path(copy, f'{name}.py').write_text(text)
         os.chmod(folder, 0o755)
         yield Path(folder)
         for path in (Path(folder), *Path(folder).rglob('*')):
             path.chmod(0o755)
 
 
-def run(folder, code, **changes):
-    """Return what the code prints, run in the folder: numbers, and where caches are."""
-    names = ('NUMBA_CACHE_DIR', 'XDG_CACHE_HOME', 'PYTHONPATH')
+def started(folder, code, **changes):
+    names = ('NUMBA_CACHE_DIR', 'XDG_CACHE_HOME', 'PYTHONPATH', 'NUMBA_CPU_NAME',
+             'NUMBA_DISABLE_JIT')
     environment = {name: value for name, value in os.environ.items() if name not in names}
     environment |= {'HOME': str(folder / 'home'), **changes}
     environment = {name: value for name, value in environment.items() if value is not None}
-    done = subprocess.run([sys.executable, '-c', code], cwd=folder, env=environment, text=True,
-                          capture_output=True, check=False, timeout=120)
-    assert done.returncode == 0, done.stderr
-    value, hits, where = done.stdout.split()
-    return float(value), int(hits), where
+    return subprocess.Popen([sys.executable, '-c', code], cwd=folder, env=environment, text=True,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 
-def test_an_edit_of_a_kernel_that_others_call_is_run(copied):
-    assert run(copied, MARCH)[:2] == (1.0, 0)
-    value, hits, where = run(copied, MARCH)
-    assert (value, hits) == (1.0, 1)
-    assert Path(where).parent == copied / 'dlo_planner' / '__pycache__'
-    edited = copied / 'dlo_planner' / 'ritz' / 'arc.py'
-    before, times = edited.read_text(), edited.stat()
-    edited.write_text(before.replace('chord[0] = h * (', 'chord[0] = 3 * ('))
-    assert edited.read_text() != before
-    os.utime(edited, ns=(times.st_atime_ns, times.st_mtime_ns))
-    assert run(copied, MARCH)[:2] == (6.0, 0)
-    edited.write_text(before)
-    assert run(copied, MARCH)[:2] == (1.0, 1)
+def result(process):
+    """Return what it printed: values, kernels that were found, others, and where they are kept."""
+    out, error = process.communicate(timeout=120)
+    assert process.returncode == 0, error
+    return json.loads(out)
+
+
+def run(folder, code=USE, **changes):
+    return result(started(folder, code, **changes))
+
+
+def prebuilt(folder):
+    process = started(folder, PREBUILD)
+    assert process.wait(120) == 0, process.communicate()[1]
+    process.communicate()
+    return list((folder / 'dlo_planner' / 'compiled').rglob('*.kernel'))
+
+
+def edit(folder, name, old, new):
+    """Change a file, but not its time."""
+    path = folder / 'dlo_planner' / f'{name}.py'
+    text, times = path.read_text(), path.stat()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+
+
+def make_read_only(folder):
+    for path in (*folder.rglob('*'), folder):
+        path.chmod(0o555 if path.is_dir() else 0o444)
+
+
+def test_an_edit_of_a_kernel_that_others_call_compiles_those_and_no_others(copied):
+    assert run(copied) == [[3.5, 0.0], [], ALL, str(copied / 'home/.cache/dlo_planner/kernels')]
+    assert run(copied)[:3] == [[3.5, 0.0], ['first', 'alone'], []]
+    edit(copied, 'deep', 'FACTORS[0]', 'FACTORS[1]')
+    values, found, compiled, _ = run(copied)
+    assert values == [4.5, 0.0]
+    assert set(found) == {'aside', 'alone'}
+    assert set(compiled) == {'first', 'second', 'third', 'last'}
+    edit(copied, 'deep', 'FACTORS[1]', 'FACTORS[0]')
+    assert run(copied)[:3] == [[3.5, 0.0], ['first', 'alone'], []]  # still known
+
+
+def test_the_contents_of_a_constant_count(copied):
+    run(copied)
+    edit(copied, 'deep', '[2.0, 3.0]', '[2.5, 3.0]')
+    values, found, _, _ = run(copied)
+    assert values == [4.0, 0.0] and set(found) == {'aside', 'alone'}
+
+
+def test_neither_place_nor_time_nor_line_nor_wording_counts(copied):
+    run(copied)
+    edit(copied, 'deep', '@kernel\ndef last(x):\n', '# Lines\n\n@kernel\ndef last(x):\n    # two\n')
+    edit(copied, 'chain', 'def aside(x):', 'def aside(x):\n    """Return half."""')
+    moved = copied / 'elsewhere'
+    moved.mkdir()
+    shutil.move(copied / 'dlo_planner', moved)
+    for path in moved.rglob('*.py'):
+        path.touch()
+    assert run(moved, HOME=str(copied / 'home'))[1:3] == [['first', 'alone'], []]
 
 
 @pytest.mark.parametrize('temporary', [True, False])
 def test_where_nothing_can_be_written_it_works(copied, temporary):
-    for path in (*copied.rglob('*'), copied):
-        path.chmod(0o555 if path.is_dir() else 0o444)
-    code = AS_NOBODY + ('' if temporary else NOWHERE_TEMPORARY) + MARCH
+    make_read_only(copied)
+    code = AS_NOBODY + ('' if temporary else NOWHERE_TEMPORARY) + USE
     with tempfile.TemporaryDirectory() as free:
         os.chmod(free, 0o777)
         answers = [run(copied, code, HOME=None, TMPDIR=free, PYTHONDONTWRITEBYTECODE='1')
                    for _ in range(1 + temporary)]
         shutil.rmtree(free)  # of another user
         os.mkdir(free)
-    assert [value for value, _, _ in answers] == [1.0] * len(answers)
+    assert [values for values, *_ in answers] == [[3.5, 0.0]] * len(answers)
     if temporary:
-        assert [hits for _, hits, _ in answers] == [0, 1]
-        assert answers[0][2].startswith(free)
+        assert [found for _, found, *_ in answers] == [[], ['first', 'alone']]
+        assert answers[0][3].startswith(free)
     else:
-        assert answers[0][2] == 'None'
+        assert answers[0][3] == 'None'
 
 
-def test_what_was_compiled_at_installation_is_used_where_nothing_can_be_written(copied):
-    assert run(copied, MARCH)[:2] == (1.0, 0)
-    installed = copied / 'dlo_planner' / '__pycache__'
-    for path in (*copied.rglob('*'), copied):
-        path.chmod(0o555 if path.is_dir() else 0o444)
-    code = AS_NOBODY + NOWHERE_TEMPORARY + MARCH
-    value, hits, where = run(copied, code, HOME=None, PYTHONDONTWRITEBYTECODE='1')
-    assert (value, hits, Path(where).parent) == (1.0, 1, installed)
+def test_what_was_compiled_at_installation_is_used_on_this_processor(copied):
+    assert len(prebuilt(copied)) == len(ALL)
+    make_read_only(copied)
+    code = AS_NOBODY + NOWHERE_TEMPORARY + USE
+    assert run(copied, code, HOME=None, PYTHONDONTWRITEBYTECODE='1') == [
+        [3.5, 0.0], ['first', 'alone'], [], 'None']
     # a user who can write keeps what is missing there, and uses the rest
     with tempfile.TemporaryDirectory() as home:
         os.chmod(home, 0o777)
-        value, hits, where = run(copied, AS_NOBODY + MARCH, HOME=home, PYTHONDONTWRITEBYTECODE='1')
-        assert (value, hits) == (1.0, 1)
+        _, found, compiled, where = run(copied, AS_NOBODY + USE, HOME=home,
+                                        PYTHONDONTWRITEBYTECODE='1')
+        assert (found, compiled) == (['first', 'alone'], [])
         assert where.startswith(home) and not list(Path(where).iterdir())
+    # a processor that was asked for is meant
+    assert run(copied, code, HOME=None, PYTHONDONTWRITEBYTECODE='1',
+               NUMBA_CPU_NAME='generic')[1:3] == [[], ALL]
+
+
+def test_a_build_contains_what_was_compiled(copied):
+    pytest.importorskip('setuptools')
+    shutil.copy(Path(dlo_planner.__file__).parent.parent / 'setup.py', copied)
+    for changes, number in (({'DLO_PLANNER_PREBUILD': '0'}, 0), ({}, len(ALL))):
+        made = subprocess.run([sys.executable, 'setup.py', '-q', 'build'], cwd=copied, text=True,
+                              env=os.environ | {'NUMBA_DISABLE_JIT': '0'} | changes,
+                              capture_output=True, check=False)
+        assert made.returncode == 0, made.stderr
+        assert len(list((copied / 'build').rglob('*.kernel'))) == number
+    assert not list((copied / 'dlo_planner').rglob('*.kernel'))
+    built = next((copied / 'build').rglob('chain.py')).parent.parent
+    assert run(built, HOME='/dev/null')[:3] == [[3.5, 0.0], ['first', 'alone'], []]
+
+
+def test_a_second_installation_compiles_and_keeps_what_has_changed(copied):
+    before = {path.name: path.stat().st_mtime_ns for path in prebuilt(copied)}
+    edit(copied, 'chain', 'x - 1.0', 'x - 2.0')
+    after = {path.name: path.stat().st_mtime_ns for path in prebuilt(copied)}
+    assert len(after) == len(before) == len(ALL)
+    changed = after.items() - before.items()
+    assert {name.split('-')[0] for name, _ in changed} == {'dlo_planner.chain.alone'}
+    assert run(copied)[:3] == [[3.5, -1.0], ['first', 'alone'], []]
+
+
+def test_a_file_that_is_not_whole_is_not_used(copied):
+    folder = Path(run(copied)[3])
+    files = sorted(folder.iterdir())
+    for k, path in enumerate(files):
+        data = path.read_bytes()
+        path.write_bytes([data[:-9], b'', b'x' * 99, data[:200] + bytes([data[200] ^ 1])
+                          + data[201:], data[9:], data[::-1]][k])
+    values, found, compiled, _ = run(copied)
+    assert values == [3.5, 0.0] and not found and set(compiled) >= {'first', 'alone', 'second'}
+    assert run(copied)[:3] == [[3.5, 0.0], ['first', 'alone'], []]
+
+
+def test_several_processes_at_once(copied):
+    processes = [started(copied, USE) for _ in range(3)]
+    assert [result(process)[0] for process in processes] == [[3.5, 0.0]] * 3
+    values, found, _, where = run(copied)
+    assert (values, found) == ([3.5, 0.0], ['first', 'alone'])
+    assert len(list(Path(where).iterdir())) == len(ALL)
+
+
+def test_what_a_kernel_reads_unseen_is_not_kept(copied):
+    edit(copied, 'deep', 'x * FACTORS[0]', 'x * constants.FACTOR')
+    edit(copied, 'deep', 'import numpy as np', 'from dlo_planner import constants')
+    edit(copied, 'deep', 'FACTORS = np.array([2.0, 3.0])', '')
+    constants = copied / 'dlo_planner' / 'constants.py'
+    for factor in (2.0, 3.0):
+        constants.write_text(f'FACTOR = {factor}')
+        values, found, _, _ = run(copied)
+        assert values == [factor + 1.5, 0.0]
+    assert set(found) == {'aside', 'alone'}
+
+
+def test_a_kernel_that_is_handed_over_is_not_taken_for_another(copied):
+    code = ('import json\nfrom dlo_planner.deep import last, third\n'
+            'from dlo_planner.kernels import kernel\n@kernel\ndef apply(g, x):\n    return g(x)\n'
+            'print(json.dumps([apply({}, 1.0), sum(apply.stats.cache_hits.values())]))')
+    assert [run(copied, code.format(name)) for name in ('last', 'third')] == [[2.0, 0], [3.0, 0]]
+    edit(copied, 'deep', 'FACTORS[0]', 'FACTORS[1]')
+    assert run(copied, code.format('last')) == [3.0, 0]
 
 
 def test_a_folder_that_somebody_else_could_fill_is_not_used(copied):
-    (copied / 'dlo_planner' / '__pycache__').write_text('a file in the place of the folder')
     with tempfile.TemporaryDirectory() as free:
         Path(free, f'dlo_planner-{os.getuid()}').mkdir()
         Path(free, f'dlo_planner-{os.getuid()}').chmod(0o777)
-        assert run(copied, ONLY_WHERE, HOME='/dev/null', TMPDIR=free)[2] == 'None'
+        assert run(copied, HOME='/dev/null', TMPDIR=free)[3] == 'None'
 
 
-def test_old_caches_are_few(copied):
-    caches = copied / 'dlo_planner' / '__pycache__'
-    for k in range(9):
-        (caches / f'kernels-{k}').mkdir(parents=True)
-        os.utime(caches / f'kernels-{k}', (k, k))
-    run(copied, ONLY_WHERE)
-    left = sorted(path.name for path in caches.glob('kernels-?'))
-    assert left == [f'kernels-{k}' for k in range(5, 9)]
+def test_what_was_used_long_ago_makes_room(tmp_path):
+    now = time.time()
+    for k in range(6):
+        (tmp_path / f'{k}.kernel').write_bytes(bytes(100))
+        os.utime(tmp_path / f'{k}.kernel', (now - k, now - k))
+    prune(tmp_path, room=350)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['0.kernel', '1.kernel', '2.kernel']

@@ -1,7 +1,6 @@
 """The configurations in which an arm can begin."""
 
 import numpy as np
-from scipy.stats import qmc
 
 from dlo_planner.arm.following import Lost, judge_limits, judge_reach
 from dlo_planner.arm.solving import centered, choices, solve
@@ -99,6 +98,7 @@ def _relaxed(chain, found, target):
 
 def _spread(chain, number):
     """Return seeds (number, m) over the ranges, a turn of angles at most."""
+    from scipy.stats import qmc  # noqa: PLC0415  (half a second: only where it is used)
     half = np.where(chain.turning, np.pi, 1.0)
     lower, upper = (np.clip(limit, chain.middle - half, chain.middle + half)
                     for limit in (chain.lower, chain.upper))

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import click
 
 from dlo_planner.cli.main import NO_SOLUTION
+from dlo_planner.kernels import COMPILED
 from dlo_planner.settings.yaml_files import config_files
 
 _NEEDED = {'numpy': (1, 26), 'scipy': (1, 11), 'numba': (0, 59), 'toppra': (0, 6)}
@@ -22,6 +23,7 @@ _EXTRAS = {  # extra -> (module, distribution, what it is for)
     'arm': ('pinocchio', 'pin', 'joints of a robot arm'),
     'cluster': ('distributed', 'distributed', 'many machines')}
 _PYTHON = (3, 11)
+_FEW = 150  # files of compiled kernels: fewer are not all
 _PATIENCE = 60.0  # s for ROS to come up
 _OK, _NOTE, _BAD = 'ok', 'note', 'bad'
 _COLORS = {_OK: 'green', _NOTE: 'yellow', _BAD: 'red'}
@@ -99,17 +101,21 @@ def _needed(name, least):
 
 
 def _kernels():
-    from dlo_planner.kernels import cache_folder, cache_folders  # noqa: PLC0415 - numba is needed
-    folder = cache_folder()
-    if folder is None:
-        return Finding(_BAD, 'compiled kernels', 'no folder can be written: each process compiles '
-                       'for minutes', 'set NUMBA_CACHE_DIR to a folder that can be written')
-    count = sum(1 for one in cache_folders() for _ in one.glob('*.nbi'))
-    if not count:
-        return Finding(_NOTE, 'compiled kernels', f'none yet in {folder}',
-                       'the first shape compiles them, for a minute or more: dlo-planner shape '
-                       'copper_wire --gripper 0,0,1')
-    return Finding(_OK, 'compiled kernels', f'{count} in {folder}')
+    name = 'compiled kernels'
+    if not COMPILED:
+        return Finding(_BAD, name, 'numba is missing or switched off: some hundred times slower',
+                       'pip install numba; unset NUMBA_DISABLE_JIT')
+    from dlo_planner.kernels.folders import folders  # noqa: PLC0415 - numba is needed
+    known = folders()
+    count = sum(1 for folder in known.read if folder.is_dir() for _ in folder.iterdir())
+    if count < _FEW:
+        return Finding(_NOTE, name, f'{count} so far',
+                       'the first shape compiles them, for a minute or more: python -m '
+                       'dlo_planner.prebuild compiles all')
+    if known.write is None:
+        return Finding(_NOTE, name, f'{count}; no folder can be written for others',
+                       'set NUMBA_CACHE_DIR to a folder that can be written')
+    return Finding(_OK, name, f'{count}, new ones in {known.write}')
 
 
 def _parameters():

@@ -1,6 +1,5 @@
 """One equilibrium: from a gripper's pose and a discretisation to a Shape with its proof."""
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np

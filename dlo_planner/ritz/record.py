@@ -2,19 +2,19 @@
 
 numba passes a named tuple field by field, array by array, through every call: with a dozen arrays
 that is what compiling mostly does, and a call from Python costs more than small kernels take. A
-Record is one pointer (numba's structref). Its fields never change, the arrays' contents may.
+Record is one pointer (numba's structref, see `boxed`). Its fields never change, the arrays'
+contents may. Where kernels are plain Python, so is a Record.
 """
 
-import sys
+from dlo_planner.kernels import COMPILED
 
-from numba import types
-from numba.experimental import structref
-from numba.extending import overload
+if COMPILED:
+    from dlo_planner.ritz.boxed import Base, declare, read
+else:
+    Base = object
 
-from dlo_planner.kernels import kernel
 
-
-class Record(structref.StructRefProxy):
+class Record(Base):
     """Base of a bundle: its fields are the annotations of the class, in order.
 
     In kernels `Kind(...)` makes one. For Python, the module of the class has a kernel that does it,
@@ -26,22 +26,20 @@ class Record(structref.StructRefProxy):
 
     def __init_subclass__(cls):
         cls.FIELDS = tuple(cls.__annotations__)
-        name = f'{cls.__name__}Type'
-        kind = structref.register(type(name, (_RecordType,), {'__module__': cls.__module__}))
-        setattr(sys.modules[cls.__module__], name, kind)  # numba's caches look for it there
-        structref.define_proxy(cls, kind, cls.FIELDS)
+        if COMPILED:
+            declare(cls, cls.FIELDS)
 
     def __new__(cls, *values):
         """Return the record of all fields in order."""
-        made = cls._make(*values)
+        made = cls._make(*values) if COMPILED else super().__new__(cls)
         made.__dict__.update(zip(cls.FIELDS, values, strict=True))
         return made
 
     def __getattr__(self, name):
         """Read the fields of a record that comes from a kernel, once."""
-        if name not in self.FIELDS:
+        if name not in self.FIELDS or not COMPILED:
             raise AttributeError(name)
-        self.__dict__.update(zip(self.FIELDS, _read(self), strict=True))
+        self.__dict__.update(zip(self.FIELDS, read(self), strict=True))
         return self.__dict__[name]
 
     def __setattr__(self, name, value):
@@ -60,11 +58,6 @@ class Record(structref.StructRefProxy):
         return type(self), tuple(getattr(self, name) for name in self.FIELDS)
 
 
-class _RecordType(types.StructRef):
-    def preprocess_fields(self, fields):
-        return tuple((name, types.unliteral(kind)) for name, kind in fields)
-
-
 def makes(kind):
     """Decorate the kernel that makes the Record `kind` of its fields for Python.
 
@@ -74,22 +67,3 @@ def makes(kind):
         kind._make = staticmethod(kernel)
         return kernel
     return take
-
-
-def _fields(record):
-    raise NotImplementedError('for kernels only')
-
-
-@overload(_fields)
-def _fields_of(record):
-    """Write the function that returns all fields of this kind of record."""
-    names = [name for name, _ in record._fields]
-    scope = {}
-    exec('def read(record):\n    return (' + ''.join(f'record.{name}, ' for name in names) + ')',
-         scope)
-    return scope['read']
-
-
-@kernel
-def _read(record):
-    return _fields(record)

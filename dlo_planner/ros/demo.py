@@ -319,7 +319,6 @@ def main(args=None):
     domain = int(os.environ.get('ROS_DOMAIN_ID', 1 + os.getpid() % _DOMAINS))
     os.environ['ROS_DOMAIN_ID'] = str(domain)
     print(f'Starting the planner node as a process of its own (ROS domain {domain}) ...')
-    print('The very first start compiles the solver, which takes some minutes.')
     with (tempfile.TemporaryDirectory() as logs, planner_process(domain, logs) as process):
         client = PlannerClient()
         try:

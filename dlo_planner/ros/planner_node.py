@@ -6,7 +6,7 @@ if __name__ == '__main__':  # before all imports, which are deaf to signals
     from dlo_planner.ros.main import main
     sys.exit(main())
 
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from threading import Event, Thread
 from time import monotonic, sleep
@@ -16,6 +16,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from visualization_msgs.msg import MarkerArray
 
+from dlo_planner.errors import DloPlannerError
 from dlo_planner.ros.arm import ArmOutput
 from dlo_planner.ros.camera import Camera
 from dlo_planner.ros.causes import Cause
@@ -96,11 +97,17 @@ class PlannerNode(ManagedNode):
         return {name: self.get_parameter(name).value for name in ENTRIES}
 
     def _warm_up(self):
-        self.get_logger().info('loading the solver; the very first start compiles it (minutes)')
+        self.get_logger().info('loading the solver (minutes, if it was not compiled at '
+                               'installation and this is the first start)')
         started = monotonic()
         warm_up()
-        warm_up_proofs(self._prover)
+        # in a process of its own: only a plan that comes before it is ready waits
+        Thread(target=self._warm_up_proofs, daemon=True).start()
         self.get_logger().info(f'the solver is loaded, after {monotonic() - started:.1f} s')
+
+    def _warm_up_proofs(self):
+        with suppress(DloPlannerError):  # the process is started again for the first plan
+            warm_up_proofs(self._prover)
 
     # ---- lifecycle ------------------------------------------------------------------------------
 

@@ -28,7 +28,7 @@ class Prover:
     """Starts the process when it is first needed, and again if it has died."""
 
     def __init__(self):
-        self._lock = Lock()
+        self._lock, self._asking = Lock(), Lock()
         self._process = None
         self._closed = False
 
@@ -42,7 +42,18 @@ class Prover:
             DeadlineExceeded: of `replay`
             ProcessLost: the process ended, or it is long past the deadline
             DloPlannerError: it failed there
+
+        Another question waits until the one before is answered.
         """
+        while not self._asking.acquire(timeout=_LOOK):
+            if not wanted():
+                return None
+        try:
+            return self._answer(wanted, arguments)
+        finally:
+            self._asking.release()
+
+    def _answer(self, wanted, arguments):
         process = self._running()
         if process is None:
             return None

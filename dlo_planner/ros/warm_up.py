@@ -1,4 +1,4 @@
-"""Loading the compiled kernels, or compiling them: the first start only.
+"""Loading the compiled kernels, or compiling them where that was not done at installation.
 
 Everything that the node may be asked for is done once on a small DLO, so that no request waits for
 a compiler; proofs, which have a process of their own, are done there.
@@ -47,11 +47,3 @@ def warm_up_proofs(prover):
 
 def _hole(x):
     return CutOut(Pose.looking_along((x, 0, 0), (1, 0, 0)), radius=0.1)
-
-
-if __name__ == '__main__':  # compile ahead, e.g. when an image is built
-    from dlo_planner.ros.proving import Prover
-    warm_up()
-    proving = Prover()
-    warm_up_proofs(proving)
-    proving.close()

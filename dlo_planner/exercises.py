@@ -1,0 +1,111 @@
+"""Small jobs that, together, use every kernel: what is compiled ahead is what they need.
+
+test_exercises.py watches that no kernel is left out.
+"""
+
+import numpy as np
+
+from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.inverse.correction import correct
+from dlo_planner.inverse.fitting import fit_rod
+from dlo_planner.inverse.hanging import hanging_shapes
+from dlo_planner.inverse.observation import Observation
+from dlo_planner.inverse.observer import Observer
+from dlo_planner.inverse.penalties import AwayFrom
+from dlo_planner.inverse.replay import replay
+from dlo_planner.inverse.robustness import Spread
+from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.workspace import Workspace
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.obstacles import Plane, Sheet
+from dlo_planner.model.point_load import PointLoad
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
+from dlo_planner.parallel.mapping import solve_many
+from dlo_planner.ros.warm_up import warm_up, warm_up_proofs
+
+_ROD = Rod(1.0, 0.1, (1.0, 2.0), 0.7, natural_curvature=(0.1, 0.2))
+_YIELDING = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, yield_curvature=0.2, hardening=0.1)
+_LEVEL = Pose((0, 0, 0), (0, 0, 0, 1))
+_TILTED = Pose.looking_along((0, 0, 0), (1, 0.2, 0))
+
+
+def shapes():
+    """Solve, with what a Shape tells, and simulate."""
+    for options in ({}, {'basis': 'local', 'accuracy': 1e-4}):
+        direct = DirectSimulator(_ROD, **options)
+        shape = direct.solve(_TILTED)
+        shape = direct.solve(_LEVEL, shape)
+        assert shape.error_estimate > 0
+        assert shape.modes(2).error_estimate.max() < 1
+        shape.at(0.5)
+        Sensitivity(shape).moved([1e-3] * 6)
+        direct.simulate([_LEVEL, _LEVEL], 0.01)
+        direct.track([_LEVEL, Pose((0, 0, 0), (0, 0, 0.5, 0.8))])
+        assert solve_many(direct, [_LEVEL, _TILTED]).converged.all()
+    turned = PointLoad(moment=(0.0, 0.0, 1e-3))
+    assert DirectSimulator(_ROD, point_loads=[turned]).solve(_LEVEL).converged
+
+
+def node():
+    """Do what a planner node may be asked for."""
+    warm_up()
+    assert hanging_shapes(DirectSimulator(_ROD).surroundings, np.linspace(0, 1, 9)) is not None
+
+
+def proofs():
+    """Do what the process of its proofs may be asked for."""
+    warm_up_proofs(_Here)
+
+
+class _Here:
+    """A Prover without a process."""
+
+    @staticmethod
+    def report(**given):
+        return replay(**given)
+
+
+def touching():
+    """Solve among obstacles, with yield, and plan there."""
+    hole = CutOut(Pose.looking_along((0.4, 0, 0), (1, 0, 0)), radius=0.2)
+    direct = DirectSimulator(_YIELDING, obstacles=[Plane((0, 0, -0.2), (0, 0, 1), 0.2),
+                                                   Sheet.around(hole)])
+    shapes = direct.track([_LEVEL, Pose((0, 0, -0.05), (0, 0, 0, 1))])
+    direct.simulate([_LEVEL] * 2, 0.01, shapes[0])
+    Sensitivity(shapes[-1])
+    direct.solve(_LEVEL, far_end=(0.8, 0, 0))
+    AwayFrom([Plane((0, 0, -0.2), (0, 0, 1))], 0.1).residuals(shapes[0])
+    cell = Workspace(keep_out=[Plane((0, 0, -9), (0, 0, 1))])
+    for simulator in (DirectSimulator(_YIELDING), direct):
+        InverseSimulator(simulator, workspace=cell).thread(
+            CutOut(Pose.looking_along((9, 0, 1), (1, 0, 0)), radius=0.2), depths=[0, 0.5])
+
+
+def held():
+    """Solve with the far end held."""
+    for grip in ('pinned', 'clamped'):
+        direct = DirectSimulator(_ROD, grip=grip)
+        for end in ((0.8, 0, 0), Pose((0.8, 0, 0), (0, 0, 0, 1))):
+            shape = direct.solve(_LEVEL, far_end=end)
+            assert direct.solve(_LEVEL, shape, far_end=end).error_estimate > 0
+    Sensitivity(shape)
+
+
+def seen():
+    """Fit and observe a DLO, and correct a plan."""
+    spread = Spread(0.05, 0.05, 0.05, 1e-3, 0.05, 1e-3, 1e-3, 0.05)
+    direct = DirectSimulator(_ROD)
+    goal = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)))
+    plan = InverseSimulator(direct).thread(goal, depths=[0, 0.5])
+    shape = direct.solve(_TILTED)
+    fit_rod(_ROD, [Observation(_TILTED, shape.positions[::9])])
+    observer = Observer(direct, spread, bias=1e-3)
+    estimate = observer.begin()
+    for s in (None, shape.s[::9]):
+        estimate = observer.update(estimate, Observation(_TILTED, shape.positions[::9], s))
+    correct(estimate, plan)
+
+
+ALL = (shapes, node, seen, held, touching, proofs)

@@ -1,0 +1,41 @@
+"""The decorator of all kernels: compiled by numba once, plain Python where that is not wanted.
+
+Machine code is kept between processes: `cache` says under which key, `folders` where. A kernel may
+read constants, Records and other kernels by name; `fingerprint` says what it may not.
+
+Without numba, or with NUMBA_DISABLE_JIT=1 (for a debugger, or to measure coverage), a kernel is the
+Python function that is written: the same numbers, some hundred times slower.
+"""
+
+import warnings
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+try:
+    import numba
+except ImportError as error:
+    numba = None
+    warnings.warn(f'dlo_planner computes in plain Python, some hundred times slower, because numba '
+                  f'cannot be imported ({error}): pip install numba', RuntimeWarning, stacklevel=2)
+
+COMPILED = numba is not None and not numba.config.DISABLE_JIT
+if COMPILED:
+    from dlo_planner.kernels.cache import KernelCache
+
+
+def kernel(function: Callable | None = None, **options: Any) -> Callable:
+    """Compile a function when it is first called, and keep what was compiled for the next process.
+
+    Args:
+        options: of `numba.njit`, but `cache`
+
+    Where nothing can be written it is compiled anew in each process.
+    """
+    if function is None:
+        return partial(kernel, **options)
+    if not COMPILED:
+        return function
+    made = numba.njit(function, **options)
+    made._cache = KernelCache(made)
+    return made

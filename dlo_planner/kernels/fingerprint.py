@@ -1,0 +1,157 @@
+"""What the machine code of a kernel depends on, as one number.
+
+It covers the bytecode of the kernel and of all kernels and overloads that it reaches, their options
+and defaults, and the values of the constants that they read, as numba sees them: by global name or
+in a closure. It does not cover paths, times of files, line numbers, comments and docstrings.
+
+What cannot be followed is refused by `Unseen`, so that nothing stale can be found: a module of
+one's own (`module.f`: import the name), and values without an order or a definite text (sets,
+dictionaries, lists, objects). test_fingerprint.py holds the package to it.
+"""
+
+import dis
+import hashlib
+import inspect
+from collections.abc import Callable, Iterator
+from functools import cache
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from numba.core.typing.templates import builtin_registry
+
+_EXACT = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), slice)
+_VERSIONED = ('builtins', 'math', 'cmath', 'operator', 'numpy', 'numba')  # in the cache's key
+_LOAD_GLOBAL, _EXTENDED_ARG = dis.opmap['LOAD_GLOBAL'], dis.opmap['EXTENDED_ARG']
+# Kinds of parameters and functions; numba itself changes another flag where a profiler runs.
+_KINDS = (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS | inspect.CO_GENERATOR | inspect.CO_COROUTINE
+          | inspect.CO_ASYNC_GENERATOR | inspect.CO_NESTED)
+
+
+class Unseen(TypeError):
+    """A kernel depends on what a fingerprint cannot cover."""
+
+
+def fingerprint(kernel: Dispatcher) -> str:
+    """Return the name of all that the machine code of a kernel depends on, in its sources.
+
+    Raises:
+        Unseen: it reads what cannot be followed
+    """
+    total, seen = hashlib.sha256(), {}
+    for part in _of_value(kernel, seen):
+        total.update(part)
+        total.update(b'\0')
+    return total.hexdigest()[:32]
+
+
+def dependencies(kernel: Dispatcher) -> list[Callable]:
+    """Return the functions that `fingerprint` covers: the kernel's own first."""
+    seen = {}
+    for _ in _of_value(kernel, seen):
+        pass
+    return [function for function, _ in seen.values()]
+
+
+def _of_value(value: Any, seen: dict) -> Iterator[bytes]:
+    """Yield all that is known of a value; `seen` numbers the functions, which may be recursive."""
+    kind = type(value)
+    yield f'{kind.__module__}.{kind.__qualname__}'.encode()
+    if kind in _EXACT:
+        yield repr(value).encode()
+    elif isinstance(value, tuple):
+        yield repr((len(value), getattr(value, '_fields', None))).encode()
+        for item in value:
+            yield from _of_value(item, seen)
+    elif isinstance(value, (np.ndarray, np.generic)) and not value.dtype.hasobject:
+        yield repr((value.dtype.descr, value.shape, value.flags.c_contiguous,
+                    value.flags.f_contiguous, value.flags.aligned)).encode()
+        yield value.tobytes()
+    elif isinstance(value, Dispatcher):
+        yield repr(sorted(value.targetoptions.items(), key=str)).encode()
+        yield from _of_function(value.py_func, seen)
+    elif isinstance(value, np.dtype):
+        yield repr(value.descr).encode()
+    elif _is_versioned(value):
+        yield f'{getattr(value, "__module__", None)}.{value.__name__}'.encode()
+    else:
+        yield from _of_written(value, seen)
+
+
+def _is_versioned(value: Any) -> bool:
+    """Whether the version of a library tells what this is."""
+    if isinstance(value, np.ufunc):
+        return True
+    if isinstance(value, ModuleType):
+        home = value.__name__
+    elif isinstance(value, (type, FunctionType, BuiltinFunctionType)) or hasattr(value, '__name__'):
+        home = getattr(value, '__module__', None) or ''
+    else:
+        return False
+    return home.split('.')[0] in _VERSIONED
+
+
+def _of_written(value: Any, seen: dict) -> Iterator[bytes]:
+    """Yield what is known of a class or function for which overloads write what is compiled."""
+    if not isinstance(value, (type, FunctionType)):
+        raise Unseen(f'{value!r} of {type(value).__qualname__}: a kernel reads numbers, tuples, '
+                     'arrays, kernels and Records, each by its own name')
+    known = getattr(value, '__fingerprint__', None)
+    written = [function.templates[0]._overload_func for name, function in builtin_registry.globals
+               if name is value] if known is None else []
+    if known is None and not written:
+        raise Unseen(f'{value.__module__}.{value.__qualname__} is neither a kernel nor a Record')
+    yield f'{value.__module__}.{value.__qualname__}'.encode()
+    if known is not None:
+        yield from _of_value(known(), seen)
+    for function in written:
+        yield from _of_function(function, seen)
+
+
+def _of_function(function: FunctionType, seen: dict) -> Iterator[bytes]:
+    """Yield a function's bytecode and the values of what it reads."""
+    if id(function) in seen:
+        yield repr(seen[id(function)][1]).encode()
+        return
+    seen[id(function)] = function, len(seen)
+    yield f'{function.__module__}.{function.__qualname__}'.encode()
+    names, parts = _scanned(function.__code__, function.__doc__ is not None)
+    yield parts
+    yield from _of_value((function.__defaults__, tuple(sorted((function.__kwdefaults__
+                                                               or {}).items()))), seen)
+    scope = function.__globals__
+    built_in = scope['__builtins__']
+    built_in = vars(built_in) if isinstance(built_in, ModuleType) else built_in
+    for name in names:
+        if name not in scope and name not in built_in:
+            raise Unseen(f'{name}, which {function.__qualname__} reads, is not defined')
+        yield from _of_value(scope[name] if name in scope else built_in[name], seen)
+    for cell in function.__closure__ or ():
+        yield from _of_value(cell.cell_contents, seen)
+
+
+@cache
+def _scanned(code: CodeType, documented: bool) -> tuple[tuple[str, ...], bytes]:
+    """Return the global names that a code object loads, and all else that it is."""
+    names, high, loads_first = {}, 0, False
+    raw = code.co_code
+    for op, low in zip(raw[::2], raw[1::2], strict=True):
+        argument = high | low
+        high = argument << 8 if op == _EXTENDED_ARG else 0
+        if op == _LOAD_GLOBAL:
+            names[code.co_names[argument >> 1]] = None
+        elif argument == 0 and op in dis.hasconst:
+            loads_first = True
+    parts = [raw, repr((code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars,
+                        code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount,
+                        code.co_flags & _KINDS)).encode()]
+    docstring = documented and not loads_first
+    for constant in (None, *code.co_consts[1:]) if docstring else code.co_consts:
+        if isinstance(constant, CodeType):
+            more, part = _scanned(constant, False)
+            names.update(dict.fromkeys(more))
+            parts.append(part)
+        else:
+            parts += _of_value(constant, {})
+    return tuple(names), b'\0'.join(parts)

@@ -1,0 +1,51 @@
+"""Records as numba has them: pointers to structures that it lays out."""
+
+import sys
+
+from numba import types
+from numba.experimental import structref
+from numba.extending import overload
+
+from dlo_planner.kernels import kernel
+
+
+class Base(structref.StructRefProxy):
+    """What numba gives to Python for such a pointer."""
+
+    @classmethod
+    def __fingerprint__(cls):
+        """Return what machine code that makes one depends on."""
+        return cls.FIELDS, _RecordType.preprocess_fields.__code__.co_code
+
+
+class _RecordType(types.StructRef):
+    def preprocess_fields(self, fields):
+        return tuple((name, types.unliteral(kind)) for name, kind in fields)
+
+
+def declare(cls, fields):
+    """Tell numba of a class of Records."""
+    name = f'{cls.__name__}Type'
+    kind = structref.register(type(name, (_RecordType,), {'__module__': cls.__module__}))
+    setattr(sys.modules[cls.__module__], name, kind)  # numba's pickles look for it there
+    structref.define_proxy(cls, kind, fields)
+
+
+def _fields(record):
+    raise NotImplementedError('for kernels only')
+
+
+@overload(_fields)
+def _fields_of(record):
+    """Write the function that returns all fields of this kind of record."""
+    names = [name for name, _ in record._fields]
+    scope = {}
+    exec('def read(record):\n    return (' + ''.join(f'record.{name}, ' for name in names) + ')',
+         scope)
+    return scope['read']
+
+
+@kernel
+def read(record):
+    """Return all fields of a Record, as a tuple."""
+    return _fields(record)
