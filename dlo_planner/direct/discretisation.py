@@ -143,6 +143,12 @@ class Discretisation(Value):
         return not (system.scene.kind.size or system.layers.share.size or around.has_moments
                     or around.pinned)
 
+    @cached_property
+    def told_by_truncation(self):
+        """Whether `ritz.truncation` bounds the error: nothing varies along the DLO."""
+        around = self.surroundings
+        return not (around.rod.varies or around.point_loads or callable(around.load))
+
     def has_nodes(self, s):
         """Whether its nodes are at `s` (n,), m."""
         return s is self.s or np.array_equal(s, self.s)

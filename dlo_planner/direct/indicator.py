@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dlo_planner.direct.discretisation import Discretisation
-from dlo_planner.model.value import freeze
+from dlo_planner.model.value import freeze, put
 from dlo_planner.ritz.truncation import truncation
 
 if TYPE_CHECKING:  # it imports this module
@@ -33,10 +33,12 @@ def surely_within(shape: 'Shape', accuracy: float, mesh: Discretisation | None =
     """
     here = shape._discretisation if mesh is None else mesh
     times = _times(shape, here.rod)
-    if times is None or shape.stability < _STABLE and shape.far_end is None or not _known(here):
+    if (times is None or shape.stability < _STABLE and shape.far_end is None
+            or not here.told_by_truncation):
         return False
-    strains = shape.element_strains if mesh is None else here.strains_from(
-        shape.s, shape.element_strains)
+    if here is shape._discretisation:
+        return bool(times * _truncated(shape) <= accuracy)
+    strains = here.strains_from(shape.s, shape.element_strains)
     return bool(times * _truncation(here, strains) <= accuracy)
 
 
@@ -49,13 +51,7 @@ def hanging_surely_within(mesh: Discretisation, stability: np.ndarray, truncated
         stability: (n,); truncated: (n,) `truncation` of each, m
         accuracy: m
     """
-    return (stability >= _STABLE) & (_FREE * truncated <= accuracy) & _known(mesh)
-
-
-def _known(mesh):
-    """Whether `truncation` says something of a DLO."""
-    around = mesh.surroundings
-    return not (around.rod.varies or around.point_loads or callable(around.load))
+    return (stability >= _STABLE) & (_FREE * truncated <= accuracy) & mesh.told_by_truncation
 
 
 def like_before(shape: 'Shape', before: 'Shape | None', accuracy: float) -> bool:
@@ -69,8 +65,17 @@ def like_before(shape: 'Shape', before: 'Shape | None', accuracy: float) -> bool
             or before._discretisation is not shape._discretisation
             or shape.stability < _STABLE and shape.far_end is None):
         return False
-    then, now = (_truncation(one._discretisation, one.element_strains) for one in (before, shape))
+    then, now = _truncated(before), _truncated(shape)
     return bool(then > 0 and _LIKE * before.error_estimate * now <= accuracy * then)
+
+
+def _truncated(shape):
+    """Return `truncation` of a Shape from a simulator, which is computed once."""
+    known = shape.__dict__.get('_truncated')
+    if known is None:
+        known = _truncation(shape._discretisation, shape.element_strains)
+        put(shape, _truncated=known)
+    return known
 
 
 def _truncation(mesh, strains):
