@@ -377,6 +377,7 @@ def _top(diagonal, beside, size):
             if pivot > 0:
                 above = True
                 break
+            pivot = min(pivot, -1e-300)
         if above:
             low = middle
         else:
@@ -398,6 +399,9 @@ def _lowest(work, shift, mode):
         if k:
             _add(image, -beside[k - 1], vectors[k - 1])
         beside[k] = sqrt(_inner(image, image))
+        if beside[k] < 1e-13 * abs(diagonal[k]):  # the side is a sum of k + 1 modes
+            used = k + 1
+            break
         _add(image, 1 / beside[k] - 1, image)
         if k % 3 == 2:
             top = _top(diagonal, beside, k + 1)

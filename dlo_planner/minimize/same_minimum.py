@@ -5,8 +5,8 @@ import numpy as np
 from dlo_planner.energy.potential import evaluate, new_state
 from dlo_planner.minimize.newton import newton
 
-_TOLERANCE, _STEPS = 1e-9, 30  # residual and Newton steps of a way that is gone to its end
-_CLOSE = 1e-7  # of the unknowns: what two searches for one minimum may leave between them
+_TOLERANCE, _STEPS = 1e-11, 30  # residual and Newton steps of a way that is gone to its end
+_CLOSE = 1e-9  # of the unknowns: what two searches for one minimum may leave between them
 
 
 def lower(system, one, other):

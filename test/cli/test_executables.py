@@ -29,7 +29,9 @@ def setup():
 
 def test_one_command_comes_to_the_path():
     known = setup()
-    assert known['scripts'] == {'console_scripts': ['dlo-planner = dlo_planner.cli.main:main']}
+    assert known['scripts'].pop('console_scripts') == [
+        'dlo-planner = dlo_planner.cli.main:main']
+    assert known['scripts'].keys() <= {'cosseratbench.solvers'}  # those are no commands
     assert any(one.startswith('click') for one in known['needs'])
 
 

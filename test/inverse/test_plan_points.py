@@ -102,7 +102,7 @@ def test_both_kinds_of_files_say_the_same(tmp_path):
 
 
 @pytest.mark.parametrize(('name', 'odd'), [
-    ('format', {'type': 'int', 'shape': [], 'data': [2]}),
+    ('format', {'type': 'int', 'shape': [], 'data': [99]}),
     ('format', {'type': 'int', 'shape': [], 'data': [True]}), ('depths', None), ('depths', [0.0]),
     ('depths', {'type': 'object', 'shape': [], 'data': [{}]}),
     ('depths', {'type': 'float', 'shape': [10], 'data': ['1'] * 10}),
