@@ -49,7 +49,11 @@ def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
     halfway = between(previous.gripper, gripper, 0.5)
     middle = follow(equilibrium, previous, halfway, None, halvings - 1)
     if not middle.converged:
-        return replace(middle if turn > LONGEST_TURN else shape, jumped=True)
+        if turn > LONGEST_TURN:
+            return replace(middle, jumped=True)
+        if not shape.converged and most < np.inf:  # given up on its way: now to where it leads
+            shape, _ = equilibrium(gripper, previous, None, np.inf)
+        return replace(shape, jumped=True)
     shape = follow(equilibrium, middle, gripper, None, halvings - 1)
     return _jumped(shape, shape.jumped or middle.jumped)
 

@@ -34,7 +34,8 @@ def fill_border(system, state, hessian):
 def complement(hessian):
     """Fill hessian.schur from its answers; return how many eigenvalues of its inverse are negative.
 
-    As many of those of H are not of what the grip leaves free (Haynsworth).
+    As many of those of H are not of what the grip leaves free (Haynsworth). Where a number
+    overflowed, the factorisation is of no use: it returns less than there can be.
     """
     negative, held = 0, hessian.border.shape[0]
     schur = hessian.schur
@@ -43,6 +44,9 @@ def complement(hessian):
             schur[row, other] = dot(hessian.border[row], hessian.answers[other])
             schur[other, row] = schur[row, other]
         schur[row, row] += hessian.give[0]
+    if not np.isfinite(schur).all():
+        schur[:] = 0.0
+        return -held - 1
     values, vectors = np.linalg.eigh(schur)
     largest = np.abs(values).max()
     for row in range(held):

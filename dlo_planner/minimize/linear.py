@@ -32,7 +32,7 @@ from dlo_planner.ritz.matrix3 import (
 )
 from dlo_planner.ritz.record import Record
 
-_TINY = 1e-300
+_TINY = 1e-16  # of a pivot of zero, as rounding errors leave them: less would overflow further on
 
 
 class Hessian(Record):

@@ -61,6 +61,19 @@ def test_a_failure_on_the_way_is_not_passed_over():
     assert shape.jumped and not shape.converged
 
 
+def test_where_nothing_on_the_way_is_found_the_step_is_made_at_once_to_its_end():
+    # a search that may give up tells nothing of the shape that the DLO falls into
+    def equilibrium(gripper, initial, far_end, most=np.inf):
+        turned = Rotation.from_matrix(gripper.rotation).as_rotvec()[2]
+        shape = bent(gripper, 1.0)
+        if most < 1.0:
+            return replace(shape, converged=False, residual=np.inf), 0
+        return replace(shape, converged=turned > 0.15), 0
+
+    shape = follow(equilibrium, bent(pose(0.0), 0.0), pose(0.2))
+    assert shape.jumped and shape.converged and np.isfinite(shape.residual)
+
+
 def test_change_of_shape_is_relative_to_the_gripper():
     one = bent(pose(0.0), 0.2)
     assert shape_change(one, bent(pose(1.3), 0.2)) == pytest.approx(0, abs=1e-7)
