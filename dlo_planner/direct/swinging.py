@@ -40,7 +40,7 @@ def _new_coefficients(alpha_m, alpha_f, beta, gamma, dt, stiffness, drag, slow, 
     return Coefficients(alpha_m, alpha_f, beta, gamma, dt, stiffness, drag, slow, viscous, masses)
 
 
-@kernel(nogil=True)
+@kernel
 def swing(system, base, origin, how, nodes, bends, tolerance, max_iterations, check):
     """Return the shape at the end of a step, as `hang` does, and how the DLO moves then.
 

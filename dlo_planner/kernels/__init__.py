@@ -36,6 +36,8 @@ def kernel(function: Callable | None = None, **options: Any) -> Callable:
         return partial(kernel, **options)
     if not COMPILED:
         return function
-    made = numba.njit(function, **options)
+    # Python's lock is free while a kernel runs: threads work side by side, and a node sends its
+    # commands on time while a shape is sought
+    made = numba.njit(function, **{'nogil': True} | options)
     made._cache = KernelCache(made)
     return made

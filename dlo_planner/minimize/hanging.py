@@ -15,7 +15,7 @@ from dlo_planner.minimize.newton import leashed_newton
 from dlo_planner.ritz.truncation import truncation
 
 
-@kernel(nogil=True)
+@kernel
 def hang(system, base, origin, strains, tolerance, max_iterations, frames, before, nodes, most):
     """Return the equilibrium that the DLO falls into from given strains.
 
@@ -62,7 +62,7 @@ def fallen(system, origin, natural, stiffness, q, tolerance, max_iterations, che
             stability, iterations, kicks)
 
 
-@kernel(nogil=True)
+@kernel
 def hang_many(system, bases, origins, start, tolerance, max_iterations, frames, nodes, strains,
               rotations, positions, wrenches, energies, proofs, iterations):
     """Fill the equilibria that the DLO falls into from one shape in many grippers, as `hang`.
