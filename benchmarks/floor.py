@@ -17,6 +17,7 @@ from numba import njit
 _TOLERANCE = 1e-10   # of the residual, as the package
 _LARGEST_TURN = 0.8  # rad per step
 _KICK, _LEAN, _FALLING, _NEUTRAL = 0.3, 1e-5, 2e-3, 1e-7
+_ZERO = 1e-16  # stands for a pivot of zero
 _LANCZOS = 40
 _MOST = 1000
 
@@ -210,11 +211,14 @@ def _own_bend(x, y, z, coefficients, b, a):
 @compiled
 def _inverse(p00, p11, p22, p10, p20, p21):
     """Return the inverse (00, 11, 22, 10, 20, 21) of a symmetric matrix, and its pivots <= 0."""
+    p00 = p00 if p00 != 0.0 else _ZERO
     l10, l20 = p10 / p00, p20 / p00
     d1 = p11 - l10 * p10
+    d1 = d1 if d1 != 0.0 else _ZERO
     middle = p21 - l20 * p10
     l21 = middle / d1
     d2 = p22 - l20 * p20 - l21 * middle
+    d2 = d2 if d2 != 0.0 else _ZERO
     i0, i1, i2 = 1 / p00, 1 / d1, 1 / d2
     low = l10 * l21 - l20
     return (i0 + l10 * l10 * i1 + low * low * i2, i1 + l21 * l21 * i2, i2,

@@ -52,6 +52,7 @@ _FAR = 0.1        # of the length: so far from its target it gives as much
 _LEFT = 0.05      # of the length: a step that misses the grip by more is too long
 _ASTRAY = 3e-3    # of the length: a DLO that falls is brought back from there
 _PROXIMAL = 1e-9  # least shift: what is neutral, as a round DLO that may spin, stays where it is
+_MOST_PROXIMAL = 1e-7  # the same, far from the equilibrium
 _ALIKE = 1e-9     # stiffnesses that differ by less are the same
 _OFTEN = 3
 _MOST_KICKS = 10
@@ -137,6 +138,10 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
             break
         assemble(system, state, hessian)
         hessian.give[0] = 0.0 if arrived else most_give * min(1.0, missed / (_FAR * length))
+        if not arrived:
+            # neutral steps are as large as rounding errors over the shift, and spoil what their
+            # square is; a shift that vanishes with the residual costs nothing (Fan and Yuan 2005)
+            shift = max(shift, min(residual, _MOST_PROXIMAL))
         if arrived or factorise(system, hessian, shift) > 0:
             shift = safe_shift(system, hessian, 0.0 if arrived else shift)
         if arrived:
@@ -181,7 +186,7 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
             shift = _PROXIMAL if shift < 1e-3 else 0.1 * shift
             stalled = obstructed > _OFTEN  # a contact there has to be known before it goes on
         else:
-            stalled = shift > 1e6 or shift == _PROXIMAL and missed < exact
+            stalled = shift > 1e6 or shift <= _MOST_PROXIMAL and missed < exact
             shift = max(1e-2, 10.0 * shift)
         if gone < 1.0 or shift > _PROXIMAL:
             energy, noise = evaluate(system, state)
