@@ -403,7 +403,7 @@ def _lowest(work, shift, mode):
         if k:
             _add(image, -beside[k - 1], vectors[k - 1])
         beside[k] = sqrt(_inner(image, image))
-        if beside[k] < 1e-13 * abs(diagonal[k]):  # the side is a sum of k + 1 modes
+        if not beside[k] > 1e-13 * abs(diagonal[k]):  # the side is a sum of k + 1 modes
             used = k + 1
             break
         _add(image, 1 / beside[k] - 1, image)
