@@ -1,6 +1,7 @@
 # make demo   the main job, done by real ROS 2 processes; pictures in demo_output/
 # make test   the tests
 # make bench  timings beside a hand-written loop, peers, the paper's figures: docs/benchmarks
+# make figures  all figures of the paper, a few minutes; figures_output/ (docs/reproduction.md)
 # make bench-check  fails where a ratio to that loop has grown by 30 %
 # make cell   20 tasks in a physics engine; table and film in cell_output/
 # make soak   a node under odd messages, load and faults for 10 minutes; report in soak_output/
@@ -12,7 +13,7 @@ PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/python
 
-.PHONY: demo test bench bench-check cell soak lint lock clean
+.PHONY: demo test bench figures bench-check cell soak lint lock clean
 demo: $(VENV)/ready
 	$(RUN) -m dlo_planner.ros.demo
 
@@ -21,6 +22,9 @@ test: $(VENV)/ready
 
 bench: $(VENV)/ready
 	$(RUN) -m benchmarks
+
+figures: $(VENV)/ready
+	$(RUN) -m benchmarks.figures
 
 bench-check: $(VENV)/ready
 	$(RUN) -m benchmarks check
@@ -50,5 +54,5 @@ lock:
 	build/lock/bin/python .ci/pins.py > requirements.lock
 
 clean:
-	rm -rf $(VENV) demo_output cell_output soak_output build install log .pytest_cache .hypothesis
+	rm -rf $(VENV) demo_output figures_output cell_output soak_output build install log .pytest_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +
