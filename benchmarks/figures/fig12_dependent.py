@@ -1,7 +1,9 @@
 """Fig. 12: what dependent computation gains from more tasks, from counted work."""
 
 from benchmarks.figures._drawing import axes, run, save, ticks
-from benchmarks.speculation import CASES, NAMES, TASKS, speedups
+from benchmarks.speculation import CASES, NAMES, speedups
+
+TASKS = (1, 2, 3, 4, 8, 16)
 
 _COLORS = ('C0', 'C1', 'C3')
 
