@@ -7,10 +7,11 @@ Romero et al. (2021), Physical validation of simulators in computer graphics; re
 import numpy as np
 import pytest
 from planar_rods import Planar, critical, level_cantilever
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 from twisted_rods import arch_that_snaps, moment_that_buckles
 
-from dlo_planner import DirectSimulator, FarEnd, PointLoad, Pose, Rod
+from dlo_planner import Capsule, DirectSimulator, FarEnd, PointLoad, Pose, Rod
 
 HERE = Pose.identity()
 EDGE = Pose((0, 0, 0), Rotation.from_euler('x', 90, degrees=True).as_quat())
@@ -146,3 +147,40 @@ def test_an_arch_between_clamps_snaps_through(options):
     assert all(shape.converged for shape in shapes)
     assert [bool(shape.jumped) for shape in shapes] == [False] * 10 + [True]
     assert shapes[-2].at(0.5).position[2] < -0.05 and shapes[-1].at(0.5).position[2] > 0.1
+
+
+def capstan(stiffness, friction, radius, turned):
+    """Return the force over the weight that is drawn over a bar, of a DLO that also bends.
+
+    On the bar its moment is EI / R, so no shear is in it, T grows as exp(mu phi). Where it leaves
+    the bar, at an angle d to the force in the free span, EI / (2 R^2) = F (1 - cos d): the first
+    integral of the elastica, as the span is long. There the reaction is a force at a point, too.
+    """
+    def leaves(force):
+        return np.arccos(1 - stiffness / (2 * radius**2 * force))
+
+    one = leaves(1.0)
+    tension = np.cos(one) + friction * np.sin(one)
+
+    def missed(force):
+        other = leaves(force)
+        inside = tension * np.exp(friction * (turned - one - other))
+        return inside - force * (np.cos(other) - friction * np.sin(other))
+
+    return brentq(missed, 1.0, 4.0)
+
+
+@pytest.mark.parametrize('friction', [0.1, 0.3, 0.5])
+def test_capstan(friction):
+    assert capstan(1e-9, friction, 0.1, 1.5) == pytest.approx(np.exp(1.5 * friction), rel=1e-4)
+    radius, thin, stiffness = 0.1, 5e-4, 5e-3
+    bar = Capsule((0, -0.3, -radius - thin), (0, 0.3, -radius - thin), radius, friction)
+    rod = Rod(1.0, 0.0, stiffness, stiffness, radius=thin, tip_mass=1 / G)
+    direct = DirectSimulator(rod, basis='local', n_elements=64, obstacles=[bar])
+    way = [(-0.3, z) for z in np.linspace(0.14, 0.0, 15)] + [(-0.305, 0.0), (-0.31, 0.0)]
+    shape = direct.track([Pose((x, 0, z), (0, 0, 0, 1)) for x, z in way])[-1]
+    assert shape.converged
+    force = shape.gripper_wrench[[0, 2]]
+    turned = np.pi / 2 + np.arctan2(-force[1], -force[0])
+    expected = capstan(stiffness, friction, radius + thin, turned)
+    assert np.linalg.norm(force) == pytest.approx(expected, rel=5e-3)
