@@ -60,7 +60,7 @@ def held(axis, gripper, length=0.06, **look):
 def picture(figure, folder, name, title):
     """Write a picture as PNG and SVG."""
     folder.mkdir(parents=True, exist_ok=True)
-    width = max(40, int(12 * figure.get_figwidth()))
+    width = max(40, int(13 * figure.get_figwidth()))
     figure.suptitle(fill(title, width), fontsize=10)
     figure.savefig(folder / f'{name}.png', dpi=110)
     figure.savefig(folder / f'{name}.svg', metadata={'Date': None})

@@ -40,8 +40,8 @@ def main(folder):
             one.rotation[:, 0] @ plan.grippers[0].rotation[:, 0], -1, 1))) for one in plan.grippers]
         found[way] = {'drift': float(np.degrees(plan.misalignment.max())),
                       'miss': float(plan.miss.max()), 'turned': float(max(turned))}
-    save(figure, folder, 'fig15', 'Fig. 15: the length between gripper and contact goes from 0.7 '
-         'to 0.3 m, copper wire, d = 1.5 mm, L = 1 m',
+    save(figure, folder, 'fig15', 'Fig. 15: length between gripper and contact from 0.7 to '
+         '0.3 m, copper wire, d = 1.5 mm, L = 1 m',
          ['way', 'direction there drifts by [deg]', 'place drifts by [m]',
           'gripper turns by [deg]'],
          [[way, f'{row["drift"]:.2g}', f'{row["miss"]:.1e}', f'{row["turned"]:.2f}']
