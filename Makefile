@@ -1,6 +1,7 @@
 # make demo   the main job, done by real ROS 2 processes; pictures in demo_output/
 # make test   the tests
 # make bench  timings beside a hand-written loop, peers, the paper's figures: docs/benchmarks
+# make figures  all figures of the paper, a few minutes; figures_output/ (docs/reproduction.md)
 # make bench-check  fails where a ratio to that loop has grown by 30 %
 # make cell   20 tasks in a physics engine; table and film in cell_output/
 # make soak   a node under odd messages, load and faults for 10 minutes; report in soak_output/
@@ -13,7 +14,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 KERNELS := $(shell grep -rl --include=*.py 'dlo_planner.kernels' dlo_planner)
 
-.PHONY: demo test bench bench-check cell soak lint lock clean
+.PHONY: demo test bench figures bench-check cell soak lint lock clean
 demo: $(VENV)/compiled
 	$(RUN) -m dlo_planner.ros.demo
 
@@ -22,6 +23,9 @@ test: $(VENV)/compiled
 
 bench: $(VENV)/compiled
 	$(RUN) -m benchmarks
+
+figures: $(VENV)/compiled
+	$(RUN) -m benchmarks.figures
 
 bench-check: $(VENV)/compiled
 	$(RUN) -m benchmarks check
@@ -56,6 +60,6 @@ lock:
 	build/lock/bin/python .ci/pins.py > requirements.lock
 
 clean:
-	rm -rf $(VENV) demo_output cell_output soak_output build install log .pytest_cache .hypothesis \
-	  dlo_planner/compiled
+	rm -rf $(VENV) demo_output figures_output cell_output soak_output build install log \
+	  .pytest_cache .hypothesis dlo_planner/compiled
 	find . -name __pycache__ -prune -exec rm -rf {} +

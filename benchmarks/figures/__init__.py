@@ -1,11 +1,22 @@
-"""The paper's Fig. 5, 6, 8, 9, 10, 12 as tables and pictures, by public names only."""
+"""All figures of the paper as pictures and tables, each by a short script on the public names.
+
+python -m benchmarks.figures [-o FOLDER] [fig01 fig02 ...]
+"""
 
 from importlib import import_module
+from pathlib import Path
 
-SCRIPTS = ('series_terms', 'elements', 'time_by_elements', 'time_by_terms', 'speedup', 'dependent')
+_HERE = Path(__file__).parent
+MEASURED = ('fig05', 'fig06', 'fig08', 'fig09', 'fig10')  # those of the page of benchmarks
 
 
-def main(folder):
-    """Make all tables and pictures."""
-    for name in SCRIPTS:
-        import_module(f'benchmarks.figures.{name}').main(folder)
+def scripts():
+    """Return the scripts' modules by the names of their figures, in order."""
+    return {path.stem.split('_')[0]: path.stem for path in sorted(_HERE.glob('fig*.py'))}
+
+
+def main(folder, names=MEASURED):
+    """Make pictures and tables of these figures."""
+    known = scripts()
+    for name in names:
+        import_module(f'benchmarks.figures.{known[name]}').main(folder)

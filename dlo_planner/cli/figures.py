@@ -73,6 +73,7 @@ def command(names, every, folder):
 def _made(path, folder):
     """Run a script; return whether it succeeded."""
     click.echo(f'{path.stem}: {shows(path)}')
+    known = os.pathsep.join(filter(None, [str(_ROOT), os.environ.get('PYTHONPATH')]))
     done = subprocess.run([sys.executable, str(path), str(folder)], check=False,
-                          env=os.environ | {'MPLBACKEND': 'Agg'})
+                          env=os.environ | {'MPLBACKEND': 'Agg', 'PYTHONPATH': known})
     return done.returncode == 0

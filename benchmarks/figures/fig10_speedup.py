@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from benchmarks.cases import chebyshev, random_poses
-from benchmarks.figures.drawing import axes, save
+from benchmarks.figures._drawing import axes, run, save
 from dlo_planner import parallel
 
 _POSES, _REPEATS = 2000, 3
@@ -53,3 +53,7 @@ def main(folder):
     lines = [[str(count), *(f'{row[count]:.2f}' for row in found.values())] for count in counts]
     save(figure, folder, 'fig10', f'Fig. 10: speedup of {_POSES} independent shapes',
          ['workers', *found], lines, {'serial_s': alone, **found})
+
+
+if __name__ == '__main__':
+    run(main)

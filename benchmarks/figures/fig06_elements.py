@@ -3,7 +3,7 @@
 import numpy as np
 
 from benchmarks.cases import local, turned, wire
-from benchmarks.figures.drawing import COLORS, axes, save, ticks
+from benchmarks.figures._drawing import COLORS, axes, run, save, ticks
 from dlo_planner import DirectSimulator
 
 SIZES = (4, 6, 8, 10, 12, 15, 20, 24, 32, 48, 64, 96, 120, 160, 240, 320, 480)
@@ -42,3 +42,7 @@ def main(folder):
     save(figure, folder, 'fig06',
          'Fig. 6: deviation by the number of elements, 16 Chebyshev terms',
          ['N_L', *(f'{name} [m]' for name in found)], lines, found)
+
+
+if __name__ == '__main__':
+    run(main)

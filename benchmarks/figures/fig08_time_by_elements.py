@@ -1,7 +1,7 @@
 """Fig. 8: computation time by the number of elements, 8 Chebyshev terms."""
 
-from benchmarks.figures.drawing import COLORS, axes, save, ticks
-from benchmarks.figures.timed import METHODS, times
+from benchmarks.figures._drawing import COLORS, axes, run, save, ticks
+from benchmarks.figures._timed import METHODS, times
 from benchmarks.timing import exponent
 
 SIZES = (16, 32, 64, 96)
@@ -31,3 +31,7 @@ def draw(folder, found):
     save(figure, folder, 'fig08',
          'Fig. 8: time by the number of elements, 8 Chebyshev terms, benchmark C',
          ['N_L', *(f'{METHODS[method]} [s]' for method in found)], lines, found)
+
+
+if __name__ == '__main__':
+    run(main)

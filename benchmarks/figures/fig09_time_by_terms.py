@@ -1,7 +1,7 @@
 """Fig. 9: computation time by the number of Chebyshev terms, 32 elements."""
 
-from benchmarks.figures.drawing import COLORS, axes, save
-from benchmarks.figures.timed import METHODS, times
+from benchmarks.figures._drawing import COLORS, axes, run, save
+from benchmarks.figures._timed import METHODS, times
 
 TERMS = (2, 4, 6, 8, 10)
 _ELEMENTS = 32
@@ -29,3 +29,7 @@ def draw(folder, found):
     save(figure, folder, 'fig09',
          'Fig. 9: time by the number of Chebyshev terms, 32 elements, benchmark C',
          ['N_c', *(f'{METHODS[method]} [s]' for method in found)], lines, found)
+
+
+if __name__ == '__main__':
+    run(main)

@@ -1,0 +1,186 @@
+"""Protocols of the field: what slender rods are known for; default settings if none are named.
+
+Romero et al. (2021), Physical validation of simulators in computer graphics; references by SciPy
+(`planar_rods`, `twisted_rods`) and closed forms. docs/protocols.md lists them all.
+"""
+
+import numpy as np
+import pytest
+from planar_rods import Planar, critical, level_cantilever
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
+from twisted_rods import arch_that_snaps, moment_that_buckles
+
+from dlo_planner import Capsule, DirectSimulator, FarEnd, PointLoad, Pose, Rod
+
+HERE = Pose.identity()
+EDGE = Pose((0, 0, 0), Rotation.from_euler('x', 90, degrees=True).as_quat())
+UP = Pose.looking_along((0, 0, 0), (0, 0, 1))
+G = 9.81
+
+
+def box(load, **options):
+    """Return width and height of a level cantilever, and its Shape."""
+    shape = DirectSimulator(Rod(1.0, load / G, 1.0, 0.75), **options).solve(HERE)
+    return *np.ptp(shape.positions, axis=0)[[0, 2]], shape
+
+
+def indifferent(make, gripper, factors, **options):
+    """Return the factor at which the stability of the planar shapes of rods vanishes."""
+    shapes = [DirectSimulator(make(factor), **options).solve(gripper) for factor in factors]
+    for shape in shapes:
+        assert shape.converged and np.abs(shape.positions[:, 1]).max() < 1e-6
+    found = np.roots(np.polyfit(factors, [shape.stability for shape in shapes], 2))
+    return found[np.argmin(np.abs(found - 1))].real
+
+
+@pytest.mark.parametrize('load', 10.0**np.arange(-2, 3.01, 0.5))
+def test_cantilever_over_five_decades(load):
+    width, height = level_cantilever(load)
+    found = box(load)
+    assert found[2].converged
+    assert found[:2] == pytest.approx((width, height), abs=3e-4)
+    # narrow as it is at 316, its width is then known to 2e-3 of itself
+    assert found[1] / found[0] == pytest.approx(height / width, rel=1e-3 if load <= 100 else 2.5e-3)
+    fine = box(load, accuracy=1e-5)
+    assert fine[1] / fine[0] == pytest.approx(height / width, rel=1e-3)
+
+
+def test_cantilever_reference_is_that_of_the_table():
+    # drops of the heavy elastica, as in test_closed_forms
+    for load, drop in ((1, 0.123471), (5, 0.495905), (20, 0.829881), (100, 0.937524)):
+        assert level_cantilever(load)[1] == pytest.approx(drop, abs=1e-6)
+
+
+@pytest.mark.parametrize(('kind', 'closed'), [('tip', 4.0126), ('load', 12.854)])
+@pytest.mark.parametrize(('strong', 'torsion'), [(1e4, 1.0), (100.0, 2.0), (10.0, 0.7)])
+def test_lateral_buckling_of_a_strip(kind, closed, strong, torsion):
+    reference = critical(lambda load: Planar(**{kind: load}, strong=strong), torsion,
+                         np.linspace(2, 30, 15))
+    if strong == 1e4:  # Michell's and Prandtl's, for a strip that does not bend before
+        assert reference == pytest.approx(closed * np.sqrt(torsion), rel=3e-4)
+
+    def strip(factor):
+        mass = factor * reference / G
+        return Rod(1.0, mass if kind == 'load' else 0.0, (1.0, strong), torsion,
+                   tip_mass=mass if kind == 'tip' else 0.0)
+
+    assert indifferent(strip, EDGE, (0.95, 0.97, 0.99)) == pytest.approx(1.0, abs=1e-3)
+    beyond = DirectSimulator(strip(1.03)).solve(EDGE)
+    assert beyond.converged and abs(beyond.positions[-1, 1]) > 0.05
+
+
+@pytest.mark.parametrize(('angle', 'curvature', 'between', 'factors'), [
+    (np.pi / 2, 6.0, (12, 15), (0.95, 0.97, 0.99)), (np.pi / 2, 6.0, (25, 30), (1.01, 1.03, 1.05)),
+    (0.0, -3.0, (7, 10), (0.95, 0.97, 0.99)), (0.0, -3.0, (13, 16), (1.01, 1.03, 1.05))],
+    ids=['curl leaves', 'curl returns', 'arch leaves', 'arch returns'])
+def test_bend_and_twist_of_a_naturally_curved_rod(angle, curvature, between, factors):
+    # heavy enough it leaves its plane, heavier still it comes back to it
+    reference = critical(lambda load: Planar(load=load, curvature=curvature, angle=angle), 0.75,
+                         between)
+    gripper = Pose((0, 0, 0), Rotation.from_euler('y', angle).as_quat())
+
+    def rod(factor):
+        return Rod(1.0, factor * reference / G, 1.0, 0.75, natural_curvature=(curvature, 0.0))
+
+    assert indifferent(rod, gripper, factors) == pytest.approx(1.0, abs=1e-3)
+    inside = 2 - factors[-1] + (0.04 if factors[-1] < 1 else -0.04)
+    turned = DirectSimulator(rod(inside)).solve(gripper)
+    assert turned.converged and np.abs(turned.positions[:, 1]).max() > 1e-3
+
+
+def test_euler_column():
+    loads = np.array([0.3, 0.6, 0.9])
+    values = [DirectSimulator(Rod(1.0, 0.0, 1.0, 0.75, tip_mass=factor * np.pi**2 / 4 / G)
+                              ).solve(UP).stability for factor in loads]
+    assert np.roots(np.polyfit(loads, values, 1))[0] == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize('tension', [20.0, 50.0])
+def test_twist_that_makes_a_rod_under_tension_writhe(tension):
+    critical_moment = moment_that_buckles(tension)
+    assert moment_that_buckles(0.0) == pytest.approx(8.98682, abs=1e-5)
+    assert critical_moment > 2 * np.sqrt(tension)  # Greenhill's, of an endless rod
+    factors = np.append(np.arange(0.1, 0.95, 0.1), [0.94, 0.96, 0.98])
+    direct = DirectSimulator(Rod(1.0, 0.0, 1.0, 0.7), basis='local', n_elements=96,
+                             gravity=(0, 0, 0), point_loads=[PointLoad((tension, 0, 0))])
+
+    def turned(factor):
+        turn = Rotation.from_rotvec([factor * critical_moment / 0.7, 0, 0])
+        return FarEnd(Pose((1, 0, 0), turn.as_quat()), 'sleeve')
+
+    shapes = direct.track([HERE] * len(factors), far_ends=[turned(one) for one in factors])
+    assert all(shape.converged and not shape.jumped for shape in shapes)
+    found = np.roots(np.polyfit(factors[-3:], [one.stability for one in shapes[-3:]], 2))
+    assert found[np.argmin(np.abs(found - 1))] == pytest.approx(1.0, abs=2e-3)
+    fallen = direct.track([HERE], initial=shapes[-1], far_ends=[turned(1.02)])[0]
+    assert fallen.jumped  # and sheds turns through a loop, as nothing keeps it from itself
+    assert fallen.energy < 0.9 * shapes[-1].energy
+
+
+def test_a_localized_helix():
+    # endless rod: M^2 = 2 EI T (1 + cos of the largest angle to the axis) (Coyne; van der Heijden)
+    direct = DirectSimulator(Rod(1.0, 0.0, 1.0, 0.7), basis='local', n_elements=128,
+                             gravity=(0, 0, 0))
+    ends = [Pose((x, 0, 0), (0, 0, 0, 1)) for x in (0.99, 0.96)] + [
+        Pose((0.92, 0, 0), Rotation.from_rotvec([turn, 0, 0]).as_quat())
+        for turn in np.arange(0.0, 55.0, 1.5)]
+    shapes = direct.track([HERE] * len(ends), far_ends=ends)
+    assert all(shape.converged for shape in shapes)
+    force, moment = shapes[-1].far_wrench[0], shapes[-1].far_wrench[3]
+    steepest = shapes[-1].tangents[:, 0].min()
+    assert force > 300 and steepest < 0.8
+    assert moment**2 / (2 * force * (1 + steepest)) == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize('options', [{}, {'basis': 'local', 'n_elements': 128}])
+def test_an_arch_between_clamps_snaps_through(options):
+    slack = 0.05
+    star = arch_that_snaps(slack)
+    # of a shallow arch 1.7818 (Gomez, Moulton, Vella 2017), of this one 0.14 % more
+    assert arch_that_snaps(1e-4) / 1e-2 == pytest.approx(1.7818, rel=1e-3)
+    strip = DirectSimulator(Rod(1.0, 0.0, (1.0, 100.0), 100.0), gravity=(0, 0, 0), **options)
+    factors = np.array([-0.6, -0.3, 0, 0.3, 0.6, 0.8, 0.9, 0.95, 0.98, 0.998, 1.002])
+    shapes = strip.track(
+        [Pose((0, 0, 0), Rotation.from_euler('y', -one * star).as_quat()) for one in factors],
+        far_ends=[Pose((1 - slack, 0, 0), (0, 0, 0, 1))] * len(factors))
+    assert all(shape.converged for shape in shapes)
+    assert [bool(shape.jumped) for shape in shapes] == [False] * 10 + [True]
+    assert shapes[-2].at(0.5).position[2] < -0.05 and shapes[-1].at(0.5).position[2] > 0.1
+
+
+def capstan(stiffness, friction, radius, turned):
+    """Return the force over the weight that is drawn over a bar, of a DLO that also bends.
+
+    On the bar its moment is EI / R, so no shear is in it, T grows as exp(mu phi). Where it leaves
+    the bar, at an angle d to the force in the free span, EI / (2 R^2) = F (1 - cos d): the first
+    integral of the elastica, as the span is long. There the reaction is a force at a point, too.
+    """
+    def leaves(force):
+        return np.arccos(1 - stiffness / (2 * radius**2 * force))
+
+    one = leaves(1.0)
+    tension = np.cos(one) + friction * np.sin(one)
+
+    def missed(force):
+        other = leaves(force)
+        inside = tension * np.exp(friction * (turned - one - other))
+        return inside - force * (np.cos(other) - friction * np.sin(other))
+
+    return brentq(missed, 1.0, 4.0)
+
+
+@pytest.mark.parametrize('friction', [0.1, 0.3, 0.5])
+def test_capstan(friction):
+    assert capstan(1e-9, friction, 0.1, 1.5) == pytest.approx(np.exp(1.5 * friction), rel=1e-4)
+    radius, thin, stiffness = 0.1, 5e-4, 5e-3
+    bar = Capsule((0, -0.3, -radius - thin), (0, 0.3, -radius - thin), radius, friction)
+    rod = Rod(1.0, 0.0, stiffness, stiffness, radius=thin, tip_mass=1 / G)
+    direct = DirectSimulator(rod, basis='local', n_elements=64, obstacles=[bar])
+    way = [(-0.3, z) for z in np.linspace(0.14, 0.0, 8)] + [(-0.305, 0.0), (-0.31, 0.0)]
+    shape = direct.track([Pose((x, 0, z), (0, 0, 0, 1)) for x, z in way])[-1]
+    assert shape.converged
+    force = shape.gripper_wrench[[0, 2]]
+    turned = np.pi / 2 + np.arctan2(-force[1], -force[0])
+    expected = capstan(stiffness, friction, radius + thin, turned)
+    assert np.linalg.norm(force) == pytest.approx(expected, rel=5e-3)
