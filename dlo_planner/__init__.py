@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dlo_planner.public import *  # noqa: F403
 
+__version__ = '0.1.0'  # the one place; package.xml and CITATION.cff repeat it, a test compares
+
 
 _RENAMED = {'tolerance': 'robustness', 'Tolerance': 'Robustness'}  # gone after the next version
 
