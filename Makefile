@@ -33,7 +33,7 @@ soak: $(VENV)/ready
 	$(RUN) test/soak --minutes 10 --output soak_output
 
 docs: $(VENV)/ready
-	$(RUN) -m sphinx -W --keep-going -q -b html docs build/docs
+	$(RUN) -m sphinx -W --keep-going -q -E -a -b html docs build/docs
 
 lint: $(VENV)/ready
 	$(RUN) -m ruff check .

@@ -39,7 +39,12 @@ napoleon_use_ivar = True   # attributes of a value: one list, not an entry each
 napoleon_use_rtype = False
 autodoc_member_order = 'bysource'
 autodoc_typehints_format = 'short'
-autodoc_default_options = {'members': True, 'show-inheritance': False}
+autodoc_default_options = {
+    'members': True,
+    # what comes from a base of the package belongs to a class; of these it would be noise
+    'inherited-members': 'Value,object,Exception,BaseException,OSError,Enum,str,int,tuple',
+}
+maximum_signature_line_length = 80
 # what only a ROS machine, or an extra, has; the site is built without them
 autodoc_mock_imports = ['rclpy', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs',
                         'nav_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs', 'trajectory_msgs',
