@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Build of the ROS 2 package; the Python packages are `dlo_planner` and `msg_helpers`."""
 
 import re

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Direct and inverse simulation of deformable linear objects in a gripper; no ROS in here.
 
 The names are those of `public`, which is imported with the first of them: it takes a second, in

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The decorator of all kernels: numba's, with caches that cannot be stale.
 
 numba keeps a kernel's machine code as long as the kernel's own file does not change, and it holds

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The site: `make docs`, or rosdoc2, which runs this file from a folder of its own."""
 
 import sys

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A Sphinx extension: pages made of files that stand elsewhere in the repository.
 
 Tutorials are scripts (`examples/tutorials/*.py`), which the tests run. Comments after `# %%` become

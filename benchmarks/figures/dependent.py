@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 12: how much dependent computation gains from more tasks; where there is one to measure.
 
 `dlo_planner.parallel.speculative.speedups(simulator, grippers, dt, tasks)` returns method ->
