@@ -59,7 +59,8 @@ def layers_page(root: Path) -> str:
             for row in rules['contracts'][0]['layers']]
     others = '\n'.join(f'* {contract["name"]}' for contract in rules['contracts'][1:])
     return ('# Layers\n\nA package may import what stands below it, and nothing else. '
-            'The picture is drawn from the\nrules in `pyproject.toml`, which a test holds.\n\n```{raw} html\n'
+            'The picture is drawn from the\nrules in `pyproject.toml`, which a test holds.\n\n'
+            '```{raw} html\n'
             f'{layers_drawing(rows)}\n```\n\nAlso:\n\n{others}\n\nWhat each package is for: '
             f'[CONTRIBUTING](CONTRIBUTING.md).\n')
 
