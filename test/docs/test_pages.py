@@ -4,6 +4,7 @@
 
 import re
 import shlex
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -73,3 +74,10 @@ def test_the_commands_of_the_how_to_find_the_cable(tmp_path, monkeypatch):
     stiffness = re.search(r'\bbending_stiffness: *\[([\d.e-]+)', found) or re.search(
         r'\bbending_stiffness:\s*- ([\d.e-]+)', found)
     assert abs(float(stiffness[1]) - 0.03) < 1e-4
+
+
+def test_the_code_of_each_equation_exists():
+    named = re.findall(r'`([a-z_.0-9]+)\.(\w+)`', (DOCS / 'equations.md').read_text())
+    assert len(named) > 12
+    assert [name for module, name in named
+            if not hasattr(import_module(f'dlo_planner.{module}'), name)] == []
