@@ -5,6 +5,7 @@
 # make bench-check  fails where a ratio to that loop has grown by 30 %
 # make cell   20 tasks in a physics engine; table and film in cell_output/
 # make soak   a node under odd messages, load and faults for 10 minutes; report in soak_output/
+# make docs   the site: build/docs/index.html; warnings are errors
 # make lint   style
 # make lock   newest versions that requirements.txt allows, into requirements.lock
 # Each sets up what it needs in .venv (Python 3.11 or 3.12) and is quick the second time.
@@ -14,7 +15,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 KERNELS := $(shell grep -rl --include=*.py 'dlo_planner.kernels' dlo_planner)
 
-.PHONY: demo test bench figures bench-check cell soak lint lock clean
+.PHONY: demo test bench figures bench-check cell soak docs lint lock clean
 demo: $(VENV)/compiled
 	$(RUN) -m dlo_planner.ros.demo
 
@@ -35,6 +36,9 @@ cell: $(VENV)/compiled
 
 soak: $(VENV)/compiled
 	$(RUN) test/soak --minutes 10 --output soak_output
+
+docs: $(VENV)/ready
+	$(RUN) -m sphinx -W --keep-going -q -E -a -b html docs build/docs
 
 lint: $(VENV)/ready
 	$(RUN) -m ruff check .
@@ -60,6 +64,6 @@ lock:
 	build/lock/bin/python .ci/pins.py > requirements.lock
 
 clean:
-	rm -rf $(VENV) demo_output figures_output cell_output soak_output build install log \
+	rm -rf $(VENV) demo_output figures_output cell_output soak_output docs/made build install log \
 	  .pytest_cache .hypothesis dlo_planner/compiled
 	find . -name __pycache__ -prune -exec rm -rf {} +

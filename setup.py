@@ -1,15 +1,22 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Build of the ROS 2 package; the Python packages are `dlo_planner` and `msg_helpers`."""
 
 import os
+import re
 import subprocess
 import sys
 from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
 from setuptools.command.build_py import build_py
 from setuptools.command.develop import develop
 
 NAME = 'dlo_planner'
+ROOT = Path(__file__).parent
+VERSION = re.search(r"^__version__ = '(.+?)'", (ROOT / NAME / '__init__.py').read_text(),
+                    re.MULTILINE).group(1)
 
 
 def compile_ahead(folder):
@@ -50,9 +57,16 @@ class Develop(develop):
 
 setup(
     name=NAME,
-    version='0.1.0',
+    version=VERSION,
     description='Direct and inverse simulation of deformable linear objects in a gripper',
+    long_description=(ROOT / 'README.md').read_text(),
+    long_description_content_type='text/markdown',
+    author='dlo_planner maintainers',
     license='Apache-2.0',
+    classifiers=['License :: OSI Approved :: Apache Software License',
+                 'Programming Language :: Python :: 3.11',
+                 'Programming Language :: Python :: 3.12',
+                 'Topic :: Scientific/Engineering :: Physics'],
     packages=find_packages(include=['dlo_planner*', 'msg_helpers*']),
     python_requires='>=3.11',
     # numba is not in package.xml, as rosdep has no key for it: a ROS package that is built without
@@ -66,8 +80,9 @@ setup(
         'cluster': ['distributed>=2024.1'],
         'peers': ['mujoco', 'pyelastica', 'cosseratbench', 'matplotlib'],
         'cell': ['mujoco>=3.13', 'matplotlib'],
+        'docs': ['sphinx>=7', 'furo', 'myst-parser', 'sphinx-copybutton'],
         'test': ['pytest', 'hypothesis', 'import-linter', 'ros-domain-coordinator',
-                 'playwright', 'pyyaml'],
+                 'playwright', 'pyyaml', 'build', 'setuptools', 'wheel'],
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),

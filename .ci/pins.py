@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Print a pin of everything that pip has installed beside this Python, for requirements.lock."""
 
 from importlib.metadata import distributions

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Timings beside the floor, peers, suite and figures; tables and pictures are written to a folder.
 
 python -m benchmarks [all | core | check | peers | suite | figures] [--output FOLDER]

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What is computed: the paper's benchmarks, and scenes in which the DLO touches something."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The ruler: static shapes of a round wire under its weight, by a loop written for nothing else.
 
 The method is that of the package with `basis='local'`: arcs of constant strain, Newton's method

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Rows that are no plain medians: a slope, an exponent, the start of a process."""
 
 import subprocess

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How much two workers gain: 2,000 shapes of the paper's wire by one, two threads, two processes.
 
 python benchmarks/parallel.py [poses]

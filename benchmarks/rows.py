@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A row of the table: what is timed, per what, and how long it may take."""
 
 from collections.abc import Callable

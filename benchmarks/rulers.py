@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What others are measured by: the floor at several pieces of work, one solve of the package."""
 
 from functools import cache

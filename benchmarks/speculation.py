@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What looking ahead gains (paper, section 4.3.5 and Fig. 12), from counted work.
 
 python benchmarks/speculation.py [picture.png]      the model, 1 to 64 tasks

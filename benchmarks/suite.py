@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """cosseratbench's validations: this package beside PyElastica and MuJoCo, by its own metrics.
 
 Others take minutes and do not change: what was measured of them is kept, and measured again with

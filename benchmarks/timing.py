@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How long calls take: medians and ratios within one run, in CPU time of this one thread."""
 
 import gc

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Direct and inverse simulation of deformable linear objects in a gripper; no ROS in here.
 
 The names are those of `public`, which is imported with the first of them: it takes a second, in
@@ -10,6 +12,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dlo_planner.public import *  # noqa: F403
+
+__version__ = '0.1.0'  # the one place; package.xml and CITATION.cff repeat it, a test compares
 
 
 _RENAMED = {'tolerance': 'robustness', 'Tolerance': 'Robustness'}  # gone after the next version

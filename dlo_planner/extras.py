@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Packages that only some parts need: imported where used, named where they are missing."""
 
 from importlib import import_module

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Shorthands of answers: to see them, to read them as a table, to hand them on as plain Python.
 
 `Shape`, `Plan`, `Motion` and `Report` are made far below the room that draws them, so this file is

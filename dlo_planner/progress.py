@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How far a long computation has come, and when it has to end."""
 
 from collections.abc import Callable, Iterator

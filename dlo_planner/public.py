@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The public names of the package; `import dlo_planner` loads them when one is asked for."""
 
 from dlo_planner.direct.contacts import Contact

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A wire is threaded by a robot arm: the gripper's trajectory as that of the arm's joints.
 
 python examples/arm.py [robot.urdf tool_link folder-with-packages]; else a UR5 of the package

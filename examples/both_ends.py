@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Both ends held: a hose between two connectors, and a ring that is twisted until it gives way.
 
 python examples/both_ends.py [folder]

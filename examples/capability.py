@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where a cut-out may be in a cell, so that a wire can be threaded through it.
 
 python examples/capability.py [folder]

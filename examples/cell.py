@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A plan for a cell: from where the gripper is, past what stands there, with its tolerance.
 
 python examples/cell.py [folder]

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Benchmark C in motion: the copper wire while its gripper turns by 180 degrees, fast to slow.
 
 python examples/dynamics.py [folder]

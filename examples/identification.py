@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Finding a wire's stiffness and bend from points that a camera saw, and holding it in its middle.
 
 python examples/identification.py [folder]

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Inverse tasks beside threading: two cut-outs (Fig. 14), a contact held and slid (Fig. 15, 16).
 
 python examples/inverse_tasks.py [folder]

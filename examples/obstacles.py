@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Benchmark D (Fig. 11): a wire is lowered onto a bar, step by step and each step by itself.
 
 python examples/obstacles.py [folder]

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A wire is pulled round and let go: what stays, and the moment over curvature of its section.
 
 python examples/plasticity.py [folder]

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A plan in the browser: looked at over time, its gripper and its cut-out dragged.
 
 python examples/view.py

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Run the demo, which starts a planner node of its own and checks what it answers."""
 
 from launch.actions import DeclareLaunchArgument, EmitEvent, RegisterEventHandler

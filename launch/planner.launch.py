@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Start the planner node for one of the DLOs in config/: `rod:=copper_wire` and so on."""
 
 from pathlib import Path

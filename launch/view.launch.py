@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Look at a running planner: in RViz, with `viewer:=true` on a page in the browser as well."""
 
 from pathlib import Path

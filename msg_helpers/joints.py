@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """JointTrajectory -> trajectory_msgs/JointTrajectory; sensor_msgs/JointState -> positions."""
 
 from math import isfinite

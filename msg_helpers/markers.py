@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What RViz shows: the DLO, the gripper, cut-outs, the plan, obstacles, contacts, the estimate."""
 
 from collections.abc import Iterable

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """visualization_msgs -> obstacles, as RViz shows them."""
 
 import numpy as np

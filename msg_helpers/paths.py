@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Shapes and plans -> nav_msgs/Path, and back to poses."""
 
 import numpy as np

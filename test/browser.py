@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A headless Chromium that looks at a page; what is missing for it skips the test."""
 
 import shutil

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Motions that the tests of calm trajectories share: from a start pose through the hole."""
 
 from dataclasses import replace

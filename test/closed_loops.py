@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Threadings of DLOs that are not as stated, with the direct simulator as the truth.
 
 `python test/closed_loops.py [seeds]` prints how far off the entry is in open and in closed loop,

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How often what `fit_rod` says of its errors is true, in repeated experiments.
 
 python test/fit_coverage.py [repeats] [case ...]

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Every way a DLO can hang from a gripper, by Runge-Kutta and nothing of this package.
 
 Seen from its free end a hanging DLO is an initial value problem (Kirchhoff's equations), so the

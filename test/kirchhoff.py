@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The Kirchhoff equations of a hanging rod as a boundary value problem, left to SciPy.
 
 Nothing of the package is used but the rod's numbers: state (x, quaternion, moment), the force is

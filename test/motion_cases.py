@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Motions whose true course is known from wires that were not written with the package.
 
 python test/motion_cases.py    prints how well they are met, and what that costs

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A node in the process of a test: its state at hand, what it is sent, what is waited for."""
 
 import threading

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Two wires in a vertical plane, written without the package: the references of motions.
 
 Both are inextensible, bend elastically and are held by a gripper whose place and angle are given

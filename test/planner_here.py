@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A planner node in this process, that loads nothing, and a node that looks at it."""
 
 import contextlib

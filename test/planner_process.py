@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A planner node as a real process, a client that talks to it, and queues of what came."""
 
 import contextlib

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random motions of robot arms, found again from the tool's way: python test/random_arms.py [n].
 
 The joints of Panda, UR5 and Kinova go a random smooth way within their limits and clear of

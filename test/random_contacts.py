@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random contacts for random DLOs: held and honest, or refused and the refusal confirmed.
 
 python test/random_contacts.py [how many] [seed]

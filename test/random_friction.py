@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random DLOs pressed onto and drawn over random obstacles: friction in every step.
 
 python test/random_friction.py [how many scenes] [seed]

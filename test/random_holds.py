@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random cables held at both ends: `python test/random_holds.py [poses] [with SciPy: 0 or 1]`.
 
 For each weight and torsion: how many converge, CPU time from the natural shape and for a small

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random bores for random DLOs: inserted without a leap of the gripper, or refused and why.
 
 python test/random_insertions.py [how many] [seed]

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random pairs of cut-outs for random DLOs: planned and replayed, or refused and confirmed.
 
 python test/random_pairs.py [how many] [seed] [number of depths]

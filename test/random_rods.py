@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random rods in random grippers: is the answer a minimum, and is its error what it says?
 
 python test/random_rods.py [how many] [seed]

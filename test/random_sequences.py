@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random sequences of three cut-outs for random DLOs: planned and replayed, or refused and why.
 
 python test/random_sequences.py [how many] [seed] [number of depths]

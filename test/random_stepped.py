@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random rods whose properties jump: is the answer as accurate as it says, and as asked for?
 
 python test/random_stepped.py [how many] [seed]

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Arms of example-robot-data, trajectories for them, and kinematics of their URDF by hand."""
 
 from functools import cache

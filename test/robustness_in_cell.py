@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Compares the share of tasks that `robustness` predicts to pass with what passes in the cell.
 
 python test/robustness_in_cell.py 24 5 12

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Rods whose properties jump, and their true shapes by Runge-Kutta from jump to jump.
 
 Nothing of the package is used but Rod's arguments: from a guessed rotation of the free end the

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What the scripts with random tasks share: their arguments, CPU times and counts."""
 
 import sys

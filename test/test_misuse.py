@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Whatever is given for an argument: an answer, or an error that says what is wrong with it."""
 
 import matplotlib

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """No answer hangs on a rounding error: everything given is moved by about 1e-16, many times.
 
 Answers may change by what rounding errors grow to in a well-posed task, 1e-9 of the length at

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The same task at any size, in any units: the same answer but for the units."""
 
 from dataclasses import dataclass

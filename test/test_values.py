@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Values are values: read-only, equal by content, hashable, copied, sent to other processes."""
 
 import copy

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Frequencies of beams, plane rods and parts of rings, by Ritz on polynomials.
 
 Displacements, or the angle of a plane rod, are the unknowns: nothing of the package is used.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """All figures of the paper as pictures and tables, each by a short script on the public names.
 
 python -m benchmarks.figures [-o FOLDER] [fig01 fig02 ...]

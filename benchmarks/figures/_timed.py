@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Times of the paper's two minimizers and of Newton's method on benchmark C."""
 
 from benchmarks.cases import ANGLES, turned, wire

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 6: how far the shape is off with few elements, benchmark A, 16 Chebyshev terms."""
 
 import numpy as np

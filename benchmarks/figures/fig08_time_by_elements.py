@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 8: computation time by the number of elements, 8 Chebyshev terms."""
 
 from benchmarks.figures._drawing import COLORS, axes, run, save, ticks

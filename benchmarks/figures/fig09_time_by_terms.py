@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 9: computation time by the number of Chebyshev terms, 32 elements."""
 
 from benchmarks.figures._drawing import COLORS, axes, run, save

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """SciPy's `solve_bvp` in the plane, from the straight wire, then from the pose before."""
 
 from functools import partial

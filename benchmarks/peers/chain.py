@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """MuJoCo: a chain of rigid pieces with springs between them, damped until it hangs still."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """All peers side by side; a time is printed only for what converged and is right enough."""
 
 from time import perf_counter

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """`scipy.optimize.minimize` (BFGS with limited memory) on the energy of N arcs in the plane."""
 
 from functools import partial

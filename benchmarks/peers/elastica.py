@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """PyElastica: explicit steps of a Cosserat rod, damped until it hangs still.
 
 Ten times as thick and a ten-thousandth as stiff, with the same EI and the same weight: an explicit

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The wire in its plane, to 1e-11: its equation integrated from the free end by SciPy.
 
 EI phi'' = W(s) sin phi, with W the weight beyond s, phi the angle from straight down. The free

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """From gripper poses to the joints of a robot arm; needs the extra `[arm]` (Pinocchio)."""
 
 from dlo_planner.arm.free_roll import rolls_freely

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The kinematics of a group of joints: Pinocchio's model with all other joints fixed."""
 
 from dataclasses import dataclass

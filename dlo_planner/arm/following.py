@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Joint positions along a way of the tool: one configuration is followed, none is jumped to."""
 
 import numpy as np

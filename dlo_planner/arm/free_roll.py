@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Whether a gripper may be rolled about the DLO without the DLO knowing."""
 
 from dlo_planner.direct.grasp import GraspedInside

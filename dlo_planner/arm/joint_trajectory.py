@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The motion of an arm's joints as a controller interpolates it."""
 
 from dataclasses import dataclass

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The one door to Pinocchio, which is an extra."""
 
 from dlo_planner.errors import InvalidTask

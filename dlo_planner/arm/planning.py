@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A gripper's trajectory as the joint trajectory of an arm, with its proof."""
 
 from copy import copy

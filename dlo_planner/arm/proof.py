@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What a curve of the joints promises: the tool's place, limits, speeds, distances of links."""
 
 import numpy as np

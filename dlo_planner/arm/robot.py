@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A robot arm: its joints, where its tool link is, and how near its links come to each other."""
 
 from collections.abc import Mapping

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How near the links of an arm come to each other, by the convex hulls of their collision shapes.
 
 Hulls are solid, and contain the shapes: what is clear of each other by its hulls is clear.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Inverse kinematics: joint positions for a placement of the tool link."""
 
 from dataclasses import dataclass

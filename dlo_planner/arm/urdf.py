@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What is read from a robot's URDF and SRDF text itself, apart from any kinematics library."""
 
 from itertools import chain

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Runs tasks in the cell, prints the table, and writes it with a film of one.
 
 python -m dlo_planner.cell --tasks 20 --output cell_output

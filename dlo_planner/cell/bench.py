@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Many tasks, one after the other or in parallel, and a table of their outcomes."""
 
 import csv

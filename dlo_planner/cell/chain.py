@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A DLO as a chain of rigid pieces that are joined by springs.
 
 The DLO is cut into cells of equal length. A joint in the middle of each cell bends and twists as

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The driver that looks: it carries out the strategy of `inverse.closed_loop`.
 
 It looks at rest, plans for the estimated DLO, goes calmly to the standoff, looks again and enters.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Drivers, which move the gripper.
 
 A driver is a function (task) -> command; a command is a function (images, time) -> Pose or None.

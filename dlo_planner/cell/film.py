@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A film of a run. Matplotlib draws it, which needs no display."""
 
 from os import PathLike

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The cell as a ROS node: a robot with a DLO that is not quite as stated, and a camera.
 
 python -m dlo_planner.cell.node --ros-args -p dlo:='wire 1.5' -p unknown:=much

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The plant: a DLO in a moving gripper, in a physics engine.
 
 It stands for the real cell and shares only data types (`dlo_planner.model`) with the planner.

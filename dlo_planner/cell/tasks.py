@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Tasks for the cell: a DLO, a hole, and a pose to begin with."""
 
 from dataclasses import dataclass

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The true properties of the cell, which the planner does not know."""
 
 from dataclasses import dataclass, fields

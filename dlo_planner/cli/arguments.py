@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What subcommands have in common: types of arguments, options, the DLO that a file describes."""
 
 import sys

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """`dlo-planner doctor`: what is installed, what is missing, and what to do about it."""
 
 import os

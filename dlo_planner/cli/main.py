@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The entry of the command `dlo-planner`: its subcommands, and with what status it ends."""
 
 import re

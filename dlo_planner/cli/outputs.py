@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What `-o` writes: pictures, films, values, tables, poses; by the ending of the file's name."""
 
 import csv

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A rod of a scenario as a DLO in a gripper, and where it comes to rest."""
 
 from dataclasses import dataclass

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How far a cord is stretched: which arc length of the stretched one was which of the unstretched.
 
 The package's DLO does not stretch. One that does is found by turns: a shape gives the tension, the

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A cord in motion, released from where it begins; its stretch is that at rest.
 
 A beginning that is held like a ball joint is made of one more element, so short that it moves

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Two cords that press on each other at one point, without friction.
 
 The force is what leaves their surfaces in touch: with each trial of it both cords come to rest, and

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Choosing the discretisation that meets an accuracy: mesh graded to the bend, terms as needed."""
 
 from dataclasses import replace

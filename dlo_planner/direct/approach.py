@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Moving the gripper to where a step begins its search, without passing through an obstacle."""
 
 from dataclasses import replace

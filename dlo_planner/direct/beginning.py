@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How a motion begins: what can be simulated; shape, mesh and velocities at time 0."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where a DLO touches: what the kernels found, as `Contact` values."""
 
 from dataclasses import dataclass

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Following one shape through a motion of the gripper, and noticing where it lets go."""
 
 from dataclasses import replace

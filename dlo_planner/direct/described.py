@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The paper's own unknowns: series of q_d, q_kappa and q_tau in place of the strain components.
 
 For study. Only the paper's minimisers work on them: where the DLO is straight the direction of

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A rod cut into elements: everything about it that does not depend on the gripper."""
 
 from dataclasses import replace

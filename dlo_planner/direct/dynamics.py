@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Motion of the DLO under moving grips, in steps as long as their error and the energy allow."""
 
 from dataclasses import dataclass, replace

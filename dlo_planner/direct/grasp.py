@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A DLO that is grasped somewhere along its length: two free ends.
 
 From the gripper it is two DLOs, one to each end. The one to the beginning runs against the arc

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What holds a DLO on its way: poses of the gripper, far ends."""
 
 from collections.abc import Iterable, Sequence

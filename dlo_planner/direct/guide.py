@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How a grip moves between the instants at which its poses are given."""
 
 from collections.abc import Sequence

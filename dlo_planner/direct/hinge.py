@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A gripper that holds the DLO's beginning like a ball joint: its position, not its rotation.
 
 The joint is one more element before the DLO: almost without length, so that it moves nothing,

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What a DLO carries from one step to the next: its permanent set and its contacts."""
 
 from dataclasses import dataclass, field, replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A quick bound of a shape's error, which spares the further solution of an error estimate.
 
 The error estimate (`Shape.error_estimate`) was never more than 3.1 times `ritz.truncation` over 600

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Time integration: every scheme says where inertia draws a coordinate, and how strongly.
 
 All are members of one family (generalised alpha: Chung and Hulbert 1993, for constrained bodies

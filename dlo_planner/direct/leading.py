@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Bringing the grip of a held far end, and the gripper, to where a step begins its search."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Many shapes of a DLO that hangs freely, in one compiled loop."""
 
 from typing import TYPE_CHECKING, Any

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where the nodes of a DLO are: at equal distances, or graded to the bend; always at its jumps."""
 
 import numpy as np

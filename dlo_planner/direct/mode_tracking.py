@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Modes along a path, matched by likeness: a mode stays itself where frequencies cross."""
 
 from collections.abc import Iterable

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Vibrations of a DLO: natural frequencies, damping and mode shapes about a shape at rest.
 
 Torsion of a straight DLO moves no mass, so the mass matrix M is singular. The eigenvalue problem is

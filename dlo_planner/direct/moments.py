@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Dead moments: they turn no way with the DLO, and so have no potential.
 
 Their work in a small change of the strains is a linear function of it, with factors that depend on

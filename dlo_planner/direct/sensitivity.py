@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How a shape answers to its gripper: implicit differentiation of the equilibrium.
 
 The gradient of the potential stays zero when the gripper moves, so H dq = - d(gradient), with the

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A DLO with both ends held, set down in its grips, wherever obstacles may be.
 
 A DLO with soft torsion is led to its grips with stiffer torsion, and gets its own torsion there:

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The answer of the direct simulation: a shape, with its proof."""
 
 from collections.abc import Callable

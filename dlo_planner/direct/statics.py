@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """One equilibrium: from a gripper's pose and a discretisation to a Shape with its proof."""
 
 from functools import partial

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """One step of a motion: statics with inertia added, Eq. 12, 13 of the paper.
 
 Nodes carry the mass, the strains are the unknowns: the same minimisation as in statics, with one

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """One step of a motion of a DLO that hangs freely, in one kernel: what `stepping` does otherwise.
 
 Of a short step more time would be spent between kernels and on small arrays than in the search.

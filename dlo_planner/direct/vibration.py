@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A DLO linearised about a shape at rest: stiffness, mass, and how its points move.
 
 Small motions y about an equilibrium obey  M y'' + K y = 0  while the grips rest. K is the second

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Contact with obstacles: the DLO's surface stays outside, and friction resists its sliding.
 
 Every node is watched, and the nearest point inside an element wherever it comes nearer to an

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How far a point is from an obstacle: signed distance with its first and second derivatives."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Bending and torsion, Eq. 2b, 2c: quadratic in the deviation from the natural strains."""
 
 from dlo_planner.kernels import kernel

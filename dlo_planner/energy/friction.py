@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Coulomb friction at one point of contact: it sticks to where it is, or slides and is held back.
 
 The force that a sliding by s across the normal meets is the trial force t = shear + grip s, cut to

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A second grip at the free end: which motions of that end are held, and with which forces.
 
 K rows of a twist (rotation, displacement) of the free end are held: c(shape) = 0 (K,), in m. Their

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Inertia, Eq. 12, 13: each mass is drawn to where it would be without forces.
 
 Whatever the time integrator, a step minimises the static potential plus

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Dead loads: gravity on the DLO's own mass and on the masses it carries, Eq. 2a, and others."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where the outside of a DLO comes nearest to an obstacle: balls about its axis, or its section.
 
 A rectangular section is the convex hull of four points, so that its four edges, lines along the DLO

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Whether a DLO that moves from one shape to another passes through an obstacle on the way.
 
 The motion between the two is taken as straight, point by point. Convex obstacles: an element is

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Plastic bending and torsion, sections 3.2.1, 3.2.2: springs that yield, side by side.
 
 A section is a bundle of springs that share its stiffness: fibres, which bending stretches in

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The total potential as a function of the unknowns: the list of terms, and nothing else.
 
 Unknowns q (m, 3): per component of strain the coefficients of an orthonormal basis (Ritz), or one

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The point of a DLO that is nearest to an obstacle: inside one element, or wherever it rolls to.
 
 The curve and its tangent are continuous, so the nearest point passes from an element to the next

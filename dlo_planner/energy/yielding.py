@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What the section of a rod consists of where it yields: the springs of `energy.plastic`."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Equilibrium and alignment in one Newton system: the shape and the gripper's rotation at once.
 
 Unknowns: the strains q and a rotation w of the gripper. Equations: the gradient of the potential

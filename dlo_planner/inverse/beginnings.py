@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where a threading can begin: the free end alone is prescribed, in place and direction."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What happens between the waypoints of a plan, on the path that the gripper really takes.
 
 The gripper is looked at everywhere on the path (`Workspace.first_beyond`). The DLO is known at the

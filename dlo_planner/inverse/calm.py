@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The fastest laws in time with which a DLO arrives calm, as far as its `Response` tells.
 
 On each leg the rates are the fastest that the gripper's limits, and a bound of the slowly built-up

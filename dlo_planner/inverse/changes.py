@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where a threading through two cut-outs may reach the second one, among all hanging shapes."""
 
 from dataclasses import dataclass

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How much room a DLO has in its cut-outs, and beside obstacles."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """When to look, plan anew, go and correct: the strategy of a threading with a camera.
 
 A state machine without side effects: its inputs are the time and what has happened, its output is

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Small shifts of the gripper with which the moving DLO passes where the hanging one would.
 
 Inertia moves a DLO aside by some millimeters, as the way of the hanging one is curved, and leaves a

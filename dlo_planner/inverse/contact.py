@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Keeping contact with an obstacle (paper, section 5.3, Fig. 15, 16).
 
 Arc length, place and direction at the contact leave the force of contact free: a curve of gripper

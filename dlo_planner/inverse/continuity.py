@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Whether a DLO and its gripper go from one planned shape to the next without a leap."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The rest of a threading, aimed anew for the estimated DLO.
 
 At each remaining waypoint, a coupled Newton system finds the equilibrium of the estimated DLO and

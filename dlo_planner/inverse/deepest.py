@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The deepest that a threading comes, where not all the depths asked for can be reached."""
 
 from collections.abc import Callable

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A plan in the making: it keeps all demands, or is refused with what it breaks.
 
 Each waypoint is judged when it is added, the way between them when the plan is complete.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What is known of a DLO and of its gripper after some looks: a mean and a covariance."""
 
 from dataclasses import dataclass, field

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Rolls spread evenly over the waypoints of a plan.
 
 Where a DLO hardly stands, the gripper is rolled as little as each waypoint takes, by itself: in

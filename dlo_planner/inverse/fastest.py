@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The fastest way through a leg within limits, by time-optimal path parametrization.
 
 toppra (Pham and Pham, IEEE Transactions on Robotics 34, 2018) finds the largest rate at each place.

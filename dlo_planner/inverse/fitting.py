@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Finding out what a DLO is like from what has been seen of it.
 
 The model: an observed point is a point of the DLO plus noise, independent and alike along all axes;

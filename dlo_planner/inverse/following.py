@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Following the shapes that do a task from one depth to another, without a leap.
 
 A task leaves the gripper one free rotation, a roll. At each depth the shapes that do it are a curve

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Every way in which a DLO can hang: all its equilibria, as points on a sphere.
 
 Nothing holds the free end, so the direction of gravity in the end's frame names an equilibrium: all

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The ways to hold one contact: a curve of shapes, by the force of contact (paper, Fig. 16).
 
 Arc length, place, direction and roll at the contact are given. What hangs beyond it is then a

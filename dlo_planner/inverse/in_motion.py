@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A motion of the gripper in the dynamic simulation: where the DLO is, and how it swings."""
 
 from dataclasses import dataclass, fields

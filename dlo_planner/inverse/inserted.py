@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The motion of a DLO that is pushed into a bore: what is outside of it gets shorter.
 
 The bore is tight and smooth. At the mouth the DLO keeps the mouth's direction and roll and slides

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Insertion into a bore of about the DLO's own diameter (Zheng et al. 1991; paper, section 5.2).
 
 The walls of the bore carry what is inside. What is outside hangs as though it were cut off at the

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where a function of one positive parameter is positive, and what is best there.
 
 A scan over the decades of the parameter finds intervals; between three samples the middle one of

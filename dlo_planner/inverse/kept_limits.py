@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Whether a motion keeps its limits: bounds of its speeds, accelerations and jerks at all times."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How a DLO answers when its gripper goes along a leg: its vibrations, excited by the time law.
 
 While the gripper is at the parameter u the DLO would hang in the equilibrium X(u). Its deviation

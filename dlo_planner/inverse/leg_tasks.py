@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The legs of a motion with what is known of the DLO on each: as it is given, and otherwise stiff.
 
 A wrong stiffness changes more than frequencies: the DLO hangs otherwise, and the same way of the

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How errors are distributed: what a fit minimises, and what its minimum tells of them."""
 
 from dataclasses import dataclass

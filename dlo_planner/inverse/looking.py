@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The information in looks at a DLO: distances of seen points from a predicted shape, weighed.
 
 A point belongs to the DLO, with normal noise, or it is an outlier, anywhere near the DLO; the share

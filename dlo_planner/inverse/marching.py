@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The hanging shape seen from its free end: one march, no iteration over the whole rod.
 
 Nothing pulls at the free end, so force and moment are known there, and if the end's direction is

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How far observed points are from a DLO, at rest or in motion, with derivatives by the unknowns.
 
 At rest they come from the sensitivities of the equilibrium, in motion from differences of motions.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The shape of least penalty within reach of the gripper: a step that cannot leap.
 
 Gauss and Newton's method on the penalties' residuals, the gripper kept in a ball about where it was

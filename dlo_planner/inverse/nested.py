@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The paper's nested optimisation (sections 5.1, 5.2): outer over the gripper, inner direct.
 
 Slower than `aligned`, and independent of it: nothing but `DirectSimulator.solve` is used.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What has been seen of a DLO: points of it at rest, or of it in motion."""
 
 from collections.abc import Iterable

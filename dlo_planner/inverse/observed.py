@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Observations as a function of what is unknown: properties of the rod, errors of the poses."""
 
 from functools import cached_property, partial

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """An estimate of a DLO from looks at it, at rest or moving calmly.
 
 The model: a look shows the equilibrium in the true pose of the gripper, plus a sway of the free end

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Oscillators whose frequencies and axes change slowly, step by step."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How far a DLO is from the centres that it has to pass, at and between a plan's waypoints."""
 
 from collections.abc import Sequence

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The way of the gripper, apart from when it is where: splines through the poses of a plan.
 
 The parameter u of the path is the plan's own time. How fast the path is gone through is up to a

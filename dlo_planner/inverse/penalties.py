@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What a shape should be like, as penalties: the sum of the squares of their residuals counts.
 
 Each has  residuals(shape) -> (k,)  and  slopes(shape, sensitivity) -> (k, 6), derivatives by

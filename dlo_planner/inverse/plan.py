@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The answer of the inverse simulation: gripper poses, the shapes they make, and their proof."""
 
 from collections.abc import Iterable, Iterator

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """By how much an estimated DLO will miss the centres of a plan, and how certain that is."""
 
 from collections.abc import Sequence

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A way is looked for with a simulator that is quick, whatever the accuracy asked for.
 
 A refusal costs the same at any accuracy then; only the plan itself is made as accurate as asked.

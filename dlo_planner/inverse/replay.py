@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Proof with a plan: it is run through the direct simulator, slowly and as it is executed."""
 
 from collections.abc import Iterable

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How the nodes of an equilibrium move with the state of an estimate, to first order.
 
 A change of the potential changes the strains; these follow by a solve with the Hessian of the

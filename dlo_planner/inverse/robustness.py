@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What a plan bears: by how much it misses when the DLO or the robot are not as assumed.
 
 To first order from the sensitivities of the equilibrium, which separates the causes, and sampled,

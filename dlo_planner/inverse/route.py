@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The best way over the sphere of hanging shapes: from curve to curve, one for each depth."""
 
 from dataclasses import dataclass

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Any task (paper, section 5.1): a gripper pose that makes a penalty of the shape least.
 
 The paper's interlaced search: outside, the gripper's pose; inside, the direct simulation. The

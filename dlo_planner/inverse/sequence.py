@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Threading through more than two cut-outs: nearest to all of their centres that are passed.
 
 The gripper has six degrees of freedom, and how far the DLO has gone through each cut-out but the

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A small shift of the gripper beside its path, as a spline in time."""
 
 from dataclasses import dataclass, field

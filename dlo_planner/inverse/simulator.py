@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The inverse simulator: from a task to gripper poses."""
 
 from collections.abc import Iterable

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """From where the gripper is to where a threading begins, without touching the sheet.
 
 The gripper goes straight, turning evenly, to where the free end is `standoff` before the centre,

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A motion that is corrected while it runs, without setting the DLO swinging.
 
 A correction is multiplied by the response of moving averages to a step. As with the time laws of

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Drawing a DLO over an obstacle on a straight way (paper, section 5.3, footnote 19).
 
 The gripper goes straight from where the contact begins towards the contact, its orientation kept.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Threading through one cut-out: at every depth the DLO passes the centre along the normal."""
 
 from dataclasses import dataclass, replace

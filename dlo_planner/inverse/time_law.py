@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How a leg of the path is passed in time: from rest to rest, smoothed by moving averages.
 
 Before smoothing, the parameter u of the leg has a piecewise constant acceleration, as the fastest

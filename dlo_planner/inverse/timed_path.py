@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A plan as a smooth motion in time: its path, and a time law for each leg of the path."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """When the gripper is where: the shortest times under a linear and an angular speed limit."""
 
 import numpy as np

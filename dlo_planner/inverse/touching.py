@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """One contact at one arc length: which forces keep everything, and what is wrong where none does.
 
 The curve of shapes is `inverse.holding`'s; here are the plan's demands on it, and its confirmation

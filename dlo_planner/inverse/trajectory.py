@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A plan as the motion that is executed: timed so that the DLO arrives calm, and verified."""
 
 from collections.abc import Iterable

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Threading through two cut-outs: their centres without orientation (paper, section 5.2, Fig. 14).
 
 Until the free end reaches the second cut-out, the DLO passes the first one along one direction;

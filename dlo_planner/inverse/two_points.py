@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The shapes that pass two centres at once, without a direction: x(s2) - x(s1) = P2 - P1."""
 
 import numpy as np

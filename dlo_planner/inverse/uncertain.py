@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What is uncertain about a DLO, its gripper and a camera: names, priors, and their effect.
 
 The state is an array z, 0 where all is as stated. Each number has a normal prior:

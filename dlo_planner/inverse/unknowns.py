@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What a fit seeks: properties of a rod, as numbers x that are 0 for the rod of the first guess.
 
 Stiffness and masses are sought by their logarithms, natural strains in units that bend or twist the

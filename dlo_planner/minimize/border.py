@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What a grip adds to a Newton system: K rows that border the Hessian.
 
     [H  A^T] [dq      ]   [right]

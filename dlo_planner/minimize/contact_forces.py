@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The forces of contact and friction that satisfy their laws, to first order.
 
 A step of the outer loop. With the compliance of the DLO at its contacts, from solves with Newton's

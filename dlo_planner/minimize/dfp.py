@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The Davidon-Fletcher-Powell method (paper, section 3.5): Newton with a Hessian that is learnt.
 
 The inverse Hessian starts as the identity, which in scaled unknowns it nearly is, and after each

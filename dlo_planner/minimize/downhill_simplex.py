@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The downhill simplex method of Nelder and Mead (paper, section 3.5).
 
 The simplex is SciPy's. Its first edges are the axes of a quadratic surface through values about

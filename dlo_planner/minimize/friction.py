@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where a DLO rubs: the points of friction, what they stick to, and the limits of their forces."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A DLO that hangs freely: nothing acts on it but dead loads. From one gripper's pose to its shape.
 
 All of it is one kernel: of the time that such a shape takes, most would else be spent between

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Newton's method for a DLO whose far end is held: shape and reaction at once.
 
 Each step solves the equilibrium and the linearised grip together (sequential quadratic

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How far a DLO may change on the way to the next minimum before the search is given up.
 
 Nor may it fall off a saddle: then it is no continuation of what it was. A step of the gripper that

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The lowest point of a function on a line, told by its slope where its values are not fine enough.
 
 Near a minimum values differ by the square of the way to it, and drown in rounding errors long

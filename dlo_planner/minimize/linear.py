@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Solving with the Hessian H + shift I: Riccati sweep (local) or dense LDL^T (Ritz).
 
 With prefix rotations theta_f = sum of turning_e dq_e over e < f, the local Newton system is a

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Constraints by multipliers: Newton's method inside, their update outside.
 
 The augmented Lagrangian method (Nocedal and Wright, ch. 17.4): minimise, move each multiplier by

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Newton's method that can only end in a minimum, or say that it did not.
 
 Three guards around the plain method (Nocedal and Wright, Numerical Optimization, ch. 3):

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What every minimiser that sees nothing but a function takes and gives."""
 
 from collections.abc import Callable

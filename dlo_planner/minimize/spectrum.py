@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The smallest eigenvalue of the Hessian and its mode: is it a minimum, and if not, which way down.
 
 Lanczos on the inverse of H + shift I (Golub and Van Loan, ch. 10). The largest eigenvalue is found

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where a DLO touches, as a table, and by how much that breaks the laws of contact and friction."""
 
 import numpy as np

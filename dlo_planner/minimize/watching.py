@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Which points inside elements may touch an obstacle: looked at anew between two minimisations."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Quantities that vary along a DLO: numbers, tables and functions of arc length s, as values."""
 
 from collections.abc import Callable

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Judging values that come from outside: one sentence that names argument, value and remedy.
 
 Each function returns the value as it is to be used: what is checked is what is used.

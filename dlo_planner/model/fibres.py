@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where a cross-section is looked at to see what yields: its fibres, and its layers in torsion.
 
 All in units of the section: heights over the neutral axes and distances from the middle are 1 at

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What a DLO may touch: plane, sphere, capsule, box, and sheet with cut-outs."""
 
 from dataclasses import dataclass

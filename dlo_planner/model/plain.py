@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Values as plain Python: what JSON, YAML and pandas understand."""
 
 from collections.abc import Mapping

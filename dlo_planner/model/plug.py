@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A rigid body fixed to the tip of a DLO: a plug, a connector, a nut."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A function of arc length, resolved: polynomials between its jumps, with exact means.
 
 A mesh that reads a function at its own points is blind to what lies between them, and so is a finer

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The cross-section: its stiffness, its stress, and how it yields beyond the first fibre."""
 
 from dataclasses import dataclass

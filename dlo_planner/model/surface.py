@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The outside of a DLO: what contact and clearance need to know of a Rod."""
 
 from dataclasses import dataclass

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What a value is: it does not change, and two that say the same are equal.
 
 All that users get or give is such a value. Its arrays are read-only, so that nothing which was

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Many at once: shapes and plans by all cores of a machine, or of a cluster (extra `[cluster]`)."""
 
 from dlo_planner.parallel.capability import CapabilityMap, capability_map

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Looking ahead: shapes of steps to come, roughly, from a shape that is known; what workers do."""
 
 from typing import NamedTuple

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Which cut-outs of a cell a DLO can be threaded through: a map over many tasks."""
 
 from collections.abc import Iterable

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """One motion by many workers: parts that begin at once, and are judged where they meet.
 
 The shape that a DLO takes on a motion follows from the one before. Where it is elastic and nothing

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Independent computation (paper, section 4.3.4): many shapes, by as many workers as there are."""
 
 from collections.abc import Iterable

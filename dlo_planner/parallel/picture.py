@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A picture of a capability map: slices of the region that can be reached; needs matplotlib."""
 
 import numpy as np

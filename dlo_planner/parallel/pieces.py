@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A piece of work: some gripper poses, and the shapes that a worker finds there."""
 
 from collections.abc import Sequence

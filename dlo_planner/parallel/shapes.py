@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Many shapes as arrays: what travels between processes, and what programs work with."""
 
 from collections.abc import Iterable, Iterator, Sequence

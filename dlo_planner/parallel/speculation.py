@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Dependent computation (paper, section 4.3.5): steps that need the one before, looked at ahead.
 
 While one task computes step i, the others compute what steps i + 1, i + 2, ... would be if the DLO

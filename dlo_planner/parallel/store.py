@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A folder in which a long computation keeps what it has done, so that it can go on another day.
 
 A file is written beside its place and then put there in one step: after a crash it is whole, or

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Whether one cut-out can be threaded, from where, and with what margin: a task of the map."""
 
 from time import thread_time

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Work for any executor: results in order, workers that die, progress, an end when it is asked for.
 
 An executor is one of `concurrent.futures`: threads, processes, or a cluster's (`dask.distributed`:

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """One element: an arc of constant strain, integrated exactly, with its derivatives.
 
 The strain u = (torsion, curvature about n, curvature about b) is constant over the element's

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """From strains to frames and positions, and from loads on the nodes back to the strains.
 
 Node k is reached from the gripper through the elements 0 ... k-1 (Eq. 15, 17 of the paper with

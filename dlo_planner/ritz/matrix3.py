@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Vectors (3,) and matrices (3, 3) as tuples of 3 and 9 numbers, row after row.
 
 A compiler keeps tuples in registers, where it would go to memory for every entry of an array: the

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The paper's description of bending and torsion: (q_d, q_kappa, q_tau), sections 3.3.1, 3.3.2.
 
 q_d is the direction of curvature (the angle of its axis from n about t), q_kappa its amount, q_tau

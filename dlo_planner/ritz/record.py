@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Named bundles of arrays that kernels take by reference.
 
 numba passes a named tuple field by field, array by array, through every call: with a dozen arrays

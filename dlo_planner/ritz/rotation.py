@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Rotations between two frames, in kernels: SciPy's take longer than the shape in between."""
 
 import numpy as np

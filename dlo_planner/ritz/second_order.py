@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Second derivatives of loads on a chain of elements, by its strains.
 
 A change du_e of element e moves everything beyond it as one rigid body, so the Hessian is

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The basis functions of the Ritz series, Eq. 4, and their orthonormal form on a mesh.
 
 Every strain is written as its natural value plus a series. The functions are orthonormalised

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How far a shape can be off because its mesh and its series end: a figure, not a bound."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The joint trajectory of a proved plan, for the arm that robot_description describes."""
 
 import os

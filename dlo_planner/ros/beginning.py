@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A motion begins where the gripper is, which is hardly ever exactly where the plan begins."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The closed loop in the node: what a tracker of the DLO publishes becomes an estimate.
 
 It corrects what is executed, and by `~/identify` the parameters.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How a request ended, as a number: one table for `~/status`, the answers and the documentation."""
 
 from enum import IntEnum

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The demo: starts the node as a process of its own and has it do the main job over DDS."""
 
 import argparse

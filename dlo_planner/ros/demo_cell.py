@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The demo's last part: a wire that is not as its data sheet says, in a cell with a camera.
 
 The cell is a process of its own (extra `cell`), a physics engine that shares no code with the

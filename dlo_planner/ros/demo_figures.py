@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The demo's pictures: side views in the x-z plane, as in the paper's Fig. 7 and Fig. 13."""
 
 import matplotlib

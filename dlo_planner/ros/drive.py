@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The last plan is executed: streamed in real time, watched, and ended with a reason."""
 
 from time import monotonic

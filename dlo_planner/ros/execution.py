@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The motion that is executed, as a machine without ROS: what is commanded now, and when it ends.
 
 Time is that of a steady clock, in s. A machine does not change: `tick` returns the next one.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Folders to write in, where the usual ones cannot be: no home, a read-only system."""
 
 import os

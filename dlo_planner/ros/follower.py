@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A robot that does as it is told, a little later: for demonstrations and tests."""
 
 from collections import deque

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Poses in other frames: through tf2 if it is installed, refused by name if not."""
 
 from std_msgs.msg import Header

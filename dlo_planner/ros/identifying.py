@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """An Estimate as the node's parameters: what is identified counts from then on, and is saved."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Gripper poses in, shapes out: live on topics, and by service."""
 
 from threading import Condition, Thread

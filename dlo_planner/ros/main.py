@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The process of the node: it hears signals at any moment and ends with status 0.
 
 The main thread only waits for signals; a second thread imports, compiles, makes the node and spins.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A managed node (lifecycle) that is seen when it is ready, and can configure itself."""
 
 import traceback

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What a camera sees of the DLO, made an Estimate of it: the closed loop without ROS.
 
 Gripper poses and clouds of points come with stamps of one clock. A cloud counts as seen where the

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The node: gripper poses in, shapes out; cut-outs in, gripper trajectories out."""
 
 if __name__ == '__main__':  # before all imports, which are deaf to signals

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The proof of a plan, step by step: slowly, which is known quickly, then as it is executed."""
 
 from contextlib import suppress

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Proof of plans in a process of its own, so that shapes and plans never wait for it.
 
 Messages are pickles on the pipes of the process: keyword arguments of `replay` in, a Report or an

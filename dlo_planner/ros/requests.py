@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Cut-outs in, gripper trajectories out: one plan at a time is made, and can be canceled."""
 
 from threading import Lock

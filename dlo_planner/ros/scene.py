@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What the node works on, made of the values of its parameters and the obstacles around."""
 
 from dataclasses import dataclass, fields

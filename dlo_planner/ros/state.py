@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """All that the node knows, as one value: callbacks read it once, and change it in one place."""
 
 from collections.abc import Callable, Mapping

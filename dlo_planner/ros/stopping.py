@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How a motion that is being executed comes to rest: along its own path, within its limits."""
 
 from dataclasses import dataclass

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What changes the scene: parameters, and obstacles as RViz shows them."""
 
 from collections.abc import Mapping

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A page in the browser that shows a running planner: `ros2 run dlo_planner viewer`."""
 
 import sys

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Loading the compiled kernels, or compiling them where that was not done at installation.
 
 Everything that the node may be asked for is done once on a small DLO, so that no request waits for

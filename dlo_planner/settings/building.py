@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What the values of parameters describe: the DLO, its simulators, the gripper's limits."""
 
 from collections.abc import Iterable, Mapping

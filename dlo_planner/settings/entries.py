@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """All parameters: one table, for the node, the YAML files in config/ and the command line."""
 
 from dataclasses import dataclass

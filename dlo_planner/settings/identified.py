@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What a Fit found, as parameters: for the YAML file of the node and of the command line."""
 
 from collections.abc import Mapping

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Names of parameters that do not exist, and what was probably meant."""
 
 from collections.abc import Iterable

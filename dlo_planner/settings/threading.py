@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The whole way through cut-outs, as the parameters `threading.*` ask for it."""
 
 from collections.abc import Mapping, Sequence

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of shapes and plans, and a page in the browser that shows them; no ROS in here."""
 
 from collections.abc import Iterable

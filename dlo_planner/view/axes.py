@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Matplotlib axes for pictures of DLOs: in space or from the side, equal, in meters."""
 
 from dataclasses import dataclass

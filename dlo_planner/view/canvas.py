@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Draws Items into a scene of viser, and only what has changed."""
 
 from collections.abc import Iterable

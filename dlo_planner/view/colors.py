@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Colors that tell how hard a DLO is bent: a colormap that is legible to the color-blind too."""
 
 from typing import NamedTuple

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of a DLO: itself, what it touches, what was seen of it; and of frames."""
 
 from collections.abc import Iterable

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Draws Items into axes of matplotlib, in space or from the side."""
 
 from collections.abc import Iterable

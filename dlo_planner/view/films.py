@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Films of plans and motions, as GIF (Pillow) or MP4 (ffmpeg)."""
 
 from collections.abc import Callable, Iterable

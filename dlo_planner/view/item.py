@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """One thing that is drawn: by RViz as a marker, by the page in the browser as a mesh."""
 
 from dataclasses import dataclass, field

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A running planner in the browser: what it shows and says, and what it can be asked for."""
 
 from collections.abc import Callable, Iterable, Mapping

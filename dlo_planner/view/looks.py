@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What the shorthands of answers do (`dlo_planner.pictured`): one entry for each kind of value."""
 
 from base64 import b64encode

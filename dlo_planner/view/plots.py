@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of shapes, plans and motions by matplotlib: in space, or from the side."""
 
 from collections.abc import Iterable

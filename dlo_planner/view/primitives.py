@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Items as what any drawing can show: polylines and triangles, in the world."""
 
 from typing import NamedTuple

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What a plan on the page can be made anew with: its cut-outs, its simulators."""
 
 from dataclasses import dataclass

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The picture of a Report: its distances beside the tolerance, and how the gripper moves."""
 
 import numpy as np

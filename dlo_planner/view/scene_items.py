@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of what surrounds a DLO: cut-outs with their margins, the gripper's path, obstacles."""
 
 from collections.abc import Iterable

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What stands around the DLO in a picture: holes, obstacles, the gripper; one scale for all."""
 
 from collections.abc import Iterable

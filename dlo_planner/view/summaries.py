@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Tables of what matters in an answer, as rows and as text."""
 
 from collections.abc import Sequence

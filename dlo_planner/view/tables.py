@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What the page says beside its picture, as HTML; every text from outside is escaped."""
 
 from collections.abc import Mapping, Sequence

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Surfaces as triangles: rectangles, plates with a hole, tubes, bars; in their own frames."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where the tool link is and how near links come, against the URDF multiplied out by hand."""
 
 from itertools import combinations

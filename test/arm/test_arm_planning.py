@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Joint trajectories of Panda, UR5 and Kinova: the tool by hand, limits, speeds, refusals."""
 
 import numpy as np

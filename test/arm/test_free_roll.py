@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where a roll of the gripper changes nothing, and where it does: asked of the direct simulator."""
 
 from dataclasses import replace

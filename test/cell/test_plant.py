@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The plant against closed forms, and against the package, which is written otherwise."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The command `dlo-planner`: what it prints and writes, and with what status it ends."""
 
 import csv

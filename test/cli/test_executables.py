@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What an installation puts where: one command on the PATH, the rest where ros2 run looks."""
 
 import ast

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """An accuracy asked for: kept where the way counts too, and what happened on coarse meshes told."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Contact: against beams and shooting, Coulomb's law, balance of forces; nothing is run through."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Contacts as they are told to people: how deep, how strong, where, in what order."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Following: what the gripper's step explains is followed, what it does not is a jump."""
 
 from dataclasses import replace

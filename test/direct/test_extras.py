@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Grasped inside, other loads, files, resampling, strain and stress."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Both ends held: forces, buckling loads from the literature, symmetry."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Coulomb's law in every shape: where a tip lets go (the elastica), what sticks, what slides."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Grasped inside: what both parts say is said of the whole, in the whole's arc length."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Both ends held, soft and nearly taut, and grips that leave something free."""
 
 import numpy as np

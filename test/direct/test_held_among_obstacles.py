@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Both ends held over obstacles, wherever the DLO without them would lie."""
 
 from itertools import pairwise

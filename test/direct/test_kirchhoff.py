@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Against SciPy's boundary value solver on the Kirchhoff equations, in full 3-D."""
 
 import numpy as np

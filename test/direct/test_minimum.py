@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The known traps: where plain Newton's method ends somewhere else than in a minimum."""
 
 import numpy as np

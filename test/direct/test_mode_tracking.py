@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Modes along a path: what was one vibration stays one, whichever is slower."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Vibrations about a shape at rest, against the theory of beams, chains and rings."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Vibrations about a shape that hangs in space, against simulated motions; what has none."""
 
 from dataclasses import replace

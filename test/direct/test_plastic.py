@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Plastic bending and torsion: textbook curves, springback, energy, direction, mesh."""
 
 from dataclasses import replace

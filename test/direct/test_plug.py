@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A rigid body at the tip: weight, inertia, and that it does not bend."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How a shape answers to its gripper, against differences of solved shapes."""
 
 import numpy as np

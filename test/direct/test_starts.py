@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A Shape of another DLO, or of other surroundings, is a start and nothing more."""
 
 from dataclasses import replace

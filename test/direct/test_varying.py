@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What varies along a DLO, and what acts at its points: right, and its error known."""
 
 import numpy as np

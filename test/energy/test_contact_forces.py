@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Forces of contact and friction in closed form, on a straight DLO."""
 
 import numpy as np

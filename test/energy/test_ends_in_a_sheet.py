@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What moves through the material is seen, on whichever side of zero rounding puts an end."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fibres of a section that yields, against a fine section of fibres written here, on any path."""
 
 from functools import cache

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Springs that yield: elastic inside their limits, held at them beyond, and the energy adds up."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A rectangular section and a stepped DLO on obstacles, against closed forms."""
 
 import numpy as np

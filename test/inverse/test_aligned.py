@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Equilibrium and alignment at once: what is asked holds, and Newton's method is quadratic."""
 
 import numpy as np

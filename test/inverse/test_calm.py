@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Motions that arrive calm: misses, durations, what may be wrong, limits, refusals."""
 
 import pickle

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Shifts of the gripper: the miss and the vibration left fall, as predicted and as simulated."""
 
 from dataclasses import replace

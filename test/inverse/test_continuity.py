@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """No plan leaps: what the gripper may do between two waypoints is bounded by the step in depth."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Rolls spread evenly: a DLO that hardly stands is threaded without corners."""
 
 from types import SimpleNamespace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The fastest rates against closed forms: trapezoids, triangles, circles, and what a DLO bears."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Several unknowns at once, held far ends, natural strains along s, motions: true or not told."""
 
 import numpy as np

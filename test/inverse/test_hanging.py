@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """All ways to hang, against Runge-Kutta; where the curve of a task crosses the grid."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Holding and sliding a contact: confirmed by the direct simulator with the obstacle in."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Insertions in motion: inertia as it must be, calm and safe from a start pose of their own."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Insertion into a bore: along the deflection curve, nothing to bear at the mouth."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What is predicted of a DLO's vibrations: against SciPy, and against the simulation of the DLO."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Estimates of a DLO from looks at it: derivatives, honesty, robustness."""
 
 from dataclasses import replace

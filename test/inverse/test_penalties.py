@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Tasks as penalties: found exactly where they can be, slopes against differences, errors named."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The rough slowest period, from which the steps of a motion and the look at its end follow."""
 
 import numpy as np

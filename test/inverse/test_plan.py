@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Plans as values: cut, joined, timed, and what they say of their shapes."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Random cut-outs in 3-D: every plan replays, every refusal is confirmed; 200 by the script."""
 
 import numpy as np

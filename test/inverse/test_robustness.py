@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """By how much a plan misses when things differ: first order against re-solving, and sampled."""
 
 from concurrent.futures import ThreadPoolExecutor

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Following in steps that do not leap, and the best way from curve to curve: on made-up tasks."""
 
 from types import SimpleNamespace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """More than two cut-outs: nowhere near a better pose, misses told, continuous."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A shift beside the path: at rest at both ends, its derivatives, its bounds."""
 
 import numpy as np

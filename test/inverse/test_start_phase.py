@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The way to the hole stays behind the sheet, and the gripper stays before it."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Drawing a DLO over a bar on a straight way: where it touches, how its direction drifts."""
 
 import numpy as np

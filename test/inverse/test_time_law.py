@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Moving averages of a motion against convolution, its derivatives, and what they calm."""
 
 import pickle

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Paths and trajectories against differences of their poses, dense samples and limits."""
 
 import pickle

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Two cut-outs: replayed by the direct simulator, continuous, refused with a reason."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The paper's minimisers: against a function with a known minimum, and against Newton's."""
 
 import numpy as np

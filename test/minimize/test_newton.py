@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Newton's method where it is easy to be wrong: saddles, kicks, counts, and the lowest mode."""
 
 import numpy as np

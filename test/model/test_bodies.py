@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Obstacles: what is accepted, and that what is checked is what is used."""
 
 from fractions import Fraction

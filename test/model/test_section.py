@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Sections: which side of a rectangle is which, in radius, strain and yield."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Sheets: their cut-outs lie in them, flat and inside the border."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Obstacles as markers: there and back, taken away, refused by name."""
 
 import numpy as np

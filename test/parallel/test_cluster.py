@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A cluster: Dask's scheduler and two workers on loopback, of which one is killed."""
 
 import logging

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Steps that are begun with what was seen ahead end where serial ones do."""
 
 from concurrent.futures import (

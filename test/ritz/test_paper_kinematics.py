@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Equations 15 to 17 of the paper as printed, against the exact arcs used here."""
 
 import numpy as np

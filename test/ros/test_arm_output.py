@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A URDF and joint states in, a joint trajectory out: over DDS, in this process."""
 
 import time

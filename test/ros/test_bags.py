@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Bags: what was recorded and is replayed gives the same shapes. `test/soak/bags.py` makes them."""
 
 from pathlib import Path

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The cell as a node: it follows commands, shows its DLO, and says where it is not in real time."""
 
 import time

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The closed loop in the node: a tracker's points in, identified parameters and corrections out."""
 
 import time

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The motion that is executed, as a machine: faults of clocks, poses and robots; without a node."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A real process that executes, and what happens to it: stopped, told to end, at any moment."""
 
 import signal

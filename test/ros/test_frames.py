@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Poses in other frames, through tf2 as it is documented (a stand-in has its interface)."""
 
 import sys

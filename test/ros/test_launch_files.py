@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The launch files: only what the launch of Jazzy's first releases (3.4.3) can do."""
 
 import ast

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The node in this process: nothing is lost, planning ends when asked to, clocks may jump."""
 
 import threading

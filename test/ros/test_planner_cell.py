@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The node in a cell: obstacles, the way to the hole, proof, execution, a DLO that yields."""
 
 import queue

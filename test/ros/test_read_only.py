@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The node where nothing can be written: nobody, without a home, in a read-only system."""
 
 import shutil

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """config/planner.rviz: classes that RViz 2 has, topics that the node really publishes."""
 
 import pytest

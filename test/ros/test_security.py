@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The SROS 2 policy allows what the node opens, and nothing else."""
 
 from xml.etree import ElementTree

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The short form of the soak: odd messages of every kind, also while it executes; faults."""
 
 import json

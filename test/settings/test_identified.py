@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What a fit found, as parameters: the rod that they describe is the rod that was found."""
 
 from dataclasses import replace

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Parameters from YAML: the node's table, its types and limits, names that mean nothing."""
 
 from pathlib import Path

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The long form: odd messages for minutes, latencies, faults; a report as Markdown and JSON.
 
 python test/soak [--minutes 10] [--messages 20000] [--seed 0] [--output soak_output]

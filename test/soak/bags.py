@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Runs of the node as MCAP bags: recorded, and replayed into a node.
 
 python test/soak/bags.py FILE   makes one of a short run: poses, obstacles, and the shapes that came

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Every topic and service that the node opens, and odd messages thrown at them."""
 
 from collections import Counter

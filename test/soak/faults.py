@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What happens to machines, processes and clocks; each returns what was wrong, in words."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Rounds of odd messages: nothing is lost, nothing odd comes out, the answers stay the same."""
 
 from dataclasses import dataclass, field

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """How long it takes from a gripper pose to its shape, alone and beside what else the node does."""
 
 import struct

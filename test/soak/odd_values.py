@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Odd messages of every type that the node hears, drawn with a seed.
 
 Each is a good one with some faults put in. With at least one fault it makes no sense, and has to be

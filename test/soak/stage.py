@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """A planner process, what it answers, and a robot: the same before and after everything."""
 
 from contextlib import contextmanager, suppress

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Films: as many pictures as asked for, of the right instants; a way out without ffmpeg."""
 
 from dataclasses import replace

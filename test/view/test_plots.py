@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Pictures by matplotlib: what is drawn lies where the answer says, equal and with units."""
 
 import sys

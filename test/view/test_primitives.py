@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Items as lines, polygons and dots: where they lie, against what geometry says."""
 
 import numpy as np

@@ -1,0 +1,62 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The site: `make docs`, or rosdoc2, which runs this file from a folder of its own."""
+
+import sys
+from pathlib import Path
+
+try:
+    import dlo_planner
+except ImportError:  # not installed: the package beside this folder
+    sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+    import dlo_planner
+
+ROOT = Path(dlo_planner.__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / 'docs'))
+
+project = 'dlo_planner'
+author = 'dlo_planner maintainers'
+copyright = f'2026, {author}'
+version = release = dlo_planner.__version__
+
+extensions = [
+    'made_pages',
+    'myst_parser',
+    'sphinx.ext.autodoc',
+    'sphinx.ext.napoleon',
+    'sphinx.ext.mathjax',
+    'sphinx_copybutton',
+]
+exclude_patterns = ['_build', 'benchmarks/*.md']
+html_theme = 'furo'
+html_title = f'dlo_planner {release}'
+
+myst_enable_extensions = ['dollarmath', 'colon_fence', 'deflist']
+myst_heading_anchors = 3
+suppress_warnings = ['myst.header']  # tables of benchmarks begin at a deeper level
+
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True   # attributes of a value: one list, not an entry each
+napoleon_use_rtype = False
+autodoc_member_order = 'bysource'
+autodoc_typehints_format = 'short'
+autodoc_default_options = {
+    'members': True,
+    # what comes from a base of the package belongs to a class; of these it would be noise
+    'inherited-members': 'Value,object,Exception,BaseException,OSError,Enum,str,int,tuple',
+}
+maximum_signature_line_length = 80
+# what only a ROS machine, or an extra, has; the site is built without them
+autodoc_mock_imports = ['rclpy', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs',
+                        'nav_msgs', 'sensor_msgs', 'std_msgs', 'std_srvs', 'trajectory_msgs',
+                        'visualization_msgs', 'tf2_ros', 'lifecycle_msgs', 'pinocchio', 'viser',
+                        'distributed', 'mujoco']
+
+rosdoc2_settings = {
+    'enable_breathe': False,
+    'enable_exhale': False,
+    'override_theme': False,
+    'support_markdown': False,  # myst_parser is among the extensions already
+    'enable_autodoc': False,    # so is autodoc, with the mocks above
+}

@@ -1,0 +1,83 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the pages tell to write and to run is right."""
+
+import re
+import shlex
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from dlo_planner import DirectSimulator, Pose, Rod
+from dlo_planner.cli.main import main
+
+DOCS = Path(__file__).parents[2] / 'docs'
+
+
+def blocks(page, language):
+    """Return the blocks of a language in a page."""
+    return [re.sub('^   ', '', block, flags=re.M) if block.startswith('   ') else block
+            for block in re.findall(rf'```{language}\n(.*?)```', (DOCS / page).read_text(), re.S)]
+
+
+def test_the_sample_of_the_start_page_runs(tmp_path, monkeypatch):
+    pytest.importorskip('matplotlib')
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    for block in blocks('start.md', 'python'):
+        exec(compile(block, 'start.md', 'exec'), names)
+    assert names['plan'].fraction == 1
+    assert (tmp_path / 'plan.png').stat().st_size > 10_000
+
+
+@pytest.mark.parametrize('index', [0, 1])
+def test_the_files_of_the_how_to_are_understood(index, tmp_path):
+    found = blocks('howto/your_cable.md', 'yaml')
+    assert len(found) == 2
+    (tmp_path / 'cable.yaml').write_text(found[index])
+    done = CliRunner().invoke(main, ['shape', str(tmp_path / 'cable.yaml'), '--gripper', '0,0,1',
+                                     '-o', str(tmp_path / 'shape.csv')])
+    assert done.exit_code == 0, done.output
+    last = np.loadtxt(tmp_path / 'shape.csv', delimiter=',', skiprows=1)[-1]
+    assert np.isfinite(last).all()
+
+
+def test_the_table_of_sags_is_right():
+    text = (DOCS / 'howto' / 'your_cable.md').read_text()
+    sags = re.findall(r'([\d.]+) L', re.search(r'\| sag \|(.*)', text)[1])
+    loads = re.findall(r'w L\^3 / (\d+)', text)
+    assert len(sags) == len(loads) == 4
+    for sag, load in zip(sags, loads, strict=True):
+        cable = Rod(1.0, float(load) / 9.80665, 1.0, 1.0)  # L = EI = 1, w = load
+        tip = DirectSimulator(cable).solve(Pose((0, 0, 0), (0, 0, 0, 1))).positions[-1]
+        assert abs(-tip[2] - float(sag)) < 0.006
+
+
+def test_the_commands_of_the_how_to_find_the_cable(tmp_path, monkeypatch):
+    pytest.importorskip('matplotlib')
+    monkeypatch.chdir(tmp_path)
+    text = (DOCS / 'howto' / 'your_cable.md').read_text().replace('\\\n', ' ')
+    commands = [shlex.split(line)[1:] for line in re.findall(r'^ +(dlo-planner .*)$', text, re.M)]
+    assert [command[0] for command in commands] == ['identify', 'shape']
+    (tmp_path / 'my_cable.yaml').write_text(blocks('howto/your_cable.md', 'yaml')[1])
+    real = DirectSimulator(Rod(0.8, 0.07, 0.03, 0.015, natural_curvature=(0.0, 0.2)))
+    for name, way in (('level', (1, 0, 0)), ('up', (1, 0, 1))):
+        points = real.solve(Pose.looking_along((0, 0, 1), way)).positions[6::3]
+        np.savetxt(tmp_path / f'{name}.csv', points, delimiter=',', header='x,y,z', comments='')
+    for command in commands:
+        done = CliRunner().invoke(main, command)
+        assert done.exit_code == 0, done.output
+    found = (tmp_path / 'identified.yaml').read_text()
+    stiffness = re.search(r'\bbending_stiffness: *\[([\d.e-]+)', found) or re.search(
+        r'\bbending_stiffness:\s*- ([\d.e-]+)', found)
+    assert abs(float(stiffness[1]) - 0.03) < 1e-4
+
+
+def test_the_code_of_each_equation_exists():
+    named = re.findall(r'`([a-z_.0-9]+)\.(\w+)`', (DOCS / 'equations.md').read_text())
+    assert len(named) > 12
+    assert [name for module, name in named
+            if not hasattr(import_module(f'dlo_planner.{module}'), name)] == []

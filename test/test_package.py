@@ -1,0 +1,98 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What is built and declared: one version, complete archives, a sample that runs from the wheel."""
+
+import os
+import re
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+import dlo_planner
+
+ROOT = Path(__file__).parent.parent
+
+
+def test_the_version_is_the_same_everywhere():
+    version = dlo_planner.__version__
+    assert re.fullmatch(r'\d+\.\d+\.\d+', version)
+    assert ElementTree.parse(ROOT / 'package.xml').findtext('version') == version
+    assert re.search(r'^version: (.+)$', (ROOT / 'CITATION.cff').read_text(), re.M)[1] == version
+    first = re.search(r'^(\d\S+) \(', (ROOT / 'CHANGELOG.rst').read_text(), re.M)[1]
+    assert first in (version, 'Forthcoming')
+
+
+@pytest.fixture(scope='module')
+def archives(tmp_path_factory):
+    """Build sdist and, from it, wheel; return their paths."""
+    pytest.importorskip('build')
+    source = tmp_path_factory.mktemp('source') / 'dlo_planner'
+    # a copy of what git would give: a build leaves folders beside the sources
+    listed = subprocess.run(['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard'],
+                            cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode:
+        pytest.skip('not a clone: what belongs to the sources is not known')
+    for name in filter(None, listed.stdout.split('\0')):
+        if (ROOT / name).is_file():
+            (source / name).parent.mkdir(parents=True, exist_ok=True)
+            (source / name).write_bytes((ROOT / name).read_bytes())
+            (source / name).chmod((ROOT / name).stat().st_mode)
+    out = tmp_path_factory.mktemp('dist')
+    done = subprocess.run([sys.executable, '-m', 'build', '--no-isolation', '--outdir', str(out),
+                           str(source)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    return next(out.glob('*.tar.gz')), next(out.glob('*.whl'))
+
+
+def test_the_wheel_has_all_modules_and_files(archives):
+    names = set(zipfile.ZipFile(archives[1]).namelist())
+    modules = {str(path.relative_to(ROOT)) for package in ('dlo_planner', 'msg_helpers')
+               for path in (ROOT / package).rglob('*.py')}
+    assert modules <= names
+    shared = {name.split('/data/share/dlo_planner/')[-1] for name in names
+              if '/data/share/dlo_planner/' in name}
+    wanted = {f'{folder}/{path.name}' for folder in ('config', 'launch')
+              for path in (ROOT / folder).glob('*.*')}
+    assert wanted | {'package.xml'} <= shared
+    assert not [name for name in names if name.startswith(('test', 'benchmarks', 'docs'))]
+
+
+def test_the_sdist_can_be_tested_and_documented(archives):
+    with tarfile.open(archives[0]) as archive:
+        names = {name.split('/', 1)[1] for name in archive.getnames() if '/' in name}
+    assert {'README.md', 'LICENSE', 'CITATION.cff', 'package.xml', 'pyproject.toml', 'Makefile',
+            'rosdoc2.yaml', 'docs/conf.py', 'docs/made_pages.py', 'requirements.lock',
+            'test/test_package.py', 'test/data', 'examples/tutorials/predict.py',
+            'scripts/planner_node', 'resource/dlo_planner', '.ci/run'} <= names
+    assert not [name for name in names if name.endswith(('.pyc', '.nbc', '.nbi'))]
+
+
+def test_the_sample_of_the_readme_runs_from_the_wheel(archives, tmp_path):
+    place = tmp_path / 'installed'
+    done = subprocess.run([sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps',
+                           '--no-index', '--disable-pip-version-check', '--target', str(place),
+                           str(archives[1])], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    sample = re.search(r'```python\n(.*?)```', (ROOT / 'README.md').read_text(), re.DOTALL)[1]
+    # kernels that were compiled for these sources serve: their caches go by content
+    cache = os.environ.get('NUMBA_CACHE_DIR', str(ROOT / 'dlo_planner' / '__pycache__'))
+    ends = 'import dlo_planner; print(dlo_planner.__file__, dlo_planner.__version__)'
+    done = subprocess.run([sys.executable, '-c', f'{sample}\n{ends}'], capture_output=True,
+                          text=True, check=False, cwd=tmp_path,
+                          env={**os.environ, 'PYTHONPATH': str(place), 'NUMBA_CACHE_DIR': cache})
+    assert done.returncode == 0, done.stderr
+    assert str(place) in done.stdout and dlo_planner.__version__ in done.stdout
+
+
+def test_the_extras_are_declared_where_they_are_asked_for():
+    setup = (ROOT / 'setup.py').read_text()
+    declared = set(re.findall(r"^        '(\w+)': \[", setup, re.M))
+    assert {'figures', 'cell', 'arm', 'view', 'cluster', 'docs', 'test', 'peers'} <= declared
+    said = set(re.findall(r"extra `\[?(\w+)\]?`", ''.join(
+        path.read_text() for path in (ROOT / 'dlo_planner').rglob('*.py'))))
+    assert said and said <= declared
