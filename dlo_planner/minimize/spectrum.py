@@ -18,6 +18,7 @@ from dlo_planner.minimize.linear import solve
 _STEPS = 40
 _ROUGH = 1e-2  # of the tolerance: how exactly it is looked whether it still grows
 _EXACT = 1e-11
+_QUIET = 3       # steps in a row without growth: one alone may be a rest on the way
 _MODE_BELOW = 1e-3  # nobody asks for the mode of a shape that is well stable
 
 
@@ -38,7 +39,7 @@ def lowest_mode(system, hessian, shift, tolerance):
     diagonal = np.empty(steps)
     side = np.empty(steps)
     preferred(system, vectors[0])
-    top = 0.0
+    top, quiet = 0.0, 0
     used = steps
     for k in range(steps):
         image = vectors[k + 1]
@@ -57,7 +58,8 @@ def lowest_mode(system, hessian, shift, tolerance):
         stable = top * (shift + _MODE_BELOW) < 1.0
         near = tolerance if stable else _EXACT  # of a shape that falls, the mode is wanted as well
         previous, top = top, _largest_eigenvalue(diagonal, side, k + 1, top, _ROUGH * near)
-        if top - previous < near * top:
+        quiet = quiet + 1 if top - previous < near * top else 0
+        if quiet == _QUIET:
             used = k + 1
             break
     top = _largest_eigenvalue(diagonal, side, used, 0.0, 1e-13)

@@ -17,7 +17,19 @@ from dlo_planner.minimize.linear import (
     solve,
     solve_held,
 )
+from dlo_planner.minimize.newton import newton
 from dlo_planner.minimize.spectrum import lowest_mode
+
+
+def matrix_of(system, hessian, state):
+    """Return the Hessian (3 m, 3 m), column by column."""
+    size = state.q.size
+    dense = np.empty((size, size))
+    for column in range(size):
+        out = np.empty_like(state.q)
+        multiply(system, hessian, np.eye(size)[column].reshape(out.shape), out)
+        dense[:, column] = out.ravel()
+    return dense
 
 
 @pytest.fixture(params=['local', 'chebyshev', 'local, anchored', 'chebyshev, anchored'])
@@ -35,12 +47,7 @@ def problem(request, curly, rng):
     evaluate(system, state)
     hessian = new_hessian(system)
     assemble(system, state, hessian)
-    size = state.q.size
-    dense = np.empty((size, size))
-    for column in range(size):
-        out = np.empty_like(state.q)
-        multiply(system, hessian, np.eye(size)[column].reshape(out.shape), out)
-        dense[:, column] = out.ravel()
+    dense = matrix_of(system, hessian, state)
     return system, hessian, dense
 
 
@@ -65,6 +72,20 @@ def test_lowest_mode_is_the_dense_one(problem):
     assert value == pytest.approx(values[0], abs=1e-6)
     if values[0] < 0:  # a mode is only found where it is needed
         assert abs(mode.ravel() @ vectors[:, 0]) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_the_search_for_the_lowest_mode_does_not_end_where_it_only_rests():
+    # bent in a plane under its weight: the lowest mode leaves it, and the search finds it late
+    around = Surroundings(Rod(1.0, 0.0145, (1e-3, 2.546e-3), 8.964e-4), np.array([0, 0, -9.81]))
+    mesh = Discretisation(around, np.linspace(0, 1, 3), 'local', 0)
+    system = mesh.system(np.eye(3))
+    state, *_ = newton(system, np.zeros((2, 3)), 1e-10, 100, True)
+    hessian = new_hessian(system)
+    assemble(system, state, hessian)
+    assert factorise(system, hessian, 0.0) == 0
+    value, _ = lowest_mode(system, hessian, 0.0, 1e-4)
+    lowest = np.linalg.eigvalsh(matrix_of(system, hessian, state))[0]
+    assert value == pytest.approx(lowest, rel=1e-3)
 
 
 def test_largest_turn_is_that_of_any_node(problem, rng):
