@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Small jobs that, together, use every kernel: what is compiled ahead is what they need.
 
 test_exercises.py watches that no kernel is left out.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Compile ahead: fill the folder of the package from which every process can load kernels.
 
 `make`, `pip install` and `colcon build` do it. What lies there is valid for these sources, these

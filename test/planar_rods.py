@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Rods in a vertical plane and what makes them leave it, by SciPy alone: references of protocols.
 
 Angles are from +x downwards, lengths in units of the rod's, moments and forces in those of the

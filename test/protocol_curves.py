@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Master curves of two protocols: aspect of a level cantilever, lateral buckling of a strip.
 
 python test/protocol_curves.py docs/pictures/protocols.png

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The fingerprint of a kernel: what changes it, what does not, and what it refuses."""
 
 import ast

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Kernels as plain Python: without numba, or for a debugger."""
 
 import json

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Buckling of twisted rods and of arches by SciPy alone; lengths in those of the rod, EI = 1."""
 
 import numpy as np

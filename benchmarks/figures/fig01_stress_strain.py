@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 1: elastic, then ideally plastic: loading, and a cycle with what remains."""
 
 import numpy as np

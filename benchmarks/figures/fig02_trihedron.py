@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 2: the trihedron turns with the curvature, about an axis at an angle q_d to n."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 3: two rotation vectors of curvature are added in the plane of n and b."""
 
 import numpy as np

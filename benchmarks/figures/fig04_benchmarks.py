@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 4: benchmarks A and B: a copper wire of 1 m bends by its weight, and with 1 kg more."""
 
 import numpy as np

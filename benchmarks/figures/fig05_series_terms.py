@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 5: how far the shape is off with few series terms, benchmarks A and B, 64 elements.
 
 From the true shape of these elements, which has an unknown strain for each, and, as in the paper,

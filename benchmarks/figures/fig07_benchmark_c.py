@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 7: benchmark C: the gripper turns by 180 degrees in steps of 10 degrees, and back."""
 
 from benchmarks.cases import ANGLES, turned, wire

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 11: benchmark D: a wire is lowered onto a bar; where each step has to begin."""
 
 import numpy as np

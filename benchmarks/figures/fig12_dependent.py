@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 12: what dependent computation gains from more tasks, from counted work."""
 
 from benchmarks.figures._drawing import axes, run, save, ticks

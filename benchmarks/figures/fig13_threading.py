@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 13: a wire is threaded through a cut-out, three rigidities; beside it the insertion."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 14: a wire goes through the centers of two cut-outs at once."""
 
 from benchmarks.cases import hole, wire

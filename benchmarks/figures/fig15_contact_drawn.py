@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 15: a wire is drawn over a bar: on a straight way, and with its direction there kept."""
 
 import numpy as np

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Fig. 16: gripper poses that hold the same contact: the solution is not unique."""
 
 from benchmarks.cases import level, wire

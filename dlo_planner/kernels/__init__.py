@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The decorator of all kernels: compiled by numba once, plain Python where that is not wanted.
 
 Machine code is kept between processes: `cache` says under which key, `folders` where. A kernel may

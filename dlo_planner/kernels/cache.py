@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The machine code of kernels on disk: a file for each kernel, types, compiler and processor.
 
 The name of a file is the key of all that is in it, its content is written at once and carries

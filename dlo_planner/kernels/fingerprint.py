@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """What the machine code of a kernel depends on, as one number.
 
 It covers the bytecode of the kernel and of all kernels and overloads that it reaches, their options

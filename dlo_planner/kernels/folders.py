@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Where compiled kernels lie: looked for in several folders, kept in the first that can be written.
 
 In order: NUMBA_CACHE_DIR, the user's cache folder, one among temporary files that is the user's

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """The paper's figures: each has its script, and what their page says of them holds."""
 
 import ast

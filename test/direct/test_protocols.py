@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
 """Protocols of the field: what slender rods are known for; default settings if none are named.
 
 Romero et al. (2021), Physical validation of simulators in computer graphics; references by SciPy
