@@ -20,7 +20,8 @@ demo: $(VENV)/compiled
 	$(RUN) -m dlo_planner.ros.demo
 
 test: $(VENV)/compiled
-	OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -n 2 --dist loadgroup
+	OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -n 2 -m 'not real_time'
+	OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -m real_time
 
 bench: $(VENV)/compiled
 	$(RUN) -m benchmarks

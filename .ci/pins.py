@@ -7,5 +7,5 @@ from importlib.metadata import distributions
 print('# What requirements.txt stood for when it was last looked at; refresh it by `make lock`.')
 installed = {one.metadata['Name'].lower().replace('_', '-'): one.version
              for one in distributions() if (one.read_text('INSTALLER') or '').strip() == 'pip'}
-for name in sorted(installed.keys() - {'pip', 'setuptools', 'wheel'}):
+for name in sorted(installed.keys() - {'pip'}):
     print(f'{name}=={installed[name]}')

@@ -21,10 +21,10 @@ _TIMED = ('test/ros/', 'test/cell/test_node.py', 'test/view/test_plan_page.py')
 
 
 def pytest_collection_modifyitems(items):
-    """Let one worker run all tests of real time, one after another: two would be late."""
+    """Mark the tests of real time: they run by themselves, as beside others they would be late."""
     for item in items:
         if item.nodeid.startswith(_TIMED):
-            item.add_marker(pytest.mark.xdist_group('real time'))
+            item.add_marker(pytest.mark.real_time)
 
 
 @pytest.fixture

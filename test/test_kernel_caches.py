@@ -90,7 +90,8 @@ def copied():
         shutil.copytree(package / 'kernels', copy / 'kernels',
                         ignore=shutil.ignore_patterns('__pycache__'))
         shutil.copy(package / 'prebuild.py', copy)
-        for name, text in (('__init__', ''), ('deep', DEEP), ('chain', CHAIN),
+        version = "__version__ = '0.0.0'\n"
+        for name, text in (('__init__', version), ('deep', DEEP), ('chain', CHAIN),
                            ('exercises', EXERCISES)):
             Path(copy, f'{name}.py').write_text(text)
         os.chmod(folder, 0o755)
@@ -210,7 +211,8 @@ def test_what_was_compiled_at_installation_is_used_on_this_processor(copied):
 
 def test_a_build_contains_what_was_compiled(copied):
     pytest.importorskip('setuptools')
-    shutil.copy(Path(dlo_planner.__file__).parent.parent / 'setup.py', copied)
+    for name in ('setup.py', 'README.md'):
+        shutil.copy(Path(dlo_planner.__file__).parent.parent / name, copied)
     for changes, number in (({'DLO_PLANNER_PREBUILD': '0'}, 0), ({}, len(ALL))):
         made = subprocess.run([sys.executable, 'setup.py', '-q', 'build'], cwd=copied, text=True,
                               env=os.environ | {'NUMBA_DISABLE_JIT': '0'} | changes,

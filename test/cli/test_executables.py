@@ -15,7 +15,7 @@ SETUP = """
 import setuptools, json
 known = {}
 setuptools.setup = known.update
-exec(compile(open('setup.py').read(), 'setup.py', 'exec'))
+exec(compile(open('setup.py').read(), 'setup.py', 'exec'), {'__file__': 'setup.py'})
 print(json.dumps({'scripts': known['entry_points'], 'files': known['data_files'],
                   'needs': known['install_requires']}))
 """
