@@ -91,7 +91,7 @@ def begun(client, robot):
     client.shape_for(AWAY)
     path, _ = client.plan_threading(AWAY, GOAL)
     yield path
-    if client.trigger('cancel').success:
+    if 'execution' in client.trigger('cancel').message:  # and not only a proof
         client.execution_in('stopped')
     client.set_parameters(threading__standoff=0.0, cutouts__radius=0.0, rod__damping=[0.0, 0.0])
 
