@@ -69,7 +69,7 @@ class Stage:
     def restore(self):
         """Take back what good messages have changed: obstacles, parameters, shape, execution."""
         client = self.client
-        if client.trigger('cancel').success:
+        if 'execution' in client.trigger('cancel').message:
             self._rest()
         client.send_obstacles([Marker(action=Marker.DELETEALL)])
         changed = {name: value for name, value in self._read().items()
