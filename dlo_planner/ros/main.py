@@ -15,6 +15,7 @@ import traceback
 from collections.abc import Callable
 from queue import SimpleQueue
 from threading import Event, Thread
+from threading import enumerate as enumerate_threads
 
 from dlo_planner.ros.folders import find_temporary, log_arguments
 
@@ -38,6 +39,11 @@ def _planner() -> tuple:
     from dlo_planner.ros.executor import PatientExecutor  # noqa: PLC0415
     from dlo_planner.ros.planner_node import THREADS, PlannerNode  # noqa: PLC0415
     return PlannerNode(), PatientExecutor(num_threads=THREADS)
+
+
+def _computes_on() -> bool:
+    """Whether a thread is left that does not wait for anybody."""
+    return any(one.daemon and one.is_alive() for one in enumerate_threads())
 
 
 class Process:
@@ -68,8 +74,8 @@ class Process:
         status = 0 if asked or self._error is None else self._explain(self._error)
         sys.stdout.flush()
         sys.stderr.flush()
-        if not ended:
-            os._exit(status)  # a thread computes on: the interpreter would wait for it
+        if not ended or _computes_on():
+            os._exit(status)  # the interpreter would wait for that thread, or abort in its midst
         return status
 
     def _work(self):
