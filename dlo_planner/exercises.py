@@ -9,16 +9,16 @@ import numpy as np
 
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.inverse.correction import correct
-from dlo_planner.inverse.fitting import fit_rod
-from dlo_planner.inverse.hanging import hanging_shapes
-from dlo_planner.inverse.observation import Observation
-from dlo_planner.inverse.observer import Observer
+from dlo_planner.identify.correction import correct
+from dlo_planner.identify.fitting import fit_rod
+from dlo_planner.inverse.solvers.hanging import hanging_shapes
+from dlo_planner.identify.observation import Observation
+from dlo_planner.identify.observer import Observer
 from dlo_planner.inverse.penalties import AwayFrom
-from dlo_planner.inverse.replay import replay
-from dlo_planner.inverse.robustness import Spread
+from dlo_planner.verify.replay import replay
+from dlo_planner.verify.robustness import Spread
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.workspace import Workspace
+from dlo_planner.plan.workspace import Workspace
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Plane, Sheet
 from dlo_planner.model.point_load import PointLoad

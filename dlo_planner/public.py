@@ -17,13 +17,13 @@ from dlo_planner.errors import (
     InvalidTask,
     NotConverged,
 )
-from dlo_planner.inverse.closed_loop import ClosedLoop, Phase
-from dlo_planner.inverse.correction import Correction, correct
-from dlo_planner.inverse.estimate import Estimate
-from dlo_planner.inverse.fitting import Fit, fit_rod
-from dlo_planner.inverse.limits import Limits
-from dlo_planner.inverse.observation import Observation, ObservedMotion
-from dlo_planner.inverse.observer import Observer
+from dlo_planner.identify.closed_loop import ClosedLoop, Phase
+from dlo_planner.identify.correction import Correction, correct
+from dlo_planner.identify.estimate import Estimate
+from dlo_planner.identify.fitting import Fit, fit_rod
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.identify.observation import Observation, ObservedMotion
+from dlo_planner.identify.observer import Observer
 from dlo_planner.inverse.penalties import (
     AwayFrom,
     BentAtMost,
@@ -32,16 +32,16 @@ from dlo_planner.inverse.penalties import (
     PositionAt,
     Through,
 )
-from dlo_planner.inverse.plan import Plan, PlanStatus, joined
-from dlo_planner.inverse.predicted_miss import PredictedMiss
-from dlo_planner.inverse.replay import Report, replay
-from dlo_planner.inverse.robustness import Robustness, Spread, robustness
-from dlo_planner.inverse.search import Found, minimise_penalty
+from dlo_planner.plan.plan import Plan, PlanStatus, joined
+from dlo_planner.identify.predicted_miss import PredictedMiss
+from dlo_planner.verify.replay import Report, replay
+from dlo_planner.verify.robustness import Robustness, Spread, robustness
+from dlo_planner.inverse.solvers.search import Found, minimise_penalty
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.stamped import gripper_at
-from dlo_planner.inverse.steering import Steered
-from dlo_planner.inverse.trajectory import Trajectory
-from dlo_planner.inverse.workspace import Workspace
+from dlo_planner.identify.stamped import gripper_at
+from dlo_planner.identify.steering import Steered
+from dlo_planner.plan.motion.trajectory import Trajectory
+from dlo_planner.plan.workspace import Workspace
 from dlo_planner.model.along import Piecewise
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.far_end import FarEnd

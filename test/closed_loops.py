@@ -25,8 +25,8 @@ from dlo_planner import (
     Spread,
     correct,
 )
-from dlo_planner.inverse.predicted_miss import crossing
-from dlo_planner.inverse.robustness import variation_deviations
+from dlo_planner.identify.predicted_miss import crossing
+from dlo_planner.verify.robustness import variation_deviations
 from dlo_planner.model.along import Expanded
 
 SPREAD = Spread(bending_stiffness=0.05, torsional_stiffness=0.05, mass=0.02, length=1e-3,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The driver that looks: it carries out the strategy of `inverse.closed_loop`.
+"""The driver that looks: it carries out the strategy of `identify.closed_loop`.
 
 It looks at rest, plans for the estimated DLO, goes calmly to the standoff, looks again and enters.
 On the way it looks and corrects a few times a second. Its computations take no time in the cell, as
@@ -19,16 +19,16 @@ from dlo_planner.cell.drivers import PERIOD, Command, ways
 from dlo_planner.cell.tasks import Task
 from dlo_planner.cell.truth import Unknowns
 from dlo_planner.errors import Infeasible
-from dlo_planner.inverse.closed_loop import ClosedLoop, Phase
-from dlo_planner.inverse.correction import correct
-from dlo_planner.inverse.limits import Limits
-from dlo_planner.inverse.observation import Observation
-from dlo_planner.inverse.observer import Observer
-from dlo_planner.inverse.plan import PlanStatus, first_part, joined
-from dlo_planner.inverse.robustness import Spread
-from dlo_planner.inverse.stamped import gripper_at
-from dlo_planner.inverse.steering import Steered
-from dlo_planner.inverse.trajectory import Trajectory
+from dlo_planner.identify.closed_loop import ClosedLoop, Phase
+from dlo_planner.identify.correction import correct
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.identify.observation import Observation
+from dlo_planner.identify.observer import Observer
+from dlo_planner.plan.plan import PlanStatus, first_part, joined
+from dlo_planner.verify.robustness import Spread
+from dlo_planner.identify.stamped import gripper_at
+from dlo_planner.identify.steering import Steered
+from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.model.pose import Pose
 
 _STAMPS = 0.1       # s after an arrival whose images are left out: their stamps may be wrong

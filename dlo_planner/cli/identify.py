@@ -11,7 +11,7 @@ from dlo_planner.cli.arguments import POSE, READ, Bar, described
 from dlo_planner.cli.main import NO_SOLUTION
 from dlo_planner.cli.outputs import checked, write_table
 from dlo_planner.cli.reading import read_observations
-from dlo_planner.inverse.fitting import fit_rod
+from dlo_planner.identify.fitting import fit_rod
 from dlo_planner.settings.identified import NAMES, identified
 from dlo_planner.settings.yaml_files import write_values
 from dlo_planner.view.summaries import figure, text_table

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from dlo_planner.errors import DloPlannerError, InvalidTask
-from dlo_planner.inverse.observation import Observation
+from dlo_planner.identify.observation import Observation
 from dlo_planner.model.checks import row, shown
 from dlo_planner.model.obstacles import Box, Capsule, Plane, Sphere
 from dlo_planner.model.pose import Pose

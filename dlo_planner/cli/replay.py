@@ -7,7 +7,7 @@ import click
 from dlo_planner.cli.arguments import READ, described, written
 from dlo_planner.cli.outputs import PICTURES, VALUES, checked
 from dlo_planner.cli.thread import proved
-from dlo_planner.inverse.plan import Plan
+from dlo_planner.plan.plan import Plan
 
 _ENDINGS = (*PICTURES, *VALUES, '.csv')
 

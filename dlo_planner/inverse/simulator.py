@@ -10,18 +10,18 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.contact import CONDITIONS, hold_contact, slide_contact
-from dlo_planner.inverse.deepest import deepest
-from dlo_planner.inverse.draft import Brief, Draft, kept_between
-from dlo_planner.inverse.insertion import insert
-from dlo_planner.inverse.plan import Plan, Waypoint
-from dlo_planner.inverse.search import Found, minimise_penalty
-from dlo_planner.inverse.sequence import thread_sequence
-from dlo_planner.inverse.start_phase import start_phase
-from dlo_planner.inverse.straight import slide_straight
-from dlo_planner.inverse.threading import kept_before, thread
-from dlo_planner.inverse.two_cutouts import thread_two
-from dlo_planner.inverse.workspace import Workspace
+from dlo_planner.inverse.solvers.contact import CONDITIONS, hold_contact, slide_contact
+from dlo_planner.inverse.solvers.deepest import deepest
+from dlo_planner.plan.draft import Brief, Draft, kept_between
+from dlo_planner.inverse.solvers.insertion import insert
+from dlo_planner.plan.plan import Plan, Waypoint
+from dlo_planner.inverse.solvers.search import Found, minimise_penalty
+from dlo_planner.inverse.solvers.sequence import thread_sequence
+from dlo_planner.inverse.solvers.start_phase import start_phase
+from dlo_planner.inverse.solvers.straight import slide_straight
+from dlo_planner.inverse.solvers.threading import kept_before, thread
+from dlo_planner.inverse.solvers.two_cutouts import thread_two
+from dlo_planner.plan.workspace import Workspace
 from dlo_planner.model.checks import choice, flag, instance, items, number, row
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose

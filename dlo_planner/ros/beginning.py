@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.periods import slowest_period
-from dlo_planner.inverse.steering import Change, Steered
-from dlo_planner.inverse.timed_path import TimedPath
+from dlo_planner.plan.motion.periods import slowest_period
+from dlo_planner.identify.steering import Change, Steered
+from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.model.pose import Pose
 
 _NOTICED = 1e-3, 5e-3  # m, rad: what is less is left to the robot, as it is at every command

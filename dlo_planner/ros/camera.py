@@ -14,9 +14,9 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from dlo_planner.errors import DloPlannerError, InvalidTask
-from dlo_planner.inverse.correction import correct
-from dlo_planner.inverse.estimate import Estimate
-from dlo_planner.inverse.steering import Steered
+from dlo_planner.identify.correction import correct
+from dlo_planner.identify.estimate import Estimate
+from dlo_planner.identify.steering import Steered
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.beginning import blending_as
 from dlo_planner.ros.causes import Cause, Refused

@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from dlo_planner.inverse.estimate import Estimate
+from dlo_planner.identify.estimate import Estimate
 from dlo_planner.model.pose import Pose
 
 _MOST_POISSON = 0.5

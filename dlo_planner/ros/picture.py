@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Time
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.inverse.plan import Plan
+from dlo_planner.plan.plan import Plan
 from dlo_planner.model.cutout import CutOut
 from msg_helpers.marker_items import deleting_marker
 from msg_helpers.markers import (

@@ -6,8 +6,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError
-from dlo_planner.inverse.plan import Plan
-from dlo_planner.inverse.replay import Report
+from dlo_planner.plan.plan import Plan
+from dlo_planner.verify.replay import Report
 from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.proving import ProcessLost
 

@@ -15,7 +15,7 @@ from threading import Lock, Thread
 from time import monotonic, sleep
 
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError
-from dlo_planner.inverse.replay import replay
+from dlo_planner.verify.replay import replay
 
 _LOOK = 0.1      # s between looks whether an answer is still wanted
 _WATCH = 0.5     # s between looks whether the node still runs

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlo_planner.inverse.limits import Limits
-from dlo_planner.inverse.timed_path import TimedPath
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.motion.timed_path import TimedPath
 
 _SAMPLES = 60     # of a deceleration that are looked at
 _LONGER = 1.2     # from one duration that is tried to the next

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.fitting import Fit
+from dlo_planner.identify.fitting import Fit
 from dlo_planner.settings.building import rod_of
 
 _ALIKE = ('natural_curvature', 'natural_twist', 'tip_mass', 'damping')  # parameters as they are

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.inverse.draft import yield_shares
+from dlo_planner.plan.draft import yield_shares
 from dlo_planner.model.checks import choice, instance
 
 COLORINGS = ('curvature', 'yield')

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.motion import Motion
 from dlo_planner.errors import InvalidTask, MissingExtra
 from dlo_planner.extras import extra
-from dlo_planner.inverse.plan import Plan
+from dlo_planner.plan.plan import Plan
 from dlo_planner.model.checks import choice, instance, number, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.view.axes import Frame

@@ -13,8 +13,8 @@ from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DloPlannerError, MissingExtra
 from dlo_planner.extras import extra
-from dlo_planner.inverse.plan import Plan
-from dlo_planner.inverse.replay import Report
+from dlo_planner.plan.plan import Plan
+from dlo_planner.verify.replay import Report
 from dlo_planner.view.axes import Frame
 from dlo_planner.view.films import film
 from dlo_planner.view.plots import plot_motion, plot_plan, plot_shape

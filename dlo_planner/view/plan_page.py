@@ -10,7 +10,7 @@ import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DloPlannerError, InvalidTask
-from dlo_planner.inverse.plan import Plan
+from dlo_planner.plan.plan import Plan
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.view import tables
 from dlo_planner.view.colors import COLORINGS

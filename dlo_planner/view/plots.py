@@ -10,7 +10,7 @@ import numpy as np
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.plan import Plan
+from dlo_planner.plan.plan import Plan
 from dlo_planner.model.checks import choice
 from dlo_planner.view.axes import Frame
 from dlo_planner.view.colors import COLORINGS, GREY, VERMILION, coloring, viridis

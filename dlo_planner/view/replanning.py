@@ -9,7 +9,7 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask, NotConverged
-from dlo_planner.inverse.plan import Plan, joined
+from dlo_planner.plan.plan import Plan, joined
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose

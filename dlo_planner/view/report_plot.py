@@ -5,7 +5,7 @@
 import numpy as np
 
 from dlo_planner.extras import extra
-from dlo_planner.inverse.replay import Report
+from dlo_planner.verify.replay import Report
 from dlo_planner.view.axes import Frame
 
 # name of the attribute -> (what it says, whether it should be small)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from dlo_planner.inverse.plan import Plan
+from dlo_planner.plan.plan import Plan
 from dlo_planner.model.checks import instance, items, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import OBSTACLES, Box, Capsule, Plane, Sphere

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.inverse.passing import means_to_touch
-from dlo_planner.inverse.plan import Plan
+from dlo_planner.plan.passing import means_to_touch
+from dlo_planner.plan.plan import Plan
 from dlo_planner.model.checks import items
 from dlo_planner.model.obstacles import OBSTACLES, Plane
 from dlo_planner.model.pose import Pose

@@ -9,8 +9,8 @@ import numpy as np
 
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
-from dlo_planner.inverse.plan import Plan
-from dlo_planner.inverse.replay import Report
+from dlo_planner.plan.plan import Plan
+from dlo_planner.verify.replay import Report
 
 Row = tuple[str, str, str]  # quantity, value, unit
 _UNITS = {

@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 
-from dlo_planner.inverse.plan import Plan
+from dlo_planner.plan.plan import Plan
 from dlo_planner.view.colors import viridis
 from dlo_planner.view.summaries import plan_columns
 

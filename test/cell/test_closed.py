@@ -17,7 +17,7 @@ from dlo_planner.cell.drivers import PERIOD, OpenLoop, planned  # noqa: E402
 from dlo_planner.cell.run import run  # noqa: E402
 from dlo_planner.cell.tasks import Task  # noqa: E402
 from dlo_planner.cell.truth import Unknowns  # noqa: E402
-from dlo_planner.inverse.closed_loop import Phase  # noqa: E402
+from dlo_planner.identify.closed_loop import Phase  # noqa: E402
 
 # short and stiff: it is threaded within seconds
 WIRE = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)

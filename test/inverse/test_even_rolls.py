@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod, Trajectory, replay
-from dlo_planner.inverse.even_rolls import even_rolls
-from dlo_planner.inverse.path import GripperPath
+from dlo_planner.inverse.solvers.even_rolls import even_rolls
+from dlo_planner.plan.path import GripperPath
 
 AXIS = np.array([1.0, 0.0, 0.0])
 TASK = SimpleNamespace(axis=lambda _: AXIS)

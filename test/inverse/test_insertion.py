@@ -20,8 +20,8 @@ from dlo_planner import (
     Rod,
     replay,
 )
-from dlo_planner.inverse.draft import Brief, Draft
-from dlo_planner.inverse.insertion import _unconverged
+from dlo_planner.plan.draft import Brief, Draft
+from dlo_planner.inverse.solvers.insertion import _unconverged
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 RODS = {'round': WIRE,

@@ -26,8 +26,8 @@ from dlo_planner import (
     minimise_penalty,
 )
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.inverse.clearance import clearance
-from dlo_planner.inverse.search import _Search
+from dlo_planner.plan.clearance import clearance
+from dlo_planner.inverse.solvers.search import _Search
 
 STIFF = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2), radius=0.003)
 START = Pose((0, 0, 1), (0, 0, 0, 1))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.inverse.continuity import excess, largest_shift, largest_turn
-from dlo_planner.inverse.following import Passing, follow
-from dlo_planner.inverse.hanging import Crossings
-from dlo_planner.inverse.route import Route, find_route
+from dlo_planner.plan.continuity import excess, largest_shift, largest_turn
+from dlo_planner.inverse.solvers.following import Passing, follow
+from dlo_planner.inverse.solvers.hanging import Crossings
+from dlo_planner.inverse.solvers.route import Route, find_route
 
 AXIS = np.array([0.0, 0.0, 1.0])
 

@@ -12,7 +12,7 @@ from planner_process import connected_client, drain
 from sensor_msgs.msg import PointCloud2
 
 from dlo_planner import CutOut, Pose, Rod, Spread
-from dlo_planner.inverse.predicted_miss import crossing
+from dlo_planner.identify.predicted_miss import crossing
 from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.follower import Follower
 from dlo_planner.ros.qos import LATEST

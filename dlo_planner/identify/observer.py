@@ -1,0 +1,148 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""An estimate of a DLO from looks at it, at rest or moving calmly.
+
+The model: a look shows the equilibrium in the true pose of the gripper, plus a sway of the free end
+that is drawn anew for each look, plus noise of each point. The state is constant, or wanders by
+`drift`. `identify.smoothing` finds the most likely state.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlo_planner.direct.simulator import DirectSimulator, clamping
+from dlo_planner.errors import InvalidTask
+from dlo_planner.identify.estimate import Estimate
+from dlo_planner.identify.observation import Observation
+from dlo_planner.verify.robustness import Spread
+from dlo_planner.identify.smoothing import Search, symmetric
+from dlo_planner.identify.uncertain import Uncertain
+from dlo_planner.model.checks import instance, integer, number, vector
+from dlo_planner.model.rod import Rod
+from dlo_planner.model.value import Value, put
+
+_LONGER = 5.0  # standard deviations of the length by which an arc length may exceed it
+
+
+class Observer(Value):
+    """Turns looks at a DLO into an `Estimate` of it.
+
+    It is a value and keeps nothing of the looks; the Estimates do.
+
+    Args:
+        simulator: DirectSimulator of the DLO as stated, or its Rod. The DLO hangs freely from a
+            clamped gripper: obstacles are left out, and it does not yield.
+        spread: Spread of the DLO and of the gripper's pose about what is stated: the prior
+        noise: standard deviation of a seen point along each axis, m
+        bias: standard deviation of the camera's constant error along each world axis, m
+        cutout: standard deviation of the cut-out's place along each world axis, m
+        outliers: part of the points that do not belong to the DLO, 0 to below 1
+        sway: standard deviation of the free end about its equilibrium along each world axis, m,
+            drawn anew for each look; a point at s sways by (s / L)^2 of it. Looks that are spread
+            over a period of the swing average it out.
+        drift: standard deviation by which the state wanders in 1 s, as a part of the prior's; it
+            grows with the square root of time
+        n_terms: Legendre terms along s of each component of the natural curvature
+
+    Raises:
+        InvalidTask: an argument makes no sense; the message names it
+    """
+
+    PARTS = ('uncertain', 'noise', 'outliers', 'sway', 'drift')
+
+    def __init__(self, simulator: DirectSimulator | Rod, spread: Spread, *, noise: float = 1e-3,
+                 bias: float = 0.0, cutout: float = 0.0, outliers: float = 0.1, sway: float = 0.0,
+                 drift: float = 0.0, n_terms: int = 6):
+        if isinstance(simulator, Rod):
+            simulator = DirectSimulator(simulator)
+        simulator = clamping('simulator', simulator)
+        if simulator.surroundings.has_moments:
+            raise InvalidTask('simulator.point_loads: expected forces alone, dead moments have no '
+                              'potential')
+        instance('spread', spread, Spread)
+        uncertain = Uncertain(simulator.elastic().without_obstacles(), spread,
+                              integer('n_terms', n_terms, minimum=1, maximum=20),
+                              number('bias', bias, minimum=0), number('cutout', cutout, minimum=0))
+        if not uncertain.size:
+            raise InvalidTask(f'spread = {spread!r}: expected something that is uncertain')
+        put(self, uncertain=uncertain, noise=number('noise', noise, above=0),
+            outliers=number('outliers', outliers, minimum=0, below=1),
+            sway=number('sway', sway, minimum=0), drift=number('drift', drift, minimum=0))
+        super().__post_init__()
+
+    def begin(self) -> Estimate:
+        """Return the Estimate before any look: the prior."""
+        return Estimate(self.uncertain, np.zeros(self.uncertain.size),
+                        np.diag(self.uncertain.deviations**2))
+
+    def update(self, estimate: Estimate, observation: Observation, *,
+               elapsed: float = 0.0, noise: float | None = None,
+               sway: float | None = None) -> Estimate:
+        """Return the Estimate after one more look.
+
+        Args:
+            estimate: of this observer
+            observation: Observation; its gripper is the commanded one at the time of the image
+                (`gripper_at` finds it in stamped poses). Points in any order; arc lengths, if
+                known, all from the same end, whichever it is.
+            elapsed: s since the look before, in which the state has wandered by `drift`
+            noise, sway: m, for this look alone; None: the observer's. In motion both are larger: an
+                error dt of the stamp displaces all m points alike by v dt at the speed v. State
+                a noise of sqrt(m) v dt to account for it.
+
+        If no equilibrium explains the look, the estimate stays as it is, with `converged` False.
+
+        Raises:
+            InvalidTask: an argument makes no sense
+        """
+        self._own(estimate)
+        elapsed = number('elapsed', elapsed, minimum=0)
+        if instance('observation', observation, Observation).far_end is not None:
+            raise InvalidTask('observation.far_end: expected None, the DLO hangs freely')
+        length = self.uncertain.simulator.rod.length + _LONGER * self.uncertain.spread.length
+        if observation.s is not None and ((observation.s < 0) | (observation.s > length)).any():
+            raise InvalidTask(f'observation.s: expected 0 to the length {length:g} m')
+        noise = self.noise if noise is None else number('noise', noise, above=0)
+        sway = self.sway if sway is None else number('sway', sway, minimum=0)
+        found = Search(self, estimate, observation, elapsed * self.drift**2, noise, sway).found()
+        return replace(estimate, converged=False) if found is None else found
+
+    def see_cutout(self, estimate: Estimate, stated: ArrayLike, seen: ArrayLike,
+                   noise: float | None = None) -> Estimate:
+        """Return the Estimate after the centre of the cut-out has been seen by the same camera.
+
+        The camera displaces DLO and cut-out alike, so its bias cancels in the predicted miss.
+
+        Args:
+            estimate: of this observer
+            stated: (3,) centre of the cut-out as stated, m, world axes; seen: (3,) as seen
+            noise: standard deviation of `seen` along each axis, m; None: the observer's noise
+
+        Raises:
+            InvalidTask: an argument makes no sense, or the cut-out's place is not uncertain
+        """
+        self._own(estimate)
+        off = vector('seen', seen, 3) - vector('stated', stated, 3)
+        noise = self.noise if noise is None else number('noise', noise, above=0)
+        if not self.uncertain.cutout:
+            raise InvalidTask('cutout = 0: expected an observer that takes the cut-out\'s place as '
+                              'uncertain')
+        rows = np.zeros((3, self.uncertain.size))
+        for name in ('camera', 'cutout'):
+            columns, number_ = self.uncertain.columns(name)
+            rows[number_, columns] = 1.0
+        covariance = estimate.covariance
+        gain = np.linalg.solve(rows @ covariance @ rows.T + noise**2 * np.eye(3),
+                               rows @ covariance).T
+        memory = estimate._memory
+        if memory is not None:
+            memory = memory.with_linear(rows * self.uncertain.deviations / noise, off / noise)
+        return replace(estimate, mean=estimate.mean + gain @ (off - rows @ estimate.mean),
+                       covariance=symmetric(covariance - gain @ rows @ covariance),
+                       _memory=memory)
+
+    def _own(self, estimate):
+        if instance('estimate', estimate, Estimate).uncertain != self.uncertain:
+            raise InvalidTask('estimate: expected one of this observer')

@@ -1,0 +1,205 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""By how much an estimated DLO will miss the centres of a plan, and how certain that is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import InvalidTask
+from dlo_planner.plan.plan import Plan
+from dlo_planner.identify.response import node_slopes
+from dlo_planner.identify.settling import settled
+from dlo_planner.model.checks import instance, number, results, row, shown
+from dlo_planner.model.value import Value, brief, put
+
+if TYPE_CHECKING:  # it imports this module
+    from dlo_planner.identify.estimate import Estimate
+
+_CROSSINGS = 20   # steps of Newton's method to a plane
+_STILL = 1e-12    # of the length: the last step
+_MOST = 1_000_000  # largest index of a waypoint
+_OTHER = 0.1      # of the length: a shape whose length differs by more is of another DLO
+_SHARE = 0.95     # probability that a bound is kept
+_POINTS = 1024    # that represent a normal distribution in a plane
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PredictedMiss(Value):
+    """Misses at k waypoints of a plan, in the plane of the centre that the DLO has to pass.
+
+    Of several centres at one waypoint it is the one with the largest bound.
+
+    Attributes:
+        waypoints: (k,) their indices in the plan
+        off: (k, 3) from the centre to where the estimated DLO crosses its plane, m, world axes; a
+            DLO that is too short is extended straight on
+        covariance: (k, 3, 3) of `off`, m^2
+        bound: (k,) radii about the centre inside which the DLO crosses with a probability of 95 %,
+            m; infinite where no shape was found
+    """
+
+    waypoints: np.ndarray
+    off: np.ndarray
+    covariance: np.ndarray
+    bound: np.ndarray
+
+    def __post_init__(self):
+        waypoints = row('PredictedMiss.waypoints', self.waypoints, least=0, minimum=0,
+                        maximum=_MOST)
+        parts = {name: results(f'PredictedMiss.{name}', getattr(self, name), (None, *shape))
+                 for name, shape in (('off', (3,)), ('covariance', (3, 3)), ('bound', ()))}
+        for name, part in parts.items():
+            if len(part) != waypoints.size:
+                raise InvalidTask(f'PredictedMiss.{name} has {len(part)} entries, '
+                                  f'PredictedMiss.waypoints {waypoints.size}: expected as many')
+        put(self, waypoints=waypoints.astype(int), **parts)
+        super().__post_init__()
+
+    def __repr__(self):
+        worst = self.bound.max(initial=0.0)
+        return brief(self, f'{self.waypoints.size} waypoints',
+                     f'most likely up to {self.distance.max(initial=0.0):.2g} m',
+                     f'with 95 % up to {worst:.2g} m')
+
+    @property
+    def distance(self) -> np.ndarray:
+        """(k,) most likely distances from the centres, m."""
+        return np.linalg.norm(self.off, axis=1)
+
+    def inside(self, room: float) -> bool:
+        """Return whether every bound is at most `room` (m)."""
+        room = number('room', room, minimum=0)
+        return bool((self.bound <= room).all())
+
+
+def miss_of(estimate: 'Estimate', plan: Plan, waypoints: Sequence[int],
+            shapes: Sequence[Shape] | None = None) -> PredictedMiss:
+    """Return the PredictedMiss of an Estimate at some waypoints of a Plan.
+
+    Args:
+        estimate: Estimate; plan: Plan of the same DLO
+        waypoints: indices of waypoints that pass a centre
+        shapes: Shapes of the estimated DLO there; None: they are computed
+    """
+    off = np.full((len(waypoints), 3), np.inf)
+    covariance, bound = np.full((len(waypoints), 3, 3), np.inf), np.full(len(waypoints), np.inf)
+    for k, index in enumerate(waypoints):
+        shape = predicted_shape(estimate, plan, index) if shapes is None else shapes[k]
+        if not shape.converged:
+            continue
+        varied = estimate.uncertain.varied(plan.shapes[index]._discretisation)
+        slopes = node_slopes(varied, estimate.mean, shape)
+        off[k], covariance[k], bound[k] = max(
+            (_miss_at(estimate, slopes, shape, *one) for one in plan.passes[index]),
+            key=lambda found: found[2])
+    return PredictedMiss(np.array(waypoints, dtype=float), off, covariance, bound)
+
+
+def predicted_shape(estimate: 'Estimate', plan: Plan, index: int) -> Shape:
+    """Return the Shape of the estimated DLO at a waypoint, in the estimated pose of the gripper."""
+    planned = plan.shapes[index]
+    varied = estimate.uncertain.varied(planned._discretisation)
+    return settled(varied, estimate.mean, estimate.actual(plan.grippers[index]), planned, False)
+
+
+def passing(plan: Plan) -> list[int]:
+    """Return the indices of the waypoints that pass a centre."""
+    return [k for k, passes in enumerate(plan.passes) if passes]
+
+
+def judged_plan(estimate: 'Estimate', plan: Plan) -> Plan:
+    """Return a Plan of the estimated DLO; raise InvalidTask if it is none."""
+    length = estimate.uncertain.simulator.rod.length
+    for shape in instance('plan', plan, Plan).shapes:
+        if shape._discretisation is None or abs(shape.s[-1] / length - 1) > _OTHER:
+            raise InvalidTask('plan: expected shapes of the whole DLO that is estimated')
+    return plan
+
+
+def judged_waypoints(plan: Plan, waypoints: ArrayLike | None) -> list[int]:
+    """Return indices of waypoints that pass a centre; None stands for all of them.
+
+    Raises:
+        InvalidTask: one passes no centre
+    """
+    known = passing(plan)
+    if waypoints is None:
+        return known
+    chosen = row('waypoints', waypoints, minimum=0, maximum=_MOST).tolist()
+    if len(chosen) > len(plan) or not {*chosen} <= {*known}:
+        raise InvalidTask(f'waypoints = {shown(chosen)}: expected indices of waypoints that pass a '
+                          f'centre, out of {shown(known)}')
+    return [int(k) for k in chosen]
+
+
+def _miss_at(estimate, slopes, shape, centre, s, normal):
+    """Return the miss (3,) of one entry of `Plan.passes`, its covariance (3, 3) and bound, m.
+
+    Args:
+        slopes: (N + 1, 3, n) of the nodes by the state
+    """
+    off, normal, tangent, s = crossing(shape, estimate.centre(centre), normal, s)
+    slopes = at_arc_lengths(slopes, shape.s, np.array([s]))[0]
+    columns, number = estimate.uncertain.columns('cutout')
+    slopes[number, columns] -= 1.0
+    slopes -= np.outer(tangent, normal @ slopes) / (normal @ tangent)  # in the plane
+    covariance = slopes @ estimate.covariance @ slopes.T
+    across = np.linalg.svd(normal[None])[2][1:]
+    return off, covariance, _bound(across @ off, across @ covariance @ across.T)
+
+
+def crossing(shape: Shape, centre: np.ndarray, normal: np.ndarray | None,
+             s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Return where a Shape, extended straight on at its end, crosses a plane near `s` (m).
+
+    Args:
+        centre: (3,) m, in the plane; normal: (3,) of the plane, or None: the DLO's tangent
+
+    Returns:
+        vector from the centre to the crossing (3,), m; normal (3,); tangent there (3,); arc length,
+        m, at most the length
+    """
+    for _ in range(_CROSSINGS):
+        inside = min(max(s, 0.0), shape.s[-1])
+        axes, position = shape.frame_at(float(inside))
+        tangent = axes[:, 0]
+        across = tangent if normal is None else normal
+        position = position + (s - inside) * tangent
+        step = across @ (centre - position) / (across @ tangent)
+        s += step
+        if abs(step) < _STILL * shape.s[-1]:
+            break
+    return position - centre, np.array(across), tangent, inside
+
+
+def at_arc_lengths(nodes: np.ndarray, s: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return (m, 3, n) at arc lengths `wanted` (m,): linear between `nodes` (N + 1, 3, n)."""
+    element = np.clip(np.searchsorted(s, wanted, side='right') - 1, 0, s.size - 2)
+    share = ((wanted - s[element]) / (s[element + 1] - s[element]))[:, None, None]
+    return (1 - share) * nodes[element] + share * nodes[element + 1]
+
+
+def _bound(off, covariance):
+    """Return the radius about the centre that holds 95 % of a normal distribution in a plane."""
+    values, vectors = np.linalg.eigh(covariance)
+    points = off + _PLANE * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+    return float(np.quantile(np.linalg.norm(points, axis=1), _SHARE))
+
+
+def _plane():
+    """Return points (k, 2), equally likely, of a standard normal distribution in a plane.
+
+    On a spiral in steps of the golden angle: radii and directions are evenly likely.
+    """
+    k = np.arange(_POINTS)
+    radii = np.sqrt(-2 * np.log1p(-(k + 0.5) / _POINTS))
+    angles = np.pi * (3 - np.sqrt(5)) * k
+    return radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+_PLANE = _plane()

@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How the nodes of an equilibrium move with the state of an estimate, to first order.
+
+A change of the potential changes the strains; these follow by a solve with the Hessian of the
+equilibrium (`direct.sensitivity`). A change of an element's strain moves all nodes beyond it as one
+rigid body.
+"""
+
+import numpy as np
+
+from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.shape import Shape
+from dlo_planner.inverse.solvers.search import left_jacobian
+from dlo_planner.identify.uncertain import Varied
+from dlo_planner.kernels import kernel
+from dlo_planner.ritz.kinematics import part_of_element
+
+_LONGER = 1e-5  # of the length: step of the difference quotients by the length
+
+
+def node_slopes(varied: Varied, z: np.ndarray, shape: Shape) -> np.ndarray:
+    """Return (N + 1, 3, n): derivatives of the nodes' positions (m) by the state.
+
+    Args:
+        varied: Varied, on the mesh of the shape
+        z: (n,) the state at which `shape` is an equilibrium
+        shape: Shape in the true pose of the gripper
+    """
+    uncertain, sensitivity = varied.uncertain, Sensitivity(shape)
+    strains = np.zeros((uncertain.size, *shape.element_strains.shape))
+    out = np.zeros((*shape.positions.shape, uncertain.size))
+    _by_rod(varied, z, shape, sensitivity, strains, out)
+    _by_gripper(uncertain, z, shape, sensitivity, strains, out)
+    bent = np.flatnonzero(strains.any(axis=(1, 2)))
+    out[:, :, bent] += _moved(*shape.for_kernels, strains[bent])
+    return out
+
+
+def _by_rod(varied, z, shape, sensitivity, strains, out):
+    """Set the strains (n, N, 3) due to the rod; add to `out` the motion at constant strains."""
+    uncertain, system = varied.uncertain, shape._discretisation.static
+    give = np.diff(shape.s)[:, None] * system.stiffness
+    moment = give * (shape.element_strains - system.natural)
+    slopes = np.zeros_like(strains)
+    slopes[uncertain.columns('bending_stiffness')[0], :, 1:] = moment[:, 1:]
+    slopes[uncertain.columns('torsional_stiffness')[0], :, 0] = moment[:, 0]
+    for column, number in zip(*uncertain.columns('natural_curvature'), strict=True):
+        axis = 1 + number % 2
+        slopes[column, :, axis] = -give[:, axis] * varied.legendre[:, number // 2]
+    for column in uncertain.columns('mass')[0]:
+        heavier, _ = sensitivity.slope_of(
+            pull=system.pull + uncertain.factors(z)[1] * varied.weight)
+        slopes[column] = heavier - sensitivity.slope_of()[0]
+    for column in uncertain.columns('length')[0]:
+        step = _LONGER * shape.s[-1]
+        back, ahead = (varied.at(z + d * np.eye(z.size)[column]).static for d in (-step, step))
+        (less, before), (more, after) = (sensitivity.slope_of(**{
+            name: getattr(side, name) for name in varied.by_length}) for side in (back, ahead))
+        slopes[column] = (more - less) / (2 * step)
+        out[:, :, column] += (after - before) / (2 * step)
+    acts = np.flatnonzero(slopes.any(axis=(1, 2)))
+    strains[acts] = sensitivity.strains_by(slopes[acts])
+
+
+def _by_gripper(uncertain, z, shape, sensitivity, strains, out):
+    """Set the strains (n, N, 3) due to the gripper's error; add to `out` its rigid motion."""
+    said = shape.gripper.rotation @ uncertain.offset(z).rotation.T
+    columns, numbers = uncertain.columns('gripper_rotation')
+    if columns.size:
+        turns = (said @ left_jacobian(uncertain.part(z, 'gripper_rotation', 3)))[:, numbers]
+        strains[columns] = np.moveaxis(sensitivity.strains[:, :, :3] @ turns, 2, 0)
+        arms = shape.positions - shape.gripper.position
+        out[:, :, columns] += np.cross(turns.T[None], arms[:, None]).transpose(0, 2, 1)
+    columns, numbers = uncertain.columns('gripper_position')
+    out[:, :, columns] += said[:, numbers]  # nothing touches the DLO: its shape stays
+
+
+@kernel
+def _moved(lengths, strains, rotations, positions, changes):
+    """Return (N + 1, 3, k): motions of the nodes by changes (k, N, 3) of the strains."""
+    count, n = changes.shape[0], lengths.size
+    out = np.zeros((n + 1, 3, count))
+    turn = np.zeros((count, 3))  # of the frame at the element's beginning
+    part, arm, unscaled = np.empty((6, 3)), np.empty(3), np.ones(3)
+    for e in range(n):
+        part_of_element(lengths[e], 1.0, strains[e], unscaled, rotations[e], part, arm)
+        for k in range(count):
+            t0, t1, t2 = turn[k, 0], turn[k, 1], turn[k, 2]
+            u0, u1, u2 = changes[k, e, 0], changes[k, e, 1], changes[k, e, 2]
+            out[e + 1, 0, k] = out[e, 0, k] + t1 * arm[2] - t2 * arm[1]
+            out[e + 1, 1, k] = out[e, 1, k] + t2 * arm[0] - t0 * arm[2]
+            out[e + 1, 2, k] = out[e, 2, k] + t0 * arm[1] - t1 * arm[0]
+            for i in range(3):
+                turn[k, i] += part[i, 0] * u0 + part[i, 1] * u1 + part[i, 2] * u2
+                out[e + 1, i, k] += part[3 + i, 0] * u0 + part[3 + i, 1] * u1 + part[3 + i, 2] * u2
+    return out

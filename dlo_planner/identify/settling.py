@@ -1,0 +1,39 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The equilibrium of a DLO at a given state of an estimate."""
+
+import numpy as np
+
+from dlo_planner.direct.continuation import follow
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.statics import equilibrium
+from dlo_planner.identify.uncertain import Varied
+from dlo_planner.model.pose import Pose
+
+
+def settled(varied: Varied, z: np.ndarray, gripper: Pose, before: Shape | None = None,
+            followed: bool = True) -> Shape:
+    """Return the Shape at a state z (n,), `converged` or not.
+
+    Args:
+        varied: Varied
+        z: (n,) state
+        gripper: true Pose of the gripper
+        before: Shape from which the DLO comes; None: set down in its natural shape
+        followed: whether the gripper's way from there is followed in small steps, so that the DLO
+            does not jump; else Newton's method begins with `before`, in one step
+    """
+    mesh = varied.at(z)
+
+    def found(gripper, initial, _far_end=None, _most=None):
+        if initial is None:
+            return equilibrium(mesh, gripper, mesh.natural)
+        strains = initial.element_strains
+        if len(strains) != mesh.s.size - 1:
+            strains = mesh.strains_from(initial.s * (mesh.s[-1] / initial.s[-1]), strains)
+        return equilibrium(mesh, gripper, strains)
+
+    if before is None or not followed:
+        return found(gripper, before)[0]
+    # first the equilibrium at z in the gripper's pose of `before`: following starts from one
+    return follow(found, found(before.gripper, before)[0], gripper)

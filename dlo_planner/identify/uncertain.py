@@ -1,0 +1,202 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What is uncertain about a DLO, its gripper and a camera: names, priors, and their effect.
+
+The state is an array z, 0 where all is as stated. Each number has a normal prior:
+
+    bending_stiffness, torsional_stiffness, mass   logarithms of factors
+    length                                         m
+    natural_curvature                              1/m, Legendre terms along s of k_n and k_b
+    gripper_rotation, gripper_position             rad and m, in the gripper's frame
+    camera                                         m, world axes: seen minus true
+    cutout                                         m, world axes: true minus stated
+
+Only numbers with a standard deviation above 0 are in it. Shapes show only the ratio of stiffness to
+weight; the priors divide it between both.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.polynomial.legendre import legint, legval
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.energy.loads import node_masses
+from dlo_planner.errors import InvalidTask
+from dlo_planner.verify.robustness import Spread, variation_deviations
+from dlo_planner.model.along import Expanded, scaled
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
+from dlo_planner.model.value import Value, put
+
+_KEPT = 8     # meshes whose Varied is remembered
+_SAME = 1e-9  # of the length: nodes closer than this are the same
+_PART = 1e-4  # of the length: step of the difference quotients by the length
+
+
+class Uncertain(Value):
+    """The n numbers of an estimate's state: which they are, and what they change.
+
+    Args:
+        simulator: DirectSimulator of the DLO as stated, elastic, without obstacles
+        spread: Spread; n_terms: Legendre terms of each natural curvature
+        bias, cutout: standard deviations of the camera's bias and of the cut-out's place, m
+
+    Attributes:
+        deviations: (n,) prior standard deviations, all > 0
+        names: n strings
+    """
+
+    PARTS = ('simulator', 'spread', 'n_terms', 'bias', 'cutout')
+
+    def __init__(self, simulator: DirectSimulator, spread: Spread, n_terms: int, bias: float,
+                 cutout: float):
+        put(self, simulator=simulator, spread=spread, n_terms=n_terms, bias=bias, cutout=cutout)
+        terms = np.append(spread.natural_curvature,
+                          spread.curvature_variation * variation_deviations(n_terms - 1))
+        every = {'bending_stiffness': [spread.bending_stiffness],
+                 'torsional_stiffness': [spread.torsional_stiffness], 'mass': [spread.mass],
+                 'length': [spread.length], 'natural_curvature': np.repeat(terms, 2),
+                 'gripper_rotation': [spread.gripper_rotation] * 3,
+                 'gripper_position': [spread.gripper_position] * 3,
+                 'camera': [bias] * 3, 'cutout': [cutout] * 3}
+        each = np.array([name for name, values in every.items() for _ in values])
+        number = np.concatenate([np.arange(len(values)) for values in every.values()])
+        deviations = np.concatenate([np.asarray(values, dtype=float)
+                                     for values in every.values()])
+        known = deviations > 0
+        put(self, _meshes=[], deviations=deviations[known], _each=each[known],
+            _number=number[known],
+            names=tuple(f'{name}[{k}]' if len(every[name]) > 1 else str(name)
+                        for name, k in zip(each[known], number[known], strict=True)))
+        put(self, _columns={name: (np.flatnonzero(self._each == name),
+                                   self._number[self._each == name]) for name in every})
+        super().__post_init__()
+
+    def __reduce__(self):
+        return type(self), tuple(getattr(self, name) for name in self.PARTS)
+
+    @property
+    def size(self) -> int:
+        """The number n of entries of the state."""
+        return self.deviations.size
+
+    def varied(self, like: Discretisation) -> 'Varied':
+        """Return the Varied on the mesh of a Discretisation, scaled to the stated length."""
+        length = self.simulator.rod.length
+        s = np.append(like.s[:-1] * (length / like.s[-1]), length)
+        for known in self._meshes:
+            mesh = known.mesh
+            if mesh.basis == like.basis and mesh.s.size == s.size and (
+                    np.abs(mesh.s - s).max() <= _SAME * length):
+                return known
+        if len(self._meshes) == _KEPT:
+            self._meshes.pop(0)
+        self._meshes.append(Varied(self, Discretisation(self.simulator.surroundings, s,
+                                                        like.basis, like.n_terms)))
+        return self._meshes[-1]
+
+    def columns(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return indices (k,) in the state, and (k,) in the quantity `name`, of its k numbers."""
+        return self._columns[name]
+
+    def part(self, z: np.ndarray, name: str, size: int) -> np.ndarray:
+        """Return the numbers (size,) of one quantity; 0 for those that are not in the state."""
+        out = np.zeros(size)
+        where, number = self.columns(name)
+        out[number] = z[where]
+        return out
+
+    def terms(self, z: np.ndarray) -> np.ndarray:
+        """Return (n_terms, 2) Legendre terms that are added to the natural curvature, 1/m."""
+        return self.part(z, 'natural_curvature', 2 * self.n_terms).reshape(-1, 2)
+
+    def offset(self, z: np.ndarray) -> Pose:
+        """Return the true Pose of the gripper in the frame of the commanded one."""
+        return Pose.from_rotation(
+            self.part(z, 'gripper_position', 3),
+            Rotation.from_rotvec(self.part(z, 'gripper_rotation', 3)).as_matrix())
+
+    def camera(self, z: np.ndarray) -> np.ndarray:
+        """Return (3,) the camera's bias, m."""
+        return self.part(z, 'camera', 3)
+
+    def shifted(self, z: np.ndarray) -> np.ndarray:
+        """Return (3,) the displacement of the cut-out, true minus stated, m, world axes."""
+        return self.part(z, 'cutout', 3)
+
+    def factors(self, z: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return the factors (3,) of GJ, EI_n, EI_b, and the factor of all masses."""
+        bend, twist, mass = (float(np.exp(self.part(z, name, 1)[0])) for name in (
+            'bending_stiffness', 'torsional_stiffness', 'mass'))
+        return np.array([twist, bend, bend]), mass
+
+    def rod(self, z: np.ndarray) -> Rod:
+        """Return the Rod at z (n,)."""
+        rod = self.simulator.rod
+        (twist, bend, _), mass = self.factors(z)
+        length = rod.length + self.part(z, 'length', 1)[0]
+        section = rod.section
+        if section is not None:
+            section = replace(section, youngs_modulus=bend * section.youngs_modulus,
+                              shear_modulus=twist * section.shear_modulus)
+        natural, terms = rod.natural_curvature, self.terms(z)
+        if terms.any():
+            natural = Expanded(natural, terms, length)
+        return replace(
+            rod, length=length, section=section,
+            bending_stiffness=scaled(rod.bending_stiffness, bend),
+            torsional_stiffness=scaled(rod.torsional_stiffness, twist),
+            mass_per_length=scaled(rod.mass_per_length, mass), tip_mass=mass * rod.tip_mass,
+            point_masses=tuple((min(s, length), mass * kg) for s, kg in rod.point_masses),
+            natural_curvature=natural)
+
+
+class Varied:
+    """The Discretisation of the DLO at a state z on one mesh, without computing it from the Rod.
+
+    Args:
+        uncertain: Uncertain; mesh: Discretisation of the DLO as stated
+
+    Attributes:
+        legendre: (N, n_terms) means of P_j over the elements
+        by_length: derivatives of the System's fields by the length, by name; {} if it is certain
+
+    Raises:
+        InvalidTask: the length is uncertain and something jumps along the DLO
+    """
+
+    def __init__(self, uncertain: Uncertain, mesh: Discretisation):
+        self.uncertain, self.mesh = uncertain, mesh
+        x = 2 * mesh.s / mesh.s[-1] - 1
+        integrals = [legval(x, legint(unit)) for unit in np.eye(uncertain.n_terms)]
+        self.legendre = (np.diff(integrals, axis=1) / np.diff(x)).T
+        self.weight = -node_masses(mesh.rod, mesh.s)[:, None] * mesh.surroundings.gravity
+        self.by_length = self._by_length() if uncertain.columns('length')[0].size else {}
+
+    def at(self, z: np.ndarray) -> Discretisation:
+        """Return the Discretisation of the DLO at z (n,)."""
+        uncertain, system = self.uncertain, self.mesh.static
+        factors, mass = uncertain.factors(z)
+        more = uncertain.part(z, 'length', 1)[0]
+        fields = {name: getattr(system, name) + more * change
+                  for name, change in self.by_length.items()}
+        natural = np.array(fields.get('natural', system.natural))
+        natural[:, 1:] += self.legendre @ uncertain.terms(z)
+        return self.mesh.varied(**{
+            **fields, 'natural': natural,
+            'stiffness': factors * fields.get('stiffness', system.stiffness),
+            'pull': fields.get('pull', system.pull) + (mass - 1) * self.weight})
+
+    def _by_length(self):
+        rod, length = self.mesh.rod, self.mesh.rod.length
+        step = _PART * length
+        back, ahead = (self.mesh.of(replace(rod, length=length + d, point_masses=tuple(
+            (length + d if s >= length - step else s, kg) for s, kg in rod.point_masses)))
+            for d in (-step, step))
+        if not back.s.size == self.mesh.s.size == ahead.s.size:
+            raise InvalidTask('spread.length: expected 0 where something jumps along the DLO')
+        return {name: (getattr(ahead.static, name) - getattr(back.static, name)) / (2 * step)
+                for name in ('lengths', 'natural', 'stiffness', 'pull')}

@@ -1,0 +1,42 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The deepest that a threading comes, where not all the depths asked for can be reached."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from dlo_planner.errors import Infeasible
+from dlo_planner.plan.plan import Plan
+
+_HALVINGS = 6  # of the depth between the last waypoint that is reached and the next one
+
+
+def deepest(planned: Callable[[np.ndarray], Plan], depths: np.ndarray) -> Plan:
+    """Return the Plan of as many of the depths as can be reached, and of the deepest found.
+
+    Its `fraction` is that depth as a part of the last one asked for.
+
+    Args:
+        planned: function of depths (n,) m that returns the Plan, or raises Infeasible
+        depths: (n,) m
+
+    Raises:
+        Infeasible: the first depth cannot be reached
+    """
+    try:
+        return planned(depths)
+    except Infeasible as error:
+        count = 0 if error.plan is None else len(error.plan)
+        if not count:
+            raise
+    good, bad, plan = depths[:count], depths[count], None
+    for _ in range(_HALVINGS):
+        tried = np.append(good, 0.5 * (good[-1] + bad))
+        try:
+            plan, good = planned(tried), tried
+        except Infeasible:
+            bad = tried[-1]
+    plan = planned(good) if plan is None else plan
+    return replace(plan, fraction=float(good[-1] / depths[-1]))

@@ -1,0 +1,110 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The best way over the sphere of hanging shapes: from curve to curve, one for each depth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from dlo_planner.plan.continuity import largest_turn
+
+_FARTHEST_TURN, _FARTHEST_SHIFT = 0.6, 0.3  # rad, of the length: what the grid cannot tell
+_WEAK, _DEAR = 0.05, 0.1  # stability below which a shape costs more, and how much
+_AHEAD = 0.05             # of the length: how far a route is looked along to smooth its rolls
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """A way through K curves.
+
+    Attributes:
+        depths: (K,) m, ascending or descending
+        grippers: (K, 3, 3) rotations of the gripper, about
+        end: (3, 3) rotation of the free end where it begins, about
+        length: of the DLO, m
+        complete: whether it goes through all the curves that it was to go through
+        ahead: part of the length by which it is looked along to smooth its rolls; 0: every turn of
+            it is made
+    """
+
+    depths: np.ndarray
+    grippers: np.ndarray
+    end: np.ndarray
+    length: float
+    complete: bool
+    ahead: float = _AHEAD
+
+    def roll(self, task, here, depth, target):
+        """Return the roll (rad) to make on the way from one depth to another, m.
+
+        It leads towards the route a little ahead: the grid's roughness averages out.
+        """
+        shape, ahead = here.shape, self.ahead * self.length
+        wanted = self._gripper(target + (ahead if target >= depth else -ahead))
+        away = Rotation.from_matrix(wanted @ shape.gripper.rotation.T).as_rotvec()
+        step = abs(target - depth)
+        part = 1.0 if ahead + step == 0 else min(1.0, 2 * step / (ahead + step))
+        most = 0.5 * largest_turn(step / self.length)
+        return float(np.clip(part * (away @ task.axis(shape)), -most, most))
+
+    def _gripper(self, depth):
+        if len(self.depths) == 1:
+            return self.grippers[0]
+        order = slice(None, None, 1 if self.depths[0] <= self.depths[-1] else -1)
+        depths, turns = self.depths[order], Rotation.from_matrix(self.grippers[order])
+        return Slerp(depths, turns)(np.clip(depth, depths[0], depths[-1])).as_matrix()
+
+
+def find_route(layers, depths, first, length):
+    """Return the Route of least motion of the gripper, as deep as it goes; None if none begins.
+
+    Args:
+        layers: K Crossings, of the curves at `depths` (K,), m, in the order in which they are gone
+            through
+        first: (m,) cost of beginning at each crossing of the first curve; infinite: not there
+        length: of the DLO, m
+    """
+    costs, ways = sweep(layers, first, length)
+    if not np.isfinite(first).any():
+        return None
+    picks = picked(ways, int(np.argmin(costs[-1])))
+    grippers = np.array([layer.grippers[k] for layer, k in zip(layers, picks, strict=False)])
+    return Route(np.asarray(depths[:len(picks)]), grippers, layers[0].ends[picks[0]], length,
+                 len(picks) == len(layers))
+
+
+def sweep(layers, first, length):
+    """Return costs [(m,)] of the best ways to each crossing, and where they come from [(m,)].
+
+    The lists end with the last curve that can be reached: dynamic programming (Bellman 1957).
+    """
+    costs, ways = [first], []
+    for one, other in zip(layers, layers[1:], strict=False):
+        total = costs[-1][:, None] + motion(one, other, length) + _weakness(other)
+        if not len(other) or not np.isfinite(total).any():
+            break
+        ways.append(np.argmin(total, axis=0))
+        costs.append(total.min(axis=0))
+    return costs, ways
+
+
+def picked(ways, last):
+    """Return the indices, one per curve, of the best way that ends at crossing `last`."""
+    picks = [last]
+    for way in reversed(ways):
+        picks.append(int(way[picks[-1]]))
+    return picks[::-1]
+
+
+def motion(one, other, length):
+    """Return the cost (m1, m2) of going from each crossing to each other one."""
+    trace = one.grippers.reshape(len(one), 9) @ other.grippers.reshape(len(other), 9).T
+    turn = np.arccos(np.clip(0.5 * (trace - 1), -1, 1))
+    shift = np.linalg.norm(one.places[:, None] - other.places, axis=2) / length
+    far = (turn > _FARTHEST_TURN) | (shift > _FARTHEST_SHIFT)
+    return np.where(far, np.inf, turn**2 + shift**2)
+
+
+def _weakness(crossings):
+    return _DEAR * np.clip(1 - crossings.stability / _WEAK, 0, 1) ** 2

@@ -1,0 +1,299 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The fastest laws in time with which a DLO arrives calm, as far as its `Response` tells.
+
+On each leg the rates are the fastest that the gripper's limits, and a bound of the slowly built-up
+deviation, allow. Moving averages as wide as the periods of the slowest modes, at the leg's
+beginning and its end, smooth them: such a window leaves no vibration of its period. Which windows
+and which bound are the quickest is tried; each trial is judged with the DLO as it is given, and
+with one whose stiffness is wrong. Each leg takes over the vibration that the one before leaves.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.plan.motion.compensation import compensated
+from dlo_planner.plan.motion.fastest import fastest_rates
+from dlo_planner.plan.motion.kept_limits import most_used
+from dlo_planner.plan.motion.leg_response import Response
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.path import Leg
+from dlo_planner.plan.motion.time_law import TimeLaw
+from dlo_planner.plan.motion.timed_path import smoothed
+
+_BOUNDS, _CLOSER = 12, 0.7  # bounds of deviations that are tried, parts of the one before
+_OFF = (0.95, 1.05)  # frequencies: a response is not quite that of the DLO, and
+_WORSE = 2.0         # times the tolerance are allowed then, and with a wrong stiffness
+_ARRIVING = 0.5      # part of the tolerance that may be left of a vibration where a leg ends
+_MOST_OFF, _TRIED = 0.3, 30  # part of the frequencies; how many such are tried
+_MUCH = 0.3          # of the tolerance: calmer laws are not looked for
+_FAR = 30.0          # times the tolerance: beyond help by a shift
+_TRIALS, _CALMER = 16, 6  # laws that are given a shift: the quickest, and ever calmer ones
+_ROUNDS = 4          # of slowing down to make room for a shift
+
+
+@dataclass(frozen=True)
+class LegTask:
+    """A leg to be gone through calmly.
+
+    Attributes:
+        leg: Leg; response: Response on it; limits: Limits
+        holes: (k, n) arc lengths that pass the k centres at the parameters of `response`, m, nan
+            where none does
+        last: whether the plan ends with it
+        wrong: Responses, at the same parameters, of DLOs whose stiffness is wrong
+    """
+
+    leg: Leg
+    response: Response
+    limits: Limits
+    holes: np.ndarray
+    last: bool
+    wrong: tuple = ()
+
+    @cached_property
+    def cases(self):
+        """The Case of the DLO as it is given, then those it may be in truth."""
+        off = [self.response.faster(factor) for factor in _OFF]
+        return [Case(self.response, self.holes, self.last, 1.0),
+                *(Case(one, self.holes, self.last, _WORSE) for one in (*off, *self.wrong))]
+
+    @cached_property
+    def supply(self):
+        """Laws known so far, set by set; what is predicted of them by the states at first.
+
+        And parameters and rates for more.
+        """
+        return [], {}, _rates(self)
+
+    @property
+    def rest(self):
+        """States of DLOs that do not vibrate, one for each case."""
+        return [case.response.rest for case in self.cases]
+
+    def taken_over(self, before, ends):
+        """Return the states at the beginning: `ends` are those at the end of the LegTask before."""
+        return [case.response.taken_over(other.response, end)
+                for case, other, end in zip(self.cases, before.cases, ends, strict=True)]
+
+    def waited(self, ends, seconds):
+        """Return what becomes of the states at the end, after some seconds."""
+        return [case.response.waited(end, seconds)
+                for case, end in zip(self.cases, ends, strict=True)]
+
+    def after(self, law, begins):
+        """Return the states at the end of a TimeLaw."""
+        return [case.deviation(law, begin)[1]
+                for case, begin in zip(self.cases, begins, strict=True)]
+
+    @property
+    def passed(self):
+        """That of the DLO as it is given: see `Case`."""
+        return self.cases[0].passed
+
+    @cached_property
+    def sizes(self):
+        """(n, m) by how much the modes displace what counts, m."""
+        if not self.passed:
+            return self.response.sizes
+        return np.max([np.linalg.norm(one.across, axis=2) for one in self.passed], axis=0)
+
+
+@dataclass(frozen=True)
+class Passage:
+    """How a DLO passes a centre; n parameters and m modes as of its Response.
+
+    Attributes:
+        before: (n,) m, of the free end from the centre, as far as it is not passed; 0 from then on
+        across: (n, m, 3) m, displacements by the modes of what passes, of the free end before
+        tangents: (n, 3) there; ahead: (n, m) m, displacements along them
+    """
+
+    before: np.ndarray
+    across: np.ndarray
+    tangents: np.ndarray
+    ahead: np.ndarray
+
+    @classmethod
+    def of(cls, response, s):
+        """Return the Passage at arc lengths s (n,), nan where the centre is not passed."""
+        first = np.argmax(np.isfinite(s))
+        end = response.shapes[0].s[-1]
+        across, tangents, ahead = response.sideways(np.where(np.isnan(s), end, s))
+        ends = np.array([shape.positions_at([end])[0] for shape in response.shapes])
+        before = np.einsum('ni,ni->n', tangents, ends[first] - ends)
+        before[first:] = 0.0
+        return cls(before, across, tangents, ahead)
+
+    def deviation(self, response, u, place, shift):
+        """Return (k, 3) m: where the moving DLO passes, at those instants at which it does.
+
+        Args:
+            u: (t,) parameters; place: (t, m) of the modes; shift: (t, 3) m, of the gripper
+        """
+        ahead = (np.einsum('tm,tm->t', response.between(self.ahead, u), place)
+                 + np.einsum('ti,ti->t', response.between(self.tangents, u), shift))
+        # a DLO that swings ahead comes to the centre earlier than one that hangs
+        passes = response.between(self.before, u) <= np.maximum(ahead, 0.0)
+        return shift[passes] + np.einsum('tmi,tm->ti', response.between(self.across, u[passes]),
+                                         place[passes])
+
+
+@dataclass(frozen=True)
+class Case:
+    """One of the DLOs with which a law is judged.
+
+    Attributes:
+        response: Response; holes, last: as of its LegTask
+        allowed: times the tolerance by which it may deviate
+    """
+
+    response: Response
+    holes: np.ndarray
+    last: bool
+    allowed: float
+
+    @cached_property
+    def passed(self):
+        """The Passage through each centre that is passed."""
+        return [Passage.of(self.response, s) for s in self.holes if np.isfinite(s).any()]
+
+    def deviation(self, law, begin):
+        """Return the largest deviation that counts, in m, and the state at the end of a TimeLaw.
+
+        As long as a centre is passed: that of what passes it, across the DLO. At the end of a leg:
+        what is left of the vibration; of a leg that others follow only a part, _ARRIVING, is
+        allowed. States are y and y'/w (2, m) of the modes; `begin` is that at the beginning.
+        """
+        response = self.response
+        times, u, (place, speed) = response.excited(law, begin)
+        left = float((response.sizes[-1] * np.hypot(place[-1], speed[-1])).sum())
+        worst = left if self.last else left / _ARRIVING
+        shift = np.zeros((len(times), 3)) if law.shift is None else law.shift.at(times)
+        for passage in self.passed:
+            away = passage.deviation(response, u, place, shift)
+            worst = max(worst, float(np.linalg.norm(away, axis=1).max(initial=0.0)))
+        return worst, np.stack([place[-1], speed[-1]])
+
+
+def calm_law(task: LegTask, tolerance: float, begins: list | None = None,
+             check: Callable[[], None] = lambda: None) -> TimeLaw:
+    """Return the quickest TimeLaw found that keeps `tolerance` (m) as far as the response tells.
+
+    The one that comes nearest to that, if none does. `begins` are the states of the cases at the
+    beginning, None: at rest. `check` is called before each trial; it may raise.
+    """
+    begins = task.rest if begins is None else begins
+    found = sorted(_candidates(task, tolerance, begins, check), key=lambda one: one[0].duration)
+    best = None
+    for law, shifted in _trials(found, tolerance):
+        check()
+        kept = _within_limits(task, law, begins, shifted)
+        used = predicted(task, kept, begins)
+        if best is None or used < best[1]:
+            best = kept, used
+        if used <= tolerance:
+            break
+    return best[0]
+
+
+def _candidates(task, tolerance, begins, check):
+    """Return laws and what is predicted of them, m; ever slower ones, until one is calm by far."""
+    sets, predictions, more = task.supply
+    known = predictions.setdefault(np.array(begins).tobytes(), [])
+    while not known or min(known[-1]) >= _MUCH * tolerance:
+        check()
+        if len(known) == len(sets):
+            rates = next(more, None)
+            if rates is None:
+                break
+            sets.append([TimeLaw(*rates, windows) for windows in _windows(task.response)])
+        known.append([predicted(task, law, begins) for law in sets[len(known)]])
+    return [one for pair in zip(sets, known, strict=False) for one in zip(*pair, strict=True)]
+
+
+def _trials(found, tolerance):
+    """Yield laws, by their durations, that may do, and whether with a shift.
+
+    At first the quickest, then ever calmer ones.
+    """
+    tried, calmer, least = 0, [], np.inf
+    for law, off in found:
+        if off <= tolerance:
+            yield law, False
+        elif off <= _FAR * tolerance and tried < _TRIALS:
+            tried += 1
+            yield law, True
+        elif off < least:
+            calmer.append(law)
+        least = min(least, off)
+    some = np.unique(np.linspace(0, len(calmer) - 1, min(len(calmer), _CALMER)).astype(int))
+    yield from ((calmer[k], True) for k in some)
+
+
+def _within_limits(task, law, begins, shifted):
+    """Return a TimeLaw that keeps the limits, with the shift that helps most if it is `shifted`."""
+    law = smoothed(task.leg, task.limits, law.parameters, law.rates, law.windows)
+    for _ in range(_ROUNDS if shifted else 0):
+        shift = compensated(task, law, begins)
+        if shift is None:
+            break
+        used = (shift.most[1:] / task.limits.sizes[:, 0]).max() + most_used(
+            task.leg, law, task.limits)
+        if used <= 1:
+            return replace(law, shift=shift)
+        law = law.slower(used)
+    return law
+
+
+def predicted(task: LegTask, law: TimeLaw, begins: list | None = None) -> float:
+    """Return the largest deviation that counts, in m; half of it where the stiffness is wrong.
+
+    See `Case.deviation`. `begins` are the states at the beginning, None: at rest.
+    """
+    return max(case.deviation(law, begin)[0] / case.allowed for case, begin in zip(
+        task.cases, task.rest if begins is None else begins, strict=True))
+
+
+def margin(task: LegTask, law: TimeLaw, allowed: float) -> float:
+    """Return by which part all frequencies may be off, up or down, until `allowed` (m) is passed.
+
+    Until more than `allowed` (m) is predicted; at most _MOST_OFF.
+    """
+    tried = np.arange(1, _TRIED + 1) * (_MOST_OFF / _TRIED)
+    for k, part in enumerate(tried):
+        for off in (1 - part, 1 + part):
+            case = Case(task.response.faster(off), task.holes, task.last, 1.0)
+            if case.deviation(law, case.response.rest)[0] > allowed:
+                return float(tried[k - 1]) if k else 0.0
+    return _MOST_OFF
+
+
+def _rates(task):
+    """Yield parameters and rates of ever slower ways through the leg."""
+    parameters, rates = fastest_rates(task.leg, task.limits)
+    yield parameters, rates
+    response = task.response
+    rate = np.interp(response.parameters, parameters, rates)[:, None]
+    deviation = np.abs(response.bends * rate**2 * task.sizes / response.rates**2).max()
+    for _ in range(_BOUNDS):
+        deviation *= _CLOSER
+        try:
+            found = fastest_rates(task.leg, task.limits, response.bearing(deviation, task.sizes))
+        except InvalidTask:  # so slow that toppra loses its digits: no slower ones
+            return
+        yield found
+
+
+def _windows(response):
+    """Return lists of windows (s) to be tried, from the periods of the two slowest modes."""
+    periods = 2 * np.pi / response.rates[:, :2]
+    if periods.shape[1] < 2:
+        periods = np.repeat(periods, 2, axis=1)
+    (one, two), (end, other), (long, next_) = periods[0], periods[-1], periods.max(axis=0)
+    return [[end], [end, other], [one, two], [one, end], [long, next_], [long, long],
+            [one, end, next_], [one, end, two, other], [long, long, next_, next_]]

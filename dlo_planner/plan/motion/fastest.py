@@ -1,0 +1,125 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The fastest way through a leg within limits, by time-optimal path parametrization.
+
+toppra (Pham and Pham, IEEE Transactions on Robotics 34, 2018) finds the largest rate at each place.
+Its constraints here are limits of the lengths of vectors, not of single coordinates, and bounds of
+the DLO's quasi-static deviation (`Bearing`).
+"""
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.path import Leg
+
+_CORNERS = 16     # of the polygon that stands for a disc
+_PLACES = 120     # of the grid of rates, at least
+_PER_PIECE = 3    # of them between two knots, at least
+_FASTEST = 1e3    # du/dt, where no limit bounds it: 1000 times the plan's pace
+_ENDLESS = 1e9    # in place of an infinite limit, which toppra does not take
+_STILL = 1e-12    # length of a derivative below which its direction has no meaning
+
+
+@dataclass(frozen=True)
+class Bearing:
+    """The bounds |slopes u'' + bends u'^2| <= most at each of n parameters, for m quantities.
+
+    Attributes:
+        parameters: (n,); slopes, bends: (n, m); most: (n, m)
+    """
+
+    parameters: np.ndarray
+    slopes: np.ndarray
+    bends: np.ndarray
+    most: np.ndarray
+
+
+def fastest_rates(leg: Leg, limits: Limits,
+                  bearing: Bearing | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Return parameters (m,) and the largest rates du/dt (m,) there, from rest to rest.
+
+    Args:
+        leg: Leg that is no dwell
+        limits: Limits of speed and acceleration; jerks are not kept here
+        bearing: Bearing that is kept as well, or None
+
+    Raises:
+        InvalidTask: no rates were found
+    """
+    import toppra  # noqa: PLC0415  (it imports matplotlib: only where it is used)
+    from toppra.algorithm import TOPPRA  # noqa: PLC0415
+
+    logging.getLogger('toppra').setLevel(logging.ERROR)
+    kept, path = _constraints(toppra, limits, bearing), _path(toppra, leg)
+    pieces = max(_PER_PIECE, -(-_PLACES // (leg.knots.size - 1)))
+    places = np.append(leg.pieces(pieces)[0], leg.knots[-1])
+    _, rates, _ = TOPPRA(kept, path, gridpoints=places).compute_parameterization(0, 0)
+    if rates is None or not np.isfinite(rates).all() or not (rates[1:-1] > 0).all():
+        raise InvalidTask('limits: no motion along the path was found that keeps them')
+    rates[[0, -1]] = 0.0
+    return places, rates
+
+
+def _path(toppra, leg):
+    """Return a Leg as a path of toppra."""
+
+    class Path(toppra.interpolator.AbstractGeometricPath):
+        """Derivatives by the parameter: linear and angular, world axes."""
+
+        dof, waypoints = 6, None
+        path_interval = leg.knots[[0, -1]]
+
+        def __call__(self, u, order=0):
+            positions, _, first, second = leg.at(np.atleast_1d(u))
+            return (np.hstack([positions, positions]), first, second)[order]
+
+    return Path()
+
+
+def _constraints(toppra, limits, bearing):
+    """Return toppra's constraints for the Limits and, if there is one, for a Bearing."""
+
+    class Size(toppra.constraint.LinearConstraint):
+        """Bounds of speed and acceleration of some coordinates, as the lengths of vectors."""
+
+        def __init__(self, part, speed, acceleration):
+            super().__init__()
+            self.part, self.speed, self.acceleration = part, speed, acceleration
+
+        def get_dof(self):
+            return 6
+
+        def compute_constraint_params(self, path, u, *_, **__):
+            first, second = path(u, 1)[:, self.part], path(u, 2)[:, self.part]
+            speed = np.linalg.norm(first, axis=1)
+            along = (first * second).sum(axis=1) / np.maximum(speed, _STILL)
+            across = np.sqrt(np.maximum((second**2).sum(axis=1) - along**2, 0))
+            angles = 2 * np.pi * np.arange(_CORNERS) / _CORNERS
+            sides = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+            most = np.full((u.size, _CORNERS), self.acceleration * np.cos(np.pi / _CORNERS))
+            fastest = np.minimum(self.speed / np.maximum(speed, _STILL), _FASTEST) ** 2
+            return (np.stack([speed, 0 * speed], axis=1), np.stack([along, across], axis=1),
+                    np.zeros((u.size, 2)), np.repeat(sides[None], u.size, axis=0), most, None,
+                    np.stack([0 * fastest, fastest], axis=1))
+
+    class Borne(toppra.constraint.LinearConstraint):
+        """The bounds of a Bearing."""
+
+        def get_dof(self):
+            return 6
+
+        def compute_constraint_params(self, _, u, *__, **___):
+            slopes, bends, most = (
+                np.stack([np.interp(u, bearing.parameters, column) for column in what.T], axis=1)
+                for what in (bearing.slopes, bearing.bends, bearing.most))
+            m = slopes.shape[1]
+            sides = np.repeat(np.vstack([np.eye(m), -np.eye(m)])[None], u.size, axis=0)
+            return slopes, bends, 0 * slopes, sides, np.hstack([most, most]), None, None
+
+    finite = np.minimum(limits.sizes, _ENDLESS)
+    kept = [Size(slice(0, 3), *finite[:2, 0]), Size(slice(3, 6), *finite[:2, 1])]
+    return kept if bearing is None else [*kept, Borne()]

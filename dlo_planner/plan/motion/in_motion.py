@@ -1,0 +1,192 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A motion of the gripper in the dynamic simulation: where the DLO is, and how it swings."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.plan.clearance import clearance, room_in
+from dlo_planner.plan.continuity import apart
+from dlo_planner.plan.motion.inserted import Feed, pushed
+from dlo_planner.plan.passing import held_after, worst_miss
+from dlo_planner.plan.motion.periods import slowest_period
+from dlo_planner.model.checks import figure, flag
+from dlo_planner.model.surface import Surface
+from dlo_planner.model.value import Value, brief, put
+
+_LEAST = ('clearance', 'calm_clearance')  # figures of which the least is the worst
+_PER_PERIOD = 25      # instants in a period of the DLO's slowest vibration
+_FEWEST, _MOST = 150, 20_000  # instants of a run
+_AT_ONCE = 1e-9       # of a plan's time
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class InMotion(Value):
+    """What the dynamic simulation says of a motion from rest to rest; worst values, SI units.
+
+    Distances of a DLO that could not be simulated to the end are infinitely bad.
+
+    Attributes:
+        converged: whether every step was solved
+        miss: distance from the centres to be passed, between all waypoints: of the nearest arc
+            length between those of both waypoints; a centre that the free end only comes to on that
+            way counts from then on; nan if there is none. A DLO in a bore cannot miss it: there the
+            `swing` of what is outside counts
+        swing: largest distance of the DLO from its equilibrium in the same gripper
+        arrival: the same at the first instant that counts for `miss`, or nan
+        departure: the same in the slowest period after the motion's end
+        clearance: from the sheets around sized cut-outs and from the obstacles given, nan if none
+        calm_clearance: the same of the DLO that follows slowly on the same way
+        contact_force: largest force of one contact with the simulator's obstacles, or of the mouth
+            of a bore, N
+        duration: of the motion, s; step: between two instants looked at, s
+    """
+
+    converged: bool
+    miss: float
+    swing: float
+    arrival: float
+    departure: float
+    clearance: float
+    calm_clearance: float
+    contact_force: float
+    duration: float
+    step: float
+
+    def __post_init__(self):
+        put(self, converged=flag('InMotion.converged', self.converged),
+            **{item.name: figure(f'InMotion.{item.name}', getattr(self, item.name))
+               for item in fields(self) if item.name != 'converged'})
+
+    def __repr__(self):
+        return brief(self, 'converged' if self.converged else 'not converged', *(
+            f'{name} {getattr(self, name):.3g} {unit}' for name, unit in (
+                ('miss', 'm'), ('swing', 'm'), ('departure', 'm'), ('clearance', 'm'),
+                ('duration', 's')) if np.isfinite(getattr(self, name))))
+
+    def worse(self, other: 'InMotion') -> 'InMotion':
+        """Return the worse of both figures, each by itself; nan in one of them does not count."""
+        both = {item.name: (getattr(self, item.name), getattr(other, item.name))
+                for item in fields(self)}
+        worse = {name: float((np.fmin if name in _LEAST else np.fmax)(*pair))
+                 for name, pair in both.items() if name != 'converged'}
+        return InMotion(converged=all(both['converged']), **worse)
+
+
+def in_motion(simulator, plan, way, first, obstacles, progress):
+    """Return InMotion of a Plan's DLO.
+
+    Args:
+        simulator: DirectSimulator; plan: Plan
+        way: TimedPath of the plan
+        first: Shape at its beginning, at rest
+        obstacles: tuple of obstacles whose clearance is wanted
+        progress: Progress
+
+    Raises:
+        InvalidTask: the motion has more than 20000 instants
+    """
+    period = slowest_period(simulator.rod)
+    times = np.linspace(0, way.duration + period, _instants(way.duration + period, period))
+    grippers, done = way.at(times)[0], way.progress(times)
+    seen = _seen(simulator, plan, grippers, done, times[1], first, progress)
+    obstacles = watched(simulator, plan, obstacles)
+    passed, anything = any(plan.passes), bool(plan.sheets or obstacles)
+    if seen is None:
+        lost, near = np.inf if passed else np.nan, -np.inf if anything else np.nan
+        return InMotion(False, lost, np.inf, lost, np.inf, near, near, np.inf, way.duration,
+                        times[1])
+    miss, swing, surface = seen.miss, seen.swing, Surface.of(simulator.rod)
+    return InMotion(
+        True, miss.max() if passed else np.nan, swing.max(),
+        swing[np.argmax(miss > 0)] if passed else np.nan, swing[times >= way.duration].max(),
+        least_clearance(plan, obstacles, surface, seen.shapes),
+        least_clearance(plan, obstacles, surface, seen.calm),
+        seen.contact_force, way.duration, times[1])
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What a simulated motion shows at n instants.
+
+    Attributes:
+        shapes: list; calm: those of the DLO that follows slowly
+        miss, swing: (n,) m
+        contact_force: largest one, N
+    """
+
+    shapes: list
+    calm: list
+    miss: np.ndarray
+    swing: np.ndarray
+    contact_force: float
+
+    def then(self, other):
+        """Return this motion and another, which begins at the instant at which this one ends."""
+        return _Seen([*self.shapes, *other.shapes[1:]], [*self.calm, *other.calm[1:]],
+                     np.append(self.miss, other.miss[1:]),
+                     np.append(self.swing, other.swing[1:]),
+                     max(self.contact_force, other.contact_force))
+
+
+def _seen(simulator, plan, grippers, done, dt, first, progress):
+    """Return what is _Seen of a motion to its end, None if it could not be simulated."""
+    bore = held_after(plan)
+    if bore is None:
+        return _freely(simulator, plan, grippers, done, dt, first, progress)[0]
+    # the bore takes the DLO at the last instant at which it is still before the mouth
+    at = int(np.searchsorted(done, plan.times[bore] + _AT_ONCE * np.ptp(plan.times), 'right')) - 1
+    feed, before, velocity = Feed.of(simulator, plan), None, None
+    if at > 0:
+        before, motion = _freely(simulator, plan, grippers[:at + 1], done[:at + 1], dt, first,
+                                 progress)
+        if before is None:
+            return None
+        first, velocity = motion.shapes[-1], motion.velocities[-1]
+    outside = pushed(feed, grippers[at:], done[at:], dt, first, velocity, progress)
+    if not outside.converged:
+        return None
+    swing = np.array([apart(*pair) for pair in zip(outside.shapes, outside.calm, strict=True)])
+    within = _Seen(outside.shapes, outside.calm, swing, swing, outside.forces.max())
+    return within if before is None else before.then(within)
+
+
+def _freely(simulator, plan, grippers, done, dt, first, progress):
+    """Return what is _Seen of a motion in which no bore holds the DLO, or None, and the Motion."""
+    motion = simulator.simulate(grippers, dt, first, progress=progress.done)
+    if not (motion.converged and first.converged):
+        return None, motion
+    calm = simulator.track(grippers, progress.done, first)
+    swing = np.array([apart(*pair) for pair in zip(motion.shapes, calm, strict=True)])
+    last = np.clip(np.searchsorted(plan.times, done, side='right') - 1, 0, len(plan) - 2)
+    miss = np.array([worst_miss(shape, plan.passes[k], plan.passes[k + 1])
+                     for k, shape in zip(last, motion.shapes, strict=True)])
+    force = max((contact.force for shape in motion.shapes for contact in shape.contacts),
+                default=0.0)
+    return _Seen(motion.shapes, calm, miss, swing, force), motion
+
+
+def watched(simulator, plan, obstacles):
+    """Return the obstacles (tuple) whose clearance is wanted: those given, and of an insertion all.
+
+    What is outside of a bore is simulated without contacts.
+    """
+    return obstacles if held_after(plan) is None else (*obstacles, *simulator.obstacles)
+
+
+def _instants(duration, period):
+    count = max(_FEWEST, int(np.ceil(_PER_PERIOD * duration / period))) + 1
+    if count > _MOST:
+        raise InvalidTask(f'limits: the motion takes {duration:.3g} s, {count} steps of '
+                          f'1/{_PER_PERIOD} of the slowest period of {period:.3g} s: expected at '
+                          f'most {_MOST} steps')
+    return count
+
+
+def least_clearance(plan, obstacles, surface, shapes):
+    """Return the least clearance in m of Shapes from a Plan's sheets and obstacles, nan if none."""
+    rooms = [clearance(obstacles, surface, shape) for shape in shapes if obstacles]
+    rooms += [room_in(*sheet, surface, shape).min() for sheet in plan.sheets for shape in shapes]
+    return float(min(rooms, default=np.nan))

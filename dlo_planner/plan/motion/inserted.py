@@ -1,0 +1,252 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The motion of a DLO that is pushed into a bore: what is outside of it gets shorter.
+
+The bore is tight and smooth. At the mouth the DLO keeps the mouth's direction and roll and slides
+along it freely. The walls carry the weight of what is inside, as the plan assumes; its inertia
+along the bore counts, as a mass at the mouth. What is simulated is the DLO up to the material point
+that is at the mouth as a short piece of the motion begins. While this point goes in, it is held as
+if the DLO behind the mouth was free of stress. Then the DLO is cut anew: positions, strains and
+velocities of the rest go on as they are.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.direct.beginning import first_shape
+from dlo_planner.direct.continuation import between
+from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.dynamics import run
+from dlo_planner.direct.guide import Grips, Guide
+from dlo_planner.direct.mesh import with_breaks
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.statics import equilibrium
+from dlo_planner.direct.stepping import Stepper
+from dlo_planner.energy.loads import node_masses
+from dlo_planner.plan.plan import Plan
+from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.part import before, part_of_rod
+from dlo_planner.model.point_load import PointLoad
+from dlo_planner.model.pose import Pose
+
+_ELEMENTS, _FEWEST = 64, 24  # of the whole DLO, of what is left of it
+_PIECE = 0.01
+_TAKEN_OVER = 0.1  # of a weight, by which the mouth takes it over before
+_SAME = 1e-12      # of the length
+_LONGEST = 50      # instants of a piece
+_NO_ELEMENT = 0.02  # of an element: a shorter one at the mouth is none
+_TOLERANCE = 1e-3  # of the length: of the simulation, as `simulate` has it
+
+
+@dataclass(frozen=True)
+class Feed:
+    """How a plan pushes a DLO into a bore.
+
+    Attributes:
+        simulator: DirectSimulator of the whole DLO
+        mouth: Pose, x axis into the bore
+        times: (n,) of the plan, s; depths: (n,) m
+        borne: (n,) part of the weight at the mouth that the mouth carries, N, against gravity
+    """
+
+    simulator: DirectSimulator
+    mouth: Pose
+    times: np.ndarray
+    depths: np.ndarray
+    borne: np.ndarray
+
+    @classmethod
+    def of(cls, simulator: DirectSimulator, plan: Plan) -> 'Feed':
+        """Return that of a Plan in which a bore holds the DLO."""
+        held = [shape.far_end is not None for shape in plan.shapes]
+        mouth = plan.shapes[held.index(True)].far_end.pose
+        up = _up(simulator.gravity)
+        borne = np.array([shape.far_wrench[:3] @ up if inside else 0.0
+                          for shape, inside in zip(plan.shapes, held, strict=True)])
+        return cls(simulator.elastic().without_obstacles(), mouth, plan.times, plan.depths, borne)
+
+    @property
+    def up(self):
+        """(3,) unit vector against gravity."""
+        return _up(self.simulator.gravity)
+
+    def depth(self, u):
+        """Return the depth in m at the plan's time u."""
+        return float(np.interp(u, self.times, self.depths))
+
+    def lifted(self, u):
+        """Return the weight in N at the mouth that the mouth carries at the plan's time u."""
+        there = np.abs(self.depths - self.depth(u)) <= _SAME * self.simulator.rod.length
+        # else what was at the mouth is inside, and counts there
+        return float(np.interp(u, self.times[there], self.borne[there])) if there.any() else 0.0
+
+    def outside(self, depth, lifted):
+        """Return the Discretisation of the DLO that ends at the mouth, without obstacles.
+
+        Args:
+            depth: m that are inside
+            lifted: N of the weight at the mouth that the mouth carries
+        """
+        around, rod = self.simulator.surroundings, self.simulator.rod
+        end = rod.length - depth
+        end = next((s for s, _ in rod.point_masses if abs(s - end) <= _SAME * rod.length), end)
+        part = before(rod, end)
+        mass = _mass_beyond(rod, end)
+        loads = (PointLoad(lifted * self.up - mass * around.gravity),)
+        part = replace(part, tip_mass=part.tip_mass + mass)
+        around = replace(around, rod=part, point_loads=loads)
+        size = rod.length / _ELEMENTS
+        while end < _FEWEST * size:
+            size /= 2  # the nodes stay, so that nothing changes but that there are more
+        s = np.arange(int(np.ceil(end / size)) + 1) * size
+        s = np.append(s[s < end - _NO_ELEMENT * size], end)
+        return Discretisation(around, with_breaks(s, around.breaks), 'local', 0)
+
+    def held(self, mesh, way):
+        """Return the Pose of the material point at the end of `mesh`, `way` m behind the mouth.
+
+        As if what is between was free of stress, so that it transmits nothing to the mouth.
+        """
+        end = mesh.s[-1:]
+        turn = self.simulator.rod.natural_strains(end)[0] * way
+        half = Rotation.from_rotvec(0.5 * turn).as_matrix()
+        along = self.mouth.rotation @ half @ np.array([way, 0.0, 0.0])
+        return Pose.from_rotation(self.mouth.position + along,
+                                  self.mouth.rotation @ half @ half)
+
+
+def _up(gravity):
+    return -gravity / (np.linalg.norm(gravity) or 1.0)
+
+
+@dataclass(frozen=True)
+class Outside:
+    """What is outside of the bore at n instants, up to where the motion could be simulated.
+
+    Attributes:
+        shapes: n Shape in motion; calm: n Shape, the equilibria in the same gripper
+        forces: (n,) N, sizes of what the mouth exerts
+        converged: whether every step was solved
+    """
+
+    shapes: list
+    calm: list
+    forces: np.ndarray
+    converged: bool
+
+
+def pushed(feed: Feed, grippers, u, dt, start: Shape, velocity, progress) -> Outside:
+    """Return what is Outside while the gripper goes through n Poses.
+
+    Args:
+        u: (n,) the plan's times that are reached there; dt: s between two instants
+        start: Shape of the DLO at the first one, at least as long as what is outside
+        velocity: (N + 1, 3) m/s of its nodes; None: the DLO is in equilibrium, at rest
+        progress: Progress
+    """
+    guide = Guide(grippers, dt, velocity is None)
+    shapes, calm, forces, k, now = [start], [start], [0.0], 0, None
+    while k < len(grippers) - 1:
+        count = _instants(feed, u[k:])
+        lifted = feed.lifted(u[k])
+        mesh = feed.outside(feed.depth(u[k]), lifted)
+        if now is None and velocity is None:
+            start = calm[-1] = shapes[-1] = _at_rest(feed, mesh, grippers[0], start)
+        stepper, begun = _begun(feed, mesh, _Later(guide, k), u[k:k + count + 1], start, velocity)
+        reached, solved = run(stepper, begun, count + 1, _TOLERANCE * mesh.s[-1], progress)
+        for j, now in enumerate(reached[1:], start=1):
+            place = feed.held(mesh, feed.depth(u[k + j]) - feed.depth(u[k]))
+            still, _ = equilibrium(mesh, now.shape.gripper, np.array(now.shape.element_strains),
+                                   far_end=FarEnd(place, 'sleeve'))
+            shapes.append(now.shape)
+            calm.append(still)
+            forces.append(np.linalg.norm(now.shape.far_wrench[:3] + lifted * feed.up))
+            solved = solved and still.converged
+        if not solved:
+            return Outside(shapes, calm, np.array(forces), False)
+        k += count
+        start, velocity = now.shape, np.array(now.nodes.velocity)
+        progress.check()
+    return Outside(shapes, calm, np.array(forces), True)
+
+
+@dataclass(frozen=True)
+class _Later:
+    """A Guide from a later instant on."""
+
+    guide: Guide
+    begin: int
+
+    def at(self, place):
+        return self.guide.at(self.begin + place)
+
+    def twist(self, place):
+        return self.guide.twist(self.begin + place)
+
+
+def _instants(feed, u):
+    """Return how many of the intervals between parameters u (n,) make the next piece, >= 1."""
+    depths, lifted = (np.array([of(one) for one in u[:_LONGEST + 1]])
+                      for of in (feed.depth, feed.lifted))
+    far = depths - depths[0] > _PIECE * feed.simulator.rod.length
+    far |= np.abs(lifted - lifted[0]) > _TAKEN_OVER * max(feed.borne.max(), 1e-300)
+    return max(int(np.argmax(far)) - 1, 1) if far.any() else len(depths) - 1
+
+
+def _at_rest(feed, mesh, gripper, start):
+    """Return the Shape in equilibrium at the mouth, next to `start`."""
+    strains = mesh.strains_from(start.s, start.element_strains)
+    return equilibrium(mesh, gripper, strains, far_end=FarEnd(feed.mouth, 'sleeve'))[0]
+
+
+def _begun(feed, mesh, guide, u, start, velocity):
+    """Return the Stepper of a piece, and the Instant at its beginning.
+
+    What is off the mouth, when the DLO comes into it, is guided there on the way of this piece.
+    """
+    cut, velocity = _cut(start, velocity, mesh.s[-1])
+    end = Pose.from_rotation(*cut.frame_at(float(cut.s[-1]))[::-1])
+    depths = np.array([feed.depth(one) for one in u])
+    shares = np.linspace(0, 1, len(u))
+    ends = [_aside(feed.held(mesh, way), feed.mouth, end, 1 - share**2 * (3 - 2 * share))
+            for way, share in zip(depths - depths[0], shares, strict=True)]
+    dt = guide.guide.dt
+    stepper = Stepper(mesh, Grips(guide, Guide(ends, dt, False), 'sleeve'), dt)
+    first = first_shape(mesh, guide.at(0), FarEnd(end, 'sleeve'), cut, None)
+    if velocity is not None:
+        velocity = np.column_stack([np.interp(mesh.s, cut.s, one) for one in velocity.T])
+    return stepper, stepper.begin(first, velocity)
+
+
+def _aside(pose, one, other, part):
+    """Return a Pose that is displaced by a part of what leads from `one` to `other`."""
+    turn = other.rotation @ one.rotation.T
+    there = Pose.from_rotation(pose.position + other.position - one.position, turn @ pose.rotation)
+    return between(pose, there, part)
+
+
+def _cut(shape, velocity, end):
+    """Return a Shape and the velocities (n, 3) of its nodes, or None, up to arc length `end`."""
+    end = float(min(end, shape.s[-1]))
+    kept = shape.s < end * (1 - 1e-12)
+    s = np.append(shape.s[kept], end)
+    rotation, position = shape.frame_at(end)
+    if velocity is not None:
+        velocity = np.column_stack([np.interp(s, shape.s, one) for one in velocity.T])
+    return replace(shape, s=s, positions=np.vstack([shape.positions[kept], position]),
+                   frames=np.concatenate([shape.frames[kept], rotation[None]]),
+                   element_strains=shape.element_strains[:len(s) - 1], contacts=(),
+                   _discretisation=None, _history=None, _before=None), velocity
+
+
+def _mass_beyond(rod, end):
+    """Return the mass in kg of what is beyond an arc length, m, with all that is fixed to it."""
+    if end >= rod.length:
+        return 0.0
+    rest = part_of_rod(rod, end, 1)
+    rest = replace(rest, point_masses=tuple((s, mass) for s, mass in rest.point_masses if s > 0))
+    s = with_breaks(np.linspace(0, rest.length, _ELEMENTS + 1), rest.breaks)
+    return float(node_masses(rest, s).sum())

@@ -1,0 +1,82 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a motion keeps its limits: bounds of its speeds, accelerations and jerks at all times."""
+
+import numpy as np
+
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.path import Leg
+from dlo_planner.plan.motion.time_law import TimeLaw
+
+_TIGHT = 5e-3    # by which part a bound may exceed the largest value that was found
+_ROUNDS = 40     # halvings of an interval of time, at most
+_PARTS = 8       # of the time between two knots, in which jerks are bounded
+
+
+def most_used(leg: Leg, law: TimeLaw, limits: Limits) -> float:
+    """Return an upper bound of the largest part of its limits that a motion uses at any time.
+
+    Speed and acceleration are computed at the ends of an interval of time, and their slopes within
+    it are bounded. The interval is halved until its bound is at most 0.5 % above the largest value
+    found. Jerks are bounded only. The shift of the law is left out.
+    """
+    most = limits.sizes
+    times = np.unique(np.concatenate([[0.0], law.arrivals(leg.knots[1:-1]), [law.duration]]))
+    a, b = times[:-1], times[1:]
+    largest = proved = _largest_jerk(leg, law, a, b, most[2])
+    for _ in range(_ROUNDS):
+        u, *rates = law.at(np.append(a, b))
+        used = _sizes(leg, u, rates) / most[:2]
+        largest = max(largest, used.max())
+        bound = (used.reshape(2, -1, 2, 2).mean(axis=0) + 0.5 * (b - a)[:, None, None] * _slopes(
+            leg, law, a, b) / most[:2]).max(axis=(1, 2))
+        wide = bound > (1 + _TIGHT) * largest
+        proved = max(proved, bound[~wide].max(initial=0.0))
+        if not wide.any():
+            return float(max(largest, proved))
+        a, b, middle = a[wide], b[wide], 0.5 * (a + b)[wide]
+        a, b = np.append(a, middle), np.append(middle, b)
+    return float(max(proved, bound.max()))
+
+
+def _largest_jerk(leg, law, a, b, most):
+    """Return a bound of the largest jerk as a part of the limits `most` (2,)."""
+    shares = np.linspace(0, 1, _PARTS + 1)
+    edges = a[:, None] + (b - a)[:, None] * shares
+    return (_jerks(leg, law, edges[:, :-1].ravel(), edges[:, 1:].ravel()) / most).max()
+
+
+def _sizes(leg, u, rates):
+    """Return (n, 2, 2): speed and acceleration, each linear and angular."""
+    _, _, first, second = leg.at(u)
+    rate, change = rates[0][:, None], rates[1][:, None]
+    both = np.stack([rate * first, change * first + rate**2 * second], axis=1)
+    return np.linalg.norm(both.reshape(len(u), 2, 2, 3), axis=3)
+
+
+def _most(leg, law, a, b):
+    """Return bounds between times a and b: (n, 2, 3) of the leg's derivatives, (n,) of u' to u'''.
+
+    The leg's are linear and angular, first to third.
+    """
+    (before, *one), (after, *other) = law.at(a), law.at(b)
+    change, jerk = law.bounds
+    half = 0.5 * (b - a)
+    return (leg.bounds(before, after), np.maximum(one[0], other[0]) + half * change,
+            np.maximum(np.abs(one[1]), np.abs(other[1])) + half * jerk, jerk)
+
+
+def _slopes(leg, law, a, b):
+    """Return (n, 2, 2): bounds of the slopes of `_sizes` between times a and b."""
+    bounds, rate, change, _ = _most(leg, law, a, b)
+    first, second = np.moveaxis(bounds, 2, 0)[:2]
+    return np.stack([change[:, None] * first + rate[:, None] ** 2 * second,
+                     _jerks(leg, law, a, b)], axis=1)
+
+
+def _jerks(leg, law, a, b):
+    """Return (n, 2): bounds of the linear and angular jerk between times a and b."""
+    bounds, rate, change, jerk = _most(leg, law, a, b)
+    first, second, third = np.moveaxis(bounds, 2, 0)
+    rate, change = rate[:, None], change[:, None]
+    return jerk * first + 3 * rate * change * second + rate**3 * third

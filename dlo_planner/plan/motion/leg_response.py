@@ -1,0 +1,235 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How a DLO answers when its gripper goes along a leg: its vibrations, excited by the time law.
+
+While the gripper is at the parameter u the DLO would hang in the equilibrium X(u). Its deviation
+from it is a sum of modes, displacement_i(u) y_i(t), with
+
+    y_i'' + 2 zeta_i w_i y_i' + w_i^2 y_i = -(slope_i(u) u'' + bend_i(u) u'^2),
+
+slope_i and bend_i the products, weighted by mass, of the mode with dX/du and d^2X/du^2. Along the
+way frequencies and modes change; where two come near to each other they turn into one another, so
+the coordinates turn with them. A time law is judged with it in milliseconds; what it promises is
+verified by `DirectSimulator.simulate`.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from dlo_planner.direct.mode_tracking import modes_along
+from dlo_planner.energy.loads import node_masses
+from dlo_planner.plan.motion.fastest import Bearing
+from dlo_planner.plan.motion.oscillators import vibrated
+from dlo_planner.model.pose import Pose
+
+_PLACES = 17      # on a leg, at least, where modes are known
+_MODES = 5
+_SLOWEST, _CHANGE, _HALVINGS = 2, 0.06, 5  # modes; part by which they change between places
+_PER_PERIOD = 60  # instants in the slowest period: steps are exact, faster modes follow slowly
+_FEWEST, _MOST = 200, 20_000  # instants
+
+
+@dataclass(frozen=True)
+class Response:
+    """What is known of a DLO at n parameters of a leg; m modes, N + 1 nodes.
+
+    Attributes:
+        parameters: (n,)
+        shapes: n Shape
+        rates: (n, m) angular frequencies, 1/s; damping: (n, m) ratios
+        displacements: (n, m, N + 1, 3) m, of generalized mass 1 kg
+        slopes, bends: (n, m), see above
+        pulls: (n, m, 3) the same products with a shift of the gripper, of the DLO as it is
+        masses: (N + 1,) of the nodes, kg
+        turning: (n - 1, m, m) skew: how fast the modes turn into one another between parameters
+    """
+
+    parameters: np.ndarray
+    shapes: tuple
+    rates: np.ndarray
+    damping: np.ndarray
+    displacements: np.ndarray
+    slopes: np.ndarray
+    bends: np.ndarray
+    pulls: np.ndarray
+    masses: np.ndarray
+    turning: np.ndarray
+
+    @classmethod
+    def of(cls, simulator, leg, first, parameters=None):
+        """Return the Response on a Leg that begins in the Shape `first`.
+
+        Args:
+            simulator: DirectSimulator
+            parameters: (n,) where the modes are looked at; None: closer where they change fast
+
+        Raises:
+            InvalidTask: a shape on the way has no modes
+        """
+        u, shapes, modes = (_places(simulator, leg, first) if parameters is None else
+                            (parameters, *_known(simulator, leg, first, parameters)))
+        s = shapes[0].s
+        positions = CubicSpline(u, np.array([_on(shape, s) for shape in shapes]))
+        masses = node_masses(simulator.rod, s)
+        displacements = np.array([_spread(one, s) for one in modes])
+        slopes, bends = (np.einsum('k,umki,uki->um', masses, displacements, positions(u, order))
+                         for order in (1, 2))
+        return cls(u, tuple(shapes), 2 * np.pi * np.array([one.frequencies for one in modes]),
+                   np.array([one.damping_ratios for one in modes]), displacements, slopes, bends,
+                   np.einsum('k,umki->umi', masses, displacements), masses,
+                   _turning(masses, displacements) / np.diff(u)[:, None, None])
+
+    @property
+    def sizes(self):
+        """(n, m) largest displacement of a node by a mode, m."""
+        return np.linalg.norm(self.displacements, axis=3).max(axis=2)
+
+    def bearing(self, deviation, sizes):
+        """Return the Bearing that keeps the slowly built-up deviation of each mode below, m.
+
+        Args:
+            sizes: (n, m) of the displacements that count, m
+        """
+        stiff = sizes / self.rates**2
+        return Bearing(self.parameters, self.slopes * stiff, self.bends * stiff,
+                       np.full(self.slopes.shape, deviation))
+
+    def faster(self, factor):
+        """Return the Response with all frequencies times a factor."""
+        return replace(self, rates=factor * self.rates)
+
+    def oscillators(self, law):
+        """Return times (t + 1,), parameters (t + 1,), rates and damping (t, m), turns (t, m, m).
+
+        The last three are those of `vibrated`.
+
+        Args:
+            law: TimeLaw
+        """
+        periods = law.duration * self.rates.min() / (2 * np.pi)
+        count = int(np.clip(periods * _PER_PERIOD, _FEWEST, _MOST))
+        times = np.linspace(0, law.duration, count + 1)
+        u, middle = (law.at(at)[0] for at in (times, 0.5 * (times[1:] + times[:-1])))
+        place = np.clip(np.searchsorted(self.parameters, middle) - 1, 0, len(self.turning) - 1)
+        half = 0.5 * np.diff(u)[:, None, None] * self.turning[place]
+        one = np.eye(half.shape[1])
+        return (times, u, self.between(self.rates, middle),
+                self.between(self.damping, middle), np.linalg.solve(one + half, one - half))
+
+    def excited(self, law, begin):
+        """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
+
+        Args:
+            law: TimeLaw, with its shift
+            begin: (2, m) y and y'/w at its beginning
+        """
+        times, u, *oscillators = self.oscillators(law)
+        middle = 0.5 * (times[1:] + times[:-1])
+        places, rate, change, _ = law.at(middle)
+        force = -(self.between(self.slopes, places) * change[:, None]
+                  + self.between(self.bends, places) * (rate**2)[:, None])
+        if law.shift is not None:
+            force -= np.einsum('tmi,ti->tm', self.between(self.pulls, places),
+                               law.shift.at(middle, 2))
+        return times, u, vibrated(times[1], *oscillators, force[None], begin[:, None])[:, 0]
+
+    @property
+    def rest(self):
+        """(2, m) y and y'/w of a DLO that does not vibrate."""
+        return np.zeros((2, self.rates.shape[1]))
+
+    def taken_over(self, before, end):
+        """Return (2, m) y and y'/w at the beginning of a DLO that moves as at the end of a leg.
+
+        Args:
+            before: Response on the leg before, with k modes; end: (2, k) y and y'/w at its end
+        """
+        moved = end * np.stack([np.ones(len(before.rates[-1])), before.rates[-1]])
+        here = moved @ np.einsum('k,ski,mki->sm', self.masses, before.displacements[-1],
+                                 self.displacements[0])
+        return here / np.stack([np.ones(len(self.rates[0])), self.rates[0]])
+
+    def waited(self, end, seconds):
+        """Return (2, m) y and y'/w, `end` at the end of the leg, of a DLO after some seconds."""
+        one = np.eye(end.shape[1])[None]
+        return vibrated(seconds, self.rates[-1:], self.damping[-1:], one,
+                        np.zeros((1, 1, end.shape[1])), end[:, None])[:, 0, 1]
+
+    def between(self, known, u):
+        """Return what is `known` (n, ...) at the parameters, at others u (t,)."""
+        n = self.parameters
+        after = np.clip(np.searchsorted(n, u), 1, n.size - 1)
+        share = np.clip((u - n[after - 1]) / (n[after] - n[after - 1]), 0, 1)
+        share = share.reshape(-1, *np.ones(known.ndim - 1, dtype=int))
+        return (1 - share) * known[after - 1] + share * known[after]
+
+    def sideways(self, s):
+        """Return the displacements at arc lengths s (n,), m: (n, m, 3) across the DLO there.
+
+        And the tangents there (n, 3), and the displacements along them (n, m).
+        """
+        across, ahead = np.empty((*self.slopes.shape, 3)), np.empty(self.slopes.shape)
+        tangents = np.array([shape.frame_at(float(one))[0][:, 0]
+                             for shape, one in zip(self.shapes, s, strict=True)])
+        nodes = self.shapes[0].s
+        for k, along in enumerate(tangents):
+            moved = np.array([[np.interp(s[k], nodes, column) for column in one.T]
+                              for one in self.displacements[k]])
+            ahead[k] = moved @ along
+            across[k] = moved - ahead[k][:, None] * along
+        return across, tangents, ahead
+
+
+def _places(simulator, leg, first):
+    """Return parameters (n,), n Shapes and n Modes on a leg, denser where frequencies change fast.
+
+    There, as near the loss of stability, all else changes fast, too.
+    """
+    parts = max(1, -(-(_PLACES - 1) // (leg.knots.size - 1)))
+    u = np.append(leg.pieces(parts)[0], leg.knots[-1])
+    for left in reversed(range(_HALVINGS)):
+        shapes, modes = _known(simulator, leg, first, u)
+        rates = np.array([one.frequencies[:_SLOWEST] for one in modes])
+        change = np.abs(np.diff(rates, axis=0))
+        far = (change > _CHANGE * np.maximum(rates[1:], rates[:-1])).any(axis=1)
+        if not (left and far.any()):
+            return u, shapes, modes
+        u = np.sort(np.append(u, 0.5 * (u[:-1] + u[1:])[far]))
+
+
+def _known(simulator, leg, first, u):
+    """Return n Shapes and n Modes on a leg at the parameters u (n,)."""
+    poses = [Pose.from_rotation(*pose) for pose in zip(*leg.poses(u), strict=True)]
+    shapes = simulator.track(poses, initial=first)
+    return shapes, modes_along(shapes, _MODES)
+
+
+def _on(shape, s):
+    """Return (N + 1, 3) the positions of a Shape at arc lengths s (N + 1,)."""
+    if np.array_equal(shape.s, s):
+        return shape.positions
+    return np.array([shape.at(float(one)).position for one in s])
+
+
+def _spread(modes, s):
+    """Return the displacements of Modes at arc lengths s."""
+    if np.array_equal(modes.s, s):
+        return modes.displacements
+    flat = np.moveaxis(modes.displacements, 2, 1).reshape(-1, modes.s.size)
+    at = np.array([np.interp(s, modes.s, one) for one in flat])
+    return np.moveaxis(at.reshape(len(modes), 3, s.size), 1, 2)
+
+
+def _turning(masses, displacements):
+    """Return (n - 1, m, m) skew matrices: by how much modes turn from one place to the next.
+
+    Products of the modes here with what those there differ from them by, weighted by mass.
+    """
+    products = np.einsum('k,umki,uvki->umv', masses, displacements[:-1], displacements[1:])
+    left, _, right = np.linalg.svd(products)
+    turn = left @ right  # the rotation nearest to it; (1 + A/2)^-1 (1 - A/2) of the skew A wanted
+    one = np.eye(turn.shape[1])
+    skew = 2 * np.linalg.solve(one + np.swapaxes(turn, 1, 2), one - np.swapaxes(turn, 1, 2))
+    return 0.5 * (skew - np.swapaxes(skew, 1, 2))

@@ -1,0 +1,94 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The legs of a motion with what is known of the DLO on each: as it is given, and otherwise stiff.
+
+A wrong stiffness changes more than frequencies: the DLO hangs otherwise, and the same way of the
+gripper excites its vibrations otherwise. So its modes are looked at as well.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import InvalidTask
+from dlo_planner.plan.motion.calm import LegTask
+from dlo_planner.plan.motion.leg_response import Response
+from dlo_planner.plan.passing import held_after, holes_passed
+from dlo_planner.model.along import scaled
+
+_ELEMENTS = 32   # of the DLO whose modes are looked at
+_WRONG = (0.9, 1.1)  # factors of the stiffness with which a DLO is calm, too
+
+
+def leg_tasks(simulator, plan, path, limits, first, check):
+    """Return a LegTask for each leg of a path; None for a dwell, or where modes are not known.
+
+    Args:
+        simulator: DirectSimulator; plan: Plan; path: GripperPath; limits: Limits
+        first: Shape at the beginning, at rest
+        check: called before each leg; it may raise
+    """
+    quick, bore = _quick(simulator), held_after(plan)
+    wrong, shape, tasks = [_Wrong(quick, factor) for factor in _WRONG], None, []
+    for leg in path.legs:
+        check()
+        # what a bore holds vibrates quickly outside, and little
+        if leg.still or bore is not None and leg.knots[-1] > plan.times[bore]:
+            tasks.append(None)
+            continue
+        try:
+            shape = shape or quick.solve(first.gripper, first)
+            response = Response.of(quick, leg, shape)
+        except InvalidTask:  # a shape without modes: neutral, or in contact with friction
+            return [None] * len(path.legs)
+        shape = response.shapes[-1]
+        tasks.append(LegTask(leg, response, limits, holes_passed(plan, response.parameters),
+                             leg is path.legs[-1],
+                             tuple(one.on(response, leg) for one in wrong)))
+    return tasks
+
+
+@dataclass
+class _Wrong:
+    """A DLO whose stiffness is wrong, leg by leg.
+
+    Args:
+        quick: DirectSimulator of the DLO as it is given; factor: of its stiffness
+    """
+
+    quick: DirectSimulator
+    factor: float
+
+    def __post_init__(self):
+        rod = self.quick.rod
+        self._simulator = self.quick.with_rod(replace(
+            rod, bending_stiffness=scaled(rod.bending_stiffness, self.factor),
+            torsional_stiffness=scaled(rod.torsional_stiffness, self.factor)))
+        self._shape = None
+
+    def on(self, response, leg):
+        """Return the Response on a leg, where that of the DLO as it is given is `response`.
+
+        Where such a DLO falls or has no modes, the same with other frequencies.
+        """
+        begin = response.shapes[0]
+        try:
+            if self._shape is None:
+                self._shape = self._simulator.solve(begin.gripper, begin)
+            found = Response.of(self._simulator, leg, self._shape, response.parameters)
+            if all(shape.converged and not shape.jumped for shape in found.shapes):
+                self._shape = found.shapes[-1]
+                return found
+        except InvalidTask:
+            pass
+        self._shape = None
+        return response.faster(np.sqrt(self.factor))
+
+
+def _quick(simulator):
+    """Return a DirectSimulator of the same DLO on a fixed, coarse mesh, for its modes."""
+    around = simulator.surroundings
+    return DirectSimulator(around.rod, n_elements=_ELEMENTS, basis='local', gravity=around.gravity,
+                           load=around.load, point_loads=around.point_loads,
+                           obstacles=around.obstacles)

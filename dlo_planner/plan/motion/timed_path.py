@@ -1,0 +1,137 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A plan as a smooth motion in time: its path, and a time law for each leg of the path."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlo_planner.plan.motion.fastest import fastest_rates
+from dlo_planner.plan.motion.kept_limits import most_used
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.path import GripperPath, Leg
+from dlo_planner.plan.motion.time_law import TimeLaw
+from dlo_planner.model.checks import row
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value, brief, put
+
+_SHORTEST = 0.01  # of a leg's duration: the least width of a window that only bounds the jerk
+_ROUNDS = 30      # of slowing down
+_MOST = 100_000   # times in one call
+
+
+class TimedPath(Value):
+    """The gripper's motion in time, from rest to rest, with continuous acceleration.
+
+    Args:
+        path: GripperPath
+        laws: TimeLaw of each of its legs; None for a dwell, which takes as long as in the plan
+        limits: Limits that the motion keeps
+
+    Attributes:
+        duration: s
+        starts: (k + 1,) times at which the k legs begin, s, and the duration
+    """
+
+    PARTS = ('path', 'laws', 'limits')
+    REMEMBERED = ('starts', 'duration')
+
+    def __init__(self, path: GripperPath, laws: tuple[TimeLaw | None, ...], limits: Limits):
+        spans = [np.ptp(leg.knots) if law is None else law.duration
+                 for leg, law in zip(path.legs, laws, strict=True)]
+        starts = np.append(0.0, np.cumsum(spans))
+        put(self, path=path, laws=tuple(laws), limits=limits, starts=starts,
+            duration=float(starts[-1]))
+
+    def __repr__(self):
+        return brief(self, f'{self.duration:.4g} s', f'{len(self.path.legs)} legs')
+
+    def at(self, times: ArrayLike) -> tuple[list[Pose], np.ndarray, np.ndarray]:
+        """Return Poses (list), velocities (n, 6) and accelerations (n, 6) at `times` (n,) s.
+
+        Linear before angular, m/s, rad/s, m/s^2, rad/s^2, all in world axes: the angular ones are
+        of the rotation that takes world coordinates, velocity = skew part of dR/dt R^T, and its
+        derivative. At rest outside [0, duration].
+
+        Raises:
+            InvalidTask: a time is no finite number
+        """
+        which, since = self._split(times)
+        poses, speeds, accelerations = [None] * since.size, *np.zeros((2, since.size, 6))
+        for k in np.unique(which):
+            here, leg = np.flatnonzero(which == k), self.path.legs[k]
+            done, rate, change, _ = self._progress(k, since[here])[:, :, None]
+            position, turns, first, second = leg.at(done[:, 0])
+            speeds[here], accelerations[here] = rate * first, change * first + rate**2 * second
+            shift = None if self.laws[k] is None else self.laws[k].shift
+            if shift is not None:
+                position = position + shift.at(since[here])
+                speeds[here, :3] += shift.at(since[here], 1)
+                accelerations[here, :3] += shift.at(since[here], 2)
+            for index, *pose in zip(here, position, turns, strict=True):
+                poses[index] = Pose.from_rotation(*pose)
+        return poses, speeds, accelerations
+
+    def progress(self, times: ArrayLike) -> np.ndarray:
+        """Return (n,) how far along the plan the gripper is at `times` (n,) s, as in `Plan.times`.
+
+        Raises:
+            InvalidTask: a time is no finite number
+        """
+        which, since = self._split(times)
+        done = np.empty(since.size)
+        for k in np.unique(which):
+            done[which == k] = self._progress(k, since[which == k])[0]
+        return done
+
+    def _progress(self, k, since):
+        law, leg = self.laws[k], self.path.legs[k]
+        if law is not None:
+            return law.at(since)
+        done = np.minimum(leg.knots[0] + since, leg.knots[-1])
+        return np.stack([done, *np.zeros((3, since.size))])
+
+    def _split(self, times):
+        """Return indices of legs (n,) and the times (n,) since their beginnings."""
+        times = np.clip(row('times', times, most=_MOST), 0, self.duration)
+        which = np.minimum(np.searchsorted(self.starts[1:], times), len(self.laws) - 1)
+        return which, times - self.starts[which]
+
+
+def fastest_law(leg: Leg, limits: Limits) -> TimeLaw | None:
+    """Return the fastest law of a Leg within limits, whatever the DLO does; None for a dwell.
+
+    The largest rates within the limits, smoothed by a window as wide as the limits of jerk need.
+
+    Raises:
+        InvalidTask: no rates were found
+    """
+    if leg.still:
+        return None
+    return smoothed(leg, limits, *fastest_rates(leg, limits), np.zeros(0))
+
+
+def smoothed(leg: Leg, limits: Limits, parameters: np.ndarray, rates: np.ndarray,
+             windows: np.ndarray) -> TimeLaw:
+    """Return a TimeLaw slowed down evenly until it keeps the limits.
+
+    Args:
+        leg: Leg; limits: Limits
+        parameters, rates: (m,) from `fastest_rates`
+        windows: (k,) widths of moving averages, s; with k = 0 one is chosen that bounds the jerk
+    """
+    law = TimeLaw(parameters, rates, windows) if len(windows) else _within_jerk(
+        leg, limits, parameters, rates)
+    for _ in range(_ROUNDS):
+        used = most_used(leg, law, limits)
+        if used <= 1:
+            break
+        law = law.slower(used)
+    return law
+
+
+def _within_jerk(leg, limits, parameters, rates):
+    """Return the TimeLaw with one window, about as wide as the limits of jerk need."""
+    plain = TimeLaw(parameters, rates, [1e-3])
+    first = np.array([np.linalg.norm(leg.at(parameters)[2].reshape(-1, 2, 3), axis=2).max(axis=0)])
+    most = (np.abs(np.diff(rates)) / plain.steps).max() * first / limits.sizes[2]
+    return TimeLaw(parameters, rates, [max(2 * most.max(), _SHORTEST * plain.duration)])

@@ -1,0 +1,268 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The way of the gripper, apart from when it is where: splines through the poses of a plan.
+
+The parameter u of the path is the plan's own time. How fast the path is gone through is up to a
+time law (`plan.motion.trajectory`); what is checked of a plan (`plan.between`) is this path.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.plan.passing import held_after
+from dlo_planner.model.checks import array
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value, put
+
+_CORNER = 0.5     # cosine between directions: a sharper turn is a corner
+_SAME = 1e-9      # rad, and of the length: nearer poses are one
+_WAITING = 1e-6   # of the plan's time: as long in one pose is a dwell
+
+
+@dataclass(frozen=True, eq=False)
+class Leg(Value):
+    """A way without corners, or a dwell: twice continuously differentiable within.
+
+    SciPy's cubic spline of the positions and its rotation spline.
+
+    Attributes:
+        knots: (m,) parameters of the poses, increasing, m >= 2
+        positions: (m, 3) m
+        rotations: (m, 3, 3)
+    """
+
+    knots: np.ndarray
+    positions: np.ndarray
+    rotations: np.ndarray
+    _position: CubicSpline = field(init=False, repr=False, compare=False)
+    _turn: RotationSpline = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self):
+        since = self.knots - self.knots[0]
+        put(self, _position=CubicSpline(since, self.positions),
+            _turn=RotationSpline(since, Rotation.from_matrix(self.rotations)))
+        super().__post_init__()
+
+    @property
+    def still(self) -> bool:
+        """Whether it is a dwell."""
+        return bool((self.positions == self.positions[0]).all()
+                    and (self.rotations == self.rotations[0]).all())
+
+    def poses(self, u):
+        """Return positions (n, 3) and rotations (n, 3, 3) at parameters `u` (n,)."""
+        since = np.clip(u, *self.knots[[0, -1]]) - self.knots[0]
+        return self._position(since), self._turn(since).as_matrix()
+
+    def at(self, u):
+        """Return positions (n, 3), rotations (n, 3, 3), first and second derivatives (n, 6).
+
+        Args:
+            u: (n,) parameters
+
+        Derivatives are by u; the linear ones before the angular ones, world axes: of what turns
+        the gripper, not of coordinates of its rotation.
+        """
+        positions, rotations = self.poses(u)
+        since = np.clip(u, *self.knots[[0, -1]]) - self.knots[0]
+        derivatives = []
+        for order in (1, 2):
+            # the rotation spline's own are in the gripper's axes; turned as they are, because the
+            # turning of those axes adds the cross product of the rate with itself
+            turning = np.einsum('nij,nj->ni', rotations, self._turn(since, order))
+            derivatives.append(np.hstack([self._position(since, order), turning]))
+        return positions, rotations, *derivatives
+
+    def control_points(self, a, b):
+        """Return (n, 4, 3) m: the way of the origin from a to b is in the convex hull of the four.
+
+        Args:
+            a, b: (n,) parameters; no knot lies between the two
+
+        They are those of a Bezier curve, so their polygon is no shorter than the way.
+        """
+        from_a, from_b, middle = a - self.knots[0], b - self.knots[0], self._middle(a, b)
+        third = (b - a)[:, None] / 3
+        c = self._position.c[:, middle]
+        slopes = [(3 * c[0] * x + 2 * c[1]) * x + c[2]
+                  for x in ((t - self._position.x[middle])[:, None] for t in (from_a, from_b))]
+        first, last = self._position(from_a), self._position(from_b)
+        return np.stack([first, first + third * slopes[0], last - third * slopes[1], last], axis=1)
+
+    def bounds(self, a, b):
+        """Return (n, 2, 3) bounds of derivatives by u between parameters a and b.
+
+        Args:
+            a, b: (n,) parameters; no knot lies between the two
+
+        [:, 0]: of the sizes of the position's first to third derivative. [:, 1]: of the angular
+        rate and of its first two derivatives. Polynomials are bounded by their control points. The
+        rate is J phi' of the rotation vector phi since the last knot, a cubic polynomial, and
+        J = integral of exp(-s phi) over s = 0...1: |J| <= 1, |J'| <= |phi'| / 2,
+        |J''| <= |phi''| / 2 + |phi'|^2 / 3.
+        """
+        middle = self._middle(a, b)
+        place, turn = (_polynomial_bounds(spline.c[:, middle], a - self.knots[0] - spline.x[middle],
+                                          b - self.knots[0] - spline.x[middle])
+                       for spline in (self._position, self._turn.interpolator))
+        first, second, third = turn.T
+        return np.stack([place, np.stack([
+            first, second + 0.5 * first**2, third + 1.5 * first * second + first**3 / 3], axis=1)],
+            axis=1)
+
+    def pieces(self, least=1):
+        """Return parameters a, b (n,) of the pieces between knots, each cut in `least` parts."""
+        edges = np.concatenate([np.linspace(one, other, least, endpoint=False) for one, other in
+                                zip(self.knots, self.knots[1:], strict=False)] + [self.knots[-1:]])
+        return edges[:-1], edges[1:]
+
+    def _middle(self, a, b):
+        """Return the indices (n,) of the pieces between knots in which [a, b] lie."""
+        index = np.searchsorted(self.knots, 0.5 * (a + b), side='right') - 1
+        return np.clip(index, 0, self.knots.size - 2)
+
+
+def _polynomial_bounds(c, a, b):
+    """Return (n, 3) bounds of the sizes of a cubic's first to third derivatives within [a, b].
+
+    Args:
+        c: (4, n, 3) coefficients, highest power first; a, b: (n,)
+    """
+    a, b = a[:, None], b[:, None]
+    slopes = [(3 * c[0] * x + 2 * c[1]) * x + c[2] for x in (a, b)]
+    bends = [6 * c[0] * x + 2 * c[1] for x in (a, b)]
+    between = slopes[0] + 0.5 * (b - a) * bends[0]  # the control point in the middle
+    return np.stack([np.max([np.linalg.norm(v, axis=1) for v in vectors], axis=0)
+                     for vectors in ((*slopes, between), bends, (6 * c[0],))], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class GripperPath(Value):
+    """The whole way: legs from stop to stop, one after the other.
+
+    Attributes:
+        times: (n,) the parameters of the waypoints it was made of
+        legs: Legs; each begins with the pose and the parameter with which the one before ends
+    """
+
+    times: np.ndarray
+    legs: tuple[Leg, ...]
+
+    @classmethod
+    def of(cls, plan):
+        """Return the path through the poses of a Plan, in its order.
+
+        The gripper stops at corners and where a bore takes the DLO; where a pose comes again later
+        it stays.
+
+        Raises:
+            InvalidTask: naming the argument: less than two poses, or no time between two
+        """
+        if len(plan) < 2:
+            raise InvalidTask(f'plan has {len(plan)} poses: expected two or more')
+        bore = held_after(plan)
+        stops = plan.stops if bore is None else (*plan.stops, bore)
+        return cls.through(plan.grippers, plan.times, max(shape.s[-1] for shape in plan.shapes),
+                           stops)
+
+    @classmethod
+    def through(cls, grippers, times, length, stops=()):
+        """Return the path through n Poses at parameters `times` (n,).
+
+        Args:
+            length: of the DLO, m: what a turn of the gripper by 1 rad counts as
+            stops: indices of poses at which the gripper stops as at a corner
+        """
+        times = array('plan.times', times, (len(grippers),))
+        if (np.diff(times) < 0).any():
+            k = int(np.argmax(np.diff(times) < 0)) + 1
+            raise InvalidTask(f'plan.times[{k}] = {times[k]:g}: expected not less than the '
+                              f'{times[k - 1]:g} s before')
+        if not times[-1] > times[0]:
+            raise InvalidTask(f'plan.times end at {times[-1]:g} s as they begin: expected poses at '
+                              'different times')
+        apart = np.linalg.norm(_ways(grippers, length), axis=1)
+        legs, knots = [], [0]
+        for k, way in enumerate(apart, start=1):
+            span = times[k] - times[k - 1]
+            if way > _SAME * length:
+                if not span > 0:
+                    raise InvalidTask(f'plan.times[{k}] = {times[k]:g}: expected more than the '
+                                      f'{times[k - 1]:g} s of the pose before, which is another')
+                knots.append(k)
+            elif span > _WAITING * (times[-1] - times[0]):
+                legs += _between_corners(knots, grippers, times, length, stops)
+                legs.append(_leg(times[[knots[-1], k]], [grippers[knots[-1]]] * 2))
+                knots = [k]
+        return cls(times, tuple(legs + _between_corners(knots, grippers, times, length, stops)))
+
+    def at(self, u):
+        """Return the Poses' positions (n, 3) and rotations (n, 3, 3) at parameters `u` (n,)."""
+        u = np.atleast_1d(np.asarray(u, dtype=float))
+        which = np.clip(np.searchsorted([leg.knots[0] for leg in self.legs], u, side='right') - 1,
+                        0, len(self.legs) - 1)
+        positions, rotations = np.empty((u.size, 3)), np.empty((u.size, 3, 3))
+        for k in np.unique(which):
+            here = which == k
+            positions[here], rotations[here] = self.legs[k].poses(u[here])
+        return positions, rotations
+
+    def goal(self, u) -> int:
+        """Return the index of the waypoint to which the gripper is going at the parameter u."""
+        return int(np.clip(np.searchsorted(self.times, u, side='left'), 1, self.times.size - 1))
+
+
+def pose_at_arc_length(plan, known, s):
+    """Return the Pose on a Plan's path at which the arc length `s`, m, first passes a cut-out.
+
+    Args:
+        known: (n,) arc lengths that pass it at the waypoints, m, nan where none does
+
+    Raises:
+        InvalidTask: it does not pass between the waypoints
+    """
+    between = np.flatnonzero((known[1:] - s) * (known[:-1] - s) <= 0)
+    if not between.size:
+        passing = known[np.isfinite(known)]
+        raise InvalidTask(f's = {s:g}: expected an arc length that passes a cut-out, ' + (
+            f'{passing.min():g} to {passing.max():g} m' if passing.size > 1 else 'none does'))
+    one, other = between[0], between[0] + 1
+    step = known[other] - known[one]
+    share = (s - known[one]) / step if step else 0.0
+    u = plan.times[one] + share * (plan.times[other] - plan.times[one])
+    position, rotation = GripperPath.of(plan).at(u)
+    return Pose.from_rotation(position[0], rotation[0])
+
+
+def _ways(grippers, length):
+    """Return (n - 1, 6) the ways between n Poses in m, a turn of 1 rad counted as `length`."""
+    positions = np.array([gripper.position for gripper in grippers])
+    turns = Rotation.from_matrix([gripper.rotation for gripper in grippers])
+    return np.hstack([np.diff(positions, axis=0),
+                      length * (turns[1:] * turns[:-1].inv()).as_rotvec()])
+
+
+def _between_corners(knots, grippers, times, length, stopped):
+    """Return the Legs through those of n Poses with the indices `knots`, which all differ.
+
+    Args:
+        stopped: indices of poses at which the gripper stops
+    """
+    if len(knots) < 2:
+        return []
+    stopped = [index for index, k in enumerate(knots) if k in stopped and index > 0]
+    grippers, times = [grippers[k] for k in knots], times[knots]
+    ways = _ways(grippers, length)
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    corners = np.flatnonzero((ways[1:] * ways[:-1]).sum(axis=1) < _CORNER) + 1
+    stops = np.unique([0, *corners, *stopped, len(knots) - 1])
+    return [_leg(times[a:b + 1], grippers[a:b + 1]) for a, b in zip(stops, stops[1:], strict=False)]
+
+
+def _leg(times, grippers):
+    return Leg(np.array(times), np.array([gripper.position for gripper in grippers]),
+               np.array([gripper.rotation for gripper in grippers]))

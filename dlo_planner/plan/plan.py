@@ -1,0 +1,348 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The answer of the inverse simulation: gripper poses, the shapes they make, and their proof."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from enum import Enum
+from os import PathLike
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.storage import load, save
+from dlo_planner.errors import InvalidTask
+from dlo_planner.plan.clearance import room_in
+from dlo_planner.plan.passing import arc_lengths_at, first_centre
+from dlo_planner.plan.path import pose_at_arc_length
+from dlo_planner.plan.plan_storage import plan_arrays, plan_contents
+from dlo_planner.plan.timing import times_at_speed
+from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import brief, put
+from dlo_planner.pictured import Filmed
+
+_FREE = (np.inf,) * 3
+_SAME = 1e-6      # of the length, or of unit vectors: poses that are nearer are one
+_STRAIGHT = np.cos(np.deg2rad(5))
+
+
+class PlanStatus(Enum):
+    """How much of the task a plan covers."""
+
+    COMPLETE = 'complete'
+    PARTIAL = 'partial'  # only ever as the evidence inside `Infeasible`
+
+    @classmethod
+    def _missing_(cls, value):
+        choice('PlanStatus', value, [one.value for one in cls])
+
+
+class PlanPoint(NamedTuple):
+    """One waypoint of a Plan: what `Plan` says of it under the same names, in the singular."""
+
+    time: float
+    depth: float
+    gripper: Pose
+    shape: Shape
+    miss: float
+    misalignment: float
+    clearance: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan(Filmed):
+    """A sequence of gripper poses; n waypoints.
+
+    Attributes:
+        depths: (n,) arc length that has gone through the cut-out, m
+        grippers: n Pose
+        shapes: n Shape, the DLO at each waypoint
+        misalignment: (n,) angle between DLO and normal at the cut-out, rad; of a contact against
+            the direction that was asked for
+        miss: (n,) distance of the DLO from the cut-out's centre, or that place, m
+        times: (n,) seconds from the first waypoint, see `timing`
+        passes: n tuples of (centre (3,), s, normal (3,) or None): which arc length should be where
+        clearances: (n, k, 3) distances in m between the DLO's surface and the sheets around the k
+            cut-outs of the task: at the rim (by so much the cut-out may be displaced), of what is
+            before the sheet, of what is behind it; infinite where a cut-out has no size
+        sheets: (Sheet, normal (3,)) around each cut-out that has a size
+        fraction: part of the requested waypoints that is reached, 1 for a complete plan
+        status: PlanStatus
+        stops: indices of waypoints at which the gripper stops, besides sharp corners and dwells
+    """
+
+    depths: np.ndarray
+    grippers: tuple[Pose, ...]
+    shapes: tuple[Shape, ...]
+    misalignment: np.ndarray
+    miss: np.ndarray
+    times: np.ndarray
+    passes: tuple[tuple, ...]
+    clearances: np.ndarray
+    sheets: tuple
+    fraction: float
+    status: PlanStatus
+    stops: tuple[int, ...] = ()
+
+    def __post_init__(self):
+        grippers = items('Plan.grippers', self.grippers, Pose)
+        n = len(grippers)
+        for name in _PER_WAYPOINT:
+            if len(items(f'Plan.{name}', getattr(self, name), object)) != n:
+                raise InvalidTask(f'Plan.{name} = {shown(getattr(self, name))}: expected one entry '
+                                  f'per gripper pose, {n}')
+        put(self, grippers=grippers, shapes=items('Plan.shapes', self.shapes, Shape),
+            passes=tuple(items('Plan.passes', one, tuple)
+                         for one in items('Plan.passes', self.passes, Iterable)),
+            clearances=results('Plan.clearances', self.clearances, (n, None, 3)),
+            sheets=items('Plan.sheets', self.sheets, tuple),
+            fraction=number('Plan.fraction', self.fraction, minimum=0, maximum=1),
+            status=instance('Plan.status', self.status, PlanStatus),
+            stops=tuple(integer('Plan.stops', stop, minimum=0, maximum=max(n - 1, 0))
+                        for stop in items('Plan.stops', self.stops, object)),
+            **{name: results(f'Plan.{name}', getattr(self, name), (n,))
+               for name in ('depths', 'misalignment', 'miss', 'times')})
+        super().__post_init__()
+
+    def __len__(self):
+        return len(self.grippers)
+
+    def __getitem__(self, index: int | slice) -> 'PlanPoint | tuple[PlanPoint, ...]':
+        """Return the PlanPoint of one waypoint, or several."""
+        points = tuple(map(PlanPoint, self.times, self.depths, self.grippers, self.shapes,
+                           self.miss, self.misalignment, self.clearance))
+        return points[index]
+
+    def __iter__(self) -> Iterator['PlanPoint']:
+        return iter(self[:])
+
+    def __repr__(self):
+        n = len(self)
+        return brief(self, f'{n} waypoints', self.status.value,
+                     *([f'{self.times[-1]:.4g} s', f'miss {self.miss.max():.1g} m',
+                        f'stability {self.stability.min():.2g}',
+                        f'clearance {self.clearance.min():.2g} m'
+                        if np.isfinite(self.clearance).any() else ''] if n else []))
+
+    def save(self, path: str | PathLike) -> None:
+        """Write the plan: everything but the rods of its shapes, and what surrounds them.
+
+        As JSON where `path` ends with .json, else as npz; both keep every number exactly.
+        """
+        save(path, plan_arrays(self), 'Plan')
+
+    @classmethod
+    def load(cls, path: str | PathLike) -> 'Plan':
+        """Return the Plan saved at `path`; its shapes know no rod, see `Shape.load`.
+
+        Raises:
+            InvalidTask: not such a file; the message names it
+        """
+        return load(path, lambda arrays: cls(
+            **plan_contents(arrays), status=PlanStatus(str(arrays['status']))), 'Plan')
+
+    @property
+    def clearance(self) -> np.ndarray:
+        """(n,) smallest of the `clearances` of each waypoint, m."""
+        return self.clearances.min(axis=(1, 2), initial=np.inf)
+
+    @property
+    def misses(self) -> list[list[float]]:
+        """N lists of the DLO's distances from each centre that it should pass there, m."""
+        return [[float(np.linalg.norm(shape.frame_at(s)[1] - centre)) for centre, s, _ in passes]
+                for shape, passes in zip(self.shapes, self.passes, strict=True)]
+
+    @property
+    def arc_lengths(self) -> np.ndarray:
+        """(n,) arc length that is to be in the first cut-out, or in contact, m; nan: none is."""
+        return arc_lengths_at(first_centre(self.passes), self.passes)
+
+    def at_arc_length(self, s: float) -> Pose:
+        """Return the Pose of the gripper at which the DLO passes the first cut-out at `s` in m.
+
+        On the path of its `Trajectory`, where it first does.
+
+        Raises:
+            InvalidTask: `s` does not pass it between the waypoints
+        """
+        return pose_at_arc_length(self, self.arc_lengths, number('s', s))
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """(n, 6) linear (m/s) and angular (rad/s) velocity of the gripper, world axes.
+
+        Of the straight way to the next waypoint at even speed; zero at the end.
+        """
+        velocities = np.zeros((len(self), 6))
+        for k, (one, other) in enumerate(zip(self.grippers, self.grippers[1:], strict=False)):
+            seconds = self.times[k + 1] - self.times[k]
+            if seconds > 0:
+                turn = Rotation.from_matrix(other.rotation @ one.rotation.T).as_rotvec()
+                velocities[k] = np.concatenate([other.position - one.position, turn]) / seconds
+        return velocities
+
+    @property
+    def bore_moment(self) -> np.ndarray:
+        """(n, 3) moment in N m, world axes, on the DLO at the mouth of the bore that holds it.
+
+        It bends what is inside straight: (0, EI_n k_n, EI_b k_b) in the material frame, k the
+        natural curvature there. nan where nothing is held in a bore.
+        """
+        return np.array([_straightening(shape) for shape in self.shapes]).reshape(-1, 3)
+
+    @property
+    def bend_margin(self) -> np.ndarray:
+        """(n,) `Shape.bend_margin` of each waypoint, 1/m."""
+        return np.array([shape.bend_margin for shape in self.shapes])
+
+    @property
+    def residual(self) -> np.ndarray:
+        """(n,) `Shape.residual` of each waypoint."""
+        return np.array([shape.residual for shape in self.shapes])
+
+    @property
+    def stability(self) -> np.ndarray:
+        """(n,) `Shape.stability` of each waypoint."""
+        return np.array([shape.stability for shape in self.shapes])
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """A Shape in its place, and how well it passes a centre."""
+
+    shape: Shape
+    misalignment: float = 0.0
+    miss: float = 0.0
+    passes: tuple = ()
+    clearances: tuple = ()
+    sheets: tuple = ()
+
+    @property
+    def clearance(self):
+        """Smallest of the clearances, m."""
+        return min((float(min(rooms)) for rooms in self.clearances), default=np.inf)
+
+    def also(self, centre, s):
+        """Return the same waypoint, its miss that of the worse of this and another centre."""
+        other = float(np.linalg.norm(self.shape.frame_at(s)[1] - centre))
+        return replace(self, miss=max(self.miss, other),
+                       passes=(*self.passes, (centre, s, None)))
+
+    def inside(self, cutouts, sheets, surface):
+        """Return the same waypoint with its clearances in CutOuts.
+
+        Args:
+            sheets: the Sheet of each, or None
+            surface: Surface of the DLO
+        """
+        both = [(sheet, cutout.normal) for cutout, sheet in zip(cutouts, sheets, strict=True)]
+        return replace(
+            self, sheets=tuple(one for one in both if one[0] is not None), clearances=tuple(
+                _FREE if sheet is None else room_in(sheet, normal, surface, self.shape)
+                for sheet, normal in both))
+
+
+def _straightening(shape):
+    """Return the moment (3,) in N m that makes a DLO go on straight beyond its held far end."""
+    if shape.far_end is None or shape.rod is None:
+        return np.full(3, np.nan)
+    s = shape.s[-1:]
+    moment = (shape.rod.stiffnesses(s) * shape.rod.natural_strains(s))[0]
+    moment[0] = 0.0  # its twist is free
+    return shape.frames[-1] @ moment
+
+
+def waypoint_of(shape, centre, s, normal):
+    """Return the Waypoint of a Shape carried so that it passes `centre` at `s`: section 5.2.
+
+    Args:
+        normal: (3,) along which it should pass; None: along any
+    """
+    return waypoint_at(shape.moved(centre - shape.frame_at(s)[1]), centre, s, normal)
+
+
+def waypoint_at(shape, centre, s, normal):
+    """Return the Waypoint of a Shape that should pass `centre` at `s`, where it is."""
+    axes, position = shape.frame_at(s)
+    angle = 0.0
+    if normal is not None:
+        along = axes[:, 0] @ normal
+        angle = np.arctan2(np.linalg.norm(axes[:, 0] - along * normal), along)
+    return Waypoint(shape, float(angle), float(np.linalg.norm(position - centre)),
+                    ((centre, s, normal),))
+
+
+def build_plan(waypoints, depths, speeds, status, stops=()):
+    """Return the Plan of Waypoints at the first of the `depths`; speeds: m/s, rad/s."""
+    grippers = [waypoint.shape.gripper for waypoint in waypoints]
+    return Plan(np.array(depths[:len(waypoints)]), grippers,
+                [waypoint.shape for waypoint in waypoints],
+                np.array([waypoint.misalignment for waypoint in waypoints]),
+                np.array([waypoint.miss for waypoint in waypoints]),
+                times_at_speed(grippers, *speeds),
+                [waypoint.passes for waypoint in waypoints],
+                _padded([waypoint.clearances for waypoint in waypoints]),
+                waypoints[-1].sheets if waypoints else (),
+                len(waypoints) / len(depths), status, stops)
+
+
+def first_part(plan, count, status):
+    """Return the first `count` waypoints of a Plan, as a plan with another PlanStatus."""
+    part = {name: getattr(plan, name)[:count] for name in _PER_WAYPOINT}
+    return replace(plan, **part, fraction=1.0 if status is PlanStatus.COMPLETE
+                   else plan.fraction * count / len(plan), status=status,
+                   stops=tuple(stop for stop in plan.stops if stop < count))
+
+
+def joined(one: Plan, other: Plan) -> Plan:
+    """Return one Plan that does a Plan and then another, which begins where the first ends.
+
+    The gripper stops between them, unless it goes on in the same direction (within 5 degrees).
+
+    Raises:
+        InvalidTask: the second begins elsewhere than the first ends
+    """
+    for name, plan in (('one', one), ('other', other)):
+        if not len(instance(name, plan, Plan)):
+            raise InvalidTask(f'{name} = {plan!r}: expected a Plan with a waypoint')
+    apart = np.abs(one.grippers[-1].matrix - other.grippers[0].matrix).max()
+    if apart > _SAME * max(1.0, one.shapes[-1].s[-1]):
+        raise InvalidTask(f'other begins at {other.grippers[0]!r}: expected the end of one, '
+                          f'{one.grippers[-1]!r}')
+    depths, grippers, shapes, misalignment, miss, times, passes, clearances = (
+        [*getattr(one, name), *getattr(other, name)[1:]] for name in _PER_WAYPOINT)
+    end = len(one) - 1
+    times[end + 1:] = one.times[-1] + other.times[1:] - other.times[0]
+    stops = [*one.stops, *(stop + end for stop in other.stops if stop)]
+    if _turns(grippers[max(end - 1, 0):end + 2], shapes[0].s[-1]):
+        stops.append(end)
+    return Plan(np.array(depths), grippers, shapes, np.array(misalignment), np.array(miss),
+                np.array(times), passes, _padded(clearances), other.sheets or one.sheets,
+                min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))))
+
+
+def _turns(grippers, length):
+    """Whether the way through three Poses bends; a turn by 1 rad counts as `length`."""
+    ways = [np.concatenate([after.position - before.position, length * Rotation.from_matrix(
+        after.rotation @ before.rotation.T).as_rotvec()])
+        for before, after in zip(grippers, grippers[1:], strict=False)]
+    sizes = [np.linalg.norm(way) for way in ways]
+    return len(ways) == 2 and min(sizes) > 0 and (
+        ways[0] @ ways[1] < _STRAIGHT * sizes[0] * sizes[1])
+
+
+_PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'miss', 'times', 'passes',
+                 'clearances')
+
+
+def _padded(clearances):
+    """Return (n, k, 3) of n sequences of at most k entries; infinite where there is none."""
+    most = max((len(rooms) for rooms in clearances), default=0)
+    out = np.full((len(clearances), most, 3), np.inf)
+    for k, rooms in enumerate(clearances):
+        if len(rooms):
+            out[k, :len(rooms)] = rooms
+    return out

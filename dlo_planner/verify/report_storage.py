@@ -1,0 +1,74 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Reports as arrays for files, their Trajectories among them."""
+
+from dataclasses import fields
+
+import numpy as np
+
+from dlo_planner.plan.motion.in_motion import InMotion
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.path import GripperPath, Leg
+from dlo_planner.plan.motion.shift import Shift
+from dlo_planner.plan.motion.time_law import TimeLaw
+from dlo_planner.plan.motion.trajectory import restored
+
+_LEG, _LAW = ('knots', 'positions', 'rotations'), ('parameters', 'rates', 'windows')
+_SHIFT = ('knots', 'coefficients')
+_OTHERS = ('trajectory', 'not_looked_at')  # fields of a Report that are no numbers or texts
+
+
+def report_arrays(report):
+    """Return a dict of arrays that hold all of a Report."""
+    arrays = {item.name: getattr(report, item.name) for item in fields(report)
+              if item.name not in _OTHERS}
+    arrays['not_looked_at'] = np.array(report.not_looked_at, dtype=str)
+    if report.trajectory is not None:
+        arrays |= {f'trajectory/{name}': array
+                   for name, array in _trajectory_arrays(report.trajectory).items()}
+    return {name: np.asarray(array) for name, array in arrays.items()}
+
+
+def report_contents(arrays):
+    """Return a dict of what a Report is made of, from the arrays of `report_arrays`."""
+    own = {name: array for name, array in arrays.items() if '/' not in name}
+    contents = {name: array.item() for name, array in own.items() if name not in _OTHERS}
+    contents['not_looked_at'] = tuple(own['not_looked_at'].tolist())
+    inside = _under('trajectory', arrays)
+    return contents | {'trajectory': _trajectory(inside) if inside else None}
+
+
+def _trajectory_arrays(way):
+    arrays = {'times': way.path.times, 'limits': way.limits.sizes, 'tolerance': way.tolerance,
+              'mode_margin': way.mode_margin, 'legs': len(way.laws)}
+    if way.motion is not None:
+        arrays |= {f'motion/{item.name}': getattr(way.motion, item.name)
+                   for item in fields(InMotion)}
+    for k, (leg, law) in enumerate(zip(way.path.legs, way.laws, strict=True)):
+        arrays |= {f'{k}/leg/{name}': getattr(leg, name) for name in _LEG}
+        if law is not None:
+            arrays |= {f'{k}/law/{name}': getattr(law, name) for name in _LAW}
+            if law.shift is not None:
+                arrays |= {f'{k}/shift/{name}': getattr(law.shift, name) for name in _SHIFT}
+    return arrays
+
+
+def _trajectory(arrays):
+    legs, laws = [], []
+    for k in range(int(arrays['legs'])):
+        law, shift = _under(f'{k}/law', arrays), _under(f'{k}/shift', arrays)
+        legs.append(Leg(**_under(f'{k}/leg', arrays)))
+        laws.append(TimeLaw(**law, shift=Shift(**shift) if shift else None) if law else None)
+    motion = {name: array.item() for name, array in _under('motion', arrays).items()}
+    limits = dict(zip([item.name for item in fields(Limits)], arrays['limits'].ravel().tolist(),
+                      strict=True))
+    return restored(
+        GripperPath(arrays['times'], tuple(legs)), tuple(laws), Limits(**limits),
+        float(arrays['tolerance']), InMotion(**motion) if motion else None,
+        float(arrays['mode_margin']))
+
+
+def _under(mark, arrays):
+    """Return the arrays whose names begin with `mark` and a slash, by what follows it."""
+    mark += '/'
+    return {name[len(mark):]: array for name, array in arrays.items() if name.startswith(mark)}

@@ -1,0 +1,136 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The rest of a threading aimed anew, and the strategy of the closed loop."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from closed_loops import HOLE, NOISE, SPREAD, WIRE, Truth, plan_of, threaded
+
+from dlo_planner import (
+    ClosedLoop,
+    CutOut,
+    DirectSimulator,
+    InvalidTask,
+    InverseSimulator,
+    Observer,
+    Phase,
+    Pose,
+    correct,
+)
+from dlo_planner.inverse import correction as correction_module
+from dlo_planner.plan.plan import joined
+
+OBSERVER = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE)
+PLAN = plan_of()
+
+
+def test_nothing_is_corrected_where_all_is_as_stated():
+    correction = correct(OBSERVER.begin(), PLAN)
+    assert correction.converged
+    np.testing.assert_allclose(correction.offsets, 0.0, atol=1e-7)
+    assert correction.miss.distance.max() < 1e-7
+
+
+def test_a_dlo_that_is_known_is_aimed_well(rng):
+    # the truth is one that the estimate can tell: the centre is hit along the normal
+    truth = Truth.drawn(rng)
+    z = OBSERVER.uncertain.deviations * rng.normal(size=OBSERVER.uncertain.size)
+    estimate = OBSERVER.begin()
+    estimate = type(estimate)(estimate.uncertain, z, 1e-6 * estimate.covariance)
+    truth.simulator, truth.offset = estimate.simulator, estimate.gripper_offset
+    correction = correct(estimate, PLAN)
+    again = correct(estimate, PLAN, 3, correction)
+    assert correction.converged
+    assert np.abs(correction.offsets[:, 3:]).max() > 5e-3
+    for k in (0, 6, 12):
+        assert np.linalg.norm(truth.miss(PLAN.passes[k][0], PLAN.grippers[k])) > 2e-3
+        assert np.linalg.norm(truth.miss(PLAN.passes[k][0], correction.grippers[k])) < 2e-5
+        shape = truth.shape(correction.grippers[k])
+        assert shape.frame_at(min(PLAN.passes[k][0][1], shape.s[-1]))[0][:, 0] @ HOLE.normal > (
+            1 - 1e-8)
+        if k >= 3:
+            np.testing.assert_allclose(again.grippers[k - 3].matrix,
+                                       correction.grippers[k].matrix, atol=1e-7)
+
+
+def test_closed_loop_against_open_loop():
+    # `python test/closed_loops.py` is the same with more seeds and looks
+    for seed in range(3):
+        misses, _, bounds = threaded(seed, PLAN, OBSERVER, 5, 5)
+        assert misses[0] > 15e-3
+        assert misses[1] < 0.3 * misses[0]
+        assert misses[2] < 1.2e-3
+        assert bounds[1] < 1.5e-3
+
+
+def test_the_way_to_the_hole_goes_along():
+    start = Pose.looking_along((-1.5, 0, 1), (1, 0, 0))
+    inverse = InverseSimulator(DirectSimulator(WIRE))
+    whole = joined(inverse.start_phase(HOLE, PLAN, start), PLAN)
+    estimate = OBSERVER.begin()
+    estimate = type(estimate)(estimate.uncertain, 0.5 * OBSERVER.uncertain.deviations,
+                              estimate.covariance)
+    correction = correct(estimate, whole)
+    first = next(k for k, passes in enumerate(whole.passes) if passes)
+    assert first > 0
+    np.testing.assert_allclose(correction.offsets[:first], np.tile(
+        correction.offsets[first], (first, 1)), atol=1e-12)
+
+
+@pytest.mark.parametrize('found', [lambda shape: None,
+                                   lambda shape: replace(shape, stability=-0.5)])
+def test_what_cannot_be_aimed_leaves_the_plan(monkeypatch, found):
+    aligned = correction_module.aligned_on
+    monkeypatch.setattr(correction_module, 'aligned_on',
+                        lambda *given: found(aligned(*given)))
+    correction = correct(OBSERVER.begin(), PLAN, 3)
+    assert not correction.converged
+    assert correction.grippers == PLAN.grippers[3:]
+    assert correction.shapes == PLAN.shapes[3:]
+    assert not correction.offsets.any()
+
+
+def test_plans_that_are_no_threading_are_refused():
+    two = CutOut(Pose.looking_along((0.7, 0.06, 1), (1, 0.2, 0)), radius=0.05)
+    plan = InverseSimulator(DirectSimulator(WIRE)).thread_two(HOLE, two)
+    with pytest.raises(InvalidTask, match='one cut-out'):
+        correct(OBSERVER.begin(), plan)
+    with pytest.raises(InvalidTask, match='before'):
+        correct(OBSERVER.begin(), PLAN, 0, correct(OBSERVER.begin(), plan_of(depths=[0.0])))
+
+
+def test_the_strategy_goes_in_when_it_is_sure():
+    loop = ClosedLoop(5e-3).advanced(10.0)
+    assert loop.phase is Phase.LOOK
+    assert loop.advanced(11.9).phase is Phase.LOOK
+    loop = loop.advanced(12.0)
+    assert loop.phase is Phase.PLAN
+    loop = loop.advanced(12.1, finished=True)
+    assert loop.phase is Phase.GO
+    assert loop.correction_due(12.2)
+    loop = loop.with_correction(12.2)
+    assert not loop.correction_due(12.6)
+    assert loop.correction_due(12.7)
+    assert loop.advanced(15.0).phase is Phase.GO
+    sure = loop.advanced(20.0, 1e-3, finished=True)
+    assert sure.phase is Phase.ENTER
+    assert sure.advanced(30.0, finished=True).phase is Phase.DONE
+
+
+@pytest.mark.parametrize(('bounds', 'end'), [
+    ([2e-3, 2e-3], Phase.ENTER), ([9e-3, 4e-3], Phase.ENTER),
+    ([9e-3] * 4, Phase.STOP), ([float('inf')] * 4, Phase.STOP)])
+def test_the_strategy_looks_again_where_it_is_not(bounds, end):
+    loop = ClosedLoop(5e-3, look=1.0, phase=Phase.GO, since=0.0)
+    time = 0.0
+    for bound in bounds[:-1]:
+        loop = loop.advanced(time, bound, finished=True)
+        assert loop.phase is Phase.LOOK
+        time += 1.0
+        loop = loop.advanced(time)
+        assert loop.phase is Phase.PLAN
+    with pytest.raises(InvalidTask, match='bound'):
+        loop.advanced(time, finished=True)
+    assert loop.advanced(time, bounds[-1], finished=True).phase is end

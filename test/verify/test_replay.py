@@ -1,0 +1,256 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Clearance and report of a plan, against brute force."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dlo_planner import (
+    Capsule,
+    CutOut,
+    DirectSimulator,
+    InvalidTask,
+    InverseSimulator,
+    Limits,
+    Pose,
+    Rod,
+    Sheet,
+    Sphere,
+    Trajectory,
+    Workspace,
+    replay,
+)
+from dlo_planner.errors import DeadlineExceeded
+from dlo_planner.plan.clearance import clearance
+from dlo_planner.plan.motion.periods import slowest_period
+
+WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, damping=(0.5, 0.01))
+DIRECT = DirectSimulator(WIRE)
+ROUND = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=0.01)
+
+
+@pytest.fixture(scope='module')
+def plan():
+    return InverseSimulator(DIRECT).thread(ROUND, depths=np.linspace(0, 0.9, 40))
+
+
+def brute(shape, outside):
+    """Return the least of a function of (n, 3) points over the DLO, looked at closely."""
+    return outside(shape.positions_at(np.linspace(0, shape.s[-1], 40_001))).min() - WIRE.radius
+
+
+def test_clearance_in_a_round_hole(plan):
+    def outside(points):
+        across = np.maximum(ROUND.radius - np.hypot(points[:, 1], points[:, 2] - 1), 0)
+        return np.hypot(across, points[:, 0])
+
+    for index in (0, 13, 39):
+        assert plan.clearance[index] == pytest.approx(brute(plan.shapes[index], outside), abs=1e-8)
+    # aligned with the axis, the whole radius is left
+    np.testing.assert_allclose(plan.clearance, ROUND.radius - WIRE.radius, rtol=1e-3)
+
+
+def test_clearance_from_a_ball(plan):
+    ball = Sphere((-0.3, 0.0, 0.8), 0.05)
+
+    def outside(points):
+        return np.linalg.norm(points - ball.centre, axis=1) - ball.radius
+
+    shape = plan.shapes[10]
+    assert clearance([ball], WIRE.radius, shape) == pytest.approx(brute(shape, outside), abs=1e-8)
+    assert clearance([ball, Sheet.around(ROUND)], WIRE.radius, shape) <= clearance(
+        [ball], WIRE.radius, shape)
+
+
+def test_a_hole_without_a_size_has_no_clearance():
+    hole = CutOut(ROUND.pose)
+    plan = InverseSimulator(DIRECT).thread(hole, depths=[0.0, 0.5])
+    assert (plan.clearance == np.inf).all()
+
+
+def test_report_of_a_good_plan(plan):
+    report = replay(DIRECT, plan, obstacles=[Sphere((0, 0, 3), 0.5)], limits=Limits())
+    assert report.converged
+    assert report.miss < 1e-6 and report.misalignment < 1e-6
+    assert report.stability == pytest.approx(plan.stability.min(), abs=1e-3)
+    assert report.clearance == pytest.approx(plan.clearance.min())
+    assert report.contact_force == 0
+    # the default tolerance: a quarter of the room at the rim
+    assert report.tolerance == pytest.approx(0.25 * plan.clearance.min(), rel=1e-3)
+    assert report.miss < report.dynamic_miss <= report.tolerance
+    assert report.departure <= report.tolerance and 0 < report.mode_margin <= 0.3
+    assert report.safe and report.reason == '' and 'safe' in repr(report)
+    slow = replay(DIRECT, plan, limits=Limits(linear_speed=0.03))
+    assert slow.duration > 1.5 * report.duration and slow.safe
+
+
+def test_the_trajectory_that_was_looked_at_is_the_one_to_be_executed(plan):
+    report = replay(DIRECT, plan, limits=Limits(), tolerance=2e-3)
+    first, = DIRECT.track(plan.grippers[:1])  # what the replay begins with
+    assert report.trajectory == Trajectory(plan, Limits(), tolerance=2e-3, simulator=DIRECT,
+                                           initial=first)
+    assert report.duration == report.trajectory.duration and report.tolerance == 2e-3
+    for name in ('miss', 'clearance', 'contact_force'):
+        assert getattr(report, f'dynamic_{name}') == getattr(report.trajectory.motion, name)
+    # one that was made before is looked at as it is
+    again = replay(DIRECT, plan, trajectory=report.trajectory)
+    assert again.trajectory is report.trajectory and again.safe
+    looser = replay(DIRECT, plan, limits=Limits(), tolerance=4e-3)
+    assert looser.duration <= report.duration
+
+
+def test_a_plan_for_another_dlo_misses(plan):
+    softer = DirectSimulator(Rod.circular(1.0, 1.4e-3, 8960.0, 110e9, 0.34))
+    report = replay(softer, plan)
+    assert report.miss > 1e-2
+    assert report.clearance < 0 < plan.clearance.min()  # its own shapes are looked at
+
+
+def test_what_was_not_looked_at_is_nan_and_named(plan):
+    unsized = InverseSimulator(DIRECT).thread(CutOut(ROUND.pose), depths=[0.0, 0.3])
+    report = replay(DIRECT, unsized)
+    assert set(report.not_looked_at) == {
+        'clearance', 'dynamic_miss', 'swing', 'arrival', 'departure', 'dynamic_clearance',
+        'dynamic_contact_force', 'duration', 'step', 'workspace_margin', 'mode_margin'}
+    assert all(np.isnan(getattr(report, name)) for name in report.not_looked_at)
+    assert report.trajectory is None and not report.safe
+    room = Workspace((-3, -3, -3), (3, 3, 3))
+    report = replay(DIRECT, plan, limits=Limits(), tolerance=2e-3, workspace=room)
+    assert report.not_looked_at == ()
+    assert report.workspace_margin == pytest.approx(min(
+        3 - np.abs(gripper.position).max() for gripper in plan.grippers))
+    assert 0 < report.dynamic_miss < report.swing < 2e-2
+    assert 0 <= report.arrival <= report.swing and 0 < report.departure <= report.swing
+    assert 0 < report.dynamic_clearance < report.clearance
+    assert report.step <= slowest_period(WIRE) / 25
+
+
+@pytest.fixture(scope='module')
+def way(plan):
+    return InverseSimulator(DIRECT).start_phase(ROUND, plan, Pose((-1.3, 0.2, 1.1), (0, 0, 0, 1)))
+
+
+def test_a_start_phase_in_motion_is_judged_by_swing_and_clearance(way):
+    sheet = Sheet.around(ROUND)
+    report = replay(DIRECT, way, obstacles=[sheet],
+                    trajectory=Trajectory(way, tolerance=np.inf))
+    assert report.converged
+    assert np.isnan([report.miss, report.misalignment, report.dynamic_miss]).all()
+    assert set(report.not_looked_at) == {'miss', 'misalignment', 'dynamic_miss', 'arrival',
+                                         'workspace_margin', 'mode_margin'}
+    assert 0.01 < report.swing < 0.5  # it swings by centimeters, whatever it passes
+    assert report.dynamic_clearance < report.clearance
+    calm = replay(DIRECT, way, limits=Limits(), obstacles=[sheet])
+    assert calm.safe and calm.departure <= calm.tolerance
+    assert calm.swing < 0.5 * report.swing
+
+
+def test_every_reason_not_to_execute(plan, way, monkeypatch):
+    monkeypatch.setattr('dlo_planner.plan.motion.trajectory._ROUNDS', 2)  # it takes long to give up
+    quick = Trajectory(plan, Limits(2.0, 10.0, 20.0, 100.0, np.inf, np.inf), tolerance=np.inf)
+    softer = DirectSimulator(Rod.circular(1.0, 1.2e-3, 8960.0, 110e9, 0.34))
+    narrow = Workspace((-3, -3, -3), (3, 3, 0.9))
+    ball = Sphere(plan.shapes[-1].positions[-1], 0.02)  # where the free end comes to
+    calm = replay(DIRECT, plan, limits=Limits()).trajectory
+    for report, said in (
+            (replay(DIRECT, plan), 'not looked at in motion'),
+            (replay(softer, plan, trajectory=calm), 'does not follow the poses'),
+            (replay(DIRECT, plan, trajectory=calm, workspace=narrow), 'beyond its workspace'),
+            (replay(DIRECT, plan, trajectory=quick), 'in the sheet'),
+            (replay(DIRECT, way, trajectory=Trajectory(way, Limits(0.02, 0.1), tolerance=np.inf)),
+             'has no tolerance'),
+            (replay(DIRECT, plan, limits=Limits(), obstacles=[ball]), 'the DLO is not calm')):
+        assert not report.safe and said in report.reason and said in repr(report)
+        assert report.reason[-1] not in '.:'
+    # the figures of what cannot be made calm are those of the motion within limits alone
+    assert report.trajectory == Trajectory(plan, tolerance=np.inf)
+    assert report.dynamic_clearance < 0
+
+
+def test_a_motion_that_touches_or_fails_is_not_safe(plan):
+    calm = Trajectory(plan, simulator=DIRECT)
+    for change, said in (({'contact_force': 0.2}, 'touches something, with 0.2 N'),
+                         ({'miss': 0.009}, 'misses by 0.009 m'),
+                         ({'clearance': -0.001}, '0.001 m in the sheet'),
+                         ({'converged': False}, 'could not be simulated')):
+        other = pickle.loads(pickle.dumps(calm))
+        object.__setattr__(other, 'motion', replace(calm.motion, **change))
+        report = replay(DIRECT, plan, trajectory=other)
+        assert not report.safe and said in report.reason
+    assert replay(DIRECT, plan, trajectory=calm).safe
+
+
+BAR = Capsule((0.5, -0.5, 0.7), (0.5, 0.5, 0.7), 0.02)
+TOUCHING = DirectSimulator(WIRE, obstacles=[BAR])
+
+
+def test_a_contact_plan_begins_in_its_own_first_shape():
+    weight = WIRE.mass_per_length * 9.81
+    held = InverseSimulator(TOUCHING).hold_contact(
+        Pose((0.5, 0, 0.72), (0, 0, 0, 1)), 0.6, forces=[1.7 * weight])
+    # set down there in its natural shape it would come to lie below the bar
+    assert not TOUCHING.solve(held.grippers[0]).contacts
+    report = replay(TOUCHING, held)
+    assert report.converged and report.miss < 1e-4 and report.deviation < 1e-4
+    assert report.contact_force > 0
+    # set down below the bar, it is somewhere else, and where no bar is too
+    for simulator, initial in ((TOUCHING, TOUCHING.solve(Pose(
+            held.grippers[0].position - (0, 0, 1), held.grippers[0].quaternion))),
+            (DIRECT, None)):
+        other = replay(simulator, held, initial=initial)
+        assert other.deviation > 0.1 and not other.converged
+
+
+def test_the_deviation_is_that_of_the_shapes(plan):
+    assert replay(DIRECT, plan).deviation < 1e-9
+    fine = replay(DirectSimulator(WIRE, accuracy=1e-6), plan)
+    assert 1e-7 < fine.deviation < 1e-3 and fine.converged
+    softer = DirectSimulator(Rod.circular(1.0, 1.2e-3, 8960.0, 110e9, 0.34))
+    apart = replay(softer, plan)
+    shapes = softer.track(plan.grippers)
+    assert apart.deviation == pytest.approx(max(
+        np.linalg.norm(one.positions - other.positions, axis=1).max()
+        for one, other in zip(shapes, plan.shapes, strict=True)))
+    assert not apart.converged
+
+
+def test_a_centre_that_is_reached_on_the_way_counts_from_there_on():
+    first, second = (CutOut(Pose.looking_along((x, 0, 1 - 0.1 * x), (1, 0, 0)), radius=0.02)
+                     for x in (0.0, 0.3))
+    plan = InverseSimulator(DIRECT).thread_two(first, second, depths=np.linspace(0, 0.6, 13))
+    numbers = [len(passes) for passes in plan.passes]
+    assert 1 in numbers and 2 in numbers
+    slow = Trajectory(plan, Limits(0.01, 0.05), tolerance=np.inf)
+    crawling = replay(DIRECT, plan, trajectory=slow)
+    # slow as it is, it is what the coarse waypoints leave: no way of the free end to the centre
+    assert 1e-6 < crawling.dynamic_miss < 5e-3
+
+
+def test_progress_and_deadline(plan):
+    seen = []
+    replay(DIRECT, plan, limits=Limits(), progress=lambda done, total: seen.append((done, total)))
+    assert (40, 40) in seen and max(total for _, total in seen) > 150
+    with pytest.raises(DeadlineExceeded):
+        replay(DIRECT, plan, limits=Limits(0.002), deadline=0.2)
+
+
+def test_nonsense_is_named(plan):
+    for more, named in (({'tolerance': 'abc'}, "tolerance = 'abc'"),
+                        ({'tolerance': 1e-3}, 'expected limits'),
+                        ({'limits': 'slow'}, 'limits'), ({'obstacles': 3}, 'obstacles'),
+                        ({'obstacles': [3]}, r'obstacles\[0\]'), ({'initial': 1}, 'initial'),
+                        ({'progress': 1}, 'progress'),
+                        ({'trajectory': 1}, 'trajectory'), ({'workspace': 1}, 'workspace'),
+                        ({'deadline': -1}, 'deadline'),
+                        ({'limits': Limits(1e-5)}, 'limits: the motion takes .* 20000 steps')):
+        with pytest.raises(InvalidTask, match=named):
+            replay(DIRECT, plan, **more)
+    with pytest.raises(InvalidTask, match='simulator = 1'):
+        replay(1, plan)
+    with pytest.raises(InvalidTask, match='plan = None'):
+        replay(DIRECT, None)
+    with pytest.raises(InvalidTask, match='linear_speed'):
+        Limits(linear_speed=0)
