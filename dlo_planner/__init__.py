@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 __version__ = '0.1.0'  # the one place; package.xml and CITATION.cff repeat it, a test compares
 
 
-_RENAMED = {'tolerance': 'robustness', 'Tolerance': 'Robustness'}  # gone after the next version
+_RENAMED = {'tolerance': 'robustness', 'Tolerance': 'Robustness',
+            'minimise_penalty': 'minimize_penalty'}  # gone after the next version
 
 
 def __getattr__(name: str):

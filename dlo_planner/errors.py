@@ -30,7 +30,7 @@ class MissingExtra(DloPlannerError, ModuleNotFoundError):
 
 
 class NotConverged(DloPlannerError):
-    """The minimiser ended without an equilibrium where one was indispensable.
+    """The minimizer ended without an equilibrium where one was indispensable.
 
     Attributes:
         shape: the last shape, with `converged` False and its residual (None if there is none)

@@ -11,21 +11,21 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.identify.correction import correct
 from dlo_planner.identify.fitting import fit_rod
-from dlo_planner.inverse.solvers.hanging import hanging_shapes
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
 from dlo_planner.inverse.penalties import AwayFrom
-from dlo_planner.verify.replay import replay
-from dlo_planner.verify.robustness import Spread
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.plan.workspace import Workspace
+from dlo_planner.inverse.solvers.hanging import hanging_shapes
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Plane, Sheet
 from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.parallel.mapping import solve_many
+from dlo_planner.plan.workspace import Workspace
 from dlo_planner.ros.warm_up import warm_up, warm_up_proofs
+from dlo_planner.verify.replay import replay
+from dlo_planner.verify.robustness import Spread
 
 _ROD = Rod(1.0, 0.1, (1.0, 2.0), 0.7, natural_curvature=(0.1, 0.2))
 _YIELDING = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, yield_curvature=0.2, hardening=0.1)

@@ -21,9 +21,11 @@ from dlo_planner.identify.closed_loop import ClosedLoop, Phase
 from dlo_planner.identify.correction import Correction, correct
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.fitting import Fit, fit_rod
-from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.identify.observation import Observation, ObservedMotion
 from dlo_planner.identify.observer import Observer
+from dlo_planner.identify.predicted_miss import PredictedMiss
+from dlo_planner.identify.stamped import gripper_at
+from dlo_planner.identify.steering import Steered
 from dlo_planner.inverse.penalties import (
     AwayFrom,
     BentAtMost,
@@ -32,16 +34,8 @@ from dlo_planner.inverse.penalties import (
     PositionAt,
     Through,
 )
-from dlo_planner.plan.plan import Plan, PlanStatus, joined
-from dlo_planner.identify.predicted_miss import PredictedMiss
-from dlo_planner.verify.replay import Report, replay
-from dlo_planner.verify.robustness import Robustness, Spread, robustness
-from dlo_planner.inverse.solvers.search import Found, minimise_penalty
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.identify.stamped import gripper_at
-from dlo_planner.identify.steering import Steered
-from dlo_planner.plan.motion.trajectory import Trajectory
-from dlo_planner.plan.workspace import Workspace
+from dlo_planner.inverse.solvers.search import Found, minimize_penalty
 from dlo_planner.model.along import Piecewise
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.far_end import FarEnd
@@ -53,6 +47,12 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.section import Section
 from dlo_planner.parallel.mapping import solve_many
 from dlo_planner.parallel.shapes import Shapes
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.motion.trajectory import Trajectory
+from dlo_planner.plan.plan import Plan, PlanStatus, joined
+from dlo_planner.plan.workspace import Workspace
+from dlo_planner.verify.replay import Report, replay
+from dlo_planner.verify.robustness import Robustness, Spread, robustness
 
 __all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact', 'Correction',
            'CutOut', 'DeadlineExceeded', 'DirectSimulator', 'DirectionAt', 'DloPlannerError',
@@ -62,5 +62,5 @@ __all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact', 
            'Plan', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'PredictedMiss',
            'Report', 'Robustness', 'Rod', 'Section', 'Shape', 'Shapes', 'Sheet',
            'Sphere', 'Spread', 'Steered', 'Through', 'Trajectory', 'Workspace', 'correct',
-           'fit_rod', 'gripper_at', 'joined', 'minimise_penalty', 'modes_along', 'replay',
+           'fit_rod', 'gripper_at', 'joined', 'minimize_penalty', 'modes_along', 'replay',
            'robustness', 'solve_many', 'with_plug']

@@ -36,12 +36,12 @@ def main():
     grippers = [gripper(share) for share in np.linspace(0, 1, STEPS + 1)]
     figure, axes = plt.subplots(1, 3, figsize=(13, 5), sharex=True, sharey=True,
                                 layout='constrained')
-    colours = plt.get_cmap('viridis')
+    colors = plt.get_cmap('viridis')
     for axis, seconds in zip(axes, (0.4, 1.0, 6.0), strict=True):
         motion = simulator.simulate(grippers, seconds / STEPS)
         for k in range(0, STEPS + 1, STEPS // DRAWN):
             points = motion.shapes[k].positions
-            axis.plot(points[:, 0], points[:, 2], color=colours(k / STEPS), lw=1.2)
+            axis.plot(points[:, 0], points[:, 2], color=colors(k / STEPS), lw=1.2)
         force = max(np.linalg.norm(shape.gripper_wrench[:3]) for shape in motion.shapes)
         axis.set_title(f'turned in {seconds:g} s, largest force {force:.2f} N', fontsize=10)
         axis.set_aspect('equal')
@@ -49,7 +49,7 @@ def main():
         axis.grid(alpha=0.3)
         print(f'{seconds:5g} s: converged {motion.converged}, largest force {force:.3f} N')
     axes[0].set_ylabel('z [m]')
-    bar = plt.cm.ScalarMappable(plt.Normalize(0, 1), colours)
+    bar = plt.cm.ScalarMappable(plt.Normalize(0, 1), colors)
     figure.colorbar(bar, ax=axes, label='share of the time [-]', shrink=0.8)
     figure.suptitle('Benchmark C with inertia: copper wire, d = 1 mm, L = 1 m')
     figure.savefig(folder / 'dynamics.png', dpi=100)

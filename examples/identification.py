@@ -46,11 +46,11 @@ def main():
     print(f'points are {1e3 * fit.misfit:.2f} mm off (noise 2 mm in each direction)')
     figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5), layout='constrained')
     for k, one in enumerate(seen):
-        colour = f'C{k}'
-        left.plot(one.points[:, 0], one.points[:, 2], '.', color=colour, ms=4)
+        color = f'C{k}'
+        left.plot(one.points[:, 0], one.points[:, 2], '.', color=color, ms=4)
         for rod, style in ((guess, ':'), (fit.rod, '-')):
             points = DirectSimulator(rod).solve(one.gripper).positions
-            left.plot(points[:, 0], points[:, 2], style, color=colour, lw=1)
+            left.plot(points[:, 0], points[:, 2], style, color=color, lw=1)
     left.set_title('Points seen, first guess (dotted), fit (full)', fontsize=10)
     for at in (0.5, 0.35, 0.2):
         points = GraspedInside(fit.rod, at).solve(poses[0]).positions

@@ -69,7 +69,7 @@ def main():
         draw(axis, plan, every)
         axis.set_title(title, fontsize=10)
     for cutout in (first, second):
-        x, z = cutout.centre[[0, 2]]
+        x, z = cutout.center[[0, 2]]
         for side in (-1, 1):
             axes[0].plot([x, x], [z + side * 0.02, z + side * 0.12], color='0.4', lw=3)
     for axis in axes[1:]:

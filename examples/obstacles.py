@@ -31,12 +31,12 @@ def main():
     followed = simulator.track(grippers)
     figure, axes = plt.subplots(1, 2, figsize=(11, 6), sharex=True, sharey=True,
                                 layout='constrained')
-    colours = plt.get_cmap('viridis')
+    colors = plt.get_cmap('viridis')
     for axis, shapes, title in ((axes[0], alone, 'each step from the undeformed wire: it "jumps"'),
                                 (axes[1], followed, 'each step from the one before')):
         axis.add_patch(plt.Circle((0.3, 0.7), 0.02, color='0.6'))
         for k, shape in enumerate(shapes):
-            axis.plot(shape.positions[:, 0], shape.positions[:, 2], color=colours(k / 9), lw=1.2)
+            axis.plot(shape.positions[:, 0], shape.positions[:, 2], color=colors(k / 9), lw=1.2)
             for contact in shape.contacts:
                 tip = contact.position + contact.vector
                 axis.annotate('', tip[[0, 2]], contact.position[[0, 2]],

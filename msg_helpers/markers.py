@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.plan.plan import Plan
 from dlo_planner.model.checks import instance, integer, items
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Box, Capsule, Sphere
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.plan import Plan
 from dlo_planner.view.dlo_items import (
     axes_items,
     contact_items,

@@ -8,9 +8,9 @@ from geometry_msgs.msg import Quaternion, Transform, Twist, Vector3
 from scipy.spatial.transform import Rotation
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
-from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.model.checks import instance, integer
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.motion.trajectory import Trajectory
 from msg_helpers.poses import header
 
 _NANOSECONDS = 10**9

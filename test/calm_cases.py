@@ -12,8 +12,8 @@ import yaml
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod, Trajectory
 from dlo_planner.plan.motion.leg_tasks import leg_tasks
 from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.motion.periods import slowest_period
+from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import joined
 
 CONFIG = Path(__file__).parent.parent / 'config'

@@ -26,8 +26,8 @@ from dlo_planner import (
     correct,
 )
 from dlo_planner.identify.predicted_miss import crossing
-from dlo_planner.verify.robustness import variation_deviations
 from dlo_planner.model.along import Expanded
+from dlo_planner.verify.robustness import variation_deviations
 
 SPREAD = Spread(bending_stiffness=0.05, torsional_stiffness=0.05, mass=0.02, length=1e-3,
                 natural_curvature=0.05, curvature_variation=0.03, gripper_position=0.5e-3,
@@ -87,8 +87,8 @@ class Truth:
 
     def miss(self, plan_pass, gripper):
         """Return (3,) from the hole to where the DLO passes its plane."""
-        centre, s, normal = plan_pass
-        return crossing(self.shape(gripper), centre + self.hole, normal, s)[0]
+        center, s, normal = plan_pass
+        return crossing(self.shape(gripper), center + self.hole, normal, s)[0]
 
 
 def looked(truth, observer, rng, gripper, looks=30, estimate=None, **how):
@@ -134,8 +134,8 @@ def threaded(seed, plan, observer, looks=30, again=15, **errors):
             gripper.position - 0.1 * HOLE.normal, gripper.quaternion)
         estimate = looked(truth, observer, rng, at, count, estimate)
         if observer.uncertain.cutout:
-            seen = HOLE.centre + truth.hole + truth.bias + NOISE / 4 * rng.normal(size=3)
-            estimate = observer.see_cutout(estimate, HOLE.centre, seen, NOISE / 4)
+            seen = HOLE.center + truth.hole + truth.bias + NOISE / 4 * rng.normal(size=3)
+            estimate = observer.see_cutout(estimate, HOLE.center, seen, NOISE / 4)
         correction = correct(estimate, plan)
         gripper = correction.grippers[0]
         misses.append(truth.miss(passing, gripper))

@@ -31,7 +31,7 @@ CASES = {  # arc lengths known, errors of the gripper, more arguments
 
 def experiment(rng, known, gripper, more, points=S):
     """Return errors (3,) of EI and of the natural curvature, in stated deviations."""
-    centre = np.exp(0.05 * rng.normal()) if 'prior' in more else 1.5
+    center = np.exp(0.05 * rng.normal()) if 'prior' in more else 1.5
     seen = []
     for turn in TURNS:
         pose = Pose((0, 0, 1), Rotation.from_rotvec(turn).as_quat())
@@ -46,7 +46,7 @@ def experiment(rng, known, gripper, more, points=S):
             at[rng.random(len(at)) < 0.05] += 0.05 * rng.normal(size=3)
         seen.append(Observation(pose, at, points if known else None))
     errors = {'gripper_position': POSITION, 'gripper_rotation': ROTATION} if gripper else {}
-    guess = Rod(1.0, 0.07, 0.02 * centre, 0.015)
+    guess = Rod(1.0, 0.07, 0.02 * center, 0.015)
     fit = fit_rod(guess, seen, ('bending_stiffness', 'natural_curvature'), **errors, **more)
     stiffness = (np.log(fit.values['bending_stiffness'][0] / 0.02)
                  * fit.values['bending_stiffness'][0] / fit.deviations['bending_stiffness'][0])

@@ -151,7 +151,7 @@ def no_start(rod, weight, normal, gets_there, rolls=180):
 
 
 def no_pair(rod, weight, first, second, grid=2500):
-    """Return whether no stable shape passes two cut-outs, its free end at the second centre.
+    """Return whether no stable shape passes two cut-outs, its free end at the second center.
 
     True confirms a refusal. For the arguments see `directions_in_first`.
     """
@@ -159,18 +159,18 @@ def no_pair(rod, weight, first, second, grid=2500):
 
 
 def directions_in_first(rod, weight, first, second, grid=2500):
-    """Return tangents (m, 3) in the first of two cut-outs, the free end at the second centre.
+    """Return tangents (m, 3) in the first of two cut-outs, the free end at the second center.
 
     Those of all stable shapes, as densely as the grid. Each cut-out has to be passed in its
     direction, be it obliquely. A turn about the vertical is free, so a shape does it if the
-    vertical part of x(L) - x(s1) is that of the way between the centres, where s1 is the last place
+    vertical part of x(L) - x(s1) is that of the way between the centers, where s1 is the last place
     as far from the end as they are apart.
 
     Args:
         first, second: CutOuts
         grid: points on the sphere
     """
-    way = second.centre - first.centre
+    way = second.center - first.center
     apart, points = np.linalg.norm(way), sphere(grid)
     frames, stable = hanging_and_stable(rod, weight, ends_with_gravity_at(points))
     tangents = frames[..., 0]

@@ -79,7 +79,7 @@ def _touched(rng, contact):
 def distance(obstacle, x):
     """Return the distances (n,) of points x (n, 3) from the surface of an obstacle."""
     if isinstance(obstacle, Sphere):
-        return np.linalg.norm(x - obstacle.centre, axis=1) - obstacle.radius
+        return np.linalg.norm(x - obstacle.center, axis=1) - obstacle.radius
     if isinstance(obstacle, Capsule):
         axis = obstacle.end - obstacle.start
         part = np.clip((x - obstacle.start) @ axis / (axis @ axis), 0, 1)
@@ -170,7 +170,7 @@ def scan(direct, contact, s, below=np.inf, decades=8, per_decade=10, stable=1e-3
         gripper = Pose.from_rotation(positions[k, 0], frames[k, 0])
         guess = replace(template, gripper=gripper, s=nodes, positions=positions[k],
                         frames=frames[k], element_strains=strains[k], contacts=(),
-                        _history=None, _before=None, _discretisation=None)
+                        _history=None, _before=None, _discretization=None)
         if held(direct, contact, s, gripper, guess, forces[k], stable):
             found.append(forces[k])
     return found

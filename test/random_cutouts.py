@@ -66,7 +66,7 @@ def replayed(direct, cutout, plan):
         axes, position = shape.frame_at(1 - depth)
         if not shape.converged:
             return f'not converged: at depth {depth:g}'
-        if np.linalg.norm(position - cutout.centre) > 1e-6:
+        if np.linalg.norm(position - cutout.center) > 1e-6:
             return f'misses: at depth {depth:g}'
         if np.linalg.norm(axes[:, 0] - cutout.normal) > 1e-6:
             return f'oblique: at depth {depth:g}'

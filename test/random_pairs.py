@@ -35,8 +35,8 @@ def random_pair(rng):
     rod, first = random_task(rng)
     way = rng.normal(size=3)
     way *= rng.uniform(0.1, 0.5) / np.linalg.norm(way)
-    return rod, *(CutOut(Pose.looking_along(centre, way))
-                  for centre in (first.centre, first.centre + way))
+    return rod, *(CutOut(Pose.looking_along(center, way))
+                  for center in (first.center, first.center + way))
 
 
 def distance(shape, point):
@@ -82,17 +82,17 @@ def confirmed(direct, first, second, error):
 
 def replayed(direct, first, second, plan):
     """Return 'replayed', or what is wrong when the gripper moves as planned."""
-    apart = np.linalg.norm(second.centre - first.centre)
+    apart = np.linalg.norm(second.center - first.center)
     reached = False
     for depth, shape in zip(plan.depths, direct.track(plan.grippers), strict=True):
         if not shape.converged:
             return f'not converged: at depth {depth:g}'
         axes, position = shape.frame_at(1 - depth)
-        if np.linalg.norm(position - first.centre) > _HIT:
+        if np.linalg.norm(position - first.center) > _HIT:
             return f'misses the first: at depth {depth:g}'
         if axes[:, 0] @ first.normal <= 0:
             return f'passes the first backwards: at depth {depth:g}'
-        hit = depth > apart and distance(shape, second.centre) < _HIT
+        hit = depth > apart and distance(shape, second.center) < _HIT
         if reached and not hit:
             return f'leaves the second: at depth {depth:g}'
         reached = hit

@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from dlo_planner import DirectSimulator, Pose, Rod  # noqa: E402
 
-DISCRETISATIONS = [{'basis': 'local', 'n_elements': n} for n in (32, 64, 128)] + [
+DISCRETIZATIONS = [{'basis': 'local', 'n_elements': n} for n in (32, 64, 128)] + [
     {'n_elements': 64, 'n_terms': 6}, {}, {'n_elements': 128, 'n_terms': 20},
     {'basis': 'fourier', 'n_terms': 16}]
 _EVERY = 15      # of the rods have their errors looked at
@@ -45,12 +45,12 @@ def verdict(rod, gripper):
 
 
 def error_ratios(rod, gripper):
-    """Return error estimate over true error of each discretisation, nan where it is another shape.
+    """Return error estimate over true error of each discretization, nan where it is another shape.
 
-    The true shape is the one that the discretised one leads to on meshes refined to 1e-7.
+    The true shape is the one that the discretized one leads to on meshes refined to 1e-7.
     """
     ratios = []
-    for options in DISCRETISATIONS:
+    for options in DISCRETIZATIONS:
         shape = DirectSimulator(rod, **options).solve(gripper)
         exact = DirectSimulator(rod, accuracy=_EXACT, basis='local').solve(gripper, shape)
         error = np.linalg.norm(shape.positions - exact.positions_at(shape.s), axis=1).max()

@@ -25,12 +25,12 @@ _DEEPEST = 0.8  # m
 def random_sequence(rng):
     """Return a Rod and three CutOuts, 0.25 m apart, that face along a way that bends a little."""
     rod, first = random_task(rng)
-    centres, way = [first.centre], first.normal
+    centers, way = [first.center], first.normal
     for _ in range(2):
         way = way + 0.4 * rng.normal(size=3)
         way /= np.linalg.norm(way)
-        centres.append(centres[-1] + 0.25 * way)
-    return rod, [CutOut(Pose.looking_along(centre, way)) for centre in centres]
+        centers.append(centers[-1] + 0.25 * way)
+    return rod, [CutOut(Pose.looking_along(center, way)) for center in centers]
 
 
 def outcome(rod, cutouts, basis, number=100):

@@ -46,7 +46,7 @@ from dlo_planner import (
     Workspace,
     correct,
     fit_rod,
-    minimise_penalty,
+    minimize_penalty,
     replay,
     robustness,
     solve_many,
@@ -88,7 +88,7 @@ def values():
         Through((0.4, 0, 1)), AwayFrom((floor,), 0.1), BentAtMost(1.0),
         Observation(LEVEL, shape.positions[1:], shape.s[1:]), Trajectory(plan),
         ObservedMotion([LEVEL] * 3, 0.01, [0.0, 0.02], np.ones((2, 1, 3)), [1.0]),
-        minimise_penalty(simulator, PositionAt(1.0, (0.9, 0, 0.9)), LEVEL)]
+        minimize_penalty(simulator, PositionAt(1.0, (0.9, 0, 0.9)), LEVEL)]
     seen = examples[-4]
     examples.append(fit_rod(wire, [seen], n_elements=8, n_terms=4))
     observer = Observer(simulator, Spread(0.05, gripper_position=1e-3), cutout=1e-3)
@@ -119,7 +119,7 @@ def arguments():
         'half_n': 0.01, 'half_b': 0.01, 'yield_stress': 1e6, 'bend': np.ones((4, 3)),
         'pose': LEVEL, 'position': (0.0, 0.0, 1.0), 'quaternion': (0.0, 0.0, 0.0, 1.0),
         'rotation': np.eye(3), 'matrix': np.eye(4), 'direction': (1.0, 0.0, 0.0), 'other': LEVEL,
-        'value': LEVEL, 'point': (0.0, 0.0, 0.0), 'normal': (0.0, 0.0, 1.0), 'centre': (0, 0, 0),
+        'value': LEVEL, 'point': (0.0, 0.0, 0.0), 'normal': (0.0, 0.0, 1.0), 'center': (0, 0, 0),
         'radius': 0.01, 'start': LEVEL, 'end': (0.0, 0.0, 0.0), 'size': (1.0, 1.0, 1.0),
         'Capsule.start': (1.0, 0.0, 0.0), 'cutout': hole,
         # simulators
@@ -128,7 +128,7 @@ def arguments():
         'Rod.masses_per_length.s': [0.1, 0.2], 'Rod.natural_strains.s': [0.1, 0.2],
         'Rod.radii.s': [0.1, 0.2], 'Rod.stiffnesses.s': [0.1, 0.2], 'nodes': (),
         'Rod.mean_natural_strains.s': [0.0, 1.0], 'Rod.mean_stiffnesses.s': [0.0, 1.0],
-        'Rod.node_masses.s': [0.0, 1.0], 'mass': 0.1, 'inertia': None, 'with_plug.centre': None,
+        'Rod.node_masses.s': [0.0, 1.0], 'mass': 0.1, 'inertia': None, 'with_plug.center': None,
         'function': np.cos, 'breaks': (0.5,), 'PointLoad.force': (0.0, 0.0, 1.0),
         'moment': (0.0, 0.0, 1.0), 'point_loads': (),
         'Shape.s': shape.s, 'converged': True, 'n_elements': 8, 'n_terms': 4, 'path': 'saved',

@@ -90,7 +90,7 @@ def check_first_example(names, printed):
     assert 0.5 * names['hole'].radius < room < names['hole'].radius
     # the DLO goes through the hole, along its normal
     shape = dlo_planner.DirectSimulator(names['wire']).solve(first)
-    np.testing.assert_allclose(shape.positions[-1], names['hole'].centre, atol=1e-3)
+    np.testing.assert_allclose(shape.positions[-1], names['hole'].center, atol=1e-3)
     np.testing.assert_allclose(shape.tangents[-1], names['hole'].normal, atol=1e-3)
 
 
@@ -98,7 +98,7 @@ def check_cell(names):
     cell, plan = names['cell'], names['plan']
     for gripper in plan.grippers:
         assert (gripper.position > cell.lower).all() and (gripper.position < cell.upper).all()
-    behind = (np.array([pose.position for pose in plan.grippers]) - names['hole'].centre
+    behind = (np.array([pose.position for pose in plan.grippers]) - names['hole'].center
               ) @ names['hole'].normal
     assert behind.max() <= -0.1 + 1e-9  # gripper_clearance
     np.testing.assert_allclose(names['way'].grippers[0].matrix, names['now'].matrix, atol=1e-9)

@@ -24,7 +24,7 @@ from dlo_planner import (
     Rod,
     Sheet,
     Sphere,
-    minimise_penalty,
+    minimize_penalty,
 )
 
 THIN = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34)
@@ -146,7 +146,7 @@ def inserted(given, rod, basis):
 
 
 def end_brought_to_a_place(given, rod, basis):
-    return minimise_penalty(DirectSimulator(rod, basis=basis),
+    return minimize_penalty(DirectSimulator(rod, basis=basis),
                             PositionAt(1.0, given.moved((0.6, 0.1, 0.7))),
                             given.pose((0, 0, 1))).gripper.matrix
 

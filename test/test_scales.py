@@ -28,7 +28,7 @@ from dlo_planner import (
     Through,
     Trajectory,
     fit_rod,
-    minimise_penalty,
+    minimize_penalty,
     replay,
     tolerance,
 )
@@ -36,7 +36,7 @@ from dlo_planner import (
 
 @dataclass(frozen=True)
 class Units:
-    """What a metre, a kilogram and a second of the task are."""
+    """What a meter, a kilogram and a second of the task are."""
 
     length: float = 1.0
     mass: float = 1.0
@@ -214,8 +214,8 @@ def any_task(units):
         turn = Rotation.from_matrix(shape.gripper.rotation).as_rotvec()
         return 0.05 * np.append(turn, (shape.gripper.position - start.position) / size)
 
-    found = [minimise_penalty(direct, [*task, near], start) for task in tasks[:2]]
-    found.append(minimise_penalty(direct, tasks[2], start))
+    found = [minimize_penalty(direct, [*task, near], start) for task in tasks[:2]]
+    found.append(minimize_penalty(direct, tasks[2], start))
     assert all(one.converged for one in found)
     return [np.array([one.penalty for one in found]),
             np.array([found[2].shape.positions[-1], found[1].gripper.position,
@@ -263,7 +263,7 @@ def moved_and_proved(units):
 TASKS = [solved, turned_over, on_a_bar, rubbing, in_a_sheet, held, set_for_good, in_motion,
          threaded, two_threaded, three_threaded, inserted, brought_there, in_contact, any_task,
          fitted, moved_and_proved]
-SIZES = {'micro': Units(1e-4, 1e-9, 1e-2), 'kilometre': Units(1e3, 1e6, 30.0),
+SIZES = {'micro': Units(1e-4, 1e-9, 1e-2), 'kilometer': Units(1e3, 1e6, 30.0),
          'powers of two': Units(2.0**-14, 2.0**-8, 2.0**-6),
          'large powers': Units(2.0**10, 1.0, 32.0)}
 KNOWN = {}

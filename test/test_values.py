@@ -27,7 +27,7 @@ from dlo_planner import (
     Shape,
     Sheet,
 )
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.model.value import Value
@@ -68,7 +68,7 @@ def more():
         'elastic inverse': InverseSimulator(set_), 'accurate': DirectSimulator(
             soft, accuracy=1e-3).solve(LEVEL), 'refused plan': refused.value.plan,
         'local': DirectSimulator(soft, n_elements=8, basis='local'), 'function': soft,
-        'discretisation': shape._discretisation, 'history': held._history,
+        'discretization': shape._discretization, 'history': held._history,
         'surroundings': around.surroundings}
 
 
@@ -123,7 +123,7 @@ def test_whatever_it_comes_from(more):
 
 
 def test_what_travels_inside(more):
-    assert isinstance(more['discretisation'], Discretisation)
+    assert isinstance(more['discretization'], Discretization)
     assert isinstance(more['history'], History)
     assert isinstance(more['surroundings'], Surroundings)
 

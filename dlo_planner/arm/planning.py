@@ -17,9 +17,9 @@ from dlo_planner.arm.robot import Arm
 from dlo_planner.arm.solving import choices
 from dlo_planner.arm.starts import judge_self_collision, starts
 from dlo_planner.errors import Infeasible
-from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.model.checks import flag, instance
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.progress import Progress
 
 _STEP = 0.02           # s between points, where that is fine enough

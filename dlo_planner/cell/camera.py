@@ -114,6 +114,6 @@ class Viewer:
         points += self._bias + camera.noise * rng.standard_normal(points.shape)
         hole = None
         if camera.sees_hole:
-            hole = vector('hole', cutout.centre + plant.truth.hole_shift + self._bias
+            hole = vector('hole', cutout.center + plant.truth.hole_shift + self._bias
                           + camera.noise * rng.standard_normal(3), 3)
         return Image(plant.time + camera.stamp_error, points, hole)

@@ -21,15 +21,15 @@ from dlo_planner.cell.truth import Unknowns
 from dlo_planner.errors import Infeasible
 from dlo_planner.identify.closed_loop import ClosedLoop, Phase
 from dlo_planner.identify.correction import correct
-from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
-from dlo_planner.plan.plan import PlanStatus, first_part, joined
-from dlo_planner.verify.robustness import Spread
 from dlo_planner.identify.stamped import gripper_at
 from dlo_planner.identify.steering import Steered
-from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.motion.trajectory import Trajectory
+from dlo_planner.plan.plan import PlanStatus, first_part, joined
+from dlo_planner.verify.robustness import Spread
 
 _STAMPS = 0.1       # s after an arrival whose images are left out: their stamps may be wrong
 _FOR_MOTION = 0.25  # part of the room that is kept for the deviation of the DLO in motion
@@ -139,7 +139,7 @@ class _Looking:
             self._estimate = self._observer.update(self._estimate, observation)
             if image.hole is not None and self._driver.hole:
                 self._estimate = self._observer.see_cutout(
-                    self._estimate, self._task.cutout.centre, image.hole)
+                    self._estimate, self._task.cutout.center, image.hole)
 
     def _go_there(self, time):
         """Plan the motion to the standoff and begin it."""
@@ -154,7 +154,7 @@ class _Looking:
         """Plan the way from the standoff to the depth; return the 95 % bound of its miss, m."""
         way, through = ways(self._estimated(), 0.0)
         self._plan = joined(replace(way, stops=()), through)
-        stated, estimate = self._task.cutout.centre, self._estimate
+        stated, estimate = self._task.cutout.center, self._estimate
         self._commanded = replace(
             through, grippers=[estimate.commanded(pose) for pose in through.grippers],
             passes=[tuple((stated, *rest) for _, *rest in passes) for passes in through.passes])

@@ -36,7 +36,7 @@ class Film:
     def save(self, path: str | PathLike, task: Task) -> None:
         """Write the GIF or MP4: from the side and from above, the hole's normal to the right."""
         axes = self._axes(task)
-        curves = (np.array(self._curves) - task.cutout.centre) @ axes.T
+        curves = (np.array(self._curves) - task.cutout.center) @ axes.T
         figure = Figure(figsize=(6.4, 5.6), layout='constrained')
         panels = figure.subplots(2, 1)
         lines = [self._panel(panel, task, curves, k) for k, panel in zip((2, 1), panels,
@@ -47,7 +47,7 @@ class Film:
                 line.set_data(curves[number][:, 0], curves[number][:, k])
                 matrix = self._grippers[number]
                 jaws = matrix[:3, 3] + _JAW * np.array([-1, 0])[:, None] * matrix[:3, 0]
-                jaw.set_data(*((jaws - task.cutout.centre) @ axes[[0, k]].T).T)
+                jaw.set_data(*((jaws - task.cutout.center) @ axes[[0, k]].T).T)
             panels[0].set_title(f'{task.name}, hole of {2e3 * task.cutout.radius:.1f} mm: '
                                 f'{self._times[number]:.1f} s, force so far '
                                 f'{self._forces[number]:.2g} N', fontsize=10)

@@ -51,7 +51,7 @@ class Passage(Value):
 
     Attributes:
         depth: arc length beyond the plane, m; 0: the DLO does not pierce it
-        miss: largest distance from the centre at which the DLO pierces the plane, m; nan if it
+        miss: largest distance from the center at which the DLO pierces the plane, m; nan if it
             does not
         y, z: coordinates of that point in the axes of the cut-out, m
     """
@@ -155,7 +155,7 @@ class Plant:
         """Return the Passage of a cut-out, at its true place (shifted by the Truth)."""
         instance('cutout', cutout, CutOut)
         s = np.linspace(0, self._chain.length, _FINE * len(self._chain.masses) + 1)
-        local = ((self._curve(s) - cutout.centre - self.truth.hole_shift)
+        local = ((self._curve(s) - cutout.center - self.truth.hole_shift)
                  @ cutout.pose.rotation)
         before, after = local[:-1], local[1:]
         pierced = np.flatnonzero((before[:, 0] < 0) != (after[:, 0] < 0))

@@ -35,7 +35,7 @@ class Outcome(Value):
         threaded: whether the DLO is through the hole to its depth at the end, its misses below the
             radius; a force of more than 5 N ends a run
         depth: length of the DLO beyond the sheet at the end, m
-        miss: largest distance from the centre of the hole, in its plane, of the DLO that crosses
+        miss: largest distance from the center of the hole, in its plane, of the DLO that crosses
             it, every 20 ms, m; nan if it never did
         force: largest contact force on the DLO, N
         time: duration of the motion, s

@@ -35,7 +35,7 @@ def _parts(obstacle):
     if isinstance(obstacle, Plane):
         return [('PLANE', (_HALF_PLANE, _HALF_PLANE, 1), obstacle.point, _z_along(obstacle.normal))]
     if isinstance(obstacle, Sphere):
-        return [('SPHERE', (obstacle.radius, 0, 0), obstacle.centre, np.eye(3))]
+        return [('SPHERE', (obstacle.radius, 0, 0), obstacle.center, np.eye(3))]
     if isinstance(obstacle, Capsule):
         axis = obstacle.end - obstacle.start
         return [('CAPSULE', (obstacle.radius, 0.5 * np.linalg.norm(axis), 0),
@@ -67,7 +67,7 @@ def _around_hole(sheet):
     parts = []
     for angle, inner, wide in sides:
         turned = rotation @ Rotation.from_euler('x', angle).as_matrix()
-        center = hole.centre + 0.5 * (inner + reach) * turned[:, 1]
+        center = hole.center + 0.5 * (inner + reach) * turned[:, 1]
         parts.append(('BOX', (half[0], 0.5 * (reach - inner), wide), center, turned))
     return parts
 

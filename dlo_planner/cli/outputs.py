@@ -15,9 +15,9 @@ from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.extras import extra
+from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.verify.replay import Report
-from dlo_planner.model.pose import Pose
 from dlo_planner.view.summaries import rows_of
 
 PICTURES, FILMS, VALUES = ('.png', '.svg', '.pdf'), ('.gif', '.mp4'), ('.npz', '.json')

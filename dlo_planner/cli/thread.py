@@ -10,11 +10,11 @@ import click
 from dlo_planner.cli.arguments import POSE, Bar, Described, described, written
 from dlo_planner.cli.main import NO_SOLUTION
 from dlo_planner.cli.outputs import FILMS, PICTURES, POSES, VALUES, checked, write
-from dlo_planner.plan.plan import Plan
-from dlo_planner.verify.replay import replay
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.plan.plan import Plan
 from dlo_planner.settings.building import inverse_of, limits_of, tolerance_of
 from dlo_planner.settings.threading import Wanted, way_through
+from dlo_planner.verify.replay import replay
 
 _ENDINGS = (*PICTURES, *FILMS, *VALUES, '.csv', *POSES)
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Choosing the discretisation that meets an accuracy: mesh graded to the bend, terms as needed."""
+"""Choosing the discretization that meets an accuracy: mesh graded to the bend, terms as needed."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from dlo_planner.direct.approach import brought
 from dlo_planner.direct.described import described_equilibrium
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.indicator import like_before, surely_within
 from dlo_planner.direct.mesh import even_mesh, graded_mesh, with_breaks
 from dlo_planner.direct.statics import equilibrium, hanging
@@ -22,7 +22,7 @@ _PER_BEND = 2.5  # elements on (EI / weight per length)^(1/3), over which a soft
 _ENOUGH, _MARGIN = 0.75, 0.5  # parts of the accuracy: what is good, and what is aimed at
 
 
-def step(discretisation, gripper, initial, history, far_end, method='newton',
+def step(discretization, gripper, initial, history, far_end, method='newton',
          unknowns='components', most=np.inf):
     """Return the Shape that follows `initial` (a Shape or None) on a mesh, and the kicks.
 
@@ -33,30 +33,30 @@ def step(discretisation, gripper, initial, history, far_end, method='newton',
         most: rad, by which a DLO that hangs freely may turn from `initial` in the gripper before
             the search is given up
     """
-    if far_end is None and method == 'newton' and discretisation.hangs:
-        return _hanging(discretisation, gripper, initial, most)
-    past = past_of(discretisation, initial, history)
+    if far_end is None and method == 'newton' and discretization.hangs:
+        return _hanging(discretization, gripper, initial, most)
+    past = past_of(discretization, initial, history)
     if initial is None:
-        strains = discretisation.stress_free(past)
+        strains = discretization.stress_free(past)
     else:
-        strains = discretisation.strains_from(initial.s, initial.element_strains)
+        strains = discretization.strains_from(initial.s, initial.element_strains)
     if unknowns == 'paper':
-        return described_equilibrium(discretisation, gripper, strains, method, past)
-    gripper = held_by(discretisation.surroundings, gripper, initial)
-    gripper, strains, past, clear = brought(discretisation, initial, strains, gripper, far_end,
+        return described_equilibrium(discretization, gripper, strains, method, past)
+    gripper = held_by(discretization.surroundings, gripper, initial)
+    gripper, strains, past, clear = brought(discretization, initial, strains, gripper, far_end,
                                             past)
-    shape, kicks = equilibrium(discretisation, gripper, strains, method, past, far_end)
+    shape, kicks = equilibrium(discretization, gripper, strains, method, past, far_end)
     return (shape if clear else replace(shape, converged=False, jumped=True)), kicks
 
 
-def _hanging(discretisation, gripper, initial, most):
-    """Return what `step` does for a DLO that hangs freely, see `Discretisation.hangs`."""
+def _hanging(discretization, gripper, initial, most):
+    """Return what `step` does for a DLO that hangs freely, see `Discretization.hangs`."""
     if initial is None:
-        return hanging(discretisation, gripper, discretisation.relaxed)
-    if discretisation.has_nodes(initial.s):
-        return hanging(discretisation, gripper, initial.element_strains, initial, most)
-    return hanging(discretisation, gripper,
-                   discretisation.strains_from(initial.s, initial.element_strains))
+        return hanging(discretization, gripper, discretization.relaxed)
+    if discretization.has_nodes(initial.s):
+        return hanging(discretization, gripper, initial.element_strains, initial, most)
+    return hanging(discretization, gripper,
+                   discretization.strains_from(initial.s, initial.element_strains))
 
 
 def held_by(surroundings, gripper, initial):
@@ -69,7 +69,7 @@ def held_by(surroundings, gripper, initial):
     return Pose.from_rotation(gripper.position, initial.gripper.rotation)
 
 
-def past_of(discretisation, initial, history):
+def past_of(discretization, initial, history):
     """Return the History, on a mesh, of the DLO in the Shape `initial` or None.
 
     Args:
@@ -79,7 +79,7 @@ def past_of(discretisation, initial, history):
     if known is not None and not np.array_equal(known.positions, initial.positions):
         # carried somewhere else since, or predicted: there it has touched nothing yet
         known = known.set_alone(len(known.node_force))
-    return discretisation.past(known, history)
+    return discretization.past(known, history)
 
 
 def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_end,
@@ -90,43 +90,43 @@ def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_e
     A shape that misses the accuracy on the largest mesh says so: `converged` is False.
 
     Args:
-        first: Discretisation to begin with where there is no better one
+        first: Discretization to begin with where there is no better one
         fine: basis of better ones
         most: as in `step`
     """
-    discretisation = _to_begin_with(first, fine, accuracy, initial, history)
+    discretization = _to_begin_with(first, fine, accuracy, initial, history)
     around, kicks = first.surroundings, 0
     if far_end is not None and around.obstacles and initial is None:
-        discretisation = _fine_enough(discretisation, fine)
+        discretization = _fine_enough(discretization, fine)
     anyhow = not around.rod.yields and (
         not around.obstacles and far_end is None
         or initial is None and not any(one.friction for one in around.obstacles))
     while True:
-        shape, kicked = step(discretisation, gripper, initial, history, far_end, most=most)
+        shape, kicked = step(discretization, gripper, initial, history, far_end, most=most)
         kicks += kicked
         if (not shape.converged or surely_within(shape, accuracy)
                 or like_before(shape, initial, accuracy)
                 or shape.error_estimate <= _ENOUGH * accuracy):
             return shape, kicks
-        better = _refined(discretisation, fine, shape, accuracy)
+        better = _refined(discretization, fine, shape, accuracy)
         if better is None:
             return replace(shape, converged=shape.error_estimate <= accuracy), kicks
-        discretisation = better
+        discretization = better
         if anyhow:
             initial = shape  # a better start; where the way counts, the step is made again
 
 
-def _fine_enough(discretisation, fine):
-    """Return a Discretisation whose elements can bend round obstacles under the DLO's weight."""
-    weight = np.linalg.norm(discretisation.load)
-    length, around = discretisation.s[-1], discretisation.surroundings
+def _fine_enough(discretization, fine):
+    """Return a Discretization whose elements can bend round obstacles under the DLO's weight."""
+    weight = np.linalg.norm(discretization.load)
+    length, around = discretization.s[-1], discretization.surroundings
     if weight == 0.0:
-        return discretisation
+        return discretization
     bent = (min(around.rod.stiffness[1:]) * length / weight) ** (1 / 3)
     wanted = min(int(np.ceil(_PER_BEND * length / bent)), _MANY)
-    if wanted < discretisation.s.size:
-        return discretisation
-    return Discretisation(around, even_mesh(length, wanted, around.breaks), fine, _FIRST_TERMS)
+    if wanted < discretization.s.size:
+        return discretization
+    return Discretization(around, even_mesh(length, wanted, around.breaks), fine, _FIRST_TERMS)
 
 
 def within(shape, accuracy):
@@ -136,17 +136,17 @@ def within(shape, accuracy):
 
 
 def first_mesh(surroundings, basis):
-    """Return the Discretisation with which the search for an accuracy begins."""
+    """Return the Discretization with which the search for an accuracy begins."""
     s = even_mesh(surroundings.rod.length, _FIRST_ELEMENTS, surroundings.breaks)
-    return Discretisation(surroundings, s, basis, _FIRST_TERMS)
+    return Discretization(surroundings, s, basis, _FIRST_TERMS)
 
 
 def _to_begin_with(first, fine, accuracy, initial, history):
-    """Return the Discretisation to begin with: in these surroundings, on the mesh of `initial`.
+    """Return the Discretization to begin with: in these surroundings, on the mesh of `initial`.
 
     A permanent set stays on its mesh: on another one it would be averaged.
     """
-    around, known = first.surroundings, None if initial is None else initial._discretisation
+    around, known = first.surroundings, None if initial is None else initial._discretization
     if history is not None and (known is None or not same(known.rod, around.rod)):
         initial = known = None  # the set is the simulator's
     if initial is not None and known is not None and surely_within(initial, accuracy, first):
@@ -157,26 +157,26 @@ def _to_begin_with(first, fine, accuracy, initial, history):
     if known is None:  # of a shape from a file, or a set
         if fine != 'local' or s.size < first.s.size or np.array_equal(s, first.s):
             return first
-        return Discretisation(around, with_breaks(s, around.breaks), fine, 0)
+        return Discretization(around, with_breaks(s, around.breaks), fine, 0)
     if same(known.surroundings, around):
         return known
     s = with_breaks(np.append(s[:-1], around.rod.length), around.breaks)
-    return Discretisation(around, s, known.basis, known.n_terms)
+    return Discretization(around, s, known.basis, known.n_terms)
 
 
-def _refined(discretisation, fine, shape, accuracy):
-    """Return a finer Discretisation, or None at the limits."""
-    around, s = discretisation.surroundings, discretisation.s
-    elements, terms = len(shape.element_strains), discretisation.n_terms
-    bent = shape.element_strains - discretisation.natural
-    if discretisation.basis != fine:
+def _refined(discretization, fine, shape, accuracy):
+    """Return a finer Discretization, or None at the limits."""
+    around, s = discretization.surroundings, discretization.s
+    elements, terms = len(shape.element_strains), discretization.n_terms
+    bent = shape.element_strains - discretization.natural
+    if discretization.basis != fine:
         s = graded_mesh(s, bent, elements, around.breaks)
-        return Discretisation(around, s, fine, _FIRST_TERMS)
+        return Discretization(around, s, fine, _FIRST_TERMS)
     from_mesh = shape.error_estimate
     if elements >= _MANY and not np.isfinite(from_mesh):
         return None
     if fine != 'local':
-        free = Discretisation(around, s, 'local', 0)
+        free = Discretization(around, s, 'local', 0)
         from_mesh = equilibrium(free, shape.gripper, shape.element_strains, 'newton',
                                 shape._history, shape.far_end)[0].error_estimate
         if shape.error_estimate > 1.5 * from_mesh or from_mesh < 0.3 * _MARGIN * accuracy:
@@ -185,6 +185,6 @@ def _refined(discretisation, fine, shape, accuracy):
         growth = np.clip(np.sqrt(from_mesh / (0.5 * _MARGIN * accuracy)), 1.2, 2.5)
         wanted = min(int(np.ceil(growth * elements)), _MOST_ELEMENTS)
         s = graded_mesh(s, bent, wanted, around.breaks)
-    if terms == discretisation.n_terms and s.size == discretisation.s.size:
+    if terms == discretization.n_terms and s.size == discretization.s.size:
         return None
-    return Discretisation(around, s, fine, terms)
+    return Discretization(around, s, fine, terms)

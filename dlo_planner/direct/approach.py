@@ -20,16 +20,16 @@ _ROUGHLY = 1e-5      # of the length: how well obstacles are kept clear of on th
 _SMALLEST = 2.0**-14  # part of the motion: what cannot be moved by it is blocked
 
 
-def approach(discretisation, previous, strains, gripper, far_end, history):
+def approach(discretization, previous, strains, gripper, far_end, history):
     """Return element strains (N, 3) at `gripper` that continue `previous`, and if the way is clear.
 
     Arguments as `brought`.
     """
-    _, strains, _, clear = brought(discretisation, previous, strains, gripper, far_end, history)
+    _, strains, _, clear = brought(discretization, previous, strains, gripper, far_end, history)
     return strains, clear
 
 
-def brought(discretisation, previous, strains, gripper, far_end, history):
+def brought(discretization, previous, strains, gripper, far_end, history):
     """Return where the search begins: gripper, strains (N, 3), the past, and if the way is clear.
 
     The gripper (and the far end's grip) goes straight from its pose in `previous`; the DLO gives
@@ -41,28 +41,28 @@ def brought(discretisation, previous, strains, gripper, far_end, history):
         strains: (N, 3) its element strains on this mesh
         history: History on this mesh
     """
-    obstacles = discretisation.surroundings.obstacles
+    obstacles = discretization.surroundings.obstacles
     if previous is None and far_end is None or not obstacles and far_end is None:
         return gripper, strains, history, True
     strains = np.array(strains)  # those of a Shape are read-only, another type for kernels
     begin = gripper if previous is None else previous.gripper
-    held = grip_before(discretisation, previous, strains, begin, far_end)
-    parts = parts_between(begin, gripper, held, far_end, discretisation.s[-1])
+    held = grip_before(discretization, previous, strains, begin, far_end)
+    parts = parts_between(begin, gripper, held, far_end, discretization.s[-1])
     if parts == 0:
         return gripper, strains, history, True
     if previous is None:
-        return *set_down(discretisation, gripper, strains, far_end, history), True
+        return *set_down(discretization, gripper, strains, far_end, history), True
     if not obstacles:
-        return *lead(discretisation, strains, (begin, gripper), (held, far_end), history,
+        return *lead(discretization, strains, (begin, gripper), (held, far_end), history,
                      parts), True
     done, step = 0.0, 1.0 / parts
     where, past = begin, history
     while done < 1.0:
-        old = placed(discretisation.system(where.rotation), strains)
+        old = placed(discretization.system(where.rotation), strains)
         target = min(1.0, done + step)
         there = gripper if target == 1.0 else between(begin, gripper, target)
         grip = grip_at(held, far_end, target)
-        system = discretisation.system(there.rotation, there.position, history, grip)
+        system = discretization.system(there.rotation, there.position, history, grip)
         new = placed(system, strains)
         shift = there.position - where.position
         if passes_through(system.scene, system.lengths, old.strains, old.rotations,
@@ -75,9 +75,9 @@ def brought(discretisation, previous, strains, gripper, far_end, history):
         step = min(2 * step, 1.0 / parts)
         if done == 1.0:
             break  # what is left is the step itself
-        found = solve(discretisation, system, there, new.q, history, _RELAXING, False, _ROUGHLY)
+        found = solve(discretization, system, there, new.q, history, _RELAXING, False, _ROUGHLY)
         strains, system = found.state.strains, found.system
-        if discretisation.surroundings.pinned:  # it has turned
+        if discretization.surroundings.pinned:  # it has turned
             there, begin, gripper = (Pose.from_rotation(pose.position, system.base)
                                      for pose in (there, begin, gripper))
             where = there

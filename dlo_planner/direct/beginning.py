@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from dlo_planner.direct.accuracy import past_of
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.statics import shape_of, solve
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import array, number, returned, vector
@@ -50,7 +50,7 @@ def last_of(motion, velocity):
 
 
 def moving_mesh(known):
-    """Return a Discretisation for motions, as fine as `known`, everywhere L / 96 or finer.
+    """Return a Discretization for motions, as fine as `known`, everywhere L / 96 or finer.
 
     A mesh that was graded for one shape has to serve all that come.
     """
@@ -60,10 +60,10 @@ def moving_mesh(known):
         return known
     finer = np.concatenate([np.linspace(one, other, n, endpoint=False) for one, other, n in
                             zip(s, s[1:], parts, strict=False)] + [s[-1:]])
-    return Discretisation(known.surroundings, finer, known.basis, known.n_terms)
+    return Discretization(known.surroundings, finer, known.basis, known.n_terms)
 
 
-def first_shape(discretisation, gripper, far_end, initial, history):
+def first_shape(discretization, gripper, far_end, initial, history):
     """Return the Shape at time 0: that of `initial`, on this mesh and in these surroundings.
 
     Args:
@@ -73,20 +73,20 @@ def first_shape(discretisation, gripper, far_end, initial, history):
     Raises:
         InvalidTask: `initial` is held elsewhere than the motion begins, or lies in an obstacle
     """
-    length = discretisation.s[-1]
+    length = discretization.s[-1]
     _meets('initial', 'gripper', 'grippers[0]', initial.gripper, gripper, length)
     if far_end is not None:
         end = initial.at(float(initial.s[-1]))
         pose = end if far_end.grip == 'pinned' else far_end.pose
         _meets('initial', 'far end', 'far_ends[0]', end,
                replace(pose, position=_held(far_end, end.position)), length)
-    history = past_of(discretisation, initial, history)
-    system = discretisation.system(gripper.rotation, gripper.position, history, far_end)
-    q = discretisation.unknowns(discretisation.strains_from(initial.s, initial.element_strains))
-    found = solve(discretisation, system, gripper, q, history, 0, False)
+    history = past_of(discretization, initial, history)
+    system = discretization.system(gripper.rotation, gripper.position, history, far_end)
+    q = discretization.unknowns(discretization.strains_from(initial.s, initial.element_strains))
+    found = solve(discretization, system, gripper, q, history, 0, False)
     # nothing was solved yet that could have failed
-    first = replace(shape_of(discretisation, gripper, found, history, far_end), converged=True)
-    if initial._discretisation is discretisation and _alike(first, initial):
+    first = replace(shape_of(discretization, gripper, found, history, far_end), converged=True)
+    if initial._discretization is discretization and _alike(first, initial):
         first = initial
     if first.converged and first.violation > _DEEP * length:
         raise InvalidTask(f'initial: expected a Shape outside of all obstacles, it is '

@@ -54,7 +54,7 @@ class Contact(Value):
         return self.force * self.normal + self.friction
 
 
-def contacts_of(discretisation, system, state, gripper):
+def contacts_of(discretization, system, state, gripper):
     """Return the Contacts (a tuple, by s) of a kernel's result."""
     scene, contacts = system.scene, system.contacts
     if not scene.kind.size:
@@ -66,7 +66,7 @@ def contacts_of(discretisation, system, state, gripper):
         o, e, c = table.obstacle[a], table.element[a], table.rubbing[a]
         point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
                      table.fraction[a], rotation, x)
-        s = discretisation.s[e] + table.fraction[a] * system.lengths[e]
+        s = discretization.s[e] + table.fraction[a] * system.lengths[e]
         found.append(Contact(
             int(scene.source[o]), float(s), gripper.position + x, table.normal[a].copy(),
             float(table.force[a]), np.zeros(3) if c < 0 else -state.attached.force[c],

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dlo_planner.direct.discretisation import SAMPLES
+from dlo_planner.direct.discretization import SAMPLES
 from dlo_planner.minimize.leash import largest_turn_between
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import freeze
@@ -119,9 +119,9 @@ def _allowed(previous, shape, turn):
 
 def shape_change(one, other):
     """Return the largest change of a node's rotation relative to the gripper, in rad."""
-    if one.s is other.s and one._discretisation is not None:
+    if one.s is other.s and one._discretization is not None:
         return largest_turn_between(one.frames, other.frames, one.gripper.rotation,
-                                    other.gripper.rotation, one._discretisation.sampled)
+                                    other.gripper.rotation, one._discretization.sampled)
     if np.array_equal(one.s, other.s):
         at = np.searchsorted(one.s, SAMPLES * one.s[-1])
         here, there = one.frames[at], other.frames[at]

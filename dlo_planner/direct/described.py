@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The paper's own unknowns: series of q_d, q_kappa and q_tau in place of the strain components.
 
-For study. Only the paper's minimisers work on them: where the DLO is straight the direction of
+For study. Only the paper's minimizers work on them: where the DLO is straight the direction of
 curvature q_d has no effect, so the Hessian is singular there. The search therefore begins with a
 slight bend towards where gravity would bend the DLO.
 """
 
 import numpy as np
 
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.statics import TOLERANCE, shape_of
 from dlo_planner.energy.potential import evaluate, new_state
 from dlo_planner.minimize.methods import SEARCHES, judged, rounding
@@ -23,20 +23,20 @@ STRAINS = ('components', 'paper')
 _SLIGHT = 1e-2  # rad over the length
 
 
-def described_equilibrium(discretisation, gripper, strains, method, history):
+def described_equilibrium(discretization, gripper, strains, method, history):
     """Return the Shape whose (q_d, q_kappa, q_tau) are series, and how often it left a saddle.
 
     `residual` is that of the series' coefficients; `stability` is the DLO's own, freed from them.
 
     Args:
-        discretisation: its mesh, basis ('chebyshev' or 'fourier') and number of terms are used
+        discretization: its mesh, basis ('chebyshev' or 'fourier') and number of terms are used
         strains: (N, 3) components where the search begins, 1/m
         method: 'dfp' or 'downhill_simplex'
         history: History
     """
-    free = Discretisation(discretisation.surroundings, discretisation.s, 'local', 0)
+    free = Discretization(discretization.surroundings, discretization.s, 'local', 0)
     system = free.system(gripper.rotation, gripper.position, history)
-    basis = orthonormal_basis(discretisation.basis, discretisation.n_terms, discretisation.s)
+    basis = orthonormal_basis(discretization.basis, discretization.n_terms, discretization.s)
     weighted = basis * system.lengths[:, None]
     # angles count as much as the curvature they turn, so that all unknowns are roots of energies
     stiffness, length = system.stiffness[:, 1:].min(), system.lengths.sum()

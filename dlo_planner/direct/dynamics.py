@@ -82,7 +82,7 @@ def _run(stepper, first, plan, progress):
     whole = 1 << _HALVINGS
     now, past = first, _before(first.nodes, stepper.dt)
     reached, steps, local, level, calm = [first], [], 0.0, 0, 0
-    books = _Books(first, stepper.discretisation)
+    books = _Books(first, stepper.discretization)
     while len(reached) < plan.instants:
         begin, at = len(reached) - 1, 0
         while at < whole:
@@ -188,7 +188,7 @@ def _error(stepper, start, velocity, plan, at_rest, places, positions):
     The same motion with every element and every step halved; what that changes is three quarters
     of a second-order error, half of a first-order one.
     """
-    coarse = stepper.discretisation
+    coarse = stepper.discretization
     mesh = coarse.finer
     finer = Stepper(mesh, stepper.grips, stepper.dt)
     history = mesh.past(start._history)

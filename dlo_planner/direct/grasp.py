@@ -111,7 +111,7 @@ def _joined(gripper, back, on):
         converged=back.converged and on.converged, jumped=back.jumped or on.jumped,
         contacts=tuple(contacts), violation=max(back.violation, on.violation),
         dissipated=back.dissipated + on.dissipated, parts=(back, on),
-        _estimate=partial(_larger_estimate, back, on), _discretisation=None,
+        _estimate=partial(_larger_estimate, back, on), _discretization=None,
         _history=None, _before=None)
 
 

@@ -5,7 +5,7 @@
 The error estimate (`Shape.error_estimate`) was never more than 3.1 times `ritz.truncation` over 600
 random DLOs that hang freely, 0.8 times where both ends are held (80), 1.8 times where something is
 touched (80). Of DLOs that may yield it was 0.5 times (97) as long as they have not, and 4.1 times
-(33) where fibres of their section had; of ideal plasticity, point loads and what varies along the
+(33) where fibers of their section had; of ideal plasticity, point loads and what varies along the
 length it says nothing.
 """
 
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.model.value import freeze, put
 from dlo_planner.ritz.truncation import truncation
 
@@ -25,31 +25,31 @@ _STABLE = 0.1    # a shape that is less stable magnifies errors
 _LIKE = 3.0      # times what the shape before lets expect: the estimate is below
 
 
-def surely_within(shape: 'Shape', accuracy: float, mesh: Discretisation | None = None) -> bool:
+def surely_within(shape: 'Shape', accuracy: float, mesh: Discretization | None = None) -> bool:
     """Return whether a Shape is certain to be within `accuracy` (m), without a further solution.
 
     Args:
         shape: Shape from a simulator
         accuracy: m
-        mesh: Discretisation to which the shape would be transferred; None: its own
+        mesh: Discretization to which the shape would be transferred; None: its own
     """
-    here = shape._discretisation if mesh is None else mesh
+    here = shape._discretization if mesh is None else mesh
     times = _times(shape, here.rod)
     if (times is None or shape.stability < _STABLE and shape.far_end is None
             or not here.told_by_truncation):
         return False
-    if here is shape._discretisation:
+    if here is shape._discretization:
         return bool(times * _truncated(shape) <= accuracy)
     strains = here.strains_from(shape.s, shape.element_strains)
     return bool(times * _truncation(here, strains) <= accuracy)
 
 
-def hanging_surely_within(mesh: Discretisation, stability: np.ndarray, truncated: np.ndarray,
+def hanging_surely_within(mesh: Discretization, stability: np.ndarray, truncated: np.ndarray,
                           accuracy: float) -> np.ndarray:
     """Return (n,) what `surely_within` says of DLOs that hang freely.
 
     Args:
-        mesh: Discretisation of all
+        mesh: Discretization of all
         stability: (n,); truncated: (n,) `truncation` of each, m
         accuracy: m
     """
@@ -64,7 +64,7 @@ def like_before(shape: 'Shape', before: 'Shape | None', accuracy: float) -> bool
     a motion needs a further solution.
     """
     if (before is None or shape.jumped or 'error_estimate' not in before.__dict__
-            or before._discretisation is not shape._discretisation
+            or before._discretization is not shape._discretization
             or shape.stability < _STABLE and shape.far_end is None):
         return False
     then, now = _truncated(before), _truncated(shape)
@@ -75,7 +75,7 @@ def _truncated(shape):
     """Return `truncation` of a Shape from a simulator, which is computed once."""
     known = shape.__dict__.get('_truncated')
     if known is None:
-        known = _truncation(shape._discretisation, shape.element_strains)
+        known = _truncation(shape._discretization, shape.element_strains)
         put(shape, _truncated=known)
     return known
 

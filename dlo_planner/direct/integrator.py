@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Time integration: every scheme says where inertia draws a coordinate, and how strongly.
 
-All are members of one family (generalised alpha: Chung and Hulbert 1993, for constrained bodies
+All are members of one family (generalized alpha: Chung and Hulbert 1993, for constrained bodies
 Arnold and Bruels 2007). The acceleration at the end of a step is a linear function of the position
-there, y'' = stiffness (y - anchor), so a step is a minimisation (Eq. 9 to 11 of the paper), and
+there, y'' = stiffness (y - anchor), so a step is a minimization (Eq. 9 to 11 of the paper), and
 that acceleration is in balance with the forces at the same instant.
 """
 

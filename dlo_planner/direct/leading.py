@@ -19,7 +19,7 @@ _FINER = 4   # times the parts of a way that is not found in larger ones
 _FINEST = 3  # times they are made smaller
 
 
-def lead(discretisation, strains, grippers, far_ends, history, parts):
+def lead(discretization, strains, grippers, far_ends, history, parts):
     """Return gripper, strains (N, 3) and the past near the end of a straight way of both grips.
 
     What is left is the last part. Where the DLO does not follow, the way is left there.
@@ -39,12 +39,12 @@ def lead(discretisation, strains, grippers, far_ends, history, parts):
         held_at, axes = _way(held.pose, far_end.pose, shares)
         if not len(shares):
             break
-        system = discretisation.system(bases[0], gripped[0], history,
+        system = discretization.system(bases[0], gripped[0], history,
                                        FarEnd(Pose.from_rotation(held_at[0], axes[0]), held.grip))
         rows = np.array([held_rows(held.grip, one) for one in axes])
-        rows[:, :, :3] *= discretisation.lever
-        q = discretisation.unknowns(strains)
-        if discretisation.surroundings.pinned:
+        rows[:, :, :3] *= discretization.lever
+        q = discretization.unknowns(strains)
+        if discretization.surroundings.pinned:
             bases[:] = system.base
             q, gone = led(with_hinge(system), hinge_unknowns(system, q), bases, held_at - gripped,
                           axes, rows)
@@ -53,7 +53,7 @@ def lead(discretisation, strains, grippers, far_ends, history, parts):
             q = own_unknowns(system, q)
         else:
             q, gone = led(system, q, bases, held_at - gripped, axes, rows)
-        strains = discretisation.strains_of(q)
+        strains = discretization.strains_of(q)
         history = replace(history, hold=system.hold.multiplier)
         if gone == len(shares):
             break
@@ -70,14 +70,14 @@ def _way(one, other, shares):
             np.ascontiguousarray(turns @ one.rotation))
 
 
-def grip_before(discretisation, previous, strains, begin, far_end):
+def grip_before(discretization, previous, strains, begin, far_end):
     """Return the FarEnd, of the kind of `far_end` or None, that holds the end where it is now."""
     if far_end is None:
         return None
     if previous is not None:
         end = previous.at(previous.s[-1])
     else:
-        state = placed(discretisation.system(begin.rotation), strains)
+        state = placed(discretization.system(begin.rotation), strains)
         end = Pose.from_rotation(begin.position + state.positions[-1], state.rotations[-1])
     return FarEnd(end, far_end.grip)
 

@@ -22,7 +22,7 @@ def hanging_shapes(simulator: 'DirectSimulator', positions: np.ndarray,
     The interpreter is free meanwhile, so threads work side by side.
 
     Args:
-        simulator: whose DLO hangs freely, see `Discretisation.hangs`; of any other: None
+        simulator: whose DLO hangs freely, see `Discretization.hangs`; of any other: None
         positions: (n, 3) of the grippers, m; rotations: (n, 3, 3)
 
     Returns:
@@ -30,7 +30,7 @@ def hanging_shapes(simulator: 'DirectSimulator', positions: np.ndarray,
         (n,) whether a shape is within the accuracy that is wanted; where it may not be, `solve`
             has to look
     """
-    mesh, n = simulator._discretisation, len(positions)
+    mesh, n = simulator._discretization, len(positions)
     if not mesh.hangs or simulator.method != 'newton':
         return None
     elements = mesh.s.size - 1

@@ -40,7 +40,7 @@ class Motion(Filmed):
 
     Attributes:
         times: (n,) s; of a motion that ended early, the last one is where it could not go on
-        shapes: n Shape; residual and stability are those of the step's minimisation,
+        shapes: n Shape; residual and stability are those of the step's minimization,
             gripper_wrench includes inertia and damping, error_estimate is infinite (not known)
         velocities: (n, N_L + 1, 3) of the nodes, m/s, world axes
         kinetic_energy, potential_energy: (n,) J; gravity's zero at the world's origin

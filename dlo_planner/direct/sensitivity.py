@@ -3,7 +3,7 @@
 """How a shape answers to its gripper: implicit differentiation of the equilibrium.
 
 The gradient of the potential stays zero when the gripper moves, so H dq = - d(gradient), with the
-Hessian of the direct simulator: three or six solves with one factorisation, far cheaper than
+Hessian of the direct simulator: three or six solves with one factorization, far cheaper than
 another equilibrium.
 """
 
@@ -23,7 +23,7 @@ from dlo_planner.energy.potential import (
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import add_sliding
-from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve_held
+from dlo_planner.minimize.linear import assemble, factorize, new_hessian, solve_held
 from dlo_planner.minimize.multipliers import firm
 from dlo_planner.model.pose import displaced
 from dlo_planner.ritz.kinematics import march, part_of_element
@@ -40,14 +40,14 @@ class Sensitivity:
     """
 
     def __init__(self, shape):
-        if shape._discretisation is None or shape._before is None:
+        if shape._discretization is None or shape._before is None:
             raise InvalidTask('shape: expected one that comes from a simulator')
-        if shape._discretisation.surroundings.has_moments:
+        if shape._discretization.surroundings.has_moments:
             raise InvalidTask('shape: expected one without dead moments, which have no potential')
-        if shape._discretisation.surroundings.pinned:
+        if shape._discretization.surroundings.pinned:
             raise InvalidTask('shape: expected one whose gripper clamps it, not a pinned one')
         self.shape = shape
-        here, gripper = shape._discretisation, shape.gripper
+        here, gripper = shape._discretization, shape.gripper
         # the past before the step: what yields in it, yields along with the gripper
         past = shape._before.holding(shape._history)
         system = here.system(gripper.rotation, gripper.position, past, shape.far_end)
@@ -124,10 +124,10 @@ class Sensitivity:
         To first order: what one step of Newton's method with the known Hessian makes of it. Its
         arc lengths are those of the same elements; energy and wrench are those of before.
         """
-        return self.predicted_on(self.shape._discretisation.of(rod))
+        return self.predicted_on(self.shape._discretization.of(rod))
 
     def predicted_on(self, other):
-        """Return `predicted` for a rod whose Discretisation, with as many elements, is known."""
+        """Return `predicted` for a rod whose Discretization, with as many elements, is known."""
         shape, gripper = self.shape, self.shape.gripper
         system = other.system(gripper.rotation, gripper.position,
                               shape._before.holding(shape._history), shape.far_end)
@@ -184,7 +184,7 @@ def gripper_answers(system, q):
     evaluate(system, state)
     hessian = new_hessian(system)
     assemble(system, state, hessian)
-    factorise(system, hessian, 0.0)
+    factorize(system, hessian, 0.0)
     answers = np.zeros((6, q.shape[0], 3))
     load = np.empty_like(q)
     held, last = system.hold.multiplier.size, system.lengths.size

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from dlo_planner.direct.contacts import points_of
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
 from dlo_planner.direct.leading import grip_before, lead, parts_between
 from dlo_planner.direct.statics import equilibrium, solve
@@ -32,19 +32,19 @@ _ENOUGH = 10.0
 _FINEST = 2.0**-10  # of the growth: if smaller steps fail, the growth ends there
 
 
-def set_down(discretisation: Discretisation, gripper: Pose, strains: np.ndarray, far_end: FarEnd,
+def set_down(discretization: Discretization, gripper: Pose, strains: np.ndarray, far_end: FarEnd,
              history: History) -> tuple[Pose, np.ndarray, History]:
     """Return gripper, strains (N, 3) and the past of a DLO that is in its grips.
 
     Args:
-        discretisation: Discretisation of the DLO
+        discretization: Discretization of the DLO
         gripper: Pose, already the final one
         strains: (N, 3) to begin with, 1/m
         far_end: FarEnd
         history: History on this mesh
     """
-    firm = _resisting_twist(discretisation)
-    amid = bool(discretisation.surroundings.obstacles)
+    firm = _resisting_twist(discretization)
+    amid = bool(discretization.surroundings.obstacles)
     alone = firm.alone if amid else firm
     past = alone.past(history)
     held = grip_before(alone, None, strains, gripper, far_end)
@@ -55,48 +55,48 @@ def set_down(discretisation: Discretisation, gripper: Pose, strains: np.ndarray,
         past = replace(firm.past(history), hold=shape._history.hold)
         gripper, strains, past = grown(firm, shape.gripper, np.array(shape.element_strains),
                                        far_end, past)
-    if firm is not discretisation:
+    if firm is not discretization:
         shape, _ = equilibrium(firm, gripper, strains, 'newton', past, far_end)
         gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape._history
     return gripper, strains, replace(history, hold=past.hold, node_force=past.node_force,
                                      points=past.points)
 
 
-def _resisting_twist(discretisation):
-    """Return a Discretisation whose torsion is no softer than its bending; itself if it is not."""
-    rod = discretisation.rod
+def _resisting_twist(discretization):
+    """Return a Discretization whose torsion is no softer than its bending; itself if it is not."""
+    rod = discretization.rod
     twist, bend = rod.stiffness[0], min(rod.stiffness[1:])
     if rod.yields or twist > _SOFT * bend:
-        return discretisation
-    return discretisation.of(replace(rod, torsional_stiffness=scaled(rod.torsional_stiffness,
+        return discretization
+    return discretization.of(replace(rod, torsional_stiffness=scaled(rod.torsional_stiffness,
                                                                      float(bend / twist))))
 
 
-def grown(discretisation: Discretisation, gripper: Pose, strains: np.ndarray, far_end: FarEnd,
+def grown(discretization: Discretization, gripper: Pose, strains: np.ndarray, far_end: FarEnd,
           history: History) -> tuple[Pose, np.ndarray, History]:
     """Return gripper, strains (N, 3) and past of a DLO grown to its thickness among obstacles.
 
     Arguments as `set_down`; `strains` are those of the DLO without obstacles.
     """
-    system = discretisation.system(gripper.rotation, gripper.position, history, far_end)
+    system = discretization.system(gripper.rotation, gripper.position, history, far_end)
     state = placed(system, strains)
     thin = growth = depth(system.scene, system.lengths, state.strains, state.rotations,
                           state.positions)
     step = growth
     while thin > 0.0 and step > _FINEST * growth:
         wanted = max(0.0, thin - step)
-        system = discretisation.system(gripper.rotation, gripper.position, history, far_end)
-        found = solve(discretisation, system._replace(scene=_thinner(system.scene, wanted)),
-                      gripper, discretisation.unknowns(strains), history, _STEPS, False,
+        system = discretization.system(gripper.rotation, gripper.position, history, far_end)
+        found = solve(discretization, system._replace(scene=_thinner(system.scene, wanted)),
+                      gripper, discretization.unknowns(strains), history, _STEPS, False,
                       _ROUGHLY, _LEFT)
         state, system = found.state, found.system
         if not (found.residual < _ENOUGH * _LEFT
-                and found.violation < _ROUGHLY * discretisation.s[-1]):
+                and found.violation < _ROUGHLY * discretization.s[-1]):
             step *= 0.5
             continue
         thin, step = wanted, min(2 * step, wanted)
         strains = state.strains.copy()
-        if discretisation.surroundings.pinned:
+        if discretization.surroundings.pinned:
             gripper = Pose.from_rotation(gripper.position, system.base)
         history = replace(history, hold=system.hold.multiplier, node_force=system.contacts.node,
                           points=points_of(system, state, gripper, False))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.contacts import Contact
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History, mapped
 from dlo_planner.direct.modes import Modes, modes_of
 from dlo_planner.direct.storage import load, pack, save, unpack
@@ -57,7 +57,7 @@ class Shape(Pictured):
         gripper_wrench: (6,) force (N) and moment about the gripper's origin (N m) that the
             gripper exerts on the DLO, world axes
         residual: size of the gradient of the potential, relative to the elastic energy and that
-            of a 1 rad bend; did the minimiser finish?
+            of a 1 rad bend; did the minimizer finish?
         stability: smallest eigenvalue of the Hessian relative to the elastic one; > 0 a minimum,
             0 neutral (the shape is one of many), < 0 not stable
         iterations: Newton steps; evaluations: of the potential, where the method counts them
@@ -95,14 +95,14 @@ class Shape(Pictured):
     dissipated: float = 0.0
     parts: tuple | None = None
     _estimate: Callable = field(default=Constant(np.nan), compare=False)
-    _discretisation: Discretisation | None = field(default=None, compare=False)
+    _discretization: Discretization | None = field(default=None, compare=False)
     _history: History | None = None                            # what it leaves to the next step
     _before: History | None = field(default=None, compare=False)  # what the step began with
 
     REMEMBERED = ('error_estimate',)
 
     def __post_init__(self):
-        if not isinstance(self._discretisation, Discretisation):  # else a simulator made it
+        if not isinstance(self._discretization, Discretization):  # else a simulator made it
             self._judge()
         for content in (self.s, self.positions, self.frames, self.element_strains,
                         self.gripper_wrench, self.far_wrench):
@@ -128,7 +128,7 @@ class Shape(Pictured):
             **{name: flag(f'Shape.{name}', getattr(self, name))
                for name in ('converged', 'jumped')})
         instance('Shape.far_end', self.far_end, FarEnd, optional=True)
-        instance('Shape._discretisation', self._discretisation, Discretisation, optional=True)
+        instance('Shape._discretization', self._discretization, Discretization, optional=True)
         for name in ('_history', '_before'):
             instance(f'Shape.{name}', getattr(self, name), History, optional=True)
         if not callable(self._estimate):
@@ -172,7 +172,7 @@ class Shape(Pictured):
 
     @property
     def _within_reach(self):
-        loaded = self._discretisation is None or self._discretisation.loaded
+        loaded = self._discretization is None or self._discretization.loaded
         return within_reach(self.far_end, self.gripper, float(self.s[-1]), loaded)
 
     @property
@@ -249,12 +249,12 @@ class Shape(Pictured):
     @property
     def rod(self) -> Rod | None:
         """The Rod; None for a shape from a file."""
-        return None if self._discretisation is None else self._discretisation.rod
+        return None if self._discretization is None else self._discretization.rod
 
     @property
     def pinned(self) -> bool:
         """Whether its beginning is pinned by the gripper, not clamped (a simulator's `grip`)."""
-        return self._discretisation is not None and self._discretisation.surroundings.pinned
+        return self._discretization is not None and self._discretization.surroundings.pinned
 
     @property
     def bend_radius(self) -> np.ndarray:
@@ -278,9 +278,9 @@ class Shape(Pictured):
         Raises:
             InvalidTask: the shape comes from a file and does not know its rod
         """
-        if self._discretisation is None:
+        if self._discretization is None:
             raise InvalidTask('this shape does not know its rod: expected one from a simulator')
-        return self.element_strains - self._discretisation.stress_free(self._history)
+        return self.element_strains - self._discretization.stress_free(self._history)
 
     @property
     def surface_strain(self) -> np.ndarray:
@@ -317,7 +317,7 @@ class Shape(Pictured):
     def stiffness_matrix(self) -> np.ndarray:
         """Return (c, c), J: second derivative of the potential by the coordinates of vibrations.
 
-        Coordinates are what the simulator minimises by, term after term of its series ('local':
+        Coordinates are what the simulator minimizes by, term after term of its series ('local':
         element after element), for each torsion, curvature about n, about b. Their unit is sqrt(J),
         so scaled that the elastic part is the identity (where the stiffness does not vary along the
         DLO). A held far end leaves combinations of these. `jacobian` says what they move.
@@ -352,7 +352,7 @@ class Shape(Pictured):
         return replace(self, s=s, positions=np.array([pose.position for pose in poses]),
                        frames=np.array([pose.rotation for pose in poses]),
                        element_strains=mapped(self.s, self.element_strains, s),
-                       _estimate=Constant(self.error_estimate), _discretisation=None,
+                       _estimate=Constant(self.error_estimate), _discretization=None,
                        _history=None if self._history is None else self._history.on(s))
 
     def save(self, path: str | PathLike) -> None:
@@ -381,4 +381,4 @@ class Shape(Pictured):
     @property
     def obstacles(self) -> tuple:
         """The obstacles of its simulator; () for a shape from a file."""
-        return () if self._discretisation is None else self._discretisation.surroundings.obstacles
+        return () if self._discretization is None else self._discretization.surroundings.obstacles

@@ -9,6 +9,7 @@ from inspect import signature
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.deprecated import renamed
 from dlo_planner.direct.accuracy import (
     accurate_equilibrium,
     first_mesh,
@@ -26,7 +27,7 @@ from dlo_planner.direct.beginning import (
 )
 from dlo_planner.direct.continuation import follow, leapt
 from dlo_planner.direct.described import STRAINS
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.dynamics import simulate
 from dlo_planner.direct.grips import ends_of, moving_grips, poses
 from dlo_planner.direct.integrator import INTEGRATORS
@@ -52,7 +53,7 @@ _FARTHEST = 10  # of the length: from where a held far end may be brought
 
 
 class DirectSimulator(Value):
-    """Predicts the static shape of a DLO for a gripper pose, by minimising its potential.
+    """Predicts the static shape of a DLO for a gripper pose, by minimizing its potential.
 
     Args:
         rod: what is held
@@ -88,7 +89,7 @@ class DirectSimulator(Value):
     """
 
     PARTS = ('surroundings', 'method', 'strains', 'accuracy', 'basis', '_fine', '_history',
-             '_discretisation')
+             '_discretization')
 
     def __init__(self, rod: Rod, *, n_elements: int | None = None, n_terms: int | None = None,
                  basis: str | None = None, method: str = 'newton', strains: str = 'components',
@@ -110,14 +111,14 @@ class DirectSimulator(Value):
             if method != 'newton':
                 raise InvalidTask(f'method = {method!r}: expected \'newton\' with an accuracy')
             put(self, accuracy=number('accuracy', accuracy, minimum=1e-9 * rod.length),
-                basis=self._fine, _discretisation=first_mesh(around, self._fine))
+                basis=self._fine, _discretization=first_mesh(around, self._fine))
             return
         n_elements = integer('n_elements', 64 if n_elements is None else n_elements,
                              minimum=2, maximum=100_000)
         n_terms = integer('n_terms', min(10, n_elements) if n_terms is None else n_terms,
                           minimum=1, maximum=200)
         put(self, accuracy=None if fixed or method != 'newton' else DEFAULT_ACCURACY * rod.length,
-            _discretisation=Discretisation(
+            _discretization=Discretization(
                 around, even_mesh(rod.length, n_elements, around.breaks), self.basis, n_terms))
 
     def _judge_method(self, around):
@@ -137,7 +138,7 @@ class DirectSimulator(Value):
             raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with dead moments')
 
     def __repr__(self):
-        mesh = self._discretisation
+        mesh = self._discretization
         how = (f'{mesh.s.size - 1} elements' if self.accuracy is None
                else f'accuracy {self.accuracy:.2g} m')
         terms = ('' if self.accuracy is not None or self.basis == 'local'
@@ -192,9 +193,9 @@ class DirectSimulator(Value):
             return self
         free = {'yield_curvature': None, 'yield_torsion': None}
         if self._history is not None:
-            mesh = self._discretisation
+            mesh = self._discretization
             if self.accuracy is not None:
-                mesh = Discretisation(self.surroundings, self._history.s, 'local', 0)
+                mesh = Discretization(self.surroundings, self._history.s, 'local', 0)
             strains = mesh.stress_free(self._history)
             free |= {'natural_curvature': Stepwise(mesh.s, strains[:, 1:]),
                      'natural_twist': Stepwise(mesh.s, strains[:, 0])}
@@ -209,13 +210,13 @@ class DirectSimulator(Value):
         return self._with(replace(self.surroundings, rod=rod), None)
 
     def _with(self, surroundings, history):
-        mesh, share = self._discretisation, surroundings.rod.length / self.rod.length
+        mesh, share = self._discretization, surroundings.rod.length / self.rod.length
         s = with_breaks(np.append(mesh.s[:-1] * share, surroundings.rod.length),
                         surroundings.breaks)
         accuracy = None if self.accuracy is None else self.accuracy * share
         return self._changed(
             surroundings=surroundings, _history=history, accuracy=accuracy,
-            _discretisation=Discretisation(surroundings, s, mesh.basis, mesh.n_terms))
+            _discretization=Discretization(surroundings, s, mesh.basis, mesh.n_terms))
 
     def solve(self, gripper: Pose, initial: Shape | None = None, *,
               far_end: FarEnd | Pose | ArrayLike | None = None) -> Shape:
@@ -335,19 +336,21 @@ class DirectSimulator(Value):
                         tolerance, steps, initial is None)
 
     def _beginning(self, gripper, far_end, initial):
-        """Return the Shape at time 0 of a motion and the Discretisation for the rest of it."""
-        mesh = self._discretisation
+        """Return the Shape at time 0 of a motion and the Discretization for the rest of it."""
+        mesh = self._discretization
         known = initial
         if self.accuracy is not None:
             known, _ = self._equilibrium(gripper, initial, far_end)
-            if known._discretisation is not mesh or mesh.s.size <= _ENOUGH:
-                mesh = moving_mesh(known._discretisation)
+            if known._discretization is not mesh or mesh.s.size <= _ENOUGH:
+                mesh = moving_mesh(known._discretization)
         if initial is not None:
             return first_shape(mesh, gripper, far_end, initial, self._history), mesh
         return step(mesh, gripper, known, self._history, far_end, self.method)[0], mesh
 
-    def discretisation(self, gripper: Pose, shape: Shape | None) -> Discretisation:
-        """Return the Discretisation that this simulator uses at a gripper's pose.
+    discretisation = renamed('discretisation', 'discretization')
+
+    def discretization(self, gripper: Pose, shape: Shape | None) -> Discretization:
+        """Return the Discretization that this simulator uses at a gripper's pose.
 
         Args:
             gripper: Pose
@@ -356,20 +359,20 @@ class DirectSimulator(Value):
         """
         self._check(gripper, shape)
         if self.accuracy is None:
-            return self._discretisation
+            return self._discretization
         if (shape is not None and self._made(shape)
-                and shape._discretisation.basis in (self.basis, self._fine)
+                and shape._discretization.basis in (self.basis, self._fine)
                 and within(shape, self.accuracy)):
-            return shape._discretisation
-        return self._equilibrium(gripper, shape, None)[0]._discretisation
+            return shape._discretization
+        return self._equilibrium(gripper, shape, None)[0]._discretization
 
     def _equilibrium(self, gripper, initial, far_end, most=np.inf):
         """Return (Shape, kicks); `most` as in `accuracy.step`."""
         if self.accuracy is not None:
-            return accurate_equilibrium(self._discretisation, self._fine, self.accuracy, gripper,
+            return accurate_equilibrium(self._discretization, self._fine, self.accuracy, gripper,
                                         initial, self._history, far_end, most)
         self._judge_end(far_end)
-        return step(self._discretisation, gripper, initial, self._history, far_end, self.method,
+        return step(self._discretization, gripper, initial, self._history, far_end, self.method,
                     self.strains, most)
 
     def _judge_end(self, far_end):
@@ -378,7 +381,7 @@ class DirectSimulator(Value):
 
     def _made(self, shape):
         """Whether a Shape is of this DLO, with all that acts on it here."""
-        known = shape._discretisation
+        known = shape._discretization
         return known is not None and same(known.surroundings, self.surroundings)
 
     def _settled(self, shape):

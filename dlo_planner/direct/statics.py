@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One equilibrium: from a gripper's pose and a discretisation to a Shape with its proof."""
+"""One equilibrium: from a gripper's pose and a discretization to a Shape with its proof."""
 
 from functools import partial
 
@@ -38,37 +38,37 @@ _NO_PAST = np.zeros((0, 6))  # nothing has touched: where it was does not matter
 _IN_VAIN = 30      # Newton steps towards what is out of reach
 
 
-def equilibrium(discretisation, gripper, strains, method='newton', history=None, far_end=None):
+def equilibrium(discretization, gripper, strains, method='newton', history=None, far_end=None):
     """Return the Shape that the DLO falls into from the given strains, and how often it kicked.
 
     Args:
-        discretisation: a Discretisation
+        discretization: a Discretization
         gripper: Pose
         strains: (N, 3) of the elements, 1/m, where the descent starts
         method: of METHODS
         history: History on the same mesh; None: no past
         far_end: FarEnd or None
     """
-    if method == 'newton' and far_end is None and discretisation.hangs:
-        return hanging(discretisation, gripper, strains)
-    system = discretisation.system(gripper.rotation, gripper.position, history, far_end)
-    q = discretisation.unknowns(strains)
+    if method == 'newton' and far_end is None and discretization.hangs:
+        return hanging(discretization, gripper, strains)
+    system = discretization.system(gripper.rotation, gripper.position, history, far_end)
+    q = discretization.unknowns(strains)
     if method != 'newton':
         found = search(system, q, method, TOLERANCE)
-        return shape_of(discretisation, gripper, found, history), found.kicks
+        return shape_of(discretization, gripper, found, history), found.kicks
     most, exact = MAX_ITERATIONS, EXACT
-    if not within_reach(far_end, gripper, discretisation.s[-1], discretisation.loaded):
+    if not within_reach(far_end, gripper, discretization.s[-1], discretization.loaded):
         most = _IN_VAIN
-    if far_end is not None and discretisation.loaded:
+    if far_end is not None and discretization.loaded:
         # the less slack, the more its tension depends on where the end is
-        length = discretisation.s[-1]
+        length = discretization.s[-1]
         exact = min(exact, 1e-4 * max(1.0 - distance(far_end, gripper) / length, _LEAST))
-    found = solve(discretisation, system, gripper, q, history, most, exact=exact)
-    return shape_of(discretisation, gripper, found, history, far_end), found.kicks
+    found = solve(discretization, system, gripper, q, history, most, exact=exact)
+    return shape_of(discretization, gripper, found, history, far_end), found.kicks
 
 
-def hanging(discretisation, gripper, strains, near=None, most=np.inf):
-    """Return what `equilibrium` does for a DLO that hangs freely, see `Discretisation.hangs`.
+def hanging(discretization, gripper, strains, near=None, most=np.inf):
+    """Return what `equilibrium` does for a DLO that hangs freely, see `Discretization.hangs`.
 
     Args:
         strains: as in `equilibrium`
@@ -77,14 +77,14 @@ def hanging(discretisation, gripper, strains, near=None, most=np.inf):
     """
     frames, before, nodes = NO_FRAMES, gripper.rotation, NO_NODES
     if most < np.inf:
-        frames, before, nodes = near.frames, near.gripper.rotation, discretisation.sampled
+        frames, before, nodes = near.frames, near.gripper.rotation, discretization.sampled
     if strains.flags.writeable:  # another type for kernels
         strains = np.array(strains)
         freeze(strains)
-    found = hang(discretisation.static, gripper.rotation, gripper.position, strains, TOLERANCE,
+    found = hang(discretization.static, gripper.rotation, gripper.position, strains, TOLERANCE,
                  MAX_ITERATIONS, frames, before, nodes, most)
-    estimate = partial(_estimate_hanging, discretisation, gripper, found[0], found[2])
-    return hanging_shape(discretisation, gripper, found, 0.0, estimate), found[-1]
+    estimate = partial(_estimate_hanging, discretization, gripper, found[0], found[2])
+    return hanging_shape(discretization, gripper, found, 0.0, estimate), found[-1]
 
 
 def unknown():
@@ -92,7 +92,7 @@ def unknown():
     return np.inf
 
 
-def hanging_shape(discretisation, gripper, found, rounding, estimate=unknown):
+def hanging_shape(discretization, gripper, found, rounding, estimate=unknown):
     """Return the Shape of a DLO that hangs freely.
 
     Args:
@@ -102,11 +102,11 @@ def hanging_shape(discretisation, gripper, found, rounding, estimate=unknown):
     """
     (strains, frames, positions, wrench, elastic, energy, residual, stability, iterations,
      _) = found
-    past = discretisation.start
-    return Shape(gripper, discretisation.s, positions, frames, strains, energy, elastic, wrench,
+    past = discretization.start
+    return Shape(gripper, discretization.s, positions, frames, strains, energy, elastic, wrench,
                  residual, stability, iterations,
                  bool(hangs_still(residual - 100 * rounding, stability)), far_wrench=_NOTHING,
-                 _estimate=estimate, _discretisation=discretisation, _history=past, _before=past)
+                 _estimate=estimate, _discretization=discretization, _history=past, _before=past)
 
 
 def hangs_still(residual, stability):
@@ -114,8 +114,8 @@ def hangs_still(residual, stability):
     return (residual < CONVERGED) & (stability > -NEUTRAL)
 
 
-def _estimate_hanging(discretisation, gripper, strains, positions):
-    return _estimate(discretisation, gripper, strains, positions - gripper.position, None, None)
+def _estimate_hanging(discretization, gripper, strains, positions):
+    return _estimate(discretization, gripper, strains, positions - gripper.position, None, None)
 
 
 NO_NODES = np.zeros(0, dtype=np.int64)  # of no Leash
@@ -123,7 +123,7 @@ NO_FRAMES = np.zeros((0, 3, 3))
 freeze(NO_FRAMES)
 
 
-def solve(discretisation, system, gripper, q, history, most=MAX_ITERATIONS, check=True,
+def solve(discretization, system, gripper, q, history, most=MAX_ITERATIONS, check=True,
           exact=EXACT, rounding=0.0):
     """Return the Minimum that is reached from q (m, 3) and the past `history` or None.
 
@@ -132,20 +132,20 @@ def solve(discretisation, system, gripper, q, history, most=MAX_ITERATIONS, chec
         rounding: of the residual, where it is more than usual
     """
     before = _NO_PAST
-    if history is not None and len(history.positions) and discretisation.surroundings.obstacles:
+    if history is not None and len(history.positions) and discretization.surroundings.obstacles:
         before = np.hstack([history.positions - gripper.position, history.tangents])
-    newtons = pinned_newton if discretisation.surroundings.pinned else constrained_newton
+    newtons = pinned_newton if discretization.surroundings.pinned else constrained_newton
 
     def solved(system, q):
         return newtons(system, q, TOLERANCE + rounding, most, check,
-                       exact * discretisation.s[-1], before)
+                       exact * discretization.s[-1], before)
 
-    if discretisation.surroundings.has_moments:
-        return balanced(solved, system, q, discretisation.moments)
+    if discretization.surroundings.has_moments:
+        return balanced(solved, system, q, discretization.moments)
     return solved(system, q)
 
 
-def shape_of(discretisation, gripper, found, history=None, far_end=None, rounding=0.0):
+def shape_of(discretization, gripper, found, history=None, far_end=None, rounding=0.0):
     """Return the Shape of a kernel's result.
 
     Args:
@@ -153,43 +153,43 @@ def shape_of(discretisation, gripper, found, history=None, far_end=None, roundin
         rounding: of the residual, where it is more than usual
     """
     state, system, stability = found.state, found.system, found.stability
-    if discretisation.surroundings.pinned:
+    if discretization.surroundings.pinned:
         gripper = Pose.from_rotation(gripper.position, system.base)
-    history = history or discretisation.start
-    load = discretisation.load
+    history = history or discretization.start
+    load = discretization.load
     new_set, lost = history.set, 0.0
     if system.layers.share.size:
         new_set, lost = settled(system.lengths, state.strains, system.natural, system.layers)
-    if (system.natural is discretisation.natural and discretisation.isometric
+    if (system.natural is discretization.natural and discretization.isometric
             and not system.layers.share.size):
         stored = 0.5 * float(np.vdot(state.q, state.q))  # what the unknowns are scaled for
     else:
-        stored = elastic_energy(discretisation, state.strains, new_set)
+        stored = elastic_energy(discretization, state.strains, new_set)
     energy = (stored + float(np.vdot(system.pull, state.positions))
               + float(load @ gripper.position))
     positions = state.positions + gripper.position
-    touching = contacts_of(discretisation, system, state, gripper)
-    past = History(discretisation.s, new_set, history.lost + lost, system.contacts.node,
+    touching = contacts_of(discretization, system, state, gripper)
+    past = History(discretization.s, new_set, history.lost + lost, system.contacts.node,
                    points_of(system, state, gripper), system.hold.multiplier, positions,
-                   state.rotations[:, :, 0].copy(), discretisation.surroundings)
+                   state.rotations[:, :, 0].copy(), discretization.surroundings)
     converged = bool(_promised(system, state, found.residual, rounding)
-                     and stability > -_neutral(discretisation, system)
-                     and _kept(discretisation, gripper, system, state, found.violation, far_end))
-    return Shape(gripper, discretisation.s, positions, state.rotations, state.strains, energy,
-                 stored, _wrench(discretisation, state), float(found.residual),
+                     and stability > -_neutral(discretization, system)
+                     and _kept(discretization, gripper, system, state, found.violation, far_end))
+    return Shape(gripper, discretization.s, positions, state.rotations, state.strains, energy,
+                 stored, _wrench(discretization, state), float(found.residual),
                  float(stability), int(found.iterations), converged, contacts=touching,
                  evaluations=found.evaluations, violation=float(found.violation), far_end=far_end,
                  far_wrench=_NOTHING if far_end is None else _far_wrench(state),
                  dissipated=past.lost,
-                 _estimate=partial(_estimate, discretisation, gripper, state.strains,
+                 _estimate=partial(_estimate, discretization, gripper, state.strains,
                                    state.positions, history, far_end),
-                 _discretisation=discretisation, _history=past, _before=history)
+                 _discretization=discretization, _history=past, _before=history)
 
 
-def _neutral(discretisation, system):
+def _neutral(discretization, system):
     """Return below what eigenvalue, negated, a shape is not stable any more."""
     constrained = (system.scene.kind.size or system.hold.multiplier.size
-                   or discretisation.surroundings.pinned)
+                   or discretization.surroundings.pinned)
     return HELD_NEUTRAL if constrained else NEUTRAL
 
 
@@ -205,23 +205,23 @@ def _promised(system, state, residual, rounding):
     return residual < max(promised, noise) + 100 * rounding and noise < _BLURRED
 
 
-def _kept(discretisation, gripper, system, state, violation, far_end):
+def _kept(discretization, gripper, system, state, violation, far_end):
     """Whether no constraint is violated by more than counts."""
-    length = discretisation.s[-1]
+    length = discretization.s[-1]
     if far_end is not None:
         # the slack of a DLO that is nearly taut decides on its tension
         slack = length - distance(far_end, gripper)
         missed = hold_violation(system.hold, state.rotations[-1].copy(), state.positions[-1].copy())
-        most = min(_HELD * length, _SLACK * slack) if discretisation.loaded else _HELD * length
-        if (not within_reach(far_end, gripper, length, discretisation.loaded)
+        most = min(_HELD * length, _SLACK * slack) if discretization.loaded else _HELD * length
+        if (not within_reach(far_end, gripper, length, discretization.loaded)
                 or missed > most):
             return False
     return violation <= KEPT * length
 
 
-def elastic_energy(discretisation, strains, plastic_set):
+def elastic_energy(discretization, strains, plastic_set):
     """Return the stored energy in J of element strains (N, 3) with a set (N, J)."""
-    system = discretisation.static
+    system = discretization.static
     if not system.layers.share.size:
         bent = strains - system.natural
         return 0.5 * float(np.sum(system.lengths[:, None] * system.stiffness * bent**2))
@@ -233,11 +233,11 @@ def elastic_energy(discretisation, strains, plastic_set):
 _NOTHING = np.zeros(6)
 
 
-def _wrench(discretisation, state):
+def _wrench(discretization, state):
     """Return force and moment (6,) on the DLO at its gripper."""
     moment = state.base_moment
-    if discretisation.surroundings.has_moments:
-        moment = moment - discretisation.moments.sum(axis=0)
+    if discretization.surroundings.has_moments:
+        moment = moment - discretization.moments.sum(axis=0)
     return np.concatenate([state.base_force, moment])
 
 
@@ -246,7 +246,7 @@ def _far_wrench(state):
     return -np.concatenate([state.attached.tip_force, state.attached.tip_moment])
 
 
-def _estimate(discretisation, gripper, strains, positions, history, far_end):
+def _estimate(discretization, gripper, strains, positions, history, far_end):
     """Return how far, in m, the nodes are from the true rod's: see `Shape.error_estimate`.
 
     The elements are of second order, so halving them removes three quarters of their error.
@@ -254,13 +254,13 @@ def _estimate(discretisation, gripper, strains, positions, history, far_end):
     what they find. In contact it may be that the finer DLO finds no equilibrium nearby, let go by
     friction for instance: then nothing is known, and the estimate is infinite.
     """
-    finer = discretisation.finer
+    finer = discretization.finer
     past = finer.past(history)
     system = finer.system(gripper.rotation, gripper.position, past, far_end)
     q = np.empty((finer.n_unknowns, 3))
     unknowns_of(system, np.repeat(strains, 2, axis=0), q)
     if (system.scene.kind.size or far_end is not None or system.layers.share.size
-            or discretisation.surroundings.has_moments or discretisation.surroundings.pinned):
+            or discretization.surroundings.has_moments or discretization.surroundings.pinned):
         found = solve(finer, system, gripper, q, past)
         state, system = found.state, found.system
         if not (_promised(system, state, found.residual, 0.0)
@@ -270,7 +270,7 @@ def _estimate(discretisation, gripper, strains, positions, history, far_end):
     else:
         state = newton(system, q, 1e-9, 4, False)[0]
     moved = np.linalg.norm(state.positions[::2] - positions, axis=1).max()
-    if system.scene.kind.size and moved > _ELSEWHERE * discretisation.s[-1]:
+    if system.scene.kind.size and moved > _ELSEWHERE * discretization.s[-1]:
         return np.inf
-    rounding = 1e-15 * discretisation.s.size * discretisation.s[-1]
+    rounding = 1e-15 * discretization.s.size * discretization.s[-1]
     return float(4 / 3 * moved + rounding)

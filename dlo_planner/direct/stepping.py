@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One step of a motion: statics with inertia added, Eq. 12, 13 of the paper.
 
-Nodes carry the mass, the strains are the unknowns: the same minimisation as in statics, with one
+Nodes carry the mass, the strains are the unknowns: the same minimization as in statics, with one
 term more. Damping is Rayleigh's: in proportion to mass (drag of a calm surrounding) and to
 stiffness (Kelvin and Voigt); neither changes a shape at rest.
 """
@@ -69,17 +69,17 @@ class Stepper:
     """Makes the steps of one DLO in moving grips.
 
     Args:
-        discretisation: Discretisation
+        discretization: Discretization
         grips: Grips
         dt: s, unit of `place`
-        method: of METHODS, by which steps are minimised; beginnings are by Newton's
+        method: of METHODS, by which steps are minimized; beginnings are by Newton's
     """
 
-    def __init__(self, discretisation, grips: Grips, dt, method='newton'):
-        self.discretisation, self.grips, self.dt = discretisation, grips, dt
+    def __init__(self, discretization, grips: Grips, dt, method='newton'):
+        self.discretization, self.grips, self.dt = discretization, grips, dt
         self.method = method
-        rod = discretisation.rod
-        self.masses = node_masses(rod, discretisation.s)
+        rod = discretization.rod
+        self.masses = node_masses(rod, discretization.s)
         # of the rod: 0.56 of the period of its slowest vibration, without tip mass
         self._own_time = np.sqrt((self.masses.sum() or 1.0) * rod.length**3
                                  / min(rod.stiffness[1:]))
@@ -108,21 +108,21 @@ class Stepper:
 
     def _step(self, before, place, scheme, patience):
         gripper, far_end = self.grips.at(place)
-        if self.discretisation.hangs and far_end is None and self.method == 'newton':
+        if self.discretization.hangs and far_end is None and self.method == 'newton':
             return self._swung(before, place, scheme, gripper, patience)
         return self.step_from(before, place, scheme, self.guess(before, scheme.dt), patience)
 
     def guess(self, before, dt):
         """Return the strains (N, 3) with which the search for those dt (s) later begins."""
         bends = before.bends
-        if self.discretisation.surroundings.obstacles:
+        if self.discretization.surroundings.obstacles:
             # where the DLO is known to be outside of obstacles
             return bends.position.copy()  # a Shape's are read-only, another type for kernels
         return bends.position + dt * (bends.velocity + 0.5 * dt * bends.acceleration)
 
     def step_from(self, before, place, scheme, guess, patience=MAX_ITERATIONS):
         """Return the Instant at `place`, for which the search begins with strains (N, 3)."""
-        mesh, history, clear = self.discretisation, before.shape._history, True
+        mesh, history, clear = self.discretization, before.shape._history, True
         system, gripper, far_end, rounding = self.moving(before.nodes, before.bends, history,
                                                          place, scheme)
         if mesh.surroundings.obstacles:
@@ -144,7 +144,7 @@ class Stepper:
 
     def _swung(self, before, place, scheme, gripper, patience):
         """Return the Instant of a DLO that hangs freely."""
-        mesh = self.discretisation
+        mesh = self.discretization
         rounding = self._rounding(scheme)
         found, nodes, bends, kinetic, damping = swing(
             mesh.static, gripper.rotation, gripper.position, self._coefficients(scheme),
@@ -165,7 +165,7 @@ class Stepper:
             known = self._known[scheme] = Coefficients(
                 *(float(one) for one in (scheme.alpha_m, scheme.alpha_f, scheme.beta, scheme.gamma,
                                          scheme.dt, scheme.stiffness, scheme.drag,
-                                         *self.discretisation.rod.damping)), self.masses)
+                                         *self.discretization.rod.damping)), self.masses)
         return known
 
     def moving(self, nodes, bends, history, place, scheme):
@@ -207,7 +207,7 @@ class Stepper:
             shape: Shape
             velocity: (N + 1, 3) of the nodes, m/s; None: at rest
         """
-        mesh = self.discretisation
+        mesh = self.discretization
         brief = self._brief
         strains = np.array(shape.element_strains)
         here = placed(mesh.system(shape.gripper.rotation), strains)
@@ -265,7 +265,7 @@ class Stepper:
 
     def _shortly(self, nodes, bends, history, brief, time):
         """Return the kernels' State and the gripper's Pose a very short time later (or before)."""
-        mesh = self.discretisation
+        mesh = self.discretization
         gripper, far_end = self.grips.at(time / self.dt)
         system = self._moving(gripper, far_end, history, nodes, bends, brief)
         q = np.empty((mesh.n_unknowns, 3))
@@ -274,7 +274,7 @@ class Stepper:
 
     def _moving(self, gripper, far_end, history, nodes, bends, scheme):
         """Return the System of a step: the static one, with inertia and damping."""
-        mesh = self.discretisation
+        mesh = self.discretization
         drag, viscosity = mesh.rod.damping
         where, velocity = scheme.anchor(nodes)
         strength = scheme.stiffness + drag * scheme.drag
@@ -288,8 +288,8 @@ class Stepper:
 
     def _damping(self, velocity, rate):
         """Return the power that damping takes, W."""
-        drag, viscosity = self.discretisation.rod.damping
-        system = self.discretisation.static
+        drag, viscosity = self.discretization.rod.damping
+        system = self.discretization.static
         viscous = np.sum(system.lengths[:, None] * system.stiffness * rate**2)
         return 2 * drag * self._kinetic(velocity) + viscosity * float(viscous)
 

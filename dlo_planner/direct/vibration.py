@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A DLO linearised about a shape at rest: stiffness, mass, and how its points move.
+"""A DLO linearized about a shape at rest: stiffness, mass, and how its points move.
 
 Small motions y about an equilibrium obey  M y'' + K y = 0  while the grips rest. K is the second
 derivative of the potential with its reactions (weight, dead forces, contacts that bear). M is the
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import qr
 
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.hinge import hinge_unknowns, pinned_newton, with_hinge
 from dlo_planner.direct.sensitivity import gripper_answers
 from dlo_planner.energy.loads import node_masses
@@ -42,7 +42,7 @@ _DEPENDENT = 1e-7  # of the largest row: constraint rows below it depend on the 
 
 @dataclass(frozen=True)
 class Vibration:
-    """The linearised DLO; c coordinates, N + 1 nodes, world axes.
+    """The linearized DLO; c coordinates, N + 1 nodes, world axes.
 
     Attributes:
         stiffness: (c, c) J, mass: (c, c) J s^2, both per square of the coordinates' unit
@@ -77,7 +77,7 @@ class Linearized:
 
     def __init__(self, shape: 'Shape', name: str = 'shape'):
         _check(shape, name)
-        self.shape, self.name, self._mesh = shape, name, shape._discretisation
+        self.shape, self.name, self._mesh = shape, name, shape._discretization
         self._past = shape._before.holding(shape._history)
 
     @cached_property
@@ -104,7 +104,7 @@ class Linearized:
         mesh, known = self._mesh, self.vibration
         if mesh.basis == 'local' or n <= mesh.n_terms:
             return known
-        free = Discretisation(mesh.surroundings, mesh.s, 'local', 0)
+        free = Discretization(mesh.surroundings, mesh.s, 'local', 0)
         return self._settled(free, self.shape.element_strains) or known
 
     @cached_property
@@ -132,11 +132,11 @@ def _check(shape, name):
     if shape.parts is not None:
         raise InvalidTask(f'{name}: expected one held at its end; of a DLO grasped inside each of '
                           'Shape.parts vibrates by itself')
-    if shape._discretisation is None or shape._before is None:
+    if shape._discretization is None or shape._before is None:
         raise InvalidTask(f'{name}: expected one that comes from a simulator')
     if not shape.converged:
         raise InvalidTask(f'{name} is {shape.status}: expected a converged one')
-    around = shape._discretisation.surroundings
+    around = shape._discretization.surroundings
     if around.has_moments:
         raise InvalidTask(f'{name}: expected one without dead moments, which have no potential')
     if any(around.obstacles[contact.obstacle].friction for contact in shape.contacts):

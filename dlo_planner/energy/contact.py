@@ -6,7 +6,7 @@ Every node is watched, and the nearest point inside an element wherever it comes
 obstacle than the nodes do; of a rectangular DLO each of its edges, and its faces where they are
 nearer (`energy.outline`). Each such point has a gap g to each obstacle and a multiplier m >= 0:
 the augmented Lagrangian  (max(0, m - k g)^2 - m^2) / (2 k)  pushes with the force max(0, m - k g);
-the minimiser's outer loop moves m until the gaps under force are zero.
+the minimizer's outer loop moves m until the gaps under force are zero.
 
 The nearest point slides along the DLO as the shape changes, which the second derivative accounts
 for: d2g - (d(dg/ds))^2 / g_ss. A point beside the axis exerts a moment as well.

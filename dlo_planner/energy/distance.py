@@ -19,7 +19,7 @@ _MOST_FOILS = 5
 _ROUNDING = 0.02  # of the smaller half size: of a section's edges where an obstacle has edges
 _ALL = (0, 2**31)  # nodes
 _AROUND = np.array([(np.cos(angle), np.sin(angle)) for angle in np.arange(12) * np.pi / 6])
-_CENTRE = 1e-12  # of a radius: so near to the middle, no direction leads out
+_CENTER = 1e-12  # of a radius: so near to the middle, no direction leads out
 
 
 class Scene(Record):
@@ -34,11 +34,11 @@ class Scene(Record):
     Attributes:
         source: (M,) index of the obstacle that a body is (part of)
         kind: (M,) PLANE ... SHEET
-        axes: (M, 3, 3) columns x, y, z of the obstacle's frame; centre: (M, 3) m, world
+        axes: (M, 3, 3) columns x, y, z of the obstacle's frame; center: (M, 3) m, world
         size: (M, 3) half sizes along the axes; a sphere's or capsule's radius is the last one, a
             capsule's half length the first
         friction: (M,)
-        hole_of: (H,) index of its sheet; hole_centre: (H, 2) y, z there, m; hole_axis: (H, 2)
+        hole_of: (H,) index of its sheet; hole_center: (H, 2) y, z there, m; hole_axis: (H, 2)
             the hole's own first axis there; hole_size: (H, 2) half width and height, or the
             radius and -1
         radius: of the DLO, m; the largest
@@ -53,11 +53,11 @@ class Scene(Record):
     source: np.ndarray
     kind: np.ndarray
     axes: np.ndarray
-    centre: np.ndarray
+    center: np.ndarray
     size: np.ndarray
     friction: np.ndarray
     hole_of: np.ndarray
-    hole_centre: np.ndarray
+    hole_center: np.ndarray
     hole_axis: np.ndarray
     hole_size: np.ndarray
     radius: float
@@ -71,9 +71,9 @@ class Scene(Record):
 
 @makes(Scene)
 @kernel
-def _new_scene(source, kind, axes, centre, size, friction, hole_of, hole_centre, hole_axis,
+def _new_scene(source, kind, axes, center, size, friction, hole_of, hole_center, hole_axis,
                hole_size, radius, origin, feature, offset, rounding, span, radii):
-    return Scene(source, kind, axes, centre, size, friction, hole_of, hole_centre, hole_axis,
+    return Scene(source, kind, axes, center, size, friction, hole_of, hole_center, hole_axis,
                  hole_size, radius, origin, feature, offset, rounding, span, radii)
 
 
@@ -98,11 +98,11 @@ def build_scene(obstacles, surface, s=None, *, sharp=False):
                     holes += [(len(rows), *_hole(pose, cutout)) for cutout in part.cutouts]
                 rows.append((source, kind, pose.rotation, pose.position, half, obstacle.friction,
                              feature, offset, rounding, span))
-    source, kind, axes, centre, size, friction, feature, offset, rounding, span = (
+    source, kind, axes, center, size, friction, feature, offset, rounding, span = (
         zip(*rows, strict=True) if rows else ((),) * 10)
     return Scene(np.array(source, dtype=np.int64), np.array(kind, dtype=np.int64),
                  np.array(axes, dtype=float).reshape(-1, 3, 3),
-                 np.array(centre, dtype=float).reshape(-1, 3),
+                 np.array(center, dtype=float).reshape(-1, 3),
                  np.array(size, dtype=float).reshape(-1, 3), np.array(friction, dtype=float),
                  np.array([hole[0] for hole in holes], dtype=np.int64),
                  *(np.array([hole[k] for hole in holes], dtype=float).reshape(-1, 2)
@@ -137,7 +137,7 @@ def _body(part):
     if isinstance(part, Plane):
         return PLANE, Pose.looking_along(part.point, part.normal), (0, 0, 0)
     if isinstance(part, Sphere):
-        return SPHERE, Pose(part.centre, (0, 0, 0, 1)), (0, 0, part.radius)
+        return SPHERE, Pose(part.center, (0, 0, 0, 1)), (0, 0, part.radius)
     if isinstance(part, Capsule):
         along = part.end - part.start
         return (CAPSULE, Pose.looking_along(0.5 * (part.start + part.end), along),
@@ -195,11 +195,11 @@ def _moved(sheet, shift):
 
 
 def _hole(pose, cutout):
-    centre = pose.rotation.T @ (cutout.centre - pose.position)
+    center = pose.rotation.T @ (cutout.center - pose.position)
     axis = pose.rotation.T @ cutout.pose.rotation[:, 1]
     size = ((cutout.radius, -1.0) if cutout.radius is not None
             else (0.5 * cutout.width, 0.5 * cutout.height))
-    return centre[1:], axis[1:], size
+    return center[1:], axis[1:], size
 
 
 @kernel
@@ -212,7 +212,7 @@ def signed_distance(scene, o, x, normal, bend):
     kind = scene.kind[o]
     v = np.empty(3)
     for i in range(3):
-        v[i] = x[i] - scene.centre[o, i]
+        v[i] = x[i] - scene.center[o, i]
     p = np.empty(3)
     for i in range(3):
         p[i] = axes[0, i] * v[0] + axes[1, i] * v[1] + axes[2, i] * v[2]
@@ -247,7 +247,7 @@ def _from_axis(p, half, radius, normal, bend):
     sign = 1.0 if p[0] >= 0 else -1.0
     along = sign * beyond if beyond > 0 or half == 0.0 else 0.0
     rho = np.sqrt(along * along + p[1] * p[1] + p[2] * p[2])
-    if rho <= _CENTRE * radius:
+    if rho <= _CENTER * radius:
         normal[2] = 1.0
         return -radius
     normal[0], normal[1], normal[2] = along / rho, p[1] / rho, p[2] / rho
@@ -328,10 +328,10 @@ def in_plane(scene, o, y, z, slope):
     for hole in range(scene.hole_of.size):
         if scene.hole_of[hole] != o:
             continue
-        away_y, away_z = y - scene.hole_centre[hole, 0], z - scene.hole_centre[hole, 1]
+        away_y, away_z = y - scene.hole_center[hole, 0], z - scene.hole_center[hole, 1]
         if scene.hole_size[hole, 1] < 0:
             rho = max(np.sqrt(away_y * away_y + away_z * away_z),
-                      _CENTRE * scene.hole_size[hole, 0])
+                      _CENTER * scene.hole_size[hole, 0])
             inside = scene.hole_size[hole, 0] - rho
             if inside > a:
                 a, turn = inside, -1.0 / rho

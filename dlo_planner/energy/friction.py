@@ -4,9 +4,9 @@
 
 The force that a sliding by s across the normal meets is the trial force t = shear + grip s, cut to
 the limit mu N:  T = t min(1, mu N / |t|).  With `shear` the force itself at the end of the
-minimiser's outer loop, s vanishes where the point sticks, and where it slides T opposes s (the
+minimizer's outer loop, s vanishes where the point sticks, and where it slides T opposes s (the
 augmented Lagrangian of Simo and Laursen 1992). For a given limit T has a potential, which is what
-the minimiser sees; the outer loop moves limit and shear.
+the minimizer sees; the outer loop moves limit and shear.
 """
 
 import numpy as np

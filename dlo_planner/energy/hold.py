@@ -3,7 +3,7 @@
 """A second grip at the free end: which motions of that end are held, and with which forces.
 
 K rows of a twist (rotation, displacement) of the free end are held: c(shape) = 0 (K,), in m. Their
-multipliers are the reaction, which the minimiser finds with the shape (`minimize.held`). The end's
+multipliers are the reaction, which the minimizer finds with the shape (`minimize.held`). The end's
 axes d_i are compared with their targets t_i by rho = sum of a_i t_i x d_i, which is linear in d_i:
 so a moment acts as dead forces on the tips of the axes, and its second derivatives are those of
 dead loads. Springs stand beside the multipliers. They vanish, with their gradient, where c = 0, so

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Inertia, Eq. 12, 13: each mass is drawn to where it would be without forces.
 
-Whatever the time integrator, a step minimises the static potential plus
+Whatever the time integrator, a step minimizes the static potential plus
 
     W_dyn = sum of weight |x - anchor|^2 / 2
 

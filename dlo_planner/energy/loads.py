@@ -11,7 +11,7 @@ def node_masses(rod, s):
     """Return the masses (n,) in kg that stand for the rod on nodes at arc lengths `s` (n,).
 
     Each element's own mass goes to its two nodes, as does a point mass to the two around it: the
-    total and the centre are right.
+    total and the center are right.
     """
     masses = rod.node_masses(s)
     masses[-1] += rod.tip_mass

@@ -112,7 +112,7 @@ def _nearest_in_section(scene, o, rotation, place, offset):
     away, axis = np.zeros(3), np.zeros(3)  # material axes
     for i in range(3):
         for j in range(3):
-            away[i] += rotation[j, i] * (scene.centre[o, j] - place[j])
+            away[i] += rotation[j, i] * (scene.center[o, j] - place[j])
             axis[i] += rotation[j, i] * scene.axes[o, j, 0]
     half = scene.size[o, 0]
     low, high, t = -half, half, 0.0

@@ -148,8 +148,8 @@ def _through_sheet(scene, o, flush, old, new):
     last_before, last_after = np.empty(3), np.empty(3)
     for k in range(old.shape[0]):
         for i in range(3):
-            p[i] = scene.origin[i] + old[k, i] - scene.centre[o, i]
-            q[i] = scene.origin[i] + new[k, i] - scene.centre[o, i]
+            p[i] = scene.origin[i] + old[k, i] - scene.center[o, i]
+            q[i] = scene.origin[i] + new[k, i] - scene.center[o, i]
         for i in range(3):
             before[i] = after[i] = 0.0
             for j in range(3):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plastic bending and torsion, sections 3.2.1, 3.2.2: springs that yield, side by side.
 
-A section is a bundle of springs that share its stiffness: fibres, which bending stretches in
+A section is a bundle of springs that share its stiffness: fibers, which bending stretches in
 proportion to their heights over the neutral axis, and layers, which torsion shears. Each is elastic
 and ideally plastic with its own threshold (Besseling 1958, Iwan 1967). The paper's model is one
 spring for torsion and, for curvature as a vector, an ellipse of thresholds that all of the section

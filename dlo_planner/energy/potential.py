@@ -25,7 +25,7 @@ _HINGE = 1e-20  # of the stiffness of the DLO: that of a hinge is below
 
 
 class System(Record):
-    """A discretised DLO in a gripper: plain arrays, as the kernels want them.
+    """A discretized DLO in a gripper: plain arrays, as the kernels want them.
 
     Attributes:
         lengths: (N,) of the elements, m
@@ -40,7 +40,7 @@ class System(Record):
         layers: see `energy.plastic`; hold: `energy.hold`; scene: `energy.distance`; contacts:
             `energy.contact`; each empty without its effect
         near: (m, 3) unknowns to which a weak spring of strength `tie` keeps, tie |q - near|^2 / 2,
-            a device of the minimiser; (0, 3) without
+            a device of the minimizer; (0, 3) without
     """
 
     lengths: np.ndarray

@@ -5,7 +5,7 @@
 import numpy as np
 
 from dlo_planner.energy.plastic import SHARED, Layers
-from dlo_planner.model.fibres import fibres, layers
+from dlo_planner.model.fibers import fibers, layers
 
 _SAME = 1e-9  # of the stiffness: as near as two axes of one section are
 _PROBES = 33  # nodes where a stiffness that varies is compared
@@ -36,7 +36,7 @@ def yielding_layers(rod, stiffness):
 
 
 def _bending(rod, strength):
-    """Return the springs of bending; what fibres share goes over to the last column of `strength`.
+    """Return the springs of bending; what fibers share goes over to the last column of `strength`.
 
     A homogeneous section has EI_n k_n^2 = EI_b k_b^2, k the thresholds. What one axis has beyond
     that goes to layers which only this axis bends, so that both have their stiffness and their
@@ -52,7 +52,7 @@ def _bending(rod, strength):
     strength[:, 1] -= shared
     strength[:, 2] -= ratio * shared
     strength[:, SHARED] = shared
-    together = _fibres(*fibres(outline, bore), first, second)
+    together = _fibers(*fibers(outline, bore), first, second)
     if fits:
         return [together]
     alone = layers(outline, bore)
@@ -88,7 +88,7 @@ def _along(axis, heights, weights, threshold):
             np.full(size, axis))
 
 
-def _fibres(heights, weights, first, second):
+def _fibers(heights, weights, first, second):
     """Return springs that both curvatures strain, in proportion to heights over thresholds."""
     strain = heights / (first, second)
     size = np.linalg.norm(strain, axis=1)

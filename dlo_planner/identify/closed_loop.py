@@ -36,7 +36,7 @@ class ClosedLoop(Value):
     """The strategy, and the state of one threading in it.
 
     Attributes:
-        room: distance by which the DLO may miss the centre, m
+        room: distance by which the DLO may miss the center, m
         look: duration of a LOOK, s; the DLO should swing a few times meanwhile
         period: time between two corrections on the way, s
         share: part of the room: if the first bound at the standoff is larger, there is one more

@@ -3,8 +3,8 @@
 """The rest of a threading, aimed anew for the estimated DLO.
 
 At each remaining waypoint, a coupled Newton system finds the equilibrium of the estimated DLO and
-the gripper's rotation together, as planning does (`inverse.solvers.aligned`), starting from the shape known
-there. The estimated offset of the gripper is then taken off the poses.
+the gripper's rotation together, as planning does (`inverse.solvers.aligned`), starting from the
+shape known there. The estimated offset of the gripper is then taken off the poses.
 """
 
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
-from dlo_planner.inverse.solvers.one_point import aligned_on
-from dlo_planner.plan.plan import Plan
 from dlo_planner.identify.predicted_miss import PredictedMiss, judged_plan, miss_of
+from dlo_planner.inverse.solvers.one_point import aligned_on
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.checks import flag, instance, integer, items, results
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.value import Value, brief, put
+from dlo_planner.plan.plan import Plan
 
 _LOOKED_AT = 3  # waypoints at which the miss that remains is predicted
 
@@ -35,11 +35,11 @@ class Correction(Value):
         grippers: m Pose to command
         offsets: (m, 6) from the plan's poses to these: rotation vector about the gripper's origin,
             rad, then displacement, m; world axes
-        miss: PredictedMiss that remains, at three of the waypoints that pass the centre, the first
+        miss: PredictedMiss that remains, at three of the waypoints that pass the center, the first
             and the last among them
         converged: whether every waypoint could be aimed; if not, the poses are the plan's, and a
             new plan is needed
-        shapes: m Shape: of the estimated DLO where the centre is passed, else the plan's
+        shapes: m Shape: of the estimated DLO where the center is passed, else the plan's
     """
 
     first: int
@@ -73,7 +73,7 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0,
             before: Correction | None = None) -> Correction:
     """Return the Correction of what is left of a plan.
 
-    At each waypoint that passes the centre, the DLO passes it at the planned arc length, along the
+    At each waypoint that passes the center, the DLO passes it at the planned arc length, along the
     normal. A waypoint before these is displaced like the first of them. Neither clearance nor
     workspace is checked again. The poses are quasi-static; `Steered` blends them into a motion.
 
@@ -103,7 +103,7 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0,
     known = dict(zip(grippers, _offsets([plan.grippers[k] for k in grippers],
                                         list(grippers.values())), strict=True))
     offsets = np.zeros((len(rest), 6))
-    for k in rest:  # a waypoint before those that pass the centre moves like the first of them
+    for k in rest:  # a waypoint before those that pass the center moves like the first of them
         source = next((j for j in known if j >= k), None)
         offsets[k - first] = 0.0 if source is None else known[source]
         if k not in grippers:
@@ -125,23 +125,23 @@ def _known(plan, before):
 
 
 class _Aim:
-    """Aims the DLO of an Estimate at a centre."""
+    """Aims the DLO of an Estimate at a center."""
 
     def __init__(self, estimate):
         self._estimate, self._offset = estimate, estimate.gripper_offset
         self._meshes = {}
 
     def shape(self, plan, index, guess):
-        """Return the Shape that passes the centre at a waypoint, or None."""
-        centre, s, normal = plan.passes[index][0]
-        mesh = self._mesh(plan.shapes[index]._discretisation)
+        """Return the Shape that passes the center at a waypoint, or None."""
+        center, s, normal = plan.passes[index][0]
+        mesh = self._mesh(plan.shapes[index]._discretization)
         inside = min(s, float(mesh.s[-1]))
         shape = aligned_on(mesh, guess, inside, normal, plan.grippers[index].rotation)
         if shape is None or shape.stability < -NEUTRAL:
             return None
         axes, position = shape.frame_at(inside)
         position = position + (s - inside) * axes[:, 0]
-        return shape.moved(self._estimate.centre(centre) - position)
+        return shape.moved(self._estimate.center(center) - position)
 
     def commanded(self, gripper):
         """Return `Estimate.commanded`, quickly."""
@@ -149,7 +149,7 @@ class _Aim:
         return Pose.from_rotation(gripper.position - rotation @ self._offset.position, rotation)
 
     def _mesh(self, planned):
-        """Return the Discretisation of the estimated DLO on the mesh of a planned one."""
+        """Return the Discretization of the estimated DLO on the mesh of a planned one."""
         if id(planned) not in self._meshes:  # waypoints share them
             varied = self._estimate.uncertain.varied(planned)
             self._meshes[id(planned)] = varied.at(self._estimate.mean)

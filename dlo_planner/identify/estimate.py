@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.deprecated import renamed
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
-from dlo_planner.plan.plan import Plan
 from dlo_planner.identify.predicted_miss import (
     PredictedMiss,
     judged_plan,
@@ -24,6 +24,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, Value, brief, put
+from dlo_planner.plan.plan import Plan
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,14 +114,16 @@ class Estimate(Value):
         """Return the Pose to command so that the gripper truly goes to `gripper`."""
         return instance('gripper', gripper, Pose).compose(self.gripper_offset.inverse())
 
-    def centre(self, centre: ArrayLike) -> np.ndarray:
-        """Return the estimated true centre (3,) of a cut-out that is stated at `centre` (3,), m."""
-        return vector('centre', centre, 3) + self.uncertain.shifted(self.mean)
+    centre = renamed('centre', 'center')
+
+    def center(self, center: ArrayLike) -> np.ndarray:
+        """Return the estimated true center (3,) of a cut-out that is stated at `center` (3,), m."""
+        return vector('center', center, 3) + self.uncertain.shifted(self.mean)
 
     def moved_cutout(self, cutout: CutOut) -> CutOut:
         """Return a stated CutOut at its estimated true place."""
         pose = instance('cutout', cutout, CutOut).pose
-        return CutOut(Pose.from_rotation(self.centre(pose.position), pose.rotation),
+        return CutOut(Pose.from_rotation(self.center(pose.position), pose.rotation),
                       cutout.radius, cutout.width, cutout.height)
 
     def shape(self, gripper: Pose) -> Shape:
@@ -130,15 +133,15 @@ class Estimate(Value):
         set down in its natural shape.
         """
         actual = self.actual(gripper)
-        mesh = self.uncertain.simulator.discretisation(actual, None)
+        mesh = self.uncertain.simulator.discretization(actual, None)
         return settled(self.uncertain.varied(mesh), self.mean, actual, self._shape)
 
     def miss(self, plan: Plan, waypoints: ArrayLike | None = None) -> PredictedMiss:
         """Return the PredictedMiss of the DLO at waypoints of a commanded plan.
 
         Args:
-            plan: Plan whose poses are commanded, and whose centres are as stated
-            waypoints: (k,) indices of waypoints that pass a centre; None: all that do
+            plan: Plan whose poses are commanded, and whose centers are as stated
+            waypoints: (k,) indices of waypoints that pass a center; None: all that do
 
         Raises:
             InvalidTask: an argument makes no sense

@@ -20,13 +20,13 @@ from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.identify.likelihood import LOSSES, Errors
 from dlo_planner.identify.observation import Observation, ObservedMotion
 from dlo_planner.identify.observed import Observed
-from dlo_planner.verify.robustness import Spread
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.model.checks import choice, figure, flag, instance, items, number, results
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, Value, brief, figures, put
 from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.verify.robustness import Spread
 
 _STARTS = (0.0, -0.7, 0.7)  # logarithms of stiffness from which the search begins
 _MESHES = ({'n_elements': 64, 'n_terms': 10}, {'basis': 'local', 'n_elements': 128},

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How errors are distributed: what a fit minimises, and what its minimum tells of them."""
+"""How errors are distributed: what a fit minimizes, and what its minimum tells of them."""
 
 from dataclasses import dataclass
 
@@ -38,7 +38,7 @@ class Statistics:
 
 
 class Errors:
-    """The model of errors: what is minimised, and what its minimum tells.
+    """The model of errors: what is minimized, and what its minimum tells.
 
     Args:
         observed: Observed; prior: (k,) 1 / standard deviations of its parameters
@@ -74,7 +74,7 @@ class Errors:
                              bounds=self._observed.bounds)
 
     def _weighted(self, x, noise):
-        """Return residuals, whose squares add up to what is minimised, and their derivatives."""
+        """Return residuals, whose squares add up to what is minimized, and their derivatives."""
         here, size = self._observed.at(x), noise * self._scale
         z = np.sum(here.away**2, axis=1) / size**2
         value, first, _ = self._loss(z)

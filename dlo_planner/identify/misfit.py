@@ -51,7 +51,7 @@ def at_rest(one, shape, nearby, errors):
     """Return the Misfit of an Observation from its Shape.
 
     Args:
-        nearby: function (shape) -> (column, Discretisation ahead, Discretisation back) of each
+        nearby: function (shape) -> (column, Discretization ahead, Discretization back) of each
             unknown that the rod depends on
         errors: PoseErrors of this observation
     """

@@ -176,9 +176,9 @@ class _Nearby:
                 for k, step in zip(columns, steps, strict=True)]
 
     def on(self, shape):
-        """Return (column, Discretisation ahead, back) with the elements of a Shape."""
-        if shape._discretisation is not self._base:
-            self._base = shape._discretisation
+        """Return (column, Discretization ahead, back) with the elements of a Shape."""
+        if shape._discretization is not self._base:
+            self._base = shape._discretization
             self._on_base = tuple((k, self._base.of(ahead), self._base.of(back))
                                   for k, ahead, back in self._rods)
         return self._on_base

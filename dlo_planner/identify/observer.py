@@ -16,12 +16,12 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.observation import Observation
-from dlo_planner.verify.robustness import Spread
 from dlo_planner.identify.smoothing import Search, symmetric
 from dlo_planner.identify.uncertain import Uncertain
 from dlo_planner.model.checks import instance, integer, number, vector
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
+from dlo_planner.verify.robustness import Spread
 
 _LONGER = 5.0  # standard deviations of the length by which an arc length may exceed it
 
@@ -111,13 +111,13 @@ class Observer(Value):
 
     def see_cutout(self, estimate: Estimate, stated: ArrayLike, seen: ArrayLike,
                    noise: float | None = None) -> Estimate:
-        """Return the Estimate after the centre of the cut-out has been seen by the same camera.
+        """Return the Estimate after the center of the cut-out has been seen by the same camera.
 
         The camera displaces DLO and cut-out alike, so its bias cancels in the predicted miss.
 
         Args:
             estimate: of this observer
-            stated: (3,) centre of the cut-out as stated, m, world axes; seen: (3,) as seen
+            stated: (3,) center of the cut-out as stated, m, world axes; seen: (3,) as seen
             noise: standard deviation of `seen` along each axis, m; None: the observer's noise
 
         Raises:

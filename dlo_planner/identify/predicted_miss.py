@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""By how much an estimated DLO will miss the centres of a plan, and how certain that is."""
+"""By how much an estimated DLO will miss the centers of a plan, and how certain that is."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
-from dlo_planner.plan.plan import Plan
 from dlo_planner.identify.response import node_slopes
 from dlo_planner.identify.settling import settled
 from dlo_planner.model.checks import instance, number, results, row, shown
 from dlo_planner.model.value import Value, brief, put
+from dlo_planner.plan.plan import Plan
 
 if TYPE_CHECKING:  # it imports this module
     from dlo_planner.identify.estimate import Estimate
@@ -30,16 +30,16 @@ _POINTS = 1024    # that represent a normal distribution in a plane
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PredictedMiss(Value):
-    """Misses at k waypoints of a plan, in the plane of the centre that the DLO has to pass.
+    """Misses at k waypoints of a plan, in the plane of the center that the DLO has to pass.
 
-    Of several centres at one waypoint it is the one with the largest bound.
+    Of several centers at one waypoint it is the one with the largest bound.
 
     Attributes:
         waypoints: (k,) their indices in the plan
-        off: (k, 3) from the centre to where the estimated DLO crosses its plane, m, world axes; a
+        off: (k, 3) from the center to where the estimated DLO crosses its plane, m, world axes; a
             DLO that is too short is extended straight on
         covariance: (k, 3, 3) of `off`, m^2
-        bound: (k,) radii about the centre inside which the DLO crosses with a probability of 95 %,
+        bound: (k,) radii about the center inside which the DLO crosses with a probability of 95 %,
             m; infinite where no shape was found
     """
 
@@ -68,7 +68,7 @@ class PredictedMiss(Value):
 
     @property
     def distance(self) -> np.ndarray:
-        """(k,) most likely distances from the centres, m."""
+        """(k,) most likely distances from the centers, m."""
         return np.linalg.norm(self.off, axis=1)
 
     def inside(self, room: float) -> bool:
@@ -83,7 +83,7 @@ def miss_of(estimate: 'Estimate', plan: Plan, waypoints: Sequence[int],
 
     Args:
         estimate: Estimate; plan: Plan of the same DLO
-        waypoints: indices of waypoints that pass a centre
+        waypoints: indices of waypoints that pass a center
         shapes: Shapes of the estimated DLO there; None: they are computed
     """
     off = np.full((len(waypoints), 3), np.inf)
@@ -92,7 +92,7 @@ def miss_of(estimate: 'Estimate', plan: Plan, waypoints: Sequence[int],
         shape = predicted_shape(estimate, plan, index) if shapes is None else shapes[k]
         if not shape.converged:
             continue
-        varied = estimate.uncertain.varied(plan.shapes[index]._discretisation)
+        varied = estimate.uncertain.varied(plan.shapes[index]._discretization)
         slopes = node_slopes(varied, estimate.mean, shape)
         off[k], covariance[k], bound[k] = max(
             (_miss_at(estimate, slopes, shape, *one) for one in plan.passes[index]),
@@ -103,12 +103,12 @@ def miss_of(estimate: 'Estimate', plan: Plan, waypoints: Sequence[int],
 def predicted_shape(estimate: 'Estimate', plan: Plan, index: int) -> Shape:
     """Return the Shape of the estimated DLO at a waypoint, in the estimated pose of the gripper."""
     planned = plan.shapes[index]
-    varied = estimate.uncertain.varied(planned._discretisation)
+    varied = estimate.uncertain.varied(planned._discretization)
     return settled(varied, estimate.mean, estimate.actual(plan.grippers[index]), planned, False)
 
 
 def passing(plan: Plan) -> list[int]:
-    """Return the indices of the waypoints that pass a centre."""
+    """Return the indices of the waypoints that pass a center."""
     return [k for k, passes in enumerate(plan.passes) if passes]
 
 
@@ -116,16 +116,16 @@ def judged_plan(estimate: 'Estimate', plan: Plan) -> Plan:
     """Return a Plan of the estimated DLO; raise InvalidTask if it is none."""
     length = estimate.uncertain.simulator.rod.length
     for shape in instance('plan', plan, Plan).shapes:
-        if shape._discretisation is None or abs(shape.s[-1] / length - 1) > _OTHER:
+        if shape._discretization is None or abs(shape.s[-1] / length - 1) > _OTHER:
             raise InvalidTask('plan: expected shapes of the whole DLO that is estimated')
     return plan
 
 
 def judged_waypoints(plan: Plan, waypoints: ArrayLike | None) -> list[int]:
-    """Return indices of waypoints that pass a centre; None stands for all of them.
+    """Return indices of waypoints that pass a center; None stands for all of them.
 
     Raises:
-        InvalidTask: one passes no centre
+        InvalidTask: one passes no center
     """
     known = passing(plan)
     if waypoints is None:
@@ -133,17 +133,17 @@ def judged_waypoints(plan: Plan, waypoints: ArrayLike | None) -> list[int]:
     chosen = row('waypoints', waypoints, minimum=0, maximum=_MOST).tolist()
     if len(chosen) > len(plan) or not {*chosen} <= {*known}:
         raise InvalidTask(f'waypoints = {shown(chosen)}: expected indices of waypoints that pass a '
-                          f'centre, out of {shown(known)}')
+                          f'center, out of {shown(known)}')
     return [int(k) for k in chosen]
 
 
-def _miss_at(estimate, slopes, shape, centre, s, normal):
+def _miss_at(estimate, slopes, shape, center, s, normal):
     """Return the miss (3,) of one entry of `Plan.passes`, its covariance (3, 3) and bound, m.
 
     Args:
         slopes: (N + 1, 3, n) of the nodes by the state
     """
-    off, normal, tangent, s = crossing(shape, estimate.centre(centre), normal, s)
+    off, normal, tangent, s = crossing(shape, estimate.center(center), normal, s)
     slopes = at_arc_lengths(slopes, shape.s, np.array([s]))[0]
     columns, number = estimate.uncertain.columns('cutout')
     slopes[number, columns] -= 1.0
@@ -153,15 +153,15 @@ def _miss_at(estimate, slopes, shape, centre, s, normal):
     return off, covariance, _bound(across @ off, across @ covariance @ across.T)
 
 
-def crossing(shape: Shape, centre: np.ndarray, normal: np.ndarray | None,
+def crossing(shape: Shape, center: np.ndarray, normal: np.ndarray | None,
              s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Return where a Shape, extended straight on at its end, crosses a plane near `s` (m).
 
     Args:
-        centre: (3,) m, in the plane; normal: (3,) of the plane, or None: the DLO's tangent
+        center: (3,) m, in the plane; normal: (3,) of the plane, or None: the DLO's tangent
 
     Returns:
-        vector from the centre to the crossing (3,), m; normal (3,); tangent there (3,); arc length,
+        vector from the center to the crossing (3,), m; normal (3,); tangent there (3,); arc length,
         m, at most the length
     """
     for _ in range(_CROSSINGS):
@@ -170,11 +170,11 @@ def crossing(shape: Shape, centre: np.ndarray, normal: np.ndarray | None,
         tangent = axes[:, 0]
         across = tangent if normal is None else normal
         position = position + (s - inside) * tangent
-        step = across @ (centre - position) / (across @ tangent)
+        step = across @ (center - position) / (across @ tangent)
         s += step
         if abs(step) < _STILL * shape.s[-1]:
             break
-    return position - centre, np.array(across), tangent, inside
+    return position - center, np.array(across), tangent, inside
 
 
 def at_arc_lengths(nodes: np.ndarray, s: np.ndarray, wanted: np.ndarray) -> np.ndarray:
@@ -185,7 +185,7 @@ def at_arc_lengths(nodes: np.ndarray, s: np.ndarray, wanted: np.ndarray) -> np.n
 
 
 def _bound(off, covariance):
-    """Return the radius about the centre that holds 95 % of a normal distribution in a plane."""
+    """Return the radius about the center that holds 95 % of a normal distribution in a plane."""
     values, vectors = np.linalg.eigh(covariance)
     points = off + _PLANE * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
     return float(np.quantile(np.linalg.norm(points, axis=1), _SHARE))

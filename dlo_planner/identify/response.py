@@ -11,8 +11,8 @@ import numpy as np
 
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
-from dlo_planner.inverse.solvers.search import left_jacobian
 from dlo_planner.identify.uncertain import Varied
+from dlo_planner.inverse.solvers.search import left_jacobian
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import part_of_element
 
@@ -39,7 +39,7 @@ def node_slopes(varied: Varied, z: np.ndarray, shape: Shape) -> np.ndarray:
 
 def _by_rod(varied, z, shape, sensitivity, strains, out):
     """Set the strains (n, N, 3) due to the rod; add to `out` the motion at constant strains."""
-    uncertain, system = varied.uncertain, shape._discretisation.static
+    uncertain, system = varied.uncertain, shape._discretization.static
     give = np.diff(shape.s)[:, None] * system.stiffness
     moment = give * (shape.element_strains - system.natural)
     slopes = np.zeros_like(strains)

@@ -3,10 +3,10 @@
 """The most likely state after the looks so far, and how far off it may be.
 
 An iterated extended Kalman filter (Bell and Cathey 1993: each update is a Gauss-Newton search) in
-information form. A filter that keeps each look linearised at the estimate of its time becomes too
-sure of itself: the difference between two linearisations looks like information about what no look
+information form. A filter that keeps each look linearized at the estimate of its time becomes too
+sure of itself: the difference between two linearizations looks like information about what no look
 shows, such as stiffness against weight. So the looks from the last few poses of the gripper are
-remembered and searched together (a smoother with a fixed lag); older ones stay linearised.
+remembered and searched together (a smoother with a fixed lag); older ones stay linearized.
 """
 
 from collections.abc import Iterator
@@ -168,12 +168,12 @@ class Search:
         simulator, known = self._uncertain.simulator, estimate._shape
         groups = self._memory.groups
         if groups and groups[-1].gripper == self._seen.gripper:
-            self._varied = self._uncertain.varied(known._discretisation)
+            self._varied = self._uncertain.varied(known._discretization)
             return known
         gripper = estimate.actual(self._seen.gripper)
         good = known is not None and (simulator.accuracy is None
                                       or surely_within(known, simulator.accuracy))
-        mesh = known._discretisation if good else simulator.discretisation(gripper, None)
+        mesh = known._discretization if good else simulator.discretization(gripper, None)
         self._varied = self._uncertain.varied(mesh)
         return settled(self._varied, estimate.mean, gripper, known)
 
@@ -233,7 +233,7 @@ class Search:
                    for one, other in zip(shapes, trial, strict=True))
 
     def _cost(self, here, scales):
-        """Return minus the logarithm of the likelihood, up to a constant: what is minimised."""
+        """Return minus the logarithm of the likelihood, up to a constant: what is minimized."""
         memory, outliers = self._memory, self._observer.outliers
         off = here.x - memory.x
         cost = 0.5 * float(off @ memory.matrix @ off)
@@ -244,7 +244,7 @@ class Search:
         return cost
 
     def _folded(self, memory, group, x):
-        """Return the Memory with a forgotten Group, linearised at x; None: no equilibrium."""
+        """Return the Memory with a forgotten Group, linearized at x; None: no equilibrium."""
         offset = self._uncertain.offset(x * self._unit)
         shape = settled(self._varied, x * self._unit, group.gripper.compose(offset), group.shape,
                         followed=False)

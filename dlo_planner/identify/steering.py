@@ -19,11 +19,11 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.correction import Correction
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.model.checks import array, instance, items, number, row, shown
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.value import Value, brief, put
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.motion.timed_path import TimedPath
 
 _MODES = 4       # slowest vibrations that are looked at: two in each plane of a round DLO
 _DIFFERENT = 1.2  # ratio above which two periods count as different

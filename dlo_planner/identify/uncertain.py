@@ -21,15 +21,15 @@ import numpy as np
 from numpy.polynomial.legendre import legint, legval
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.errors import InvalidTask
-from dlo_planner.verify.robustness import Spread, variation_deviations
 from dlo_planner.model.along import Expanded, scaled
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
+from dlo_planner.verify.robustness import Spread, variation_deviations
 
 _KEPT = 8     # meshes whose Varied is remembered
 _SAME = 1e-9  # of the length: nodes closer than this are the same
@@ -83,8 +83,8 @@ class Uncertain(Value):
         """The number n of entries of the state."""
         return self.deviations.size
 
-    def varied(self, like: Discretisation) -> 'Varied':
-        """Return the Varied on the mesh of a Discretisation, scaled to the stated length."""
+    def varied(self, like: Discretization) -> 'Varied':
+        """Return the Varied on the mesh of a Discretization, scaled to the stated length."""
         length = self.simulator.rod.length
         s = np.append(like.s[:-1] * (length / like.s[-1]), length)
         for known in self._meshes:
@@ -94,7 +94,7 @@ class Uncertain(Value):
                 return known
         if len(self._meshes) == _KEPT:
             self._meshes.pop(0)
-        self._meshes.append(Varied(self, Discretisation(self.simulator.surroundings, s,
+        self._meshes.append(Varied(self, Discretization(self.simulator.surroundings, s,
                                                         like.basis, like.n_terms)))
         return self._meshes[-1]
 
@@ -155,10 +155,10 @@ class Uncertain(Value):
 
 
 class Varied:
-    """The Discretisation of the DLO at a state z on one mesh, without computing it from the Rod.
+    """The Discretization of the DLO at a state z on one mesh, without computing it from the Rod.
 
     Args:
-        uncertain: Uncertain; mesh: Discretisation of the DLO as stated
+        uncertain: Uncertain; mesh: Discretization of the DLO as stated
 
     Attributes:
         legendre: (N, n_terms) means of P_j over the elements
@@ -168,7 +168,7 @@ class Varied:
         InvalidTask: the length is uncertain and something jumps along the DLO
     """
 
-    def __init__(self, uncertain: Uncertain, mesh: Discretisation):
+    def __init__(self, uncertain: Uncertain, mesh: Discretization):
         self.uncertain, self.mesh = uncertain, mesh
         x = 2 * mesh.s / mesh.s[-1] - 1
         integrals = [legval(x, legint(unit)) for unit in np.eye(uncertain.n_terms)]
@@ -176,8 +176,8 @@ class Varied:
         self.weight = -node_masses(mesh.rod, mesh.s)[:, None] * mesh.surroundings.gravity
         self.by_length = self._by_length() if uncertain.columns('length')[0].size else {}
 
-    def at(self, z: np.ndarray) -> Discretisation:
-        """Return the Discretisation of the DLO at z (n,)."""
+    def at(self, z: np.ndarray) -> Discretization:
+        """Return the Discretization of the DLO at z (n,)."""
         uncertain, system = self.uncertain, self.mesh.static
         factors, mass = uncertain.factors(z)
         more = uncertain.part(z, 'length', 1)[0]

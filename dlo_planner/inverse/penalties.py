@@ -17,11 +17,11 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.energy.distance import build_scene
 from dlo_planner.errors import InvalidTask
-from dlo_planner.plan.clearance import nearest
 from dlo_planner.model.checks import direction, instance, items, number, vector
 from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
+from dlo_planner.plan.clearance import nearest
 
 
 def _length(penalty, name):

@@ -7,27 +7,28 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.deprecated import renamed
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.solvers.contact import CONDITIONS, hold_contact, slide_contact
 from dlo_planner.inverse.solvers.deepest import deepest
-from dlo_planner.plan.draft import Brief, Draft, kept_between
 from dlo_planner.inverse.solvers.insertion import insert
-from dlo_planner.plan.plan import Plan, Waypoint
-from dlo_planner.inverse.solvers.search import Found, minimise_penalty
+from dlo_planner.inverse.solvers.search import Found, minimize_penalty
 from dlo_planner.inverse.solvers.sequence import thread_sequence
 from dlo_planner.inverse.solvers.start_phase import start_phase
 from dlo_planner.inverse.solvers.straight import slide_straight
 from dlo_planner.inverse.solvers.threading import kept_before, thread
 from dlo_planner.inverse.solvers.two_cutouts import thread_two
-from dlo_planner.plan.workspace import Workspace
 from dlo_planner.model.checks import choice, flag, instance, items, number, row
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import Value, freeze, put
 from dlo_planner.model.value import brief as one_line
+from dlo_planner.plan.draft import Brief, Draft, kept_between
+from dlo_planner.plan.plan import Plan, Waypoint
+from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import OnProgress, Progress
 
 _WAYPOINTS = 40
@@ -42,7 +43,7 @@ class InverseSimulator(Value):
     """Finds the gripper poses that make the DLO's shape do a task.
 
     Args:
-        simulator: the DirectSimulator whose rod, gravity and discretisation are used. A permanent
+        simulator: the DirectSimulator whose rod, gravity and discretization are used. A permanent
             set that it starts with counts. Its obstacles are touched by the contact tasks and
             avoided by the others; a Sheet among them is the one around a cut-out that it has.
         workspace: Workspace, where the gripper may be; None: anywhere
@@ -90,7 +91,7 @@ class InverseSimulator(Value):
                deadline: float | None = None) -> Plan:
         """Plan the threading through one cut-out, anywhere and in any direction in 3-D.
 
-        At each depth the DLO passes the centre P_goal along the normal n_goal (paper, section
+        At each depth the DLO passes the center P_goal along the normal n_goal (paper, section
         5.2). One rotation of the gripper is free (a round straight DLO may roll): the first
         waypoint turns as little as it can against `start`, each other one against the one before
         (about the mean of the gripper's axis and the normal it does not turn at all).
@@ -104,7 +105,7 @@ class InverseSimulator(Value):
             depths: (n,) arc lengths that have gone through, m, not decreasing, in [0, L]; None:
                 40 of them from 0 to 0.95 L
             method: 'coupled' solves equilibrium and alignment as one Newton system; 'nested' is
-                the paper's minimisation of c arccos(t . n)^2 around the direct simulation
+                the paper's minimization of c arccos(t . n)^2 around the direct simulation
             gripper_clearance: m, how far the gripper's origin has to stay before the sheet: where
                 no depths are given, the plan ends there
             as_deep_as_possible: where not all depths can be reached, the plan ends with the
@@ -152,7 +153,7 @@ class InverseSimulator(Value):
         gripper travels along the curve of its first shape (Zheng et al. 1991).
 
         Args:
-            bore: CutOut: its centre is that of the mouth, its normal points inwards
+            bore: CutOut: its center is that of the mouth, its normal points inwards
             start, linear_speed, angular_speed, progress, deadline: as for `thread`
             depths: as for `thread`, less than the length
 
@@ -210,7 +211,7 @@ class InverseSimulator(Value):
         farthest = _FARTHEST * self.simulator.rod.length
         for name, pose in (('start', instance('start', start, Pose)),
                            ('plan.grippers[0]', plan.grippers[0])):
-            away = np.linalg.norm(pose.position - cutout.centre)
+            away = np.linalg.norm(pose.position - cutout.center)
             if away > farthest:
                 raise InvalidTask(f'{name} = {pose!r}: expected at most {farthest:g} m from the '
                                   f'cut-out, is {away:.3g} m')
@@ -222,9 +223,9 @@ class InverseSimulator(Value):
                    depths: ArrayLike | None = None, linear_speed: float = 0.1,
                    angular_speed: float = 0.5, progress: OnProgress = None,
                    deadline: float | None = None) -> Plan:
-        """Plan the threading through two cut-outs, whose centres count (paper, section 5.2).
+        """Plan the threading through two cut-outs, whose centers count (paper, section 5.2).
 
-        From where the free end reaches the second centre, both are hit at once; before, the first
+        From where the free end reaches the second center, both are hit at once; before, the first
         one is passed along the direction that it then has, so the way is continuous.
 
         Args:
@@ -282,10 +283,12 @@ class InverseSimulator(Value):
             return thread_two(self._alone, *cutouts, depths, start, brief)
         return thread_sequence(self._alone, cutouts, weights, depths, start, brief)
 
-    def minimise_penalty(self, penalties: object, start: Pose, *, initial: Shape | None = None,
+    minimise_penalty = renamed('minimise_penalty', 'minimize_penalty')
+
+    def minimize_penalty(self, penalties: object, start: Pose, *, initial: Shape | None = None,
                          max_iterations: int = 200, progress: OnProgress = None,
                          deadline: float | None = None) -> Found:
-        """Return what `minimise_penalty` finds for this simulator (paper, section 5.1).
+        """Return what `minimize_penalty` finds for this simulator (paper, section 5.1).
 
         Its arguments are explained there.
 
@@ -293,7 +296,7 @@ class InverseSimulator(Value):
             InvalidTask, NotConverged: as there
             Infeasible: what it finds breaks a demand
         """
-        found = minimise_penalty(self.simulator, penalties, start, initial=initial,
+        found = minimize_penalty(self.simulator, penalties, start, initial=initial,
                                  max_iterations=max_iterations, progress=progress,
                                  deadline=deadline)
         Draft([0.0], self._brief(1.0, 1.0, touching=True)).add(Waypoint(found.shape))
@@ -320,7 +323,7 @@ class InverseSimulator(Value):
             s: arc length of the contact, m
             condition: which one of the family: 'least_energy' (bending), 'least_force' (a
                 thousandth of weight + EI / L^2, where that can be held and the simulator's
-                discretisation tells it from none), 'least_motion' (from `start`),
+                discretization tells it from none), 'least_motion' (from `start`),
                 'largest_clearance' (from the other obstacles; without any, the least energy);
                 None: a motion through the interval that has the least energy, in order of the
                 force, its steps below 0.12 (rad plus parts of the length)

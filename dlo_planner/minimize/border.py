@@ -37,7 +37,7 @@ def complement(hessian):
     """Fill hessian.schur from its answers; return how many eigenvalues of its inverse are negative.
 
     As many of those of H are not of what the grip leaves free (Haynsworth). Where a number
-    overflowed, the factorisation is of no use: it returns less than there can be.
+    overflowed, the factorization is of no use: it returns less than there can be.
     """
     negative, held = 0, hessian.border.shape[0]
     schur = hessian.schur

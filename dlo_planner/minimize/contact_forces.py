@@ -13,7 +13,7 @@ import numpy as np
 from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.potential import project
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.linear import assemble, factorise, new_hessian, solve
+from dlo_planner.minimize.linear import assemble, factorize, new_hessian, solve
 from dlo_planner.minimize.touching import touching
 from dlo_planner.ritz.kinematics import part_of_element, point_inside
 
@@ -27,7 +27,7 @@ def move_multipliers(system, state, table, share):
 
     Args:
         state, table: State and Touching at the minimum for the present multipliers
-        share: of the way from the forces as they are to those of the linearised laws
+        share: of the way from the forces as they are to those of the linearized laws
 
     Returns:
         whether these are known
@@ -61,10 +61,10 @@ def move_multipliers(system, state, table, share):
 
 @kernel
 def _solved(system, state, table, share, normal, shear):
-    """Move normal (A,) and shear (A, 3) towards the linearised laws' forces; return if done."""
+    """Move normal (A,) and shear (A, 3) towards the linearized laws' forces; return if done."""
     hessian = new_hessian(system)
     assemble(system, state, hessian)
-    if factorise(system, hessian, 0.0) > 0:
+    if factorize(system, hessian, 0.0) > 0:
         return False
     count = table.gap.size
     first = np.empty(count, dtype=np.int64)  # row of the normal; of a friction's two, the next
@@ -73,7 +73,7 @@ def _solved(system, state, table, share, normal, shear):
         first[a] = size
         size += 1 if table.rubbing[a] < 0 else 3
     axes, laws = np.zeros((size, 3)), np.zeros((size, 3))
-    _linearise(system, state, table, first, axes, laws)
+    _linearize(system, state, table, first, axes, laws)
     loads, answers = _answers(system, state, hessian, table, first, axes)
     compliance = _products(loads, answers)
     shift = np.zeros(size)  # of the limits, to those of the multipliers as they are
@@ -104,7 +104,7 @@ def _solved(system, state, table, share, normal, shear):
 
 
 @kernel
-def _linearise(system, state, table, first, axes, laws):
+def _linearize(system, state, table, first, axes, laws):
     """Fill axes (K, 3): normal, direction of friction, third; and laws (K, 3) of the friction.
 
     Laws: in the second row whether it slides, the limit's part of the trial force, mu; in the third
@@ -294,14 +294,14 @@ def add_sliding(system, state, hessian, answers):
     """Complete the `answers` (6, m, 3) to the gripper's twists by what slides: T follows mu N.
 
     Args:
-        hessian: of `system` at `state`, factorised; with the springs of friction alone, which know
+        hessian: of `system` at `state`, factorized; with the springs of friction alone, which know
             nothing of the forces that the limits depend on
     """
     contacts, k = system.contacts, system.contacts.stiffness
     table = touching(system.scene, contacts, system.lengths, state)
     first = np.arange(0, 3 * table.gap.size, 3)
     axes, laws = np.zeros((first.size * 3, 3)), np.zeros((first.size * 3, 3))
-    _linearise(system, state, table, first, axes, laws)
+    _linearize(system, state, table, first, axes, laws)
     slides = np.flatnonzero(laws[1::3, 0] > 0.0)
     size = slides.size
     across, response = np.empty((size, *state.q.shape)), np.empty((size, *state.q.shape))

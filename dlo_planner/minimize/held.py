@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Newton's method for a DLO whose far end is held: shape and reaction at once.
 
-Each step solves the equilibrium and the linearised grip together (sequential quadratic
+Each step solves the equilibrium and the linearized grip together (sequential quadratic
 programming, Nocedal and Wright, ch. 18), by the direct simulator's sweep with one right side more
 per held direction. The step is judged by the augmented Lagrangian with the new reaction, of which
 it is a descent direction where the Hessian is positive on what the grip leaves free; a shift makes
 it so elsewhere. Three more guards:
-* Far from its target the grip gives a little under the reaction (stabilised SQP, Wright 1998): so
+* Far from its target the grip gives a little under the reaction (stabilized SQP, Wright 1998): so
   a straight DLO, whose end cannot come nearer to first order, is pressed until it buckles.
 * No step leaves the grip by much.
 * A DLO that falls is brought back into its grip before it falls on. A fall follows the potential
@@ -31,7 +31,7 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.border import dot
 from dlo_planner.minimize.linear import (
     assemble,
-    factorise,
+    factorize,
     largest_turn,
     new_hessian,
     solve_held,
@@ -144,7 +144,7 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
             # neutral steps are as large as rounding errors over the shift, and spoil what their
             # square is; a shift that vanishes with the residual costs nothing (Fan and Yuan 2005)
             shift = max(shift, min(residual, _MOST_PROXIMAL))
-        if arrived or factorise(system, hessian, shift) > 0:
+        if arrived or factorize(system, hessian, shift) > 0:
             shift = safe_shift(system, hessian, 0.0 if arrived else shift)
         if arrived:
             stability, mode = lowest_mode(system, hessian, shift, 1e-4)

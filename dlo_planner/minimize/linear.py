@@ -4,7 +4,7 @@
 
 With prefix rotations theta_f = sum of turning_e dq_e over e < f, the local Newton system is a
 linear-quadratic optimal control problem, solved by one backward and one forward sweep in O(N).
-Both factorisations are congruences, so the signs of their pivots are the signs of the eigenvalues
+Both factorizations are congruences, so the signs of their pivots are the signs of the eigenvalues
 (Sylvester): no negative pivot means a minimum.
 """
 
@@ -38,7 +38,7 @@ _TINY = 1e-16  # of a pivot of zero, as rounding errors leave them: less would o
 
 
 class Hessian(Record):
-    """The Hessian at one state and its factorisation (arrays, refilled in place).
+    """The Hessian at one state and its factorization (arrays, refilled in place).
 
     Attributes:
         turning: (N, w, 3), cross: (N, 3, w), diagonal: (N, 3, 3), see `ritz.kinematics`; w is 3
@@ -135,12 +135,12 @@ def _project(basis, hessian, wide):
 
 
 @kernel
-def factorise(system, hessian, shift):
-    """Factorise H + shift I; return how many of its eigenvalues are not positive.
+def factorize(system, hessian, shift):
+    """Factorize H + shift I; return how many of its eigenvalues are not positive.
 
     With a held far end these are the eigenvalues on what the grip leaves free (Haynsworth).
     """
-    negative = _factorise_alone(system, hessian, shift)
+    negative = _factorize_alone(system, hessian, shift)
     held = hessian.border.shape[0]
     if held == 0:
         return negative
@@ -150,12 +150,12 @@ def factorise(system, hessian, shift):
 
 
 @kernel
-def _factorise_alone(system, hessian, shift):
+def _factorize_alone(system, hessian, shift):
     if system.basis.shape[1] == 0:
         if hessian.turning.shape[1] == 3:
-            return _factorise_turns(hessian, shift)
-        return _factorise_twists(hessian, shift)
-    return _factorise_dense(hessian, shift)
+            return _factorize_turns(hessian, shift)
+        return _factorize_twists(hessian, shift)
+    return _factorize_dense(hessian, shift)
 
 
 @kernel
@@ -214,8 +214,8 @@ def _inverse3(a):
 
 
 @kernel
-def _factorise_turns(hessian, shift):
-    """Factorise where only rotations count."""
+def _factorize_turns(hessian, shift):
+    """Factorize where only rotations count."""
     negative = 0
     value = ZERO  # second derivative of the cost to go by theta
     turnings, crosses, diagonals = hessian.turning, hessian.cross, hessian.diagonal
@@ -261,8 +261,8 @@ def _solve_turns(hessian, right, out):
 
 
 @kernel
-def _factorise_twists(hessian, shift):
-    """Factorise where displacements count as well."""
+def _factorize_twists(hessian, shift):
+    """Factorize where displacements count as well."""
     wide = 6
     negative = 0
     value = np.zeros((wide, wide))  # second derivative of the cost to go by theta
@@ -334,7 +334,7 @@ def _solve_twists(hessian, right, out):
 
 
 @kernel
-def _factorise_dense(hessian, shift):
+def _factorize_dense(hessian, shift):
     dense, factor = hessian.dense, hessian.factor
     n = dense.shape[0]
     negative = 0

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's two minimisers, and how they come to end in a minimum.
+"""The paper's two minimizers, and how they come to end in a minimum.
 
 Both stop where the gradient vanishes, which may be a saddle. What they reach is judged as what
 Newton's method reaches, and a saddle is left in the same way: kicked along its lowest mode.

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Constraints by multipliers: Newton's method inside, their update outside.
 
-The augmented Lagrangian method (Nocedal and Wright, ch. 17.4): minimise, move each multiplier by
+The augmented Lagrangian method (Nocedal and Wright, ch. 17.4): minimize, move each multiplier by
 what its constraint is violated by, repeat until nothing is violated. The reaction of a held far
-end is found with the shape (`minimize.held`). Between two minimisations the set of points that may
+end is found with the shape (`minimize.held`). Between two minimizations the set of points that may
 touch is looked at anew, and the limits of friction follow from the forces found. What is judged is
 the residual with these limits: friction has no potential.
 """

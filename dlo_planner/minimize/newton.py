@@ -22,7 +22,7 @@ from dlo_planner.minimize.border import dot
 from dlo_planner.minimize.leash import left, no_leash
 from dlo_planner.minimize.linear import (
     assemble,
-    factorise,
+    factorize,
     largest_turn,
     new_hessian,
     solve,
@@ -160,7 +160,7 @@ def _descend(system, q, tolerance, max_iterations, check, leash):
     stalled = False
     obstructed = 0
     turn = np.inf  # rad, of the last step
-    shifted = 0.0  # shift of the factorisation that it was made with
+    shifted = 0.0  # shift of the factorization that it was made with
     leans = False
     while True:
         residual = residual_of(system, state)
@@ -168,12 +168,12 @@ def _descend(system, q, tolerance, max_iterations, check, leash):
         if arrived and not check:
             break
         if arrived and shifted == 0.0 and turn < _HARDLY:
-            # After so small a step the factorisation before it tells a stable shape as well.
+            # After so small a step the factorization before it tells a stable shape as well.
             stability, mode = lowest_mode(system, hessian, 0.0, 1e-4)
             if stability > _WELL_STABLE:
                 break
         assemble(system, state, hessian)
-        if arrived or factorise(system, hessian, shift) > 0:
+        if arrived or factorize(system, hessian, shift) > 0:
             shift = safe_shift(system, hessian, 0.0 if arrived else shift)
         if arrived:
             stability, mode = lowest_mode(system, hessian, shift, 1e-4)
@@ -189,7 +189,7 @@ def _descend(system, q, tolerance, max_iterations, check, leash):
                 continue
         solve(system, hessian, -state.gradient, step)
         if (check and shift > 0.0 and -dot(state.gradient, step) < _UNTOLD * noise
-                and factorise(system, hessian, _NEARLY) > 0):
+                and factorize(system, hessian, _NEARLY) > 0):
             stalled = True  # rounding errors hide the way down from a saddle: its mode has to tell
             continue
         turn = largest_turn(system, hessian, step)
@@ -226,8 +226,8 @@ def without_traces(q, out):
 
 @kernel
 def safe_shift(system, hessian, shift):
-    """Factorise with the first shift in a growing row that leaves no negative pivot."""
-    while factorise(system, hessian, shift) > 0:
+    """Factorize with the first shift in a growing row that leaves no negative pivot."""
+    while factorize(system, hessian, shift) > 0:
         shift = max(1e-3, 4.0 * shift)
         if shift > 1e12:
             break

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What every minimiser that sees nothing but a function takes and gives."""
+"""What every minimizer that sees nothing but a function takes and gives."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Ended:
-    """Where a minimiser ended.
+    """Where a minimizer ended.
 
     Attributes:
         q: (n,)

@@ -29,8 +29,8 @@ def lowest_mode(system, hessian, shift, tolerance):
     The mode points to the side that is `preferred`.
 
     Args:
-        hessian: factorised with `shift`, without negative pivots
-        shift: of that factorisation
+        hessian: factorized with `shift`, without negative pivots
+        shift: of that factorization
         tolerance: relative accuracy of the eigenvalue of the inverse
     """
     m = unknown_count(system)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Which points inside elements may touch an obstacle: looked at anew between two minimisations."""
+"""Which points inside elements may touch an obstacle: looked at anew between two minimizations."""
 
 import numpy as np
 

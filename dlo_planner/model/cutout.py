@@ -12,13 +12,13 @@ from dlo_planner.model.value import Value, put
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CutOut(Value):
-    """A round or rectangular hole in a thin sheet; without a size, just its centre and normal.
+    """A round or rectangular hole in a thin sheet; without a size, just its center and normal.
 
     Attributes:
-        pose: origin = centre P_goal (m), x axis = normal n_goal, the way the free end travels
-        radius: of a round hole, metres; None if rectangular or unspecified
-        width: along the pose's y axis, metres; None if round or unspecified
-        height: along the pose's z axis, metres; None if round or unspecified
+        pose: origin = center P_goal (m), x axis = normal n_goal, the way the free end travels
+        radius: of a round hole, meters; None if rectangular or unspecified
+        width: along the pose's y axis, meters; None if round or unspecified
+        height: along the pose's z axis, meters; None if round or unspecified
 
     Raises:
         InvalidTask: sizes contradict each other or are not positive
@@ -45,8 +45,8 @@ class CutOut(Value):
         super().__post_init__()
 
     @property
-    def centre(self):
-        """(3,) P_goal, metres, world frame."""
+    def center(self):
+        """(3,) P_goal, meters, world frame."""
         return self.pose.position
 
     @property

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dlo_planner.deprecated import renamed_fields
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import direction, instance, items, number, shown, vector
 from dlo_planner.model.cutout import CutOut
@@ -37,16 +38,17 @@ class Plane(Value):
         super().__post_init__()
 
 
+@renamed_fields(centre='center')
 @dataclass(frozen=True, eq=False, repr=False)
 class Sphere(Value):
-    """A ball; centre (3,) m, radius m, friction: Coulomb's coefficient."""
+    """A ball; center (3,) m, radius m, friction: Coulomb's coefficient."""
 
-    centre: np.ndarray
+    center: np.ndarray
     radius: float
     friction: float = 0.0
 
     def __post_init__(self):
-        put(self, centre=vector('Sphere.centre', self.centre, 3),
+        put(self, center=vector('Sphere.center', self.center, 3),
             radius=number('Sphere.radius', self.radius, above=0), friction=_friction(self))
         super().__post_init__()
 
@@ -74,13 +76,13 @@ class Capsule(Value):
         if np.linalg.norm(self.end - self.start) <= _NO_LENGTH * size:
             raise InvalidTask(f'Capsule.end = {self.end.tolist()}: expected another point than '
                               'start, apart by more than rounding of their places and the radius '
-                              '(a Sphere has one centre)')
+                              '(a Sphere has one center)')
         super().__post_init__()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Box(Value):
-    """A block; pose of its centre, full sizes (3,) m along the pose's axes, friction."""
+    """A block; pose of its center, full sizes (3,) m along the pose's axes, friction."""
 
     pose: Pose
     size: np.ndarray
@@ -96,13 +98,13 @@ class Box(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sheet(Value):
-    """A flat plate with cut-outs; its pose is that of its centre, x axis = normal.
+    """A flat plate with cut-outs; its pose is that of its center, x axis = normal.
 
     Attributes:
         pose: Pose of the middle of the plate
         width, height: m along the pose's y and z axes
         thickness: m, may be 0
-        cutouts: CutOuts with a size, centred in the middle plane, normal to it
+        cutouts: CutOuts with a size, centered in the middle plane, normal to it
         friction: Coulomb's coefficient
 
     Raises:
@@ -130,18 +132,18 @@ class Sheet(Value):
     @classmethod
     def around(cls, cutout: CutOut, width: float = 0.4, height: float = 0.4,
                thickness: float = 1e-3, friction: float = 0.0) -> 'Sheet':
-        """Return a sheet centred at the one cut-out that it has."""
+        """Return a sheet centered at the one cut-out that it has."""
         instance('cutout', cutout, CutOut)
         return cls(cutout.pose, width, height, thickness, (cutout,), friction)
 
     def _check(self, name, cutout):
         if cutout.radius is None and cutout.width is None:
             raise InvalidTask(f'{name} = {shown(cutout)}: expected a CutOut with radius or width')
-        local = self.pose.rotation.T @ (cutout.centre - self.pose.position)
+        local = self.pose.rotation.T @ (cutout.center - self.pose.position)
         tilt = np.linalg.norm(np.cross(self.pose.direction, cutout.normal))
         size = max(self.width, self.height, np.abs(self.pose.position).max())
         if abs(local[0]) > _FLUSH * size or tilt > _FLUSH:
-            raise InvalidTask(f'{name}: expected its centre in the sheet\'s middle plane and its '
+            raise InvalidTask(f'{name}: expected its center in the sheet\'s middle plane and its '
                               f'normal along the sheet\'s, got {local[0]:.3g} m and {tilt:.3g} off')
         half = 0.5 * np.array([self.width, self.height])
         if (np.abs(local[1:]) + self._reach(cutout) > half + _ROUNDING * size).any():
@@ -149,7 +151,7 @@ class Sheet(Value):
                               f'width of {self.width:g} m and height of {self.height:g} m')
 
     def _reach(self, cutout):
-        """Return how far (2,) a cut-out reaches from its centre along the sheet's y and z, m."""
+        """Return how far (2,) a cut-out reaches from its center along the sheet's y and z, m."""
         if cutout.radius is not None:
             return np.full(2, cutout.radius)
         roll = self.pose.rotation[:, 1:].T @ cutout.pose.rotation[:, 1:]

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from dlo_planner.deprecated import renamed_arguments
 from dlo_planner.errors import InvalidRod
 from dlo_planner.model.along import Extended
 from dlo_planner.model.checks import instance, number
@@ -14,13 +15,14 @@ from dlo_planner.model.rod import Rod
 _RIGID = 1e6  # times the rod's stiffness
 
 
+@renamed_arguments(centre='center')
 def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = None,
-              centre: float | None = None, inertia: float | None = None) -> Rod:
+              center: float | None = None, inertia: float | None = None) -> Rod:
     """Return the Rod whose last part is a rigid body fixed to its tip.
 
     Arc length goes on through the body, so that whatever looks at the DLO knows it: it has weight,
     thickness and inertia, it touches, and it has to go through a hole first. It is a million times
-    as stiff as the rod. Its mass stands in two points with the right mass, centre and inertia
+    as stiff as the rod. Its mass stands in two points with the right mass, center and inertia
     across; inertia about the axis is neglected, as the rod's own is.
 
     Args:
@@ -28,8 +30,8 @@ def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = No
         length: of the body along the tangent, m
         mass: kg
         radius: m; None: as thick as the rod at its tip
-        centre: of its mass, from where it begins, m; None: in the middle
-        inertia: about an axis across through its centre, kg m^2; None: that of an even cylinder,
+        center: of its mass, from where it begins, m; None: in the middle
+        inertia: about an axis across through its center, kg m^2; None: that of an even cylinder,
             or the largest that two points inside it can have, if that is less
 
     Raises:
@@ -38,7 +40,7 @@ def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = No
     instance('rod', rod, Rod, InvalidRod)
     size = number('length', length, InvalidRod, above=0)
     mass = number('mass', mass, InvalidRod, minimum=0)
-    centre = 0.5 * size if centre is None else number('centre', centre, InvalidRod, minimum=0,
+    center = 0.5 * size if center is None else number('center', center, InvalidRod, minimum=0,
                                                       maximum=size)
     if radius is not None:
         radius = number('radius', radius, InvalidRod, above=0)
@@ -47,7 +49,7 @@ def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = No
         if rod.section is not None and rod.section.kind == 'rectangular':
             raise InvalidRod(f'radius = {radius:g}: expected None at a rectangular rod, which '
                              'touches with its section')
-    most = mass * min(centre, size - centre) ** 2
+    most = mass * min(center, size - center) ** 2
     if inertia is None:
         across = radius or (0.0 if rod.radius is None else rod.radii([rod.length])[0])
         inertia = min(mass * (3 * across**2 + size**2) / 12, most)
@@ -55,7 +57,7 @@ def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = No
         inertia = number('inertia', inertia, InvalidRod, minimum=0, maximum=most)
     begin, end = rod.length, rod.length + size
     arm = np.sqrt(inertia / mass) if mass else 0.0
-    places = (begin + centre - arm, begin + centre + arm)
+    places = (begin + center - arm, begin + center + arm)
     rigid = _RIGID * float(rod.stiffness.max())
     beyond = {'mass_per_length': 0.0, 'bending_stiffness': (rigid, rigid),
               'torsional_stiffness': rigid, 'natural_curvature': (0.0, 0.0), 'natural_twist': 0.0}

@@ -28,8 +28,8 @@ class Pose(Value):
     the direction in which the free end travels through it.
 
     Attributes:
-        position: (3,) origin, metres, world frame
-        quaternion: (4,) x, y, z, w; normalised here; its sign is kept
+        position: (3,) origin, meters, world frame
+        quaternion: (4,) x, y, z, w; normalized here; its sign is kept
         rotation: (3, 3) columns are the frame's x, y, z axes in the world
 
     Raises:
@@ -131,7 +131,7 @@ class Pose(Value):
         For a vertical direction, where no roll is more level than another, y stays world y.
 
         Args:
-            position: (3,) metres
+            position: (3,) meters
             direction: (3,) any length but zero
         """
         x = unit('direction', direction)

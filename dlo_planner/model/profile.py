@@ -60,7 +60,7 @@ class Profile(Value):
         return np.diff(self._first(s), axis=0) / np.diff(s)[:, None]
 
     def on_nodes(self, s):
-        """Return what of the integral counts for each node (N + 1, k): its total and its centre."""
+        """Return what of the integral counts for each node (N + 1, k): its total and its center."""
         first, twice = self._first(s), np.diff(self._second(s), axis=0) / np.diff(s)[:, None]
         nodes = np.zeros_like(first)
         nodes[:-1] += twice - first[:-1]
@@ -121,7 +121,7 @@ def _at(function, left, width, places):
 
 
 def _breaks(left, width, values, size, length):
-    """Return where the polynomials of neighbours do not meet, or where a panel is a point."""
+    """Return where the polynomials of neighbors do not meet, or where a panel is a point."""
     ends = np.einsum('ij,mjk->mik', _AT_ENDS, values)
     jumps = (np.abs(ends[1:, 0] - ends[:-1, 1]) > _JUMP * size).any(axis=1)
     found = np.sort(np.concatenate([left[1:][jumps], left[width < 2 * _NARROWEST * length]]))

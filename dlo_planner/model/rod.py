@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.deprecated import warn_renamed
 from dlo_planner.errors import InvalidRod
 from dlo_planner.model.along import ONE, Table, breaks_of, is_row, pair, varying
 from dlo_planner.model.checks import array, choice, instance, number, returned, row, shown
@@ -31,7 +32,7 @@ class Rod(Value):
     than 1/2000 of the length has to be stated: `Piecewise(function, breaks)`.
 
     Attributes:
-        length: metres
+        length: meters
         mass_per_length: kg/m (*)
         bending_stiffness: EI in N m^2; one number, or (EI_n, EI_b), where EI_n resists curvature
             about n (*); numbers are always stored as the pair
@@ -42,16 +43,16 @@ class Rod(Value):
         tip_mass: kg at s = length
         damping: (a, b) of Rayleigh: a in 1/s times mass, b in s times stiffness; one number is b;
             it acts on motions and leaves statics alone
-        radius: of the outside, metres (*), where contact and pictures need it; None = thin line
+        radius: of the outside, meters (*), where contact and pictures need it; None = thin line
         yield_curvature: curvature since the stress-free shape beyond which bending is plastic,
             1/m; one number, or (about n, about b); None: never
         yield_torsion: the same for torsion, 1/m
-        section_model: how it goes on yielding: 'fibres' of its section, 'round' or 'rectangular':
-            fibres of such a section with this stiffness and these thresholds; 'ideal' (the paper's:
-            all at once, the moment stays); None: 'fibres' with a section, else 'ideal'
+        section_model: how it goes on yielding: 'fibers' of its section, 'round' or 'rectangular':
+            fibers of such a section with this stiffness and these thresholds; 'ideal' (the paper's:
+            all at once, the moment stays); None: 'fibers' with a section, else 'ideal'
         hardening: part of the stiffness that never yields, 0 <= hardening < 1
         max_bend_curvature: curvature not to be exceeded, 1/m; None: any
-        section: Section, where its fibres, or strain and stress at the surface, are asked for
+        section: Section, where its fibers, or strain and stress at the surface, are asked for
         section: Section, where strain and stress at the surface are asked for
         nodes: further arc lengths in m at which every mesh has a node, as where something jumps
 
@@ -129,17 +130,20 @@ class Rod(Value):
     def _checked_model(self):
         model = self.section_model
         if model is None:
-            return 'ideal' if self.section is None else 'fibres'
+            return 'ideal' if self.section is None else 'fibers'
+        if model == 'fibres':
+            warn_renamed("section_model 'fibres'", "'fibers'")
+            model = 'fibers'
         choice('Rod.section_model', model, MODELS, InvalidRod)
-        if model == 'fibres' and self.section is None:
-            raise InvalidRod("Rod.section_model = 'fibres': expected 'round', 'rectangular' or "
+        if model == 'fibers' and self.section is None:
+            raise InvalidRod("Rod.section_model = 'fibers': expected 'round', 'rectangular' or "
                              "'ideal' where Rod.section is None")
         return model
 
     @property
     def section_outline(self) -> tuple[str, float]:
         """What yields: 'round', 'tube', 'rectangular', 'ideal'; its bore as part of the radius."""
-        if self.section_model != 'fibres':
+        if self.section_model != 'fibers':
             return self.section_model, 0.0
         return self.section.kind, self.section.inner / self.section.half_n
 
@@ -196,7 +200,7 @@ class Rod(Value):
     def node_masses(self, s: ArrayLike) -> np.ndarray:
         """Return the masses (N + 1,) in kg that stand on nodes `s` for the rod's own mass.
 
-        Each element's mass goes to its two nodes so that its total and its centre are right.
+        Each element's mass goes to its two nodes so that its total and its center are right.
         """
         s = _mesh(s)
         if callable(self.mass_per_length):
@@ -263,7 +267,7 @@ class Rod(Value):
         EI = E pi d^4 / 64, GJ = G pi d^4 / 32, G = E / (2 (1 + nu)).
 
         Args:
-            length, diameter: metres
+            length, diameter: meters
             density: kg/m^3
             youngs_modulus: Pa
             poisson_ratio: -1 < nu <= 0.5
@@ -297,7 +301,7 @@ class Rod(Value):
         EI_n = E w t^3 / 12 (soft if t < w), EI_b = E t w^3 / 12; GJ from Saint-Venant's series.
 
         Args:
-            length, width, thickness: metres
+            length, width, thickness: meters
             density: kg/m^3
             youngs_modulus: Pa
             poisson_ratio: -1 < nu <= 0.5

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The cross-section: its stiffness, its stress, and how it yields beyond the first fibre."""
+"""The cross-section: its stiffness, its stress, and how it yields beyond the first fiber."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from dlo_planner.model.checks import array, choice, number
 from dlo_planner.model.value import Value, put
 
 KINDS = ('round', 'tube', 'rectangular')
-MODELS = ('fibres', 'round', 'rectangular', 'ideal')
+MODELS = ('fibers', 'round', 'rectangular', 'ideal')
 SIZES = 1e-12, 1e9     # m, of a section from side to side: beyond, stiffness is out of range
 MODULI = 1e-6, 1e30    # Pa
 _TANGENTS = 400  # terms of Saint-Venant's series
@@ -117,7 +117,7 @@ class Section(Value):
         return np.column_stack([axial, np.abs(bend[:, 0]) * self.shear_arm])
 
     def thresholds(self, yield_stress: float) -> tuple[tuple[float, float], float]:
-        """Return ((k_n, k_b), torsion) in 1/m at which the outermost fibre yields.
+        """Return ((k_n, k_b), torsion) in 1/m at which the outermost fiber yields.
 
         Torsion by von Mises: shear yields at yield_stress / sqrt(3).
         """

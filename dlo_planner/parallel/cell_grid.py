@@ -20,7 +20,7 @@ class CellGrid(Value):
     """Round cut-outs of a cell: all combinations of P positions, D directions and R radii.
 
     Attributes:
-        positions: (P, 3) m, of the centres, in any order
+        positions: (P, 3) m, of the centers, in any order
         directions: (D, 3) in which the free end travels through, of any length but zero
         radii: (R,) m
 

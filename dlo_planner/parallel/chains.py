@@ -128,7 +128,7 @@ def _meet(before, after):
     if not np.array_equal(last.gripper.position, first.gripper.position):
         return False  # the last shapes of the part before have failed
     if not np.array_equal(last.s, first.s):
-        first, _ = step(last._discretisation, last.gripper, first, None, None)
+        first, _ = step(last._discretization, last.gripper, first, None, None)
     return bool(first.converged
                 and np.abs(last.positions - first.positions).max() <= _SAME * last.s[-1]
                 and np.abs(last.frames - first.frames).max() <= _SAME)

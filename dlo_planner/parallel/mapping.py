@@ -53,7 +53,7 @@ def map(simulator: DirectSimulator, work: Iterable, executor: Workers = None, *,
     Raises:
         InvalidTask: an argument makes no sense; the message names it
         DeadlineExceeded: the deadline is over. Pieces that were begun go on to their end, others
-            are cancelled; so is it where `progress` raises, or `progress.interrupted_by` says so.
+            are canceled; so is it where `progress` raises, or `progress.interrupted_by` says so.
         concurrent.futures.BrokenExecutor: the executor broke, again and again or for good
     """
     instance('simulator', simulator, DirectSimulator)
@@ -125,7 +125,7 @@ class _Count:
 
 
 def _shapes(simulator, grippers, rows):
-    s = simulator._discretisation.s
+    s = simulator._discretization.s
     found_ = stacked(rows or [columns([], s)])
     if simulator.surroundings.pinned:
         grippers = [Pose.from_rotation(gripper.position, np.array(frames[0]))

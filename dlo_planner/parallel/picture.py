@@ -16,7 +16,7 @@ QUANTITIES = {'share': 'part of directions and radii that can be threaded',
 
 
 def slices(capability: CapabilityMap, axis: str = 'y', quantity: str = 'share'):
-    """Return a matplotlib Figure: the positions in slices across an axis, coloured by a quantity.
+    """Return a matplotlib Figure: the positions in slices across an axis, colored by a quantity.
 
     Crosses stand where no cut-out can be threaded, dots where none has been looked at. Of more
     than 12 slices 12 are shown.

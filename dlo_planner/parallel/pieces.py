@@ -92,7 +92,7 @@ def found(piece: Piece) -> Found:
     for begin, end in zip(starts, [*starts[1:], len(grippers)], strict=True):
         shapes += simulator.track(grippers[begin:end], deadline=piece.seconds,
                                   initial=None if begin in piece.anew else piece.start)
-    rows = columns(shapes[piece.dropped:], simulator._discretisation.s)
+    rows = columns(shapes[piece.dropped:], simulator._discretization.s)
     if not piece.ends:
         return Found(rows)
     good = [shape for shape in shapes if shape.converged or shape.nearly]
@@ -105,10 +105,10 @@ def _each_alone(simulator, piece):
     if hanging is None:
         return None
     rows, good = hanging
-    rows['contact_table'] = columns([], simulator._discretisation.s)['contact_table']
+    rows['contact_table'] = columns([], simulator._discretization.s)['contact_table']
     for k in np.flatnonzero(~good):
         shape = simulator.solve(_pose(piece.positions[k], piece.rotations[k]))
-        for name, values in columns([shape], simulator._discretisation.s).items():
+        for name, values in columns([shape], simulator._discretization.s).items():
             if name != 'contact_table':
                 rows[name][k] = values[0]
     return rows

@@ -258,7 +258,7 @@ class Tracker:
                 and simulator._made(before) and before.far_end is None and before.parts is None)
 
     def _step(self, grippers, place, before, steps):
-        mesh, gripper = self._simulator._discretisation, grippers[place]
+        mesh, gripper = self._simulator._discretization, grippers[place]
         history = past_of(mesh, before, self._simulator._history)
         usual = mesh.strains_from(before.s, before.element_strains)
 

@@ -58,7 +58,7 @@ class Crew:
 
     def __exit__(self, kind, *_):
         if self._own:
-            self._executor.shutdown(wait=kind is None)  # what is left was cancelled
+            self._executor.shutdown(wait=kind is None)  # what is left was canceled
 
     def run(self, function: Callable, tasks: Iterable,
             finished: Callable[[int, Any], object]) -> list:

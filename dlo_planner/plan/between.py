@@ -26,9 +26,9 @@ import numpy as np
 
 from dlo_planner.energy.distance import NODE_FACE, build_scene
 from dlo_planner.energy.outline import node_gap, nodes_of, stretch, taper
-from dlo_planner.plan.clearance import clearance, room_in
 from dlo_planner.kernels import kernel
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.plan.clearance import clearance, room_in
 from dlo_planner.ritz.kinematics import point_inside
 
 _HALVINGS = 7   # of the way between two waypoints

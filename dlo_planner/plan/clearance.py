@@ -210,7 +210,7 @@ def _at_the_rim(scene, o, lengths, strains, rotations, positions, heights, norma
     """
     smallest = np.inf
     frame, x = np.empty((3, 3)), np.empty(3)
-    plane = dot(normal, scene.centre[o] - scene.origin)
+    plane = dot(normal, scene.center[o] - scene.origin)
     last = 0.0
     begin, end = nodes_of(scene, o, heights.size - 1)
     for k in range(begin, end + 1):
@@ -247,7 +247,7 @@ def _room_in_plane(scene, o, x):
     """Return how far (m) x (3,), from the scene's origin, is from the material in its own plane."""
     y = z = 0.0
     for i in range(3):
-        away = x[i] + scene.origin[i] - scene.centre[o, i]
+        away = x[i] + scene.origin[i] - scene.center[o, i]
         y += scene.axes[o, i, 1] * away
         z += scene.axes[o, i, 2] * away
     gap, _ = in_plane(scene, o, y, z, np.empty(2))

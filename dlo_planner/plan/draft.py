@@ -11,12 +11,12 @@ import numpy as np
 
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
+from dlo_planner.model.surface import Surface
 from dlo_planner.plan.between import broken_between
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import PlanStatus, build_plan, first_part
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.model.surface import Surface
 from dlo_planner.progress import Progress
 
 
@@ -79,14 +79,14 @@ class Brief:
                     f'the DLO is bent by {-shape.bend_margin:.3g} 1/m more than '
                     f'max_bend_curvature = {shape.rod.max_bend_curvature:g} 1/m')
         if self.yielding is not None:
-            load = utilisation(shape, self.yielding)
+            load = utilization(shape, self.yielding)
             if load > 1:
                 return ('yield', load - 1, f'the DLO would be set for good: bent or twisted to '
                         f'{load:.3g} times what it bears')
         return None
 
 
-def utilisation(shape, yielding):
+def utilization(shape, yielding):
     """Return the largest of `yield_shares`."""
     return float(yield_shares(shape, yielding).max())
 

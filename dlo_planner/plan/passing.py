@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How far a DLO is from the centres that it has to pass, at and between a plan's waypoints."""
+"""How far a DLO is from the centers that it has to pass, at and between a plan's waypoints."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -12,13 +12,13 @@ from dlo_planner.direct.shape import Shape
 if TYPE_CHECKING:
     from dlo_planner.plan.plan import Plan
 
-_NEWTON = 4           # steps to the point of the DLO that is nearest to a centre
+_NEWTON = 4           # steps to the point of the DLO that is nearest to a center
 
 Passes = Sequence[tuple[np.ndarray, float, np.ndarray | None]]  # an entry of `Plan.passes`
 
 
 def worst_miss(shape: Shape, passes: Passes, later: Passes) -> float:
-    """Return the largest distance in m of a Shape from the centres to be passed, 0 if none is.
+    """Return the largest distance in m of a Shape from the centers to be passed, 0 if none is.
 
     Args:
         shape: Shape at or between two waypoints
@@ -28,62 +28,62 @@ def worst_miss(shape: Shape, passes: Passes, later: Passes) -> float:
 
 
 def _misses(shape, passes, later):
-    """Yield the distances in m of a Shape from the centres to be passed between two waypoints."""
-    for centre, s, _ in passes:
-        then = arc_length_at(centre, later)
+    """Yield the distances in m of a Shape from the centers to be passed between two waypoints."""
+    for center, s, _ in passes:
+        then = arc_length_at(center, later)
         if then is not None:
-            yield _distance(shape, centre, min(s, then), max(s, then))[0]
-    # a centre in one of both alone counts while the free end is beyond it
+            yield _distance(shape, center, min(s, then), max(s, then))[0]
+    # a center in one of both alone counts while the free end is beyond it
     for some, others in ((passes, later), (later, passes)):
-        for centre, s, _ in some:
-            if arc_length_at(centre, others) is None:
-                away, at = _distance(shape, centre, s, shape.s[-1])
+        for center, s, _ in some:
+            if arc_length_at(center, others) is None:
+                away, at = _distance(shape, center, s, shape.s[-1])
                 if at < shape.s[-1]:
                     yield away
 
 
-def arc_length_at(centre: np.ndarray, passes: Passes) -> float | None:
-    """Return the arc length (m) at which the DLO has to pass a centre, None if it has not."""
-    return next((s for other, s, _ in passes if np.array_equal(other, centre)), None)
+def arc_length_at(center: np.ndarray, passes: Passes) -> float | None:
+    """Return the arc length (m) at which the DLO has to pass a center, None if it has not."""
+    return next((s for other, s, _ in passes if np.array_equal(other, center)), None)
 
 
-def _distance(shape, centre, low, high):
-    """Return the least distance of a DLO from a centre between two arc lengths, and where; m."""
+def _distance(shape, center, low, high):
+    """Return the least distance of a DLO from a center between two arc lengths, and where; m."""
     best = np.inf, low
     for begin in (low, 0.5 * (low + high), high):
         s = begin
         for _ in range(_NEWTON):
             axes, position = shape.frame_at(s)
-            away = float(np.linalg.norm(position - centre))
+            away = float(np.linalg.norm(position - center))
             if away < best[0]:
                 best = away, s
-            s = min(max(s + axes[:, 0] @ (centre - position), low), high)
+            s = min(max(s + axes[:, 0] @ (center - position), low), high)
     return best
 
 
-def first_centre(passes):
-    """Return the centre (3,) that a plan's waypoints pass first, None if none does."""
+def first_center(passes):
+    """Return the center (3,) that a plan's waypoints pass first, None if none does."""
     return next((one[0][0] for one in passes if one), None)
 
 
-def arc_lengths_at(centre, passes):
-    """Return (n,) the arc lengths in m at which a centre or None is passed, nan where it is not."""
+def arc_lengths_at(center, passes):
+    """Return (n,) the arc lengths in m at which a center or None is passed, nan where it is not."""
     return np.array([np.nan if s is None else s
-                     for s in (arc_length_at(centre, one) for one in passes)])
+                     for s in (arc_length_at(center, one) for one in passes)])
 
 
 def holes_passed(plan: 'Plan', u: np.ndarray) -> np.ndarray:
-    """Return (k, n) arc lengths (m) that pass the k centres of a Plan at parameters u (n,).
+    """Return (k, n) arc lengths (m) that pass the k centers of a Plan at parameters u (n,).
 
-    nan before the first waypoint that passes a centre, and after the last one.
+    nan before the first waypoint that passes a center, and after the last one.
     """
-    centres = []
+    centers = []
     for passes in plan.passes:
-        centres += [centre for centre, _, _ in passes
-                    if not any(np.array_equal(centre, one) for one in centres)]
-    out = np.full((len(centres), len(u)), np.nan)
-    for row, centre in zip(out, centres, strict=True):
-        s = [arc_length_at(centre, passes) for passes in plan.passes]
+        centers += [center for center, _, _ in passes
+                    if not any(np.array_equal(center, one) for one in centers)]
+    out = np.full((len(centers), len(u)), np.nan)
+    for row, center in zip(out, centers, strict=True):
+        s = [arc_length_at(center, passes) for passes in plan.passes]
         known = np.array([k for k, one in enumerate(s) if one is not None])
         times = plan.times[known]
         inside = (u >= times[0]) & (u <= times[-1])

@@ -13,10 +13,10 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.plan.passing import held_after
 from dlo_planner.model.checks import array
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
+from dlo_planner.plan.passing import held_after
 
 _CORNER = 0.5     # cosine between directions: a sharper turn is a corner
 _SAME = 1e-9      # rad, and of the length: nearer poses are one

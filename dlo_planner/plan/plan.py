@@ -14,15 +14,15 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
-from dlo_planner.plan.clearance import room_in
-from dlo_planner.plan.passing import arc_lengths_at, first_centre
-from dlo_planner.plan.path import pose_at_arc_length
-from dlo_planner.plan.plan_storage import plan_arrays, plan_contents
-from dlo_planner.plan.timing import times_at_speed
 from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Filmed
+from dlo_planner.plan.clearance import room_in
+from dlo_planner.plan.passing import arc_lengths_at, first_center
+from dlo_planner.plan.path import pose_at_arc_length
+from dlo_planner.plan.plan_storage import plan_arrays, plan_contents
+from dlo_planner.plan.timing import times_at_speed
 
 _FREE = (np.inf,) * 3
 _SAME = 1e-6      # of the length, or of unit vectors: poses that are nearer are one
@@ -62,9 +62,9 @@ class Plan(Filmed):
         shapes: n Shape, the DLO at each waypoint
         misalignment: (n,) angle between DLO and normal at the cut-out, rad; of a contact against
             the direction that was asked for
-        miss: (n,) distance of the DLO from the cut-out's centre, or that place, m
+        miss: (n,) distance of the DLO from the cut-out's center, or that place, m
         times: (n,) seconds from the first waypoint, see `timing`
-        passes: n tuples of (centre (3,), s, normal (3,) or None): which arc length should be where
+        passes: n tuples of (center (3,), s, normal (3,) or None): which arc length should be where
         clearances: (n, k, 3) distances in m between the DLO's surface and the sheets around the k
             cut-outs of the task: at the rim (by so much the cut-out may be displaced), of what is
             before the sheet, of what is behind it; infinite where a cut-out has no size
@@ -151,14 +151,14 @@ class Plan(Filmed):
 
     @property
     def misses(self) -> list[list[float]]:
-        """N lists of the DLO's distances from each centre that it should pass there, m."""
-        return [[float(np.linalg.norm(shape.frame_at(s)[1] - centre)) for centre, s, _ in passes]
+        """N lists of the DLO's distances from each center that it should pass there, m."""
+        return [[float(np.linalg.norm(shape.frame_at(s)[1] - center)) for center, s, _ in passes]
                 for shape, passes in zip(self.shapes, self.passes, strict=True)]
 
     @property
     def arc_lengths(self) -> np.ndarray:
         """(n,) arc length that is to be in the first cut-out, or in contact, m; nan: none is."""
-        return arc_lengths_at(first_centre(self.passes), self.passes)
+        return arc_lengths_at(first_center(self.passes), self.passes)
 
     def at_arc_length(self, s: float) -> Pose:
         """Return the Pose of the gripper at which the DLO passes the first cut-out at `s` in m.
@@ -211,7 +211,7 @@ class Plan(Filmed):
 
 @dataclass(frozen=True)
 class Waypoint:
-    """A Shape in its place, and how well it passes a centre."""
+    """A Shape in its place, and how well it passes a center."""
 
     shape: Shape
     misalignment: float = 0.0
@@ -225,11 +225,11 @@ class Waypoint:
         """Smallest of the clearances, m."""
         return min((float(min(rooms)) for rooms in self.clearances), default=np.inf)
 
-    def also(self, centre, s):
-        """Return the same waypoint, its miss that of the worse of this and another centre."""
-        other = float(np.linalg.norm(self.shape.frame_at(s)[1] - centre))
+    def also(self, center, s):
+        """Return the same waypoint, its miss that of the worse of this and another center."""
+        other = float(np.linalg.norm(self.shape.frame_at(s)[1] - center))
         return replace(self, miss=max(self.miss, other),
-                       passes=(*self.passes, (centre, s, None)))
+                       passes=(*self.passes, (center, s, None)))
 
     def inside(self, cutouts, sheets, surface):
         """Return the same waypoint with its clearances in CutOuts.
@@ -255,24 +255,24 @@ def _straightening(shape):
     return shape.frames[-1] @ moment
 
 
-def waypoint_of(shape, centre, s, normal):
-    """Return the Waypoint of a Shape carried so that it passes `centre` at `s`: section 5.2.
+def waypoint_of(shape, center, s, normal):
+    """Return the Waypoint of a Shape carried so that it passes `center` at `s`: section 5.2.
 
     Args:
         normal: (3,) along which it should pass; None: along any
     """
-    return waypoint_at(shape.moved(centre - shape.frame_at(s)[1]), centre, s, normal)
+    return waypoint_at(shape.moved(center - shape.frame_at(s)[1]), center, s, normal)
 
 
-def waypoint_at(shape, centre, s, normal):
-    """Return the Waypoint of a Shape that should pass `centre` at `s`, where it is."""
+def waypoint_at(shape, center, s, normal):
+    """Return the Waypoint of a Shape that should pass `center` at `s`, where it is."""
     axes, position = shape.frame_at(s)
     angle = 0.0
     if normal is not None:
         along = axes[:, 0] @ normal
         angle = np.arctan2(np.linalg.norm(axes[:, 0] - along * normal), along)
-    return Waypoint(shape, float(angle), float(np.linalg.norm(position - centre)),
-                    ((centre, s, normal),))
+    return Waypoint(shape, float(angle), float(np.linalg.norm(position - center)),
+                    ((center, s, normal),))
 
 
 def build_plan(waypoints, depths, speeds, status, stops=()):

@@ -21,8 +21,8 @@ def plan_arrays(plan):
     arrays['grippers'] = np.array([_pose(gripper) for gripper in plan.grippers]).reshape(-1, 7)
     arrays['fraction'], arrays['status'] = np.asarray(plan.fraction), np.asarray(plan.status.value)
     arrays['passes'] = np.array([
-        [k, *centre, s, *(np.full(3, np.nan) if normal is None else normal)]
-        for k, passes in enumerate(plan.passes) for centre, s, normal in passes]).reshape(-1, 8)
+        [k, *center, s, *(np.full(3, np.nan) if normal is None else normal)]
+        for k, passes in enumerate(plan.passes) for center, s, normal in passes]).reshape(-1, 8)
     arrays['sheets'] = np.asarray(json.dumps([
         {**_sheet(sheet), 'normal': list(normal)} for sheet, normal in plan.sheets]))
     for k, shape in enumerate(plan.shapes):

@@ -9,12 +9,12 @@ import numpy as np
 
 from dlo_planner.energy.distance import SHEET, build_scene, signed_distance
 from dlo_planner.errors import InvalidTask
-from dlo_planner.plan.path import GripperPath
 from dlo_planner.kernels import kernel
 from dlo_planner.model.checks import array, instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
+from dlo_planner.plan.path import GripperPath
 
 _CLOSE = 1e-6        # of the way's extent: to within this the rooms on the way are known
 _CLOSE_SHEET = 1e-5  # the same beside sheets with holes, which take more looks

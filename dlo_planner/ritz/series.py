@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The basis functions of the Ritz series, Eq. 4, and their orthonormal form on a mesh.
 
-Every strain is written as its natural value plus a series. The functions are orthonormalised
+Every strain is written as its natural value plus a series. The functions are orthonormalized
 (QR, weights h) so that the elastic energy is half the squared norm of the unknowns; what the
-series spans is the paper's, what the minimiser sees is well conditioned.
+series spans is the paper's, what the minimizer sees is well conditioned.
 """
 
 import numpy as np

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
-from dlo_planner.plan.motion.periods import slowest_period
 from dlo_planner.identify.steering import Change, Steered
-from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.motion.periods import slowest_period
+from dlo_planner.plan.motion.timed_path import TimedPath
 
 _NOTICED = 1e-3, 5e-3  # m, rad: what is less is left to the robot, as it is at every command
 _LONG_AGO = -1e6       # s

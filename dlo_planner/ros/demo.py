@@ -38,7 +38,7 @@ JUMPS = [100, 80]
 DIAMETERS = (2.0e-3, 1.5e-3, 1.15e-3)
 TOO_SOFT = 1.0e-3  # falls sideways before its end is level
 GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
-# Fig. 14: two cut-outs, whose centres count.
+# Fig. 14: two cut-outs, whose centers count.
 TWO_DIAMETER = 1.5e-3
 TWO_GOALS = (GOAL, Pose.looking_along((0.3, 0.0, 0.95), (1.0, 0.0, 0.0)))
 WAYPOINTS, DEEPEST = 40, 0.95
@@ -81,8 +81,8 @@ def received_residual(simulator, gripper, poses):
     The strains are taken from the received orientations alone, so this judges what a user gets.
     """
     frames = Rotation.from_quat([pose.quaternion for pose in poses])
-    discretisation = simulator.discretisation(gripper, None)
-    system = discretisation.system(gripper.rotation)
+    discretization = simulator.discretization(gripper, None)
+    system = discretization.system(gripper.rotation)
     turns = (frames[:-1].inv() * frames[1:]).as_rotvec()
     state = new_state(system)
     unknowns_of(system, turns / system.lengths[:, None], state.q)
@@ -271,7 +271,7 @@ def away_from(commands, grippers):
 
 
 def missed(shape):
-    """Return by how much a Shape passes beside the centre of GOAL, m; nan before it gets there."""
+    """Return by how much a Shape passes beside the center of GOAL, m; nan before it gets there."""
     depth = (shape.positions - GOAL.position) @ GOAL.direction
     if depth[-1] < 0:
         return np.nan

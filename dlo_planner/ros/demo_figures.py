@@ -24,15 +24,15 @@ def save_turning(path, angles, shapes):
     turn = int(np.argmax(angles)) + 1
     figure, axes = plt.subplots(1, 2, figsize=(11, 3.9), sharex=True, sharey=True,
                                 layout='constrained')
-    colours = plt.get_cmap('viridis')
+    colors = plt.get_cmap('viridis')
     legs = [(slice(0, turn), 'turned up and over'), (slice(turn - 1, None), 'turned back')]
     for axis, (part, title) in zip(axes, legs, strict=True):
         for angle, points in zip(angles[part], shapes[part], strict=True):
-            axis.plot(points[:, 0], points[:, 2], color=colours(angle / max(angles)), lw=1.4)
+            axis.plot(points[:, 0], points[:, 2], color=colors(angle / max(angles)), lw=1.4)
         axis.plot(0, 1, 'ks', ms=7, label='gripper')
         _finish(axis, title)
     axes[0].legend(loc='lower center', fontsize=9)
-    bar = plt.cm.ScalarMappable(plt.Normalize(min(angles), max(angles)), colours)
+    bar = plt.cm.ScalarMappable(plt.Normalize(min(angles), max(angles)), colors)
     figure.colorbar(bar, ax=axes, label='gripper angle [deg]')
     figure.suptitle('Benchmark C: copper wire, d = 1 mm, L = 1 m, as received from the node')
     figure.savefig(path, dpi=110)
@@ -52,21 +52,21 @@ def save_threading(path, stiffness, goal, grippers, shapes, inserting):
     widths = [high - low for low, high in (_LEFT, _RIGHT)]
     figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.4), sharey=True, width_ratios=widths,
                                          layout='constrained')
-    colours = plt.get_cmap('viridis')
+    colors = plt.get_cmap('viridis')
     for number in np.linspace(0, len(shapes) - 1, _SHOWN).round().astype(int):
         points = shapes[number]
-        left.plot(points[:, 0], points[:, 2], color=colours(number / len(shapes)), lw=1.4)
-        left.plot(*points[0, [0, 2]], 's', color=colours(number / len(shapes)), ms=5)
+        left.plot(points[:, 0], points[:, 2], color=colors(number / len(shapes)), lw=1.4)
+        left.plot(*points[0, [0, 2]], 's', color=colors(number / len(shapes)), ms=5)
     _draw_sheet(left, goal)
     _finish(left, 'wire during threading (squares: gripper)')
     right.plot(shapes[0][:, 0], shapes[0][:, 2], color='0.7', lw=4, label='initial shape')
-    for poses, colour, label in ((inserting, 'tab:blue', 'gripper, insertion into a bore'),
+    for poses, color, label in ((inserting, 'tab:blue', 'gripper, insertion into a bore'),
                                  (grippers, 'tab:red', 'gripper, threading')):
         way = np.array([pose.position for pose in poses])
-        right.plot(way[:, 0], way[:, 2], color=colour, lw=1.2, label=label)
+        right.plot(way[:, 0], way[:, 2], color=color, lw=1.2, label=label)
         for pose in poses:
             ends = np.array([pose.position, pose.position + _TICK * pose.direction])
-            right.plot(ends[:, 0], ends[:, 2], color=colour, lw=0.8)
+            right.plot(ends[:, 0], ends[:, 2], color=color, lw=0.8)
     _draw_sheet(right, goal)
     _finish(right, 'ways of the gripper (ticks: its direction)')
     right.legend(loc='lower left', fontsize=9)
@@ -88,15 +88,15 @@ def save_two(path, goals, grippers, shapes):
         grippers: n Pose; shapes: n (N + 1, 3) positions, m
     """
     figure, axis = plt.subplots(figsize=(8, 4.4), layout='constrained')
-    colours = plt.get_cmap('viridis')
+    colors = plt.get_cmap('viridis')
     for number in np.linspace(0, len(shapes) - 1, _SHOWN).round().astype(int):
         points = shapes[number]
-        axis.plot(points[:, 0], points[:, 2], color=colours(number / len(shapes)), lw=1.4)
+        axis.plot(points[:, 0], points[:, 2], color=colors(number / len(shapes)), lw=1.4)
     way = np.array([pose.position for pose in grippers])
     axis.plot(way[:, 0], way[:, 2], color='tab:red', lw=1.2, label='gripper')
     for goal in goals:
         _draw_sheet(axis, goal)
-    _finish(axis, 'Threading through two cut-outs: both centres at once')
+    _finish(axis, 'Threading through two cut-outs: both centers at once')
     axis.legend(loc='lower left', fontsize=9)
     figure.savefig(path, dpi=110)
     plt.close(figure)
@@ -114,12 +114,12 @@ def save_moving(path, times, grippers, goal, shapes, misses, tolerance):
     """
     figure, axes = plt.subplots(2, 2, figsize=(12, 6.4), layout='constrained',
                                 width_ratios=(1.4, 1))
-    colours = plt.get_cmap('viridis')
+    colors = plt.get_cmap('viridis')
     way = np.array([pose.position for pose in grippers])
     for axis, (across, name) in zip(axes[:, 0], ((2, 'z'), (1, 'y')), strict=True):
         for number in np.linspace(0, len(shapes) - 1, 2 * _SHOWN).round().astype(int):
-            points, colour = shapes[number], colours(number / len(shapes))
-            axis.plot(points[:, 0], points[:, across], color=colour, lw=1.2)
+            points, color = shapes[number], colors(number / len(shapes))
+            axis.plot(points[:, 0], points[:, across], color=color, lw=1.2)
         axis.plot(way[:, 0], way[:, across], color='tab:red', lw=1.2, label='gripper')
         for side in (-1, 1):
             axis.plot([goal.position[0]] * 2, goal.position[across] + side * np.array([0.03, 0.15]),
@@ -132,7 +132,7 @@ def save_moving(path, times, grippers, goal, shapes, misses, tolerance):
     axes[0, 1].set(ylabel='gripper [mm/s]', title='How the gripper goes')
     axes[1, 1].plot(times, 1e3 * np.array(misses), label='simulated')
     axes[1, 1].axhline(1e3 * tolerance, color='k', ls='--', lw=1, label='tolerance')
-    axes[1, 1].set(ylabel='miss of the centre [mm]', title='How calm the wire is', ylim=(0, None))
+    axes[1, 1].set(ylabel='miss of the center [mm]', title='How calm the wire is', ylim=(0, None))
     axes[1, 1].legend(loc='upper left', fontsize=9)
     for axis in axes[:, 1]:
         axis.set(xlabel='time [s]', xlim=(0, times[-1]))
@@ -152,14 +152,14 @@ def save_cell(path, goal, radius, shapes, way):
     """
     figure, axes = plt.subplot_mosaic([['side', 'hole'], ['above', 'hole']], figsize=(12, 6.4),
                                       width_ratios=(1.6, 1), layout='constrained')
-    colours, normal = plt.get_cmap('viridis'), goal.direction
+    colors, normal = plt.get_cmap('viridis'), goal.direction
     level = np.array([normal[0], normal[1], 0.0]) / np.hypot(*normal[:2])
     aside, up = np.array([-level[1], level[0], 0.0]), np.array([0.0, 0.0, 1.0])
     for name, across, label in (('side', up, 'height'), ('above', aside, 'aside')):
         axis = axes[name]
         for number in np.linspace(0, len(shapes) - 1, 2 * _SHOWN).round().astype(int):
             points = shapes[number] - goal.position
-            axis.plot(points @ level, points @ across, color=colours(number / len(shapes)), lw=1.2)
+            axis.plot(points @ level, points @ across, color=colors(number / len(shapes)), lw=1.2)
         off = way - goal.position
         axis.plot(off @ level, off @ across, color='tab:red', lw=1.2, label='gripper')
         edge = np.cross(goal.rotation[:, 2] if across is aside else goal.rotation[:, 1], normal)
@@ -199,9 +199,9 @@ def _pierced(points, goal):
 def _draw_sheet(axis, goal):
     """Draw the sheet as a line across the normal with a gap where the cut-out is."""
     along = np.array([-goal.direction[2], goal.direction[0]])
-    centre = goal.position[[0, 2]]
+    center = goal.position[[0, 2]]
     for side in (-1, 1):
-        ends = np.array([centre + side * 0.03 * along, centre + side * 0.15 * along])
+        ends = np.array([center + side * 0.03 * along, center + side * 0.15 * along])
         axis.plot(ends[:, 0], ends[:, 1], color='k', lw=3)
 
 

@@ -4,9 +4,9 @@
 
 import numpy as np
 
-from dlo_planner.plan.clearance import clearance
 from dlo_planner.identify.correction import Correction
 from dlo_planner.model.surface import Surface
+from dlo_planner.plan.clearance import clearance
 from dlo_planner.ros.observing import Observing
 from dlo_planner.ros.scene import Scene
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.stopping import Deceleration, decelerate
 

@@ -18,11 +18,11 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
+from dlo_planner.identify.stamped import gripper_at
+from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.motion.periods import slowest_period
 from dlo_planner.plan.plan import Plan
 from dlo_planner.verify.robustness import Spread
-from dlo_planner.identify.stamped import gripper_at
-from dlo_planner.model.pose import Pose, angle_between
 
 _REMEMBERED = 1000   # gripper poses: 2 s of them at 500 Hz
 _ABOUT = 0.25        # s before and after a stamp: of which speed and acceleration are told

@@ -9,8 +9,8 @@ from builtin_interfaces.msg import Time
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.plan.plan import Plan
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.plan.plan import Plan
 from msg_helpers.marker_items import deleting_marker
 from msg_helpers.markers import (
     contact_markers,

@@ -8,8 +8,8 @@ import numpy as np
 from builtin_interfaces.msg import Time
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.plan.plan import Plan
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.threading import way_through
 

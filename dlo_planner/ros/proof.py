@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError
 from dlo_planner.plan.plan import Plan
-from dlo_planner.verify.replay import Report
 from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.proving import ProcessLost
+from dlo_planner.verify.replay import Report
 
 DONE = ('held', 'refused')  # states of a proof that has no step left
 _CHECKED = 'the plan is still being checked: ask again'

@@ -6,11 +6,11 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.plan.workspace import Workspace
 from dlo_planner.model.checks import choice
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.workspace import Workspace
 from dlo_planner.ros.execution import Guards
 from dlo_planner.ros.observing import Seeing
 from dlo_planner.settings.building import (

@@ -9,9 +9,9 @@ from rcl_interfaces.msg import SetParametersResult
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError
+from dlo_planner.model.surface import Surface
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.model.surface import Surface
 from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.door import bodies_in, body_name
 from dlo_planner.ros.latched import hear_latched

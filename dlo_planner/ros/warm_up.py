@@ -7,13 +7,13 @@ a compiler; proofs, which have a process of their own, are done there.
 """
 
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.plan.workspace import Workspace
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Plane
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.workspace import Workspace
 
 _ROD = Rod(1.0, 0.01, 1.0, 1.0, radius=1e-3)
 

@@ -64,8 +64,8 @@ ENTRIES = {
                                  '(section: stiffness), 1/m; 0 = never.'),
     'rod.yield_torsion': Entry(0.0, 'Torsion at which it yields (section: stiffness), 1/m; 0 = '
                                'never.', 0.0, 1e6),
-    'rod.section_model': Entry('', 'How it goes on yielding: fibres | round | rectangular | '
-                               'ideal; empty: fibres of a section, ideal without.'),
+    'rod.section_model': Entry('', 'How it goes on yielding: fibers | round | rectangular | '
+                               'ideal; empty: fibers of a section, ideal without.'),
     'rod.hardening': Entry(0.0, 'Part of the stiffness that never yields.', 0.0, 0.999),
     'rod.max_bend_curvature': Entry(0.0, 'Curvature that no plan may exceed, 1/m; 0 = any.', 0.0,
                                     1e6),

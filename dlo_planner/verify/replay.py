@@ -12,21 +12,21 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.plan.continuity import apart
-from dlo_planner.plan.motion.in_motion import in_motion, least_clearance, watched
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.passing import means_to_touch
-from dlo_planner.plan.plan import Plan
-from dlo_planner.verify.report_storage import report_arrays, report_contents
-from dlo_planner.plan.motion.trajectory import Trajectory
-from dlo_planner.plan.workspace import Workspace
 from dlo_planner.model.checks import figure, flag, instance, items, shown
 from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.model.part import before
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Reported
+from dlo_planner.plan.continuity import apart
+from dlo_planner.plan.motion.in_motion import in_motion, least_clearance, watched
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.motion.trajectory import Trajectory
+from dlo_planner.plan.passing import means_to_touch
+from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.verify.report_storage import report_arrays, report_contents
 
 _AS_PLANNED = 0.01  # of the length: shapes that are farther from the planned ones are others
 _MAY_BE_LEFT_OUT = ('miss', 'misalignment', 'clearance', 'dynamic_miss', 'swing', 'arrival',
@@ -43,7 +43,7 @@ class Report(Reported):
     Attributes:
         converged: every pose has an equilibrium that continues the one before, and it is the one
             of the plan: its `deviation` is below 1 % of the length
-        miss: distance of the DLO from a centre that it should pass, m
+        miss: distance of the DLO from a center that it should pass, m
         misalignment: angle against a normal along which it should pass, rad
         residual, stability, bend_margin: of the shapes
         contact_force: largest force of one contact with the simulator's obstacles, N
@@ -231,9 +231,9 @@ def _at_rest(simulator, plan, shapes, obstacles):
     """Return the figures of the quasi-static replay."""
     misses, angles = [], []
     for shape, passes in zip(shapes, plan.passes, strict=True):
-        for centre, s, normal in passes:
+        for center, s, normal in passes:
             axes, position = shape.frame_at(s)
-            misses.append(np.linalg.norm(position - centre))
+            misses.append(np.linalg.norm(position - center))
             if normal is not None:
                 angles.append(np.arctan2(np.linalg.norm(np.cross(axes[:, 0], normal)),
                                          axes[:, 0] @ normal))

@@ -8,10 +8,10 @@ import numpy as np
 
 from dlo_planner.plan.motion.in_motion import InMotion
 from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.path import GripperPath, Leg
 from dlo_planner.plan.motion.shift import Shift
 from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.motion.trajectory import restored
+from dlo_planner.plan.path import GripperPath, Leg
 
 _LEG, _LAW = ('knots', 'positions', 'rotations'), ('parameters', 'rates', 'windows')
 _SHIFT = ('knots', 'coefficients')

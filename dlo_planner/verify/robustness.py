@@ -4,7 +4,7 @@
 
 To first order from the sensitivities of the equilibrium, which separates the causes, and sampled,
 which needs no smallness. A miss is the distance of the DLO, extended straight on where it is too
-short to get there, from a centre that it should pass.
+short to get there, from a center that it should pass.
 """
 
 from concurrent.futures import Executor
@@ -16,15 +16,15 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.penalties import Through
-from dlo_planner.plan.plan import Plan
 from dlo_planner.model.along import Expanded, Shifted, scaled
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
 from dlo_planner.model.pose import displaced
 from dlo_planner.model.value import Value, brief, put, same
+from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import OnProgress, Progress
 
 _SMALL = 1e-3   # of a spread: step of the differences
-_NEAR = 0.1     # of the length: how far from the planned arc length the DLO may pass a centre
+_NEAR = 0.1     # of the length: how far from the planned arc length the DLO may pass a center
 _AT_ONCE = 25   # samples in one piece of work
 
 
@@ -192,7 +192,7 @@ def _acts_alike(shape, simulator):
 
     So may the parameters of yielding: nothing yields here.
     """
-    here = shape._discretisation
+    here = shape._discretization
     return here is not None and same(*(replace(around, obstacles=(), rod=replace(
         around.rod, yield_curvature=None, yield_torsion=None, section_model='ideal', hardening=0.0))
         for around in (here.surroundings, simulator.surroundings)))
@@ -216,8 +216,8 @@ def _first_order(rod, plan, spread, progress):
                 sensitivity.predicted(one) if one is not rod
                 else sensitivity.moved(_twist(shape.gripper, spread, sign * step))
                 for one, sign in zip(both, (1, -1), strict=True))
-            for j, (centre, s, _) in enumerate(passes):
-                off = (_off(ahead, centre, s) - _off(back, centre, s)) / (2 * _SMALL)
+            for j, (center, s, _) in enumerate(passes):
+                off = (_off(ahead, center, s) - _off(back, center, s)) / (2 * _SMALL)
                 squares[j, columns[int(np.argmax(step))]] += off @ off
         out[k] = np.sqrt(squares[np.argmax(squares.sum(axis=1))])
     return out
@@ -237,8 +237,8 @@ def _sampled(work):
             start = _stretched(shape, rod.length) if initial is None else initial
             found = varied.track([gripper], initial=start)[0]
             initial = found if found.converged else initial
-            out[i, k] = max((np.linalg.norm(_off(found, centre, s))
-                             for centre, s, _ in passes[k]), default=0.0)
+            out[i, k] = max((np.linalg.norm(_off(found, center, s))
+                             for center, s, _ in passes[k]), default=0.0)
             if not found.converged:
                 out[i, k] = np.inf
     return out
@@ -247,13 +247,13 @@ def _sampled(work):
 def _stretched(shape, length):
     """Return a Shape on a mesh of another length, to start from."""
     share = length / shape.s[-1]
-    return replace(shape, s=np.append(shape.s[:-1] * share, length), _discretisation=None,
+    return replace(shape, s=np.append(shape.s[:-1] * share, length), _discretization=None,
                    _history=None, _before=None)
 
 
-def _off(shape, centre, s):
-    """Return (3,): from a centre to where the DLO passes it."""
-    return Through(centre, max(0.0, min(s, shape.s[-1]) - _NEAR * shape.s[-1])).residuals(shape)
+def _off(shape, center, s):
+    """Return (3,): from a center to where the DLO passes it."""
+    return Through(center, max(0.0, min(s, shape.s[-1]) - _NEAR * shape.s[-1])).residuals(shape)
 
 
 def _varied(rod, spread, draw):

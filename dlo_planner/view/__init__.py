@@ -5,9 +5,9 @@
 from collections.abc import Iterable
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.plan.plan import Plan
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.checks import choice, instance
+from dlo_planner.plan.plan import Plan
 from dlo_planner.view.colors import COLORINGS
 from dlo_planner.view.page import LOCAL, PORT, Page
 from dlo_planner.view.plan_page import PlanPage, checked

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.plan.draft import yield_shares
 from dlo_planner.model.checks import choice, instance
+from dlo_planner.plan.draft import yield_shares
 
 COLORINGS = ('curvature', 'yield')
 ALERT = (0.85, 0.11, 0.38)  # what is beyond its limit; nothing in viridis comes near to it
-GREY = (0.6, 0.6, 0.6)
+GRAY = (0.6, 0.6, 0.6)
 ORANGE = (0.9, 0.62, 0.0)        # these three: Okabe and Ito's palette for all kinds of sight
 SKY_BLUE = (0.34, 0.71, 0.91)
 VERMILION = (0.84, 0.37, 0.0)
@@ -46,13 +46,13 @@ class Coloring(NamedTuple):
 def viridis(share: ArrayLike) -> np.ndarray:
     """Return colors (n, 3) of shares (n,): 0 dark violet, 1 bright yellow, beyond it ALERT.
 
-    What is not known (nan) is grey.
+    What is not known (nan) is gray.
     """
     share = np.asarray(share, dtype=float)
     steps = np.linspace(0.0, 1.0, len(_VIRIDIS))
     colors = np.column_stack([np.interp(share, steps, channel) for channel in _VIRIDIS.T])
     colors[share > 1.0] = ALERT
-    colors[np.isnan(share)] = GREY
+    colors[np.isnan(share)] = GRAY
     return colors
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.checks import instance, integer, items, number
 from dlo_planner.model.pose import Pose
-from dlo_planner.view.colors import GREY, ORANGE, VERMILION, coloring
+from dlo_planner.view.colors import GRAY, ORANGE, VERMILION, coloring
 from dlo_planner.view.item import Item, rows_of_points
 
 _THIN = 0.001     # m, radius of a DLO whose radius is not known
@@ -33,7 +33,7 @@ def dlo_items(shape: Shape, radius: float | None = None, color: str = 'curvature
     """
     painted = coloring(shape, color)
     above = shape.gripper.position + (0.0, 0.0, 2 * _LETTER * shape.s[-1])
-    return [_tube('dlo', 0, shape, radius, GREY, colors=painted.colors),
+    return [_tube('dlo', 0, shape, radius, GRAY, colors=painted.colors),
             _text('scale', 0, above, painted.caption, shape)]
 
 

@@ -12,11 +12,11 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.motion import Motion
 from dlo_planner.errors import InvalidTask, MissingExtra
 from dlo_planner.extras import extra
-from dlo_planner.plan.plan import Plan
 from dlo_planner.model.checks import choice, instance, number, shown
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.plan import Plan
 from dlo_planner.view.axes import Frame
-from dlo_planner.view.colors import COLORINGS, GREY, coloring
+from dlo_planner.view.colors import COLORINGS, GRAY, coloring
 from dlo_planner.view.drawing import draw
 from dlo_planner.view.item import Item
 from dlo_planner.view.plots import common_top
@@ -56,7 +56,7 @@ def film(value: Plan | Motion, path: str | PathLike, color: str = 'curvature',
             moving.pop().remove()
         moving.extend(draw(frame.axes, [
             Item('way', 0, 'line', _TIP, 0.6, np.array(tips)),
-            Item('dlo', 0, 'line', GREY, points=points, colors=colors), *stage.gripper(gripper)]))
+            Item('dlo', 0, 'line', GRAY, points=points, colors=colors), *stage.gripper(gripper)]))
         frame.title(f'{time:.2f} s of {value.times[-1]:.2f} s')
 
     return write_film(frame.figure, picture, count, path)

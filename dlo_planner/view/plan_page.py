@@ -10,8 +10,8 @@ import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DloPlannerError, InvalidTask
-from dlo_planner.plan.plan import Plan
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.plan.plan import Plan
 from dlo_planner.view import tables
 from dlo_planner.view.colors import COLORINGS
 from dlo_planner.view.dlo_items import axes_items, contact_items, dlo_items, ghost_items

@@ -10,10 +10,10 @@ import numpy as np
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
-from dlo_planner.plan.plan import Plan
 from dlo_planner.model.checks import choice
+from dlo_planner.plan.plan import Plan
 from dlo_planner.view.axes import Frame
-from dlo_planner.view.colors import COLORINGS, GREY, VERMILION, coloring, viridis
+from dlo_planner.view.colors import COLORINGS, GRAY, VERMILION, coloring, viridis
 from dlo_planner.view.dlo_items import contact_items
 from dlo_planner.view.item import Item
 from dlo_planner.view.scene_items import path_items
@@ -98,7 +98,7 @@ def _over_time(value, color):
 
 
 def _line(index, shape, colors):
-    return Item('dlo', index, 'line', GREY, points=shape.positions, colors=colors)
+    return Item('dlo', index, 'line', GRAY, points=shape.positions, colors=colors)
 
 
 def _show(frame, stage, dlo, grippers):

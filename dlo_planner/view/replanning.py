@@ -9,10 +9,10 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask, NotConverged
-from dlo_planner.plan.plan import Plan, joined
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.plan import Plan, joined
 from dlo_planner.progress import OnProgress
 
 _SAME = 1e-9      # m
@@ -26,11 +26,11 @@ def cutouts_of(plan: Plan) -> list[CutOut]:
         return []
     sized = [cutout for sheet, _ in plan.sheets for cutout in sheet.cutouts]
     cutouts = []
-    for centre, _, normal in plan.passes[-1]:
+    for center, _, normal in plan.passes[-1]:
         if normal is not None:
             cutouts.append(next(
-                (cutout for cutout in sized if np.abs(cutout.centre - centre).max() < _SAME),
-                CutOut(Pose.looking_along(centre, normal))))
+                (cutout for cutout in sized if np.abs(cutout.center - center).max() < _SAME),
+                CutOut(Pose.looking_along(center, normal))))
     return cutouts
 
 
@@ -38,7 +38,7 @@ def simulator_of(shape: Shape) -> DirectSimulator | None:
     """Return a DirectSimulator of a Shape's rod and surroundings; None if it knows none."""
     if shape.rod is None:
         return None
-    around = shape._discretisation.surroundings
+    around = shape._discretization.surroundings
     return DirectSimulator(around.rod, gravity=around.gravity, load=around.load, grip=around.grip,
                            obstacles=around.obstacles, point_loads=around.point_loads)
 

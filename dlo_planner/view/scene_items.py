@@ -6,12 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from dlo_planner.plan.plan import Plan
 from dlo_planner.model.checks import instance, items, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import OBSTACLES, Box, Capsule, Plane, Sphere
 from dlo_planner.model.pose import Pose
-from dlo_planner.view.colors import GREY, ORANGE, SKY_BLUE, viridis
+from dlo_planner.plan.plan import Plan
+from dlo_planner.view.colors import GRAY, ORANGE, SKY_BLUE, viridis
 from dlo_planner.view.item import Item
 from dlo_planner.view.triangles import plate, rectangle, rim, room
 
@@ -33,10 +33,10 @@ def cutout_items(cutouts: Iterable[CutOut], length: float = _AXIS) -> list[Item]
     """
     length, drawn = number('length', length, above=0), []
     for index, cutout in enumerate(items('cutouts', cutouts, CutOut)):
-        tip = cutout.centre + length * cutout.normal
+        tip = cutout.center + length * cutout.normal
         drawn += [Item('cutout', 2 * index, 'line', ORANGE, points=rim(cutout), pose=cutout.pose,
                        size=(_THIN, 0.0, 0.0)),
-                  Item('cutout', 2 * index + 1, 'arrow', ORANGE, points=(cutout.centre, tip),
+                  Item('cutout', 2 * index + 1, 'arrow', ORANGE, points=(cutout.center, tip),
                        size=_ARROW)]
     return drawn
 
@@ -74,7 +74,7 @@ def margin_items(plan: Plan, cutouts: Iterable[CutOut], radius: float | None = N
         most = room(cutout)
         if most is None:
             continue
-        drawn.append(Item('plate', index, 'triangles', GREY, _GLASS, plate(cutout),
+        drawn.append(Item('plate', index, 'triangles', GRAY, _GLASS, plate(cutout),
                           pose=cutout.pose))
         margin = (plan.clearances[:, index, 0].min(initial=np.inf)
                   if index < plan.clearances.shape[1] else np.inf)
@@ -98,9 +98,9 @@ def obstacle_items(obstacles: Iterable) -> list[Item]:
     for index, obstacle in enumerate(items('obstacles', obstacles, OBSTACLES)):
         name = ('obstacle', index)
         if isinstance(obstacle, Box):
-            drawn.append(Item(*name, 'box', GREY, _BODY, pose=obstacle.pose, size=obstacle.size))
+            drawn.append(Item(*name, 'box', GRAY, _BODY, pose=obstacle.pose, size=obstacle.size))
         elif isinstance(obstacle, Sphere):
-            drawn.append(_ball(*name, obstacle.centre, obstacle.radius))
+            drawn.append(_ball(*name, obstacle.center, obstacle.radius))
         elif isinstance(obstacle, Capsule):
             drawn += _capsule(index, obstacle)
         elif isinstance(obstacle, Plane):
@@ -113,7 +113,7 @@ def obstacle_items(obstacles: Iterable) -> list[Item]:
 
 
 def _ball(group, index, center, radius):
-    return Item(group, index, 'ball', GREY, _BODY, pose=Pose(center, (0.0, 0.0, 0.0, 1.0)),
+    return Item(group, index, 'ball', GRAY, _BODY, pose=Pose(center, (0.0, 0.0, 0.0, 1.0)),
                 size=(2 * radius,) * 3)
 
 
@@ -122,7 +122,7 @@ def _capsule(index, capsule):
     pose = Pose.looking_along(0.5 * (capsule.start + capsule.end), along)
     pose = Pose.from_rotation(pose.position, pose.rotation[:, [1, 2, 0]])  # z along the bar
     size = (2 * capsule.radius, 2 * capsule.radius, float(np.linalg.norm(along)))
-    return [Item('obstacle', index, 'cylinder', GREY, _BODY, pose=pose, size=size),
+    return [Item('obstacle', index, 'cylinder', GRAY, _BODY, pose=pose, size=size),
             _ball('cap', 2 * index, capsule.start, capsule.radius),
             _ball('cap', 2 * index + 1, capsule.end, capsule.radius)]
 
@@ -131,7 +131,7 @@ def _sheet(index, sheet):
     if not sheet.cutouts:
         return [Item('obstacle', index, 'triangles', SKY_BLUE, _GLASS,
                      rectangle(sheet.width, sheet.height), pose=sheet.pose)]
-    middle = Item('obstacle', index, 'line', GREY, points=_border(sheet), pose=sheet.pose,
+    middle = Item('obstacle', index, 'line', GRAY, points=_border(sheet), pose=sheet.pose,
                   size=(_THIN, 0.0, 0.0))
     return [middle, *(Item(f'sheet {index}', k, 'triangles', SKY_BLUE, _GLASS, plate(cutout),
                            pose=cutout.pose) for k, cutout in enumerate(sheet.cutouts))]

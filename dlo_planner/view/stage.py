@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.plan.passing import means_to_touch
-from dlo_planner.plan.plan import Plan
 from dlo_planner.model.checks import items
 from dlo_planner.model.obstacles import OBSTACLES, Plane
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.passing import means_to_touch
+from dlo_planner.plan.plan import Plan
 from dlo_planner.view.axes import Frame, azimuth, box_around
-from dlo_planner.view.colors import GREY, ORANGE, SKY_BLUE
+from dlo_planner.view.colors import GRAY, ORANGE, SKY_BLUE
 from dlo_planner.view.dlo_items import axes_items
 from dlo_planner.view.drawing import draw
 from dlo_planner.view.item import Item
@@ -83,7 +83,7 @@ class Stage:
                   for index, center in enumerate(self.centers)]
         if not space:
             return drawn + [self._gap(k, cutout) for k, cutout in enumerate(self.cutouts)]
-        drawn += [Item('plate', index, 'triangles', GREY, _ALPHA,
+        drawn += [Item('plate', index, 'triangles', GRAY, _ALPHA,
                        plate(cutout, _PLATE * self.length), pose=cutout.pose)
                   for index, cutout in enumerate(self.cutouts) if room(cutout) is not None]
         return drawn + cutout_items(self.cutouts, _AXIS * self.length)
@@ -113,7 +113,7 @@ class Stage:
         across = across / size if size > 0 else np.array([0.0, 0.0, 1.0])
         inner = room(cutout) or _HIDDEN * self.length
         outer = max(_PLATE * self.length, 2 * inner)
-        ends = [cutout.centre + distance * across for distance in (inner, outer, -inner, -outer)]
+        ends = [cutout.center + distance * across for distance in (inner, outer, -inner, -outer)]
         return Item('plate', index, 'segments', _BLACK, points=ends)
 
 

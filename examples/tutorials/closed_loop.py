@@ -33,7 +33,7 @@ rng = np.random.default_rng(0)
 def off(grippers, k):
     """Return by how much the real wire misses the hole at a waypoint."""
     shape = camera.solve(grippers[k], initial=plan.shapes[k])
-    return shape.positions_at(wire_at(k)) - hole.centre
+    return shape.positions_at(wire_at(k)) - hole.center
 
 
 def wire_at(k):

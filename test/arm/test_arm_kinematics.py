@@ -164,7 +164,7 @@ def robot(kind='prismatic', lower=-1, speed=1, more=''):
     return SLIDER.format(kind=kind, lower=lower, speed=speed, more=more)
 
 
-def test_a_slide_moves_by_metres():
+def test_a_slide_moves_by_meters():
     arm = Arm(robot(), 'c')
     assert arm.units == ['m', 'rad']
     np.testing.assert_allclose(arm.pose([0.3, 0.0]).position, (0, 0, 0.3))

@@ -135,7 +135,7 @@ def test_tasks_are_drawn(seed):
     assert task.name == list(RODS)[seed % 4]
     assert 0.004 <= task.cutout.radius <= 0.02
     assert task.room >= 0.0025
-    behind = (task.cutout.centre - task.start.position) @ task.cutout.normal
+    behind = (task.cutout.center - task.start.position) @ task.cutout.normal
     assert 1.04 <= behind / task.rod.length <= 1.41
     assert draw_task(seed, 'hose', 0.0105).room == pytest.approx(0.0025)
 

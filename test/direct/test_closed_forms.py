@@ -51,13 +51,13 @@ def test_free_of_gravity_the_natural_shape_is_a_helix():
     axis = shape.frames[0] @ np.array([tau, 0, kappa]) / speed
     height = shape.positions @ axis
     np.testing.assert_allclose(height, shape.s * tau / speed, atol=1e-12)
-    centre = kappa / speed**2 * shape.frames[0, :, 1]
-    radius = np.linalg.norm(shape.positions - height[:, None] * axis - centre, axis=1)
+    center = kappa / speed**2 * shape.frames[0, :, 1]
+    radius = np.linalg.norm(shape.positions - height[:, None] * axis - center, axis=1)
     np.testing.assert_allclose(radius, kappa / speed**2, atol=1e-12)
 
 
 @pytest.mark.parametrize(('masses', 'tip'), [(0.0, TIP_A), (1.0, TIP_B)])
-def test_benchmarks_a_and_b_to_a_micrometre(masses, tip, level):
+def test_benchmarks_a_and_b_to_a_micrometer(masses, tip, level):
     rod = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34, tip_mass=masses)
     shape = DirectSimulator(rod, accuracy=1e-6).solve(level)
     error = np.hypot(shape.positions[-1, 0] - tip[0], shape.positions[-1, 2] - tip[1])

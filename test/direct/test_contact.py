@@ -59,16 +59,16 @@ def depth_everywhere(simulator, shape):
 def test_weightless_rod_on_a_peg_against_shooting(basis):
     # Up to the peg an elastica with a force across its end, beyond it straight.
     stiffness, radius, peg = 0.3, 0.004, 0.01
-    centre = np.array([0.5, 0.0, -0.12])
+    center = np.array([0.5, 0.0, -0.12])
     rod = Rod(1.0, 0.0, stiffness, 0.2, radius=radius)
-    bar = Capsule(centre + [0, -0.3, 0.3], centre + [0, 0.3, 0.3], peg)
+    bar = Capsule(center + [0, -0.3, 0.3], center + [0, 0.3, 0.3], peg)
     simulator = DirectSimulator(rod, basis=basis, n_elements=128, n_terms=24 if basis != 'local'
                                 else None, gravity=(0, 0, 0), obstacles=[bar])
     # the gripper comes up to the peg from below, so that the peg ends 0.12 m below its axis
     shape = simulator.track([Pose((0, 0, z), LEVEL) for z in np.linspace(0, 0.3, 7)])[-1]
     assert shape.converged
     assert len(shape.contacts) == 1
-    gap = centre + [0, 0, 0.3] - [0, 0, 0.3]
+    gap = center + [0, 0, 0.3] - [0, 0, 0.3]
 
     def end(unknown):
         force, length, angle = unknown

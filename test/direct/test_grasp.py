@@ -29,7 +29,7 @@ def test_contacts_are_where_they_say(wire):
 @pytest.mark.parametrize(('at', 'gripper', 'weaker'), [(0.9, DOWN, 0), (0.1, UP, 1)],
                          ids=['back', 'on'])
 def test_one_part_that_fails_is_a_failure(at, gripper, weaker, monkeypatch):
-    # a simulator that fails for what is longer than half a metre
+    # a simulator that fails for what is longer than half a meter
     solved = DirectSimulator._equilibrium
 
     def failing(self, *given):

@@ -53,7 +53,7 @@ def test_a_cable_that_would_hang_through_a_peg_lies_on_it(load, basis):
         shape = direct.solve(gripper, far_end=end)
         assert shape.converged and shape.stability > 0.0 and shape.contacts
         away = np.hypot(*(dense(shape) - PEG.start)[:, [0, 2]].T)
-        assert away.min() > PEG.radius + rod.radius - 1e-5  # a node bears, its neighbourhood sags
+        assert away.min() > PEG.radius + rod.radius - 1e-5  # a node bears, its neighborhood sags
         check_laws(rod, shape)
 
 
@@ -80,7 +80,7 @@ def test_an_obstacle_that_is_not_touched_changes_nothing():
 
 def test_depth_against_many_points():
     direct = DirectSimulator(cable(1e2), basis='local', n_elements=40, obstacles=(PEG,))
-    system = direct._discretisation.system(np.eye(3), np.zeros(3))
+    system = direct._discretization.system(np.eye(3), np.zeros(3))
     for curvature in (0.0, 1.0, 2.0, 3.0):
         state = placed(system, np.tile([0.3, 0.2, -curvature], (40, 1)))
         found = depth(system.scene, system.lengths, state.strains, state.rotations,

@@ -64,8 +64,8 @@ def test_plug_at_the_tip(mass):
     x, w = 0.5 * (GAUSS + 1), 0.5 * WEIGHT
     v, bend = polynomials(x, 2, 0), polynomials(x, 2, 2)
     tip, turn = (polynomials(np.array([1.0]), 2, k) for k in (0, 1))
-    centre, carried = tip + size / 2 * turn, polynomials(np.array([0.4]), 2, 0)
-    M = (mass * (v.T * w) @ v + own * centre.T @ centre + inertia * turn.T @ turn
+    center, carried = tip + size / 2 * turn, polynomials(np.array([0.4]), 2, 0)
+    M = (mass * (v.T * w) @ v + own * center.T @ center + inertia * turn.T @ turn
          + 0.01 * carried.T @ carried)
     np.testing.assert_allclose(modes.frequencies[::2], slowest(M, (bend.T * w) @ bend, 2),
                                rtol=1e-3)
@@ -149,7 +149,7 @@ def test_beam_held_at_both_ends(end, held, basis):
     off = np.abs(modes.frequencies / np.repeat(beam_frequencies(2, held=held), 2) - 1)
     assert (off < 1.1 * modes.error_estimate).all()
     assert off.max() < 2e-3
-    assert len(shape.stiffness_matrix()) < 3 * shape._discretisation.n_unknowns
+    assert len(shape.stiffness_matrix()) < 3 * shape._discretization.n_unknowns
 
 
 def test_cable_between_two_joints():

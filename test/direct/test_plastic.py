@@ -36,7 +36,7 @@ def section(model, **more):
 
 
 def round_moment(x):
-    """Return M / M_y of a solid round section, from the integral over its fibres."""
+    """Return M / M_y of a solid round section, from the integral over its fibers."""
     y = (np.arange(200_000) + 0.5) / 200_000
     weight = y * np.sqrt(1 - y**2)
     return np.sum(weight * np.minimum(x * y, 1)) / np.sum(weight * y)
@@ -221,7 +221,7 @@ def test_motion_with_plasticity_loses_energy(wire):
 
 @pytest.mark.parametrize(('name', 'value'), [
     ('yield_curvature', 0.0), ('yield_torsion', -1), ('hardening', 1.0), ('section_model', 'oval'),
-    ('section_model', 'fibres'), ('yield_curvature', (1.0, 2.0, 3.0)), ('max_bend_curvature', 'x')])
+    ('section_model', 'fibers'), ('yield_curvature', (1.0, 2.0, 3.0)), ('max_bend_curvature', 'x')])
 def test_nonsense_is_named(name, value):
     with pytest.raises(InvalidRod, match=name):
         Rod(1.0, 0.1, 1.0, 1.0, **{name: value})

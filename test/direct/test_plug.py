@@ -19,7 +19,7 @@ def cable():
 
 @pytest.mark.parametrize('options', [{}, {'basis': 'local', 'n_elements': 60}, {'accuracy': 1e-5}])
 def test_it_is_the_weight_and_moment_of_its_mass(cable, options):
-    plugged = DirectSimulator(with_plug(cable, LENGTH, MASS, centre=0.01), **options).solve(HERE)
+    plugged = DirectSimulator(with_plug(cable, LENGTH, MASS, center=0.01), **options).solve(HERE)
     assert plugged.converged
     # the same cable without it, and at its tip the weight on a rigid arm
     turn = plugged.at(1.0).rotation
@@ -35,7 +35,7 @@ def test_it_is_the_weight_and_moment_of_its_mass(cable, options):
 
 @pytest.mark.parametrize(('inertia', 'expected'), [(None, MASS * (3 * 1e-6 + LENGTH**2) / 12),
                                                    (2e-6, 2e-6), (0.0, 0.0)])
-def test_mass_centre_and_inertia_on_every_mesh(cable, inertia, expected):
+def test_mass_center_and_inertia_on_every_mesh(cable, inertia, expected):
     rod = with_plug(cable, LENGTH, MASS, inertia=inertia)
     for options in ({}, {'n_elements': 100}, {'basis': 'local', 'n_elements': 17}):
         s = DirectSimulator(rod, **options).solve(HERE).s
@@ -47,7 +47,7 @@ def test_mass_centre_and_inertia_on_every_mesh(cable, inertia, expected):
 
 @pytest.mark.parametrize(('change', 'words'), [
     ({'length': 0.0}, 'length'), ({'mass': -1.0}, 'mass'), ({'radius': 0.0}, 'radius'),
-    ({'centre': 0.04}, 'centre'), ({'inertia': 5e-6}, 'inertia = 5e-06: .* <= 4.5e-06')])
+    ({'center': 0.04}, 'center'), ({'inertia': 5e-6}, 'inertia = 5e-06: .* <= 4.5e-06')])
 def test_what_is_wrong_is_named(cable, change, words):
     with pytest.raises(InvalidRod, match=words):
         with_plug(cable, **{'length': LENGTH, 'mass': MASS} | change)

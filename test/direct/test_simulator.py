@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import DirectSimulator, InvalidTask, Plane, Pose, Rod
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 
 
 @pytest.mark.parametrize(('options', 'named'), [
@@ -79,7 +79,7 @@ def test_warm_start_gives_the_cold_shape(wire, level):
     assert not warm.jumped
 
 
-def test_start_from_another_discretisation(wire, level):
+def test_start_from_another_discretization(wire, level):
     coarse = DirectSimulator(wire, n_elements=10, n_terms=5).solve(level)
     local = DirectSimulator(wire, n_elements=64, basis='local').solve(level, coarse)
     np.testing.assert_allclose(local.positions[-1],
@@ -117,9 +117,9 @@ def test_strains_at_nodes_of_an_uneven_mesh_are_interpolated(wire, level, basis)
     shape = DirectSimulator(wire, n_elements=6).solve(level)
     middle = 0.5 * (s[1:] + s[:-1])
     slope, start = np.array([0.7, -2.0, 3.0]), np.array([0.1, 0.2, -0.3])
-    mesh = Discretisation(around, s, basis, 3)
+    mesh = Discretization(around, s, basis, 3)
     uneven = replace(shape, s=s, element_strains=start + np.outer(middle, slope),
-                     _discretisation=mesh)
+                     _discretization=mesh)
     np.testing.assert_allclose(uneven.strains, start + np.outer(s, slope), atol=1e-12)
 
 

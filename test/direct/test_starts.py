@@ -89,7 +89,7 @@ def test_a_ball_that_the_start_does_not_know(mesh):
     for found in (direct.solve(LEVEL, free), direct.track([LEVEL], initial=free)[0]):
         assert found.converged and found.contacts
         assert depth(direct, found) < 1e-6
-    again = DirectSimulator(HERE['rod'], obstacles=[Sphere(ball.centre, ball.radius)],
+    again = DirectSimulator(HERE['rod'], obstacles=[Sphere(ball.center, ball.radius)],
                             **MESHES[mesh])  # equal, not the same: its contacts go on
     assert again.solve(LEVEL, found).iterations <= direct.solve(LEVEL, found).iterations
 

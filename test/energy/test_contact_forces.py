@@ -29,7 +29,7 @@ def straight(node=(0, 0, 0, 0, 0), element=(), obstacle=(), multiplier=(), fract
                         np.tile([0.0, 0.0, 1.0], (c, 1)), np.zeros((c, 3)), GRIP)
     direct = DirectSimulator(ROD, basis='local', n_elements=4, gravity=(0, 0, 0),
                              obstacles=obstacles)
-    system = direct._discretisation.system(np.eye(3), (0, 0, height))
+    system = direct._discretization.system(np.eye(3), (0, 0, height))
     return system._replace(contacts=contacts)
 
 
@@ -139,7 +139,7 @@ def test_the_nearest_point_of_an_element_that_comes_down_is_its_end(tilt, end):
 
 
 def test_the_nearest_point_of_a_sagging_arc_is_its_lowest():
-    # a circle about the ball's own centre line: bent downwards and up again
+    # a circle about the ball's own center line: bent downwards and up again
     system = straight()
     curvature, strains = 2.0, np.zeros((4, 3))
     strains[:, 1] = -curvature

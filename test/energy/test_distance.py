@@ -51,7 +51,7 @@ def inside_sheet(x, thickness, holes):
     if abs(local[0]) > thickness / 2 + 1e-12 or abs(local[1]) > 0.25 or abs(local[2]) > 0.3:
         return False
     for hole in holes:
-        own = (np.asarray(x) - hole.centre) @ hole.pose.rotation
+        own = (np.asarray(x) - hole.center) @ hole.pose.rotation
         if hole.radius is not None and np.hypot(*own[1:]) < hole.radius:
             return False
         if hole.radius is None and abs(own[1]) < hole.width / 2 and abs(own[2]) < hole.height / 2:
@@ -84,9 +84,9 @@ def test_a_sheet_with_thickness_is_a_stack_of_foils():
     thin, thick = (build_scene([Sheet(POSE, 0.5, 0.6, t, ROUND)], 1e-3) for t in (2e-3, 1.0))
     assert thin.kind.size == 2 and thick.kind.size == 5
     assert set(thick.source) == {0}
-    ends = (thick.centre - POSE.position) @ POSE.direction
+    ends = (thick.center - POSE.position) @ POSE.direction
     np.testing.assert_allclose(ends, [-0.5, -0.25, 0, 0.25, 0.5], atol=1e-12)
-    np.testing.assert_allclose(thick.hole_centre - thick.hole_centre[0], 0, atol=1e-12)
+    np.testing.assert_allclose(thick.hole_center - thick.hole_center[0], 0, atol=1e-12)
 
 
 @pytest.mark.parametrize('order', [1, -1])
@@ -96,7 +96,7 @@ def test_a_hole_is_in_its_own_sheet_only(order):
     scene = build_scene([closed, open_][::order], 0.0)
     normal, bend = np.empty(3), np.empty((3, 3))
     first, second = (0, 1)[::order]
-    x = ROUND.centre + POSE.direction
+    x = ROUND.center + POSE.direction
     assert signed_distance(scene, first, x, normal, bend) == pytest.approx(0, abs=1e-12)
-    centre = np.array(ROUND.centre)
-    assert signed_distance(scene, second, centre, normal, bend) == pytest.approx(0.08)
+    center = np.array(ROUND.center)
+    assert signed_distance(scene, second, center, normal, bend) == pytest.approx(0.08)

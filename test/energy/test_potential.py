@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, Capsule, CutOut, FarEnd, Plane, Pose, Rod, Sheet, Sphere
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import Contacts
 from dlo_planner.energy.distance import EDGE, FACE, NODE_FACE
@@ -27,13 +27,13 @@ def at(system, q):
     return energy, state
 
 
-def discretised(rod, basis, n_terms=5, gravity=GRAVITY, **more):
+def discretized(rod, basis, n_terms=5, gravity=GRAVITY, **more):
     s = np.array([0, 0.02, 0.1, 0.2, 0.4, 0.5, 0.8, 1.0, 1.1, 1.3]) / 1.3 * rod.length
-    return Discretisation(Surroundings(rod, gravity, **more), s, basis, n_terms)
+    return Discretization(Surroundings(rod, gravity, **more), s, basis, n_terms)
 
 
 def plain(curly, basis, rng):
-    return discretised(curly, basis).system(BASE)
+    return discretized(curly, basis).system(BASE)
 
 
 def anchored(curly, basis, rng):
@@ -43,7 +43,7 @@ def anchored(curly, basis, rng):
 
 def held(curly, basis, rng):
     end = FarEnd(Pose((0.3, 0.2, 0.1), (0.1, 0.2, 0.3, 0.9)), 'sleeve')
-    system = discretised(curly, basis).system(BASE, (0.1, 0, 0), far_end=end)
+    system = discretized(curly, basis).system(BASE, (0.1, 0, 0), far_end=end)
     system.hold.multiplier[:] = rng.normal(size=5)
     return system._replace(hold=system.hold._replace(stiffness=3.0, turn_stiffness=2.0))
 
@@ -51,7 +51,7 @@ def held(curly, basis, rng):
 def plastic(curly, basis, rng):
     rod = Rod(1.3, 0.2, (0.3, 0.8), 0.4, natural_curvature=(1.0, -0.5), yield_curvature=(0.4, 0.7),
               yield_torsion=0.5, section_model='round', hardening=0.1)
-    here = discretised(rod, basis)
+    here = discretized(rod, basis)
     past = replace(here.start, set=0.1 * rng.normal(size=here.start.set.shape))
     return here.system(BASE, history=past)
 
@@ -64,7 +64,7 @@ def touching(curly, basis, rng):
                  Box(Pose((0, 0.3, 0), (0.1, 0.2, 0.3, 0.9)), (0.1, 0.2, 0.3)),
                  Sheet.around(hole, 0.6, 0.8, 0.0)]
     rod = Rod(1.3, 0.2, (0.3, 0.8), 0.4, natural_curvature=(1.0, -0.5), radius=0.02)
-    system = discretised(rod, basis, obstacles=obstacles).system(BASE, (0.1, 0, 0.2))
+    system = discretized(rod, basis, obstacles=obstacles).system(BASE, (0.1, 0, 0.2))
     elements = np.array([1, 2, 4, 4, 6, 7, 8])
     normals = np.tile([0, 0.6, 0.8], (7, 1))
     shears = np.cross(normals, 0.1 * rng.normal(size=(7, 3)))
@@ -84,7 +84,7 @@ def broad(curly, basis, rng):
     section = Section.of('rectangular', 0.15, 0.1, 1e3, 0.3)
     rod = Rod(1.3, 0.2, (0.3, 0.8), 0.4, natural_curvature=(1.0, -0.5), radius=0.15,
               section=section)
-    system = discretised(rod, basis, obstacles=obstacles).system(BASE, (0.1, 0, 0.2))
+    system = discretized(rod, basis, obstacles=obstacles).system(BASE, (0.1, 0, 0.2))
     bodies = np.arange(system.scene.kind.size)
     assert set(system.scene.feature) == {EDGE, FACE, NODE_FACE}
     elements = np.sort(rng.integers(0, 9, bodies.size))
@@ -164,7 +164,7 @@ def test_base_moment_and_its_derivative_against_differences(system, rng):
 
 
 def test_elastic_energy_is_half_the_square_of_the_unknowns(curly, rng):
-    system = discretised(curly, 'chebyshev', 4, np.zeros(3)).system(np.eye(3))
+    system = discretized(curly, 'chebyshev', 4, np.zeros(3)).system(np.eye(3))
     q = rng.normal(size=(4, 3))
     energy, state = at(system, q)
     assert energy == pytest.approx(0.5 * np.sum(q**2))
@@ -180,7 +180,7 @@ def test_masses_keep_total_and_first_moment(curly):
 
 def test_the_rounding_scale_is_that_of_the_terms(curly, rng):
     # large terms that cancel leave large rounding errors
-    system = discretised(curly, 'chebyshev').system(BASE)
+    system = discretized(curly, 'chebyshev').system(BASE)
     state = new_state(system)
     state.q[:] = rng.normal(size=state.q.shape)
     _, noise = evaluate(system, state)

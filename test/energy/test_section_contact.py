@@ -103,10 +103,10 @@ def test_a_ball_under_the_middle_of_a_strip_carries_it(off):
     assert shape.converged and len(shape.contacts) == 1
     contact = shape.contacts[0]
     axes, place = shape.frame_at(contact.s)
-    offset = (ball.centre - place) @ axes[:, 1]
+    offset = (ball.center - place) @ axes[:, 1]
     low = place + axes[:, 1] * offset - axes[:, 2] * THICK / 2
-    assert np.linalg.norm(low - ball.centre) == pytest.approx(0.02, abs=1e-9)
-    # the force passes through the ball's centre: what it turns is borne by the gripper alone
+    assert np.linalg.norm(low - ball.center) == pytest.approx(0.02, abs=1e-9)
+    # the force passes through the ball's center: what it turns is borne by the gripper alone
     moment = shape.gripper_wrench[3:] + np.cross(low, contact.force * contact.normal)
     mass = STRIP.mass_per_length * np.diff(shape.s)
     middle = 0.5 * (shape.positions[1:] + shape.positions[:-1])

@@ -34,7 +34,7 @@ def test_nothing_is_corrected_where_all_is_as_stated():
 
 
 def test_a_dlo_that_is_known_is_aimed_well(rng):
-    # the truth is one that the estimate can tell: the centre is hit along the normal
+    # the truth is one that the estimate can tell: the center is hit along the normal
     truth = Truth.drawn(rng)
     z = OBSERVER.uncertain.deviations * rng.normal(size=OBSERVER.uncertain.size)
     estimate = OBSERVER.begin()

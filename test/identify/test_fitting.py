@@ -52,7 +52,7 @@ def test_a_section_goes_with_the_stiffness_that_is_fitted():
     # what yields by the fibers of its section does so with other stiffness too
     rod = Rod.tube(1.0, 4e-3, 3e-3, 8960.0, 110e9, 0.34, yield_stress=60e6)
     other = Unknowns(rod, ('bending_stiffness', 'torsional_stiffness')).of(np.log([1.5, 0.8]))
-    assert other.section_model == 'fibres'
+    assert other.section_model == 'fibers'
     assert other.bending_stiffness == pytest.approx(np.multiply(1.5, rod.bending_stiffness))
     assert other.section.bending_stiffness == pytest.approx(other.bending_stiffness)
     assert other.section.torsional_stiffness == pytest.approx(0.8 * rod.torsional_stiffness)
@@ -151,7 +151,7 @@ def test_progress_and_deadline(rng):
 
 
 @pytest.mark.parametrize(('more', 'named'), [
-    ({'colour': 1}, 'colour'), ({'strains': 'paper', 'method': 'dfp'}, 'strains'),
+    ({'color': 1}, 'color'), ({'strains': 'paper', 'method': 'dfp'}, 'strains'),
     ({'prior': Spread(mass=0.1)}, r'prior.mass'), ({'prior': 3}, 'prior'), ({'noise': 0}, 'noise'),
     ({'loss': 'l2'}, 'loss'), ({'loss_scale': -1}, 'loss_scale'),
     ({'gripper_rotation': -1}, 'gripper_rotation'), ({'parameters': ()}, 'parameters'),
@@ -179,6 +179,6 @@ def test_nonsense_requests_are_named():
     with pytest.raises(InvalidTask, match=r'observations\[0\]'):
         fit_rod(TRUE, [one])
     with pytest.raises(InvalidTask, match='parameters'):
-        fit_rod(TRUE, [one], ('colour',))
+        fit_rod(TRUE, [one], ('color',))
     with pytest.raises(InvalidTask, match='observations'):
         fit_rod(TRUE, [])

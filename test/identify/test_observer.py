@@ -38,7 +38,7 @@ def test_slopes_against_shapes_of_other_rods(options, rng):
     # the other side is the simulator of the Rod that the state stands for, nothing of the observer
     uncertain = Observer(DirectSimulator(CURLY, **options), WIDE, bias=1e-3).uncertain
     z = 0.5 * uncertain.deviations * rng.normal(size=uncertain.size)
-    varied = uncertain.varied(uncertain.simulator._discretisation)
+    varied = uncertain.varied(uncertain.simulator._discretization)
 
     def nodes(z):
         simulator = DirectSimulator(uncertain.rod(z), **options)
@@ -148,7 +148,7 @@ def test_a_cutout_seen_by_the_same_camera(rng):
     truth = Truth.drawn(rng, spread=Spread(natural_curvature=0.05), bias=3e-3, cutout=3e-3)
     gripper = PLAN.grippers[0]
     before = looked(truth, observer, rng, gripper, 4)
-    after = observer.see_cutout(before, HOLE.centre, HOLE.centre + truth.hole + truth.bias, 1e-4)
+    after = observer.see_cutout(before, HOLE.center, HOLE.center + truth.hole + truth.bias, 1e-4)
     first, last = (one.miss(PLAN, [0]) for one in (before, after))
     assert last.bound[0] - last.distance[0] < 0.6 * (first.bound[0] - first.distance[0])
     off = truth.miss(PLAN.passes[0][0], gripper)
@@ -210,7 +210,7 @@ def test_what_is_no_longer_remembered_still_counts(monkeypatch, name, turns):
         found.append(estimate)
     whole, folded = (one.miss(PLAN, [0]) for one in found)
     np.testing.assert_allclose(np.trace(folded.covariance[0]), np.trace(whole.covariance[0]),
-                               rtol=0.25)  # linearised at other states
+                               rtol=0.25)  # linearized at other states
     off = found[1].mean - found[0].mean
     assert off @ np.linalg.solve(found[0].covariance, off) < 0.7**2
 
@@ -218,7 +218,7 @@ def test_what_is_no_longer_remembered_still_counts(monkeypatch, name, turns):
 def test_the_bound_of_a_normal_distribution():
     one = np.diag([1.0, 1.0])
     assert _bound(np.zeros(2), 4 * one) == pytest.approx(2 * np.sqrt(-2 * np.log(0.05)), rel=5e-3)
-    # far off the centre only the direction of the miss counts: 1.645 standard deviations
+    # far off the center only the direction of the miss counts: 1.645 standard deviations
     assert _bound(np.array([0.0, 50.0]), one) == pytest.approx(51.655, abs=0.05)
     assert _bound(np.zeros(2), np.diag([1.0, 0.0])) == pytest.approx(1.960, rel=0.01)
     assert _bound(np.array([3.0, 4.0]), 0 * one) == pytest.approx(5.0)
@@ -237,7 +237,7 @@ def test_the_covariance_of_a_miss_against_other_states(rng):
         assert np.abs(HOLE.normal @ off.covariance[0]).max() < 1e-6 * known @ known
 
 
-def test_of_two_centres_the_worse_one_counts():
+def test_of_two_centers_the_worse_one_counts():
     two = CutOut(Pose.looking_along((0.7, 0.06, 1), (1, 0.2, 0)), radius=0.05)
     plan = InverseSimulator(DirectSimulator(WIRE)).thread_two(HOLE, two)
     index = next(k for k, passes in enumerate(plan.passes) if len(passes) == 2)

@@ -80,5 +80,5 @@ def test_a_way_with_sharp_turns_is_found_as_well():
     for depth, shape in zip(depths, direct.track(plan.grippers), strict=True):
         axes, position = shape.frame_at(1 - depth)
         assert shape.converged and not shape.jumped
-        np.testing.assert_allclose(position, cutout.centre, atol=1e-9)
+        np.testing.assert_allclose(position, cutout.center, atol=1e-9)
         np.testing.assert_allclose(axes[:, 0], cutout.normal, atol=1e-6)

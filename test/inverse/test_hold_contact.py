@@ -16,9 +16,9 @@ from dlo_planner import (
     Pose,
     Rod,
 )
-from dlo_planner.plan.clearance import clearance
 from dlo_planner.inverse.solvers.holding import STABLE, ContactFamily
 from dlo_planner.inverse.solvers.touching import LEAST, MOST
+from dlo_planner.plan.clearance import clearance
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 BAR = Capsule((0.5, -0.5, 0.7), (0.5, 0.5, 0.7), 0.02)

@@ -20,8 +20,8 @@ from dlo_planner import (
     Rod,
     replay,
 )
-from dlo_planner.plan.draft import Brief, Draft
 from dlo_planner.inverse.solvers.insertion import _unconverged
+from dlo_planner.plan.draft import Brief, Draft
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 RODS = {'round': WIRE,
@@ -65,7 +65,7 @@ def test_the_mouth_bears_nothing(name, basis):
                   rod.natural_curvature, rod.natural_twist, masses,
                   0.0 if depth else rod.tip_mass)
         end = DirectSimulator(cut, basis=basis).solve(gripper, shape).at(1 - depth)
-        assert np.linalg.norm(end.position - BORE.centre) < 1e-7
+        assert np.linalg.norm(end.position - BORE.center) < 1e-7
         assert np.linalg.norm(np.cross(end.direction, BORE.normal)) < 1e-6
     bears = np.array([np.abs(shape.far_wrench).max() for shape in plan.shapes])
     assert (bears > 1e-6).any() == (name == 'weighted')
@@ -94,11 +94,11 @@ def test_the_bore_straightens_what_is_bent():
     assert np.isnan(plan.bore_moment[0]).all()  # nothing is inside
     for depth, shape, moment in zip(plan.depths[1:], plan.shapes[1:], plan.bore_moment[1:],
                                     strict=True):
-        mouth = Pose.from_rotation(BORE.centre, shape.frames[-1])
+        mouth = Pose.from_rotation(BORE.center, shape.frames[-1])
         # the part inside alone, with no weight, both ends held so that it is straight
         inside = Rod(depth, rod.mass_per_length, rod.bending_stiffness, rod.torsional_stiffness,
                      rod.natural_curvature)
-        far = Pose.from_rotation(BORE.centre + depth * mouth.direction, mouth.rotation)
+        far = Pose.from_rotation(BORE.center + depth * mouth.direction, mouth.rotation)
         straight = DirectSimulator(inside, basis='local', gravity=(0, 0, 0)).solve(
             mouth, far_end=FarEnd(far, 'sleeve'))
         assert straight.converged and np.ptp(straight.tangents, axis=0).max() < 1e-8

@@ -23,11 +23,11 @@ from dlo_planner import (
     Rod,
     Sphere,
     Through,
-    minimise_penalty,
+    minimize_penalty,
 )
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.plan.clearance import clearance
 from dlo_planner.inverse.solvers.search import _Search
+from dlo_planner.plan.clearance import clearance
 
 STIFF = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2), radius=0.003)
 START = Pose((0, 0, 1), (0, 0, 0, 1))
@@ -59,7 +59,7 @@ def test_slopes_against_differences(name, basis, rng):
 def test_position_and_direction_are_met():
     task = [PositionAt(0.8, (0.6, 0.2, 0.8)), DirectionAt(0.8, (1, 0.5, -0.2)),
             GripperNear(START, 1e-5)]
-    found = minimise_penalty(DirectSimulator(STIFF), task, START)
+    found = minimize_penalty(DirectSimulator(STIFF), task, START)
     there = found.shape.at(0.8)
     np.testing.assert_allclose(there.position, (0.6, 0.2, 0.8), atol=1e-6)
     np.testing.assert_allclose(there.direction, np.array([1, 0.5, -0.2]) / np.sqrt(1.29), atol=1e-6)
@@ -73,11 +73,11 @@ def test_it_finds_what_threading_finds():
     turn = Rotation.from_rotvec([0.05, -0.1, 0.08]).as_matrix()
     nearby = Pose.from_rotation(plan.grippers[0].position + [0.02, -0.03, 0.01],
                                 turn @ plan.grippers[0].rotation)
-    found = minimise_penalty(direct, [PositionAt(0.6, hole.centre), DirectionAt(0.6, hole.normal)],
+    found = minimize_penalty(direct, [PositionAt(0.6, hole.center), DirectionAt(0.6, hole.normal)],
                              nearby)
     assert found.converged and found.penalty < 1e-18
     there = found.shape.at(0.6)
-    np.testing.assert_allclose(there.position, hole.centre, atol=1e-9)
+    np.testing.assert_allclose(there.position, hole.center, atol=1e-9)
     np.testing.assert_allclose(there.direction, hole.normal, atol=1e-9)
 
 
@@ -85,15 +85,15 @@ def test_a_users_function_and_an_object_agree():
     direct = DirectSimulator(STIFF)
     target = np.array([0.7, 0.1, 0.9])
     near = GripperNear(START, 0.05)
-    one = minimise_penalty(direct, [PositionAt(1.0, target), near], START)
-    other = minimise_penalty(direct, [lambda shape: shape.positions[-1] - target, near], START)
+    one = minimize_penalty(direct, [PositionAt(1.0, target), near], START)
+    other = minimize_penalty(direct, [lambda shape: shape.positions[-1] - target, near], START)
     np.testing.assert_allclose(one.gripper.matrix, other.gripper.matrix, atol=1e-4)
     # the slopes of a function come from the sensitivities too, not from more equilibria
     assert other.iterations <= one.iterations + 1
 
 
 def test_what_cannot_be_met_is_as_near_as_it_can_be():
-    far = minimise_penalty(DirectSimulator(STIFF), [PositionAt(1.0, (0.5, 0, 0.5)),
+    far = minimize_penalty(DirectSimulator(STIFF), [PositionAt(1.0, (0.5, 0, 0.5)),
                                                     PositionAt(0.9, (0.5, 0, 0.8))], START)
     apart = np.linalg.norm(far.shape.at(1.0).position - far.shape.at(0.9).position)
     assert apart == pytest.approx(0.1, abs=1e-3)  # as long as the DLO is, not 0.3
@@ -104,9 +104,9 @@ def test_through_two_points_and_away_from_a_third():
     points = (0.3, 0.05, 1.0), (0.55, 0.1, 0.9)
     ball = Sphere((0.75, 0.12, 0.75), 0.02)
     task = [*(Through(point, 0.05) for point in points), GripperNear(START, 1e-4)]
-    near = minimise_penalty(DirectSimulator(STIFF), task, START)
+    near = minimize_penalty(DirectSimulator(STIFF), task, START)
     gap = clearance([ball], STIFF.radius, near.shape)
-    found = minimise_penalty(DirectSimulator(STIFF), [*task, AwayFrom(
+    found = minimize_penalty(DirectSimulator(STIFF), [*task, AwayFrom(
         [ball], gap + 0.02, STIFF.radius)], START)
     passages = [through.passage(found.shape) for through in task[:2]]
     assert 0.05 < passages[0] < passages[1] - 0.1  # one after the other, not one for both
@@ -120,7 +120,7 @@ def test_through_two_points_and_away_from_a_third():
 def test_a_sharp_bend_is_opened():
     here = DirectSimulator(STIFF)
     sharp = here.solve(START).bend_radius.min()
-    found = minimise_penalty(here, BentAtMost(0.8 / sharp), START)
+    found = minimize_penalty(here, BentAtMost(0.8 / sharp), START)
     assert found.shape.bend_radius.min() > sharp / 0.81
 
 
@@ -129,7 +129,7 @@ def test_a_single_number_counts_as_it_is():
         return -float(shape.at(0.5).position[2]) + 4 * np.sum(shape.gripper.position**2)
 
     here = DirectSimulator(STIFF)
-    found = minimise_penalty(here, height, Pose((0, 0, 0), (0, 0, 0, 1)))
+    found = minimize_penalty(here, height, Pose((0, 0, 0), (0, 0, 0, 1)))
     assert found.converged and found.penalty < height(here.solve(Pose.identity())) - 0.1
     for step in 0.02 * np.vstack([np.eye(6), -np.eye(6)]):  # nothing near is better
         turn = Rotation.from_rotvec(step[:3]).as_matrix()
@@ -140,7 +140,7 @@ def test_a_single_number_counts_as_it_is():
 
 def test_with_an_obstacle():
     direct = DirectSimulator(STIFF, obstacles=[Plane((0, 0, 0.7), (0, 0, 1))])
-    found = minimise_penalty(direct, [PositionAt(1.0, (0.75, 0.1, 0.703)), GripperNear(
+    found = minimize_penalty(direct, [PositionAt(1.0, (0.75, 0.1, 0.703)), GripperNear(
         START, 0.01)], START)
     assert found.shape.converged
     assert np.linalg.norm(found.shape.positions[-1] - (0.75, 0.1, 0.703)) < 1e-2
@@ -153,8 +153,8 @@ def test_weights_are_only_weights(weight):
     there = direct.solve(START).positions[-1]
     for target in (there + 5e-13, there + [-0.2, 0.1, 0.0]):
         near = GripperNear(START, 0.05 * weight)
-        one = minimise_penalty(direct, [PositionAt(1.0, target), GripperNear(START, 0.05)], START)
-        other = minimise_penalty(direct, [PositionAt(1.0, target, weight), near], START)
+        one = minimize_penalty(direct, [PositionAt(1.0, target), GripperNear(START, 0.05)], START)
+        other = minimize_penalty(direct, [PositionAt(1.0, target, weight), near], START)
         assert one.converged and other.converged
         np.testing.assert_allclose(other.gripper.matrix, one.gripper.matrix, atol=1e-6)
         assert other.penalty == pytest.approx(weight**2 * one.penalty, rel=1e-5,
@@ -163,12 +163,12 @@ def test_weights_are_only_weights(weight):
     def height(shape):
         return weight * (np.sum((shape.positions[-1] - there) ** 2) + 7.0)
 
-    found = minimise_penalty(direct, height, Pose((0.1, 0, 1), (0, 0, 0, 1)))
+    found = minimize_penalty(direct, height, Pose((0.1, 0, 1), (0, 0, 0, 1)))
     assert found.converged and found.penalty == pytest.approx(7 * weight, rel=1e-8)
 
 
 def test_what_cannot_be_met_does_not_converge_half_way():
-    found = minimise_penalty(DirectSimulator(STIFF), PositionAt(1.0, (0.5, 0.3, 0.8)), START,
+    found = minimize_penalty(DirectSimulator(STIFF), PositionAt(1.0, (0.5, 0.3, 0.8)), START,
                              max_iterations=2)
     assert not found.converged and found.penalty > 1e-6
 
@@ -176,7 +176,7 @@ def test_what_cannot_be_met_does_not_converge_half_way():
 def test_where_the_past_counts_the_answer_is_that_of_one_step():
     soft = Rod(1.0, 0.05, 0.05, 0.04, yield_curvature=2.0)
     direct = DirectSimulator(soft)
-    found = minimise_penalty(direct, [PositionAt(1.0, (0.6, 0.1, 0.6)), GripperNear(START, 0.05)],
+    found = minimize_penalty(direct, [PositionAt(1.0, (0.6, 0.1, 0.6)), GripperNear(START, 0.05)],
                              START)
     again = direct.solve(found.gripper, direct.solve(START))
     assert found.converged and again.dissipated > 0
@@ -185,12 +185,12 @@ def test_where_the_past_counts_the_answer_is_that_of_one_step():
 
 def test_progress_and_deadline():
     calls = []
-    found = minimise_penalty(DirectSimulator(STIFF), ANY, START,
+    found = minimize_penalty(DirectSimulator(STIFF), ANY, START,
                              progress=lambda *step: calls.append(step), max_iterations=50)
     assert calls == [(k + 1, 50) for k in range(found.iterations)]
     inverse = InverseSimulator(DirectSimulator(STIFF))
     with pytest.raises(DeadlineExceeded, match='deadline'):
-        inverse.minimise_penalty(ANY, START, deadline=1e-9)
+        inverse.minimize_penalty(ANY, START, deadline=1e-9)
 
 
 @pytest.mark.parametrize(('penalty', 'named'), [
@@ -201,32 +201,32 @@ def test_progress_and_deadline():
     (lambda: Through((0, 0, 0), 1.2), 'Through.after')])
 def test_places_beyond_the_ends_are_named(penalty, named):
     with pytest.raises(InvalidTask, match=named):
-        minimise_penalty(DirectSimulator(STIFF), penalty(), START)
+        minimize_penalty(DirectSimulator(STIFF), penalty(), START)
 
 
 def test_what_is_not_taken_into_account_is_refused():
     direct = DirectSimulator(STIFF)
     held = direct.solve(START, far_end=Pose((0.9, 0, 1), (0, 0, 0, 1)))
-    for search in (minimise_penalty, lambda simulator, *task, **more:
-                   InverseSimulator(simulator).minimise_penalty(*task, **more)):
+    for search in (minimize_penalty, lambda simulator, *task, **more:
+                   InverseSimulator(simulator).minimize_penalty(*task, **more)):
         with pytest.raises(InvalidTask, match='initial is held at its far end'):
             search(direct, ANY, START, initial=held)
     paper = DirectSimulator(STIFF, method='dfp', strains='paper')
     with pytest.raises(InvalidTask, match='strains'):
-        minimise_penalty(paper, ANY, START)
+        minimize_penalty(paper, ANY, START)
 
 
 def test_nonsense_is_named():
     direct = DirectSimulator(STIFF)
     with pytest.raises(InvalidTask, match='start'):
-        minimise_penalty(direct, ANY, 3)
+        minimize_penalty(direct, ANY, 3)
     with pytest.raises(InvalidTask, match='penalties: 7'):
-        minimise_penalty(direct, [7], START)
+        minimize_penalty(direct, [7], START)
     with pytest.raises(InvalidTask, match='finite'):
-        minimise_penalty(direct, lambda shape: np.nan, START)
+        minimize_penalty(direct, lambda shape: np.nan, START)
     blocked = DirectSimulator(STIFF, obstacles=[Plane((0, 0, 1.2), (0, 0, 1))])
     with pytest.raises(NotConverged, match='start'):
-        minimise_penalty(blocked, ANY, START)
+        minimize_penalty(blocked, ANY, START)
 
 
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.plan.continuity import excess, largest_shift, largest_turn
 from dlo_planner.inverse.solvers.following import Passing, follow
 from dlo_planner.inverse.solvers.hanging import Crossings
 from dlo_planner.inverse.solvers.route import Route, find_route
+from dlo_planner.plan.continuity import excess, largest_shift, largest_turn
 
 AXIS = np.array([0.0, 0.0, 1.0])
 
@@ -46,7 +46,7 @@ class Turning:
 
 
 @pytest.mark.parametrize('length', [0.01, 1.0, 300.0])
-def test_a_leap_is_told_in_metres(length):
+def test_a_leap_is_told_in_meters(length):
     level, step = (np.eye(3), np.zeros(3)), 0.02
     turn, shift = largest_turn(step), largest_shift(step)
     for angle, moved, too_far in ((0.99 * turn, 0.99 * shift, 0.0), (turn + 0.1, 0.0, 0.1),

@@ -30,8 +30,8 @@ def plan():
 def squares(shape, depth, holes, weights):
     """Return the weighted squared distances, by sampling."""
     points = shape.positions_at(np.linspace(1 - depth, 1, 2001))
-    first = np.linalg.norm(shape.at(1 - depth).position - holes[0].centre)
-    others = [np.linalg.norm(points - one.centre, axis=1).min() for one in holes[1:]]
+    first = np.linalg.norm(shape.at(1 - depth).position - holes[0].center)
+    others = [np.linalg.norm(points - one.center, axis=1).min() for one in holes[1:]]
     return np.sum((np.array(weights) * [first, *others]) ** 2)
 
 

@@ -38,10 +38,10 @@ def test_the_dlo_stays_behind_the_sheet(inverse, plan, turn):
     np.testing.assert_allclose(way.grippers[-1].matrix, plan.grippers[0].matrix, atol=1e-12)
     for shape in inverse.simulator.track(way.grippers)[:-1]:
         assert shape.converged
-        assert ((HOLE.centre - shape.positions) @ HOLE.normal).min() > WIRE.radius
-    # the free end waits before the centre, aligned, and then goes straight in
+        assert ((HOLE.center - shape.positions) @ HOLE.normal).min() > WIRE.radius
+    # the free end waits before the center, aligned, and then goes straight in
     before = [one for one in way.shapes if np.linalg.norm(
-        one.positions[-1] - (HOLE.centre - 0.08 * HOLE.normal)) < 1e-6]
+        one.positions[-1] - (HOLE.center - 0.08 * HOLE.normal)) < 1e-6]
     assert len(before) == 1
     np.testing.assert_allclose(before[0].tangents[-1], HOLE.normal, atol=1e-6)
     assert (np.diff(way.times) >= 0).all()
@@ -58,7 +58,7 @@ def test_it_goes_back_no_farther_than_it_must(inverse, plan):
     far = inverse.start_phase(HOLE, plan, Pose((-1.3, 0.4, 1.2), (0, 0, 0, 1)))
     near = inverse.start_phase(HOLE, plan, plan.grippers[0])
     for way, begin in ((far, 1.3), (near, 1.0)):
-        back = max((HOLE.centre - gripper.position) @ HOLE.normal for gripper in way.grippers)
+        back = max((HOLE.center - gripper.position) @ HOLE.normal for gripper in way.grippers)
         assert back < begin + 0.35
 
 
@@ -70,7 +70,7 @@ def test_a_dlo_beyond_the_sheet_is_refused(inverse, plan):
 
 def test_gripper_clearance_ends_the_plan_or_refuses(inverse, plan):
     def room(one):
-        return [(HOLE.centre - gripper.position) @ HOLE.normal for gripper in one.grippers]
+        return [(HOLE.center - gripper.position) @ HOLE.normal for gripper in one.grippers]
 
     kept = inverse.thread(HOLE, gripper_clearance=0.2)
     assert 1 < len(kept) < len(plan) and min(room(kept)) >= 0.2

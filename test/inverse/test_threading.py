@@ -46,7 +46,7 @@ def test_directly_simulated_dlo_passes_the_cutout(name, normal, basis):
     for depth, gripper, known in zip(plan.depths, plan.grippers, plan.shapes, strict=True):
         shape = direct.solve(gripper, known)
         pierced = shape.at(1.0 - depth)
-        assert np.linalg.norm(pierced.position - goal.centre) < 1e-8
+        assert np.linalg.norm(pierced.position - goal.center) < 1e-8
         assert np.linalg.norm(np.cross(pierced.direction, goal.normal)) < 1e-8
         assert pierced.direction @ goal.normal > 0
 
@@ -71,7 +71,7 @@ def test_threading_the_true_rod():
     for depth, gripper, shape in zip(plan.depths, plan.grippers, plan.shapes, strict=True):
         points = true_rod(STRIP, gripper, shape)
         at = [np.interp(1.0 - depth, shape.s, column) for column in points.T]
-        assert np.linalg.norm(np.array(at) - GOAL.centre) < 1e-5
+        assert np.linalg.norm(np.array(at) - GOAL.center) < 1e-5
 
 
 def test_weightless_straight_rod_goes_straight_through():
@@ -79,7 +79,7 @@ def test_weightless_straight_rod_goes_straight_through():
     plan = InverseSimulator(direct).thread(GOAL, depths=[0.0, 0.25, 1.0])
     for depth, gripper in zip(plan.depths, plan.grippers, strict=True):
         np.testing.assert_allclose(gripper.position,
-                                   GOAL.centre - (1.0 - depth) * GOAL.normal, atol=1e-9)
+                                   GOAL.center - (1.0 - depth) * GOAL.normal, atol=1e-9)
 
 
 def test_plan_turns_with_the_world(rng):
@@ -173,7 +173,7 @@ def test_one_depth_needs_no_others(name):
     for plan in (alone, many):
         # its gripper alone, without the plan's shape to start from, threads the DLO
         there = direct.solve(plan.grippers[-1]).at(0.38)
-        np.testing.assert_allclose(there.position, GOAL.centre, atol=1e-8)
+        np.testing.assert_allclose(there.position, GOAL.center, atol=1e-8)
         np.testing.assert_allclose(there.direction, GOAL.normal, atol=1e-8)
     if name != 'strip':  # the free rotation of a round DLO is its roll: the gripper's place is one
         np.testing.assert_allclose(alone.grippers[0].position, many.grippers[-1].position,
@@ -221,7 +221,7 @@ def test_random_cutouts_replay_or_are_refused(rng):
             continue
         for depth, gripper, known in zip(plan.depths, plan.grippers, plan.shapes, strict=True):
             pierced = direct.solve(gripper, known).at(1.0 - depth)
-            assert np.linalg.norm(pierced.position - goal.centre) < 1e-6
+            assert np.linalg.norm(pierced.position - goal.center) < 1e-6
             assert np.linalg.norm(pierced.direction - goal.normal) < 1e-6
         done += 1
     assert done >= 20
@@ -244,5 +244,5 @@ def test_a_dlo_that_is_set_is_threaded_as_it_is():
     for gripper, depth, shape in zip(plan.grippers, depths, plan.shapes, strict=True):
         real = used.solve(gripper)
         assert real.dissipated == bent.dissipated  # it does not yield any further
-        np.testing.assert_allclose(real.at(0.4 - depth).position, goal.centre, atol=1e-6)
+        np.testing.assert_allclose(real.at(0.4 - depth).position, goal.center, atol=1e-6)
         np.testing.assert_allclose(real.positions, shape.positions, atol=1e-6)

@@ -37,20 +37,20 @@ def nearest(shape, point):
 
 @pytest.mark.parametrize('rod', [STIFF, CURVED], ids=['round', 'curved'])
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
-def test_both_centres_are_hit(rod, basis):
+def test_both_centers_are_hit(rod, basis):
     first, second = hole((0.1, -0.2, 1.0)), hole((0.4, -0.15, 0.95))
     direct = DirectSimulator(rod, basis=basis)
     plan = InverseSimulator(direct).thread_two(first, second, depths=np.linspace(0, 0.9, 60))
     assert plan.fraction == 1 and plan.miss.max() < 1e-8
     assert plan.stability.min() > 0
     replayed = direct.track(plan.grippers)
-    apart = np.linalg.norm(second.centre - first.centre)
+    apart = np.linalg.norm(second.center - first.center)
     for depth, shape in zip(plan.depths, replayed, strict=True):
         assert shape.converged and not shape.jumped
-        assert nearest(shape, first.centre) < 1e-6
-        assert np.linalg.norm(shape.at(1 - depth).position - first.centre) < 1e-8
+        assert nearest(shape, first.center) < 1e-6
+        assert np.linalg.norm(shape.at(1 - depth).position - first.center) < 1e-8
         if depth > 1.05 * apart:
-            assert nearest(shape, second.centre) < 1e-6
+            assert nearest(shape, second.center) < 1e-6
 
 
 def test_the_way_is_continuous_where_the_motion_changes():
@@ -74,7 +74,7 @@ def test_random_pairs_replay_or_are_refused(rng):
         direct = DirectSimulator(rod)
         first = hole(rng.normal(size=3))
         way = rng.normal(size=3)
-        second = hole(first.centre + rng.uniform(0.1, 0.5) * way / np.linalg.norm(way))
+        second = hole(first.center + rng.uniform(0.1, 0.5) * way / np.linalg.norm(way))
         try:
             plan = InverseSimulator(direct).thread_two(first, second, depths=[0, 0.3, 0.6, 0.8])
         except Infeasible as error:
@@ -84,9 +84,9 @@ def test_random_pairs_replay_or_are_refused(rng):
         done += 1
         for depth, gripper, shape in zip(plan.depths, plan.grippers, plan.shapes, strict=True):
             again = direct.solve(gripper, shape)
-            assert np.linalg.norm(again.at(1 - depth).position - first.centre) < 1e-7
+            assert np.linalg.norm(again.at(1 - depth).position - first.center) < 1e-7
             if depth > 0.6:
-                assert nearest(again, second.centre) < 1e-6
+                assert nearest(again, second.center) < 1e-6
     assert done >= 6
 
 

@@ -5,12 +5,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import FarEnd, Rod
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.potential import evaluate, new_state
 from dlo_planner.minimize.linear import (
     assemble,
-    factorise,
+    factorize,
     largest_turn,
     multiply,
     new_hessian,
@@ -37,8 +37,8 @@ def problem(request, curly, rng):
     basis, *anchored = request.param.split(', ')
     s = np.concatenate([[0.0], np.cumsum(rng.uniform(0.5, 1.5, 14))])
     around = Surroundings(curly, np.array([0.0, 3.0, -9.81]))
-    discretisation = Discretisation(around, s * 1.3 / s[-1], basis, 6)
-    system = discretisation.system(np.eye(3))
+    discretization = Discretization(around, s * 1.3 / s[-1], basis, 6)
+    system = discretization.system(np.eye(3))
     if anchored:
         system = system._replace(anchor=rng.normal(size=(15, 3)),
                                  anchor_weight=rng.uniform(0, 3, size=15))
@@ -56,7 +56,7 @@ def test_solution_and_inertia_are_those_of_the_dense_matrix(problem, shift, rng)
     system, hessian, dense = problem
     dense = dense + shift * np.eye(len(dense))
     np.testing.assert_allclose(dense, dense.T, atol=1e-12)
-    assert factorise(system, hessian, shift) == np.sum(np.linalg.eigvalsh(dense) < 0)
+    assert factorize(system, hessian, shift) == np.sum(np.linalg.eigvalsh(dense) < 0)
     right = rng.normal(size=(len(dense) // 3, 3))
     out = np.empty_like(right)
     solve(system, hessian, right, out)
@@ -67,7 +67,7 @@ def test_lowest_mode_is_the_dense_one(problem):
     system, hessian, dense = problem
     values, vectors = np.linalg.eigh(dense)
     shift = max(0.0, 0.1 - values[0])
-    assert factorise(system, hessian, shift) == 0
+    assert factorize(system, hessian, shift) == 0
     value, mode = lowest_mode(system, hessian, shift, 1e-8)
     assert value == pytest.approx(values[0], abs=1e-6)
     if values[0] < 0:  # a mode is only found where it is needed
@@ -77,12 +77,12 @@ def test_lowest_mode_is_the_dense_one(problem):
 def test_the_search_for_the_lowest_mode_does_not_end_where_it_only_rests():
     # bent in a plane under its weight: the lowest mode leaves it, and the search finds it late
     around = Surroundings(Rod(1.0, 0.0145, (1e-3, 2.546e-3), 8.964e-4), np.array([0, 0, -9.81]))
-    mesh = Discretisation(around, np.linspace(0, 1, 3), 'local', 0)
+    mesh = Discretization(around, np.linspace(0, 1, 3), 'local', 0)
     system = mesh.system(np.eye(3))
     state, *_ = newton(system, np.zeros((2, 3)), 1e-10, 100, True)
     hessian = new_hessian(system)
     assemble(system, state, hessian)
-    assert factorise(system, hessian, 0.0) == 0
+    assert factorize(system, hessian, 0.0) == 0
     value, _ = lowest_mode(system, hessian, 0.0, 1e-4)
     lowest = np.linalg.eigvalsh(matrix_of(system, hessian, state))[0]
     assert value == pytest.approx(lowest, rel=1e-3)
@@ -117,16 +117,16 @@ def test_a_pivot_of_zero_is_survived(basis):
     # without loads the Hessian is the identity: shifted by -1 nothing is left of it
     rod = Rod(1.0, 0.0, 1.0, 1.0)
     around = Surroundings(rod, np.zeros(3))
-    system = Discretisation(around, np.linspace(0, 1, 9), basis, 4).system(np.eye(3))
+    system = Discretization(around, np.linspace(0, 1, 9), basis, 4).system(np.eye(3))
     state = new_state(system)
     evaluate(system, state)
     hessian = new_hessian(system)
     assemble(system, state, hessian)
     for shift, negative in ((0.0, 0), (-1 + 1e-12, 0), (-1 - 1e-12, state.q.size)):
-        assert factorise(system, hessian, shift) == negative
+        assert factorize(system, hessian, shift) == negative
     for part in (hessian.turning, hessian.cross, hessian.diagonal, hessian.dense):
         part[:] = 0.0
-    assert factorise(system, hessian, 0.0) == 0  # neutral is not negative
+    assert factorize(system, hessian, 0.0) == 0  # neutral is not negative
     out = np.empty_like(state.q)
     solve(system, hessian, np.zeros_like(state.q), out)
     np.testing.assert_array_equal(out, 0)
@@ -136,7 +136,7 @@ def test_a_pivot_of_zero_lets_no_number_overflow():
     # what a pivot of zero is divided by goes on into all pivots before it
     rod = Rod(1.0, 0.0, 1.0, 1.0)
     around = Surroundings(rod, np.zeros(3))
-    mesh = Discretisation(around, np.linspace(0, 1, 9), 'local', 4)
+    mesh = Discretization(around, np.linspace(0, 1, 9), 'local', 4)
     system = mesh.system(np.eye(3), np.zeros(3), None, FarEnd.of((0.9, 0.0, 0.1)))
     state = new_state(system)
     evaluate(system, state)
@@ -144,7 +144,7 @@ def test_a_pivot_of_zero_lets_no_number_overflow():
     assemble(system, state, hessian)
     hessian.diagonal[-3:] = 0.0
     hessian.give[0] = 0.0
-    factorise(system, hessian, 0.0)
+    factorize(system, hessian, 0.0)
     out, reaction = np.empty_like(state.q), np.empty(3)
     solve_held(system, hessian, np.ones_like(state.q), np.ones(3), out, reaction)
     assert np.isfinite(out).all() and np.isfinite(reaction).all()

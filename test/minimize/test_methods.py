@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's minimisers: against a function with a known minimum, and against Newton's."""
+"""The paper's minimizers: against a function with a known minimum, and against Newton's."""
 
 import numpy as np
 import pytest
@@ -27,12 +27,12 @@ def test_dfp_learns_the_inverse_hessian_of_a_quadratic(rng):
     # in n dimensions n exact line searches do; with inexact ones a few more
     root = rng.normal(size=(6, 6))
     matrix = np.eye(6) + 0.3 * root @ root.T
-    centre = rng.normal(size=6)
-    problem = Problem(lambda q: 0.5 * (q - centre) @ matrix @ (q - centre),
-                      lambda q: (0.5 * (q - centre) @ matrix @ (q - centre),
-                                 matrix @ (q - centre)), 1.0)
+    center = rng.normal(size=6)
+    problem = Problem(lambda q: 0.5 * (q - center) @ matrix @ (q - center),
+                      lambda q: (0.5 * (q - center) @ matrix @ (q - center),
+                                 matrix @ (q - center)), 1.0)
     found = dfp(problem, np.zeros(6), 1e-12)
-    np.testing.assert_allclose(found.q, centre, atol=1e-10)
+    np.testing.assert_allclose(found.q, center, atol=1e-10)
     assert found.iterations < 30
 
 
@@ -157,9 +157,9 @@ def test_a_saddle_is_left(stiffness, options):
 
 
 def test_every_newton_step_lowers_the_energy(wire_with_load):
-    discretisation = DirectSimulator(wire_with_load)._discretisation
-    system = discretisation.system(TILTED.rotation)
-    start = np.zeros((discretisation.n_unknowns, 3))
+    discretization = DirectSimulator(wire_with_load)._discretization
+    system = discretization.system(TILTED.rotation)
+    start = np.zeros((discretization.n_unknowns, 3))
     energies = []
     for steps in range(12):
         state, _, _, iterations, _ = newton(system, start, 1e-10, steps, False)

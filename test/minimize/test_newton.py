@@ -7,7 +7,7 @@ import pytest
 
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.energy.potential import evaluate, new_state
-from dlo_planner.minimize.linear import factorise, new_hessian
+from dlo_planner.minimize.linear import factorize, new_hessian
 from dlo_planner.minimize.newton import KICK_TURN, descend, kick, newton, residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
 
@@ -17,7 +17,7 @@ HEAVY = Rod(1.0, 20 / 9.81, (1.0, 3.0), 0.75)  # falls over about n first
 
 def system_of(rod, gripper, basis, n_elements=24, **more):
     direct = DirectSimulator(rod, basis=basis, n_elements=n_elements, **more)
-    return direct._discretisation.system(gripper.rotation)
+    return direct._discretization.system(gripper.rotation)
 
 
 def start_of(system):
@@ -125,7 +125,7 @@ def test_a_mode_that_a_smooth_start_does_not_see_is_found():
     for value in (0.3, -0.3):
         hessian.dense[:] = np.eye(size) + (value - 1) * np.outer(hidden, hidden)
         shift = 0.0 if value > 0 else 0.5
-        assert factorise(system, hessian, shift) == 0
+        assert factorize(system, hessian, shift) == 0
         lowest, mode = lowest_mode(system, hessian, shift, 1e-8)
         assert lowest == pytest.approx(value, abs=1e-6)
         if value < 0:

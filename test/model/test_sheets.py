@@ -13,9 +13,9 @@ PLATE = Pose((0.1, -0.2, 0.3), (0.2, -0.1, 0.4, 0.8))
 
 def hole(across=(0.0, 0.0), off=0.0, tilt=(0.0, 0.0, 0.0), **size):
     """Return a CutOut at `across` in the plate, `off` it, turned by `tilt` (all plate axes)."""
-    centre = PLATE.position + PLATE.rotation @ [off, *across]
+    center = PLATE.position + PLATE.rotation @ [off, *across]
     turn = Rotation.from_rotvec(tilt).as_matrix()
-    return CutOut(Pose.from_rotation(centre, PLATE.rotation @ turn), **(size or {'radius': 0.02}))
+    return CutOut(Pose.from_rotation(center, PLATE.rotation @ turn), **(size or {'radius': 0.02}))
 
 
 def plate(cutout):

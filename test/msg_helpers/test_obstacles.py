@@ -28,7 +28,7 @@ def test_there_and_back():
     box, sphere, capsule = after(shown(ALL)).values()
     np.testing.assert_allclose(box.pose.matrix, ALL[0].pose.matrix, atol=1e-12)
     np.testing.assert_allclose(box.size, ALL[0].size)
-    np.testing.assert_allclose(sphere.centre, ALL[1].centre)
+    np.testing.assert_allclose(sphere.center, ALL[1].center)
     assert sphere.radius == pytest.approx(0.4)
     ends = [tuple(np.round(end, 9)) for end in (capsule.start, capsule.end)]
     assert sorted(ends) == sorted(tuple(np.round(end, 9)) for end in (ALL[2].start, ALL[2].end))

@@ -48,7 +48,7 @@ def test_each_entry_is_what_the_planner_says(inverse, serial):
     assert set(np.unique(serial.outcome)) > {'threaded', 'clearance'}
     for index in range(len(GRID)):
         at, cutout = np.unravel_index(index, GRID.shape), GRID.cutout(index)
-        np.testing.assert_allclose(cutout.centre, GRID.positions[at[0]])
+        np.testing.assert_allclose(cutout.center, GRID.positions[at[0]])
         np.testing.assert_allclose(cutout.normal, GRID.directions[at[1]])
         assert cutout.radius == GRID.radii[at[2]]
         try:

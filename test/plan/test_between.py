@@ -220,7 +220,7 @@ def test_a_dlo_that_falls_between_waypoints_is_refused(monkeypatch):
 def test_joined_and_shortened_plans_are_checked_again():
     inverse = InverseSimulator(DIRECT)
     plan = inverse.thread(HOLE)
-    start = Pose.looking_along(HOLE.centre - 1.3 * ALONG + (0, 0.2, 0.1), ALONG)
+    start = Pose.looking_along(HOLE.center - 1.3 * ALONG + (0, 0.2, 0.1), ALONG)
     both = joined(inverse.start_phase(HOLE, plan, start), plan)
     assert inverse.check(both) is both
     u, way = places(both)

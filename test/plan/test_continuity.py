@@ -68,7 +68,7 @@ def test_pairs_do_not_leap_and_keep_their_directions():
         rod, first = random_task(rng)
         way = first.normal + 0.6 * rng.normal(size=3)
         way /= np.linalg.norm(way)
-        second = CutOut(Pose.looking_along(first.centre + rng.uniform(0.1, 0.5) * way,
+        second = CutOut(Pose.looking_along(first.center + rng.uniform(0.1, 0.5) * way,
                                            way + 0.5 * rng.normal(size=3)))
         try:
             plan = InverseSimulator(DirectSimulator(rod)).thread_two(
@@ -98,11 +98,11 @@ def test_sequences_do_not_leap(seed):
     rng = np.random.default_rng(seed)
     rod = Rod(1.0, MASS, tuple(np.exp(rng.uniform(np.log(0.05), np.log(2), 2))), 0.3,
               natural_curvature=tuple(0.6 * rng.normal(size=2)))
-    centres, way = [np.zeros(3)], rng.normal(size=3)
+    centers, way = [np.zeros(3)], rng.normal(size=3)
     for _ in range(2):
         way = way / np.linalg.norm(way) + 0.4 * rng.normal(size=3)
-        centres.append(centres[-1] + 0.25 * way / np.linalg.norm(way))
-    holes = [CutOut(Pose.looking_along(centre, way)) for centre in centres]
+        centers.append(centers[-1] + 0.25 * way / np.linalg.norm(way))
+    holes = [CutOut(Pose.looking_along(center, way)) for center in centers]
     plan = InverseSimulator(DirectSimulator(rod, n_elements=32)).thread_sequence(
         holes, depths=np.linspace(0, 0.8, 50))
     assert not leaps(plan)

@@ -21,7 +21,7 @@ from dlo_planner import (
     Sphere,
     Workspace,
 )
-from dlo_planner.plan.draft import utilisation
+from dlo_planner.plan.draft import utilization
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 STRIP = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.6, 0.4))
@@ -67,7 +67,7 @@ def test_bodies_are_kept_out_of_with_the_grippers_size():
     with pytest.raises(Infeasible) as caught:
         thread(workspace=Workspace(keep_out=[Plane((0, 0, -9), (0, 0, 1)), ball],
                                    gripper_radius=0.16))
-    distance = np.linalg.norm(WAY - ball.centre, axis=1) - 0.05 - 0.16
+    distance = np.linalg.norm(WAY - ball.center, axis=1) - 0.05 - 0.16
     assert caught.value.constraint == 'workspace.keep_out[1]'
     assert caught.value.waypoint == int(np.argmax(distance < 0))
     assert caught.value.amount == pytest.approx(-distance[caught.value.waypoint], abs=1e-6)
@@ -110,7 +110,7 @@ def test_clearances_against_dense_sampling(size, thickness):
     plan = thread(cutout=cutout, obstacles=[sheet])
     for k in (0, 4, 9):
         shape, s = plan.shapes[k], np.linspace(0, 1, 20001)
-        points = shape.positions_at(s) - cutout.centre
+        points = shape.positions_at(s) - cutout.center
         inside = np.abs(points[:, 0]) <= thickness / 2 + 4e-5
         away = np.abs(points[:, 1:])
         if 'radius' in size:
@@ -224,7 +224,7 @@ def test_a_rectangle_yields_at_its_corners():
     for roll in (0.0, 0.5, 1.2, np.pi / 2):
         gripper = Pose.from_rotation((0, 0, 0), Rotation.from_rotvec([roll, 0, 0]).as_matrix())
         shape = elastic.solve(gripper)
-        assert utilisation(shape, limits) == pytest.approx(shape.surface_stress[:, 0].max() / 60e6)
+        assert utilization(shape, limits) == pytest.approx(shape.surface_stress[:, 0].max() / 60e6)
 
 
 def test_each_axis_yields_at_its_own_limit():

@@ -137,16 +137,16 @@ def test_misalignment_is_an_angle(plan, angle):
     assert worse.miss == pytest.approx(0.9) and better.miss == pytest.approx(0.5)
 
 
-def test_misses_are_those_of_every_centre(plan):
+def test_misses_are_those_of_every_center(plan):
     for misses, miss, (passes,), shape in zip(plan.misses, plan.miss, plan.passes, plan.shapes,
                                               strict=True):
         assert misses == pytest.approx([miss], abs=1e-12)
-        centre, s, normal = passes
-        assert np.linalg.norm(shape.at(s).position - HOLE.centre) < 1e-8
-        np.testing.assert_array_equal(centre, HOLE.centre)
+        center, s, normal = passes
+        assert np.linalg.norm(shape.at(s).position - HOLE.center) < 1e-8
+        np.testing.assert_array_equal(center, HOLE.center)
         np.testing.assert_array_equal(normal, HOLE.normal)
     moved = plan.shapes[2].moved((0.1, 0.2, -0.3))
-    assert moved.energy == pytest.approx(moved._discretisation.rod.mass_per_length * 9.81 * -0.3
+    assert moved.energy == pytest.approx(moved._discretization.rod.mass_per_length * 9.81 * -0.3
                                          + plan.shapes[2].energy, abs=1e-9)
 
 

@@ -137,7 +137,7 @@ def test_where_an_arc_length_stands_in_the_hole():
     for s in (1.0, 0.8, 0.73, 0.45, 0.1):
         gripper = plan.at_arc_length(s)
         shape = direct.solve(gripper, plan.shapes[np.argmin(np.abs(plan.arc_lengths - s))])
-        assert np.linalg.norm(shape.at(s).position - HOLE.centre) < 2e-3
+        assert np.linalg.norm(shape.at(s).position - HOLE.center) < 2e-3
         if s <= way.arc_lengths[-len(plan) + 1]:  # a joined plan passes from its second waypoint on
             np.testing.assert_allclose(way.at_arc_length(s).matrix, gripper.matrix, atol=1e-3)
     exact = inverse.thread(HOLE, depths=[0.2, 0.27]).grippers[1]

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet, Sphere
-from dlo_planner.plan.clearance import clearance, room_in
 from dlo_planner.model.surface import Surface
+from dlo_planner.plan.clearance import clearance, room_in
 
 WIDTH, THICKNESS = 0.02, 0.004
 STRIP = Rod.rectangular(0.3, WIDTH, THICKNESS, 1000.0, 1e8, 0.3)
@@ -38,11 +38,11 @@ def outside(shape, half, fine=400):
 @pytest.mark.parametrize('roll', [0.0, 0.3, np.pi / 4, 1.2, np.pi / 2, 2.5])
 @pytest.mark.parametrize('hole', [{'width': 0.03, 'height': 0.012}, {'radius': 0.013}])
 def test_room_in_a_hole_is_that_of_the_corners(roll, hole):
-    centre = np.array([0.15, 0.001, -0.002])
-    sheet = Sheet.around(CutOut(Pose(centre, (0, 0, 0, 1)), **hole))
+    center = np.array([0.15, 0.001, -0.002])
+    sheet = Sheet.around(CutOut(Pose(center, (0, 0, 0, 1)), **hole))
     corners = np.array([(y, z) for y in (-1, 1) for z in (-1, 1)]) * [WIDTH / 2, THICKNESS / 2]
     turn = Rotation.from_rotvec([roll, 0, 0]).as_matrix()[1:, 1:]
-    y, z = (corners @ turn.T - centre[1:]).T
+    y, z = (corners @ turn.T - center[1:]).T
     if 'radius' in hole:
         wanted = (hole['radius'] - np.hypot(y, z)).min()
     else:
@@ -60,7 +60,7 @@ def distance(obstacle, points):
     if isinstance(obstacle, Plane):
         return (points - obstacle.point) @ obstacle.normal
     if isinstance(obstacle, Sphere):
-        return np.linalg.norm(points - obstacle.centre, axis=1) - obstacle.radius
+        return np.linalg.norm(points - obstacle.center, axis=1) - obstacle.radius
     if isinstance(obstacle, Capsule):
         along = obstacle.end - obstacle.start
         share = np.clip((points - obstacle.start) @ along / (along @ along), 0, 1)

@@ -166,19 +166,19 @@ def test_the_first_reason_stays_and_a_machine_that_ended_does_not_begin_again():
     assert begun().canceled().phase == 'stopped'  # nothing was commanded yet
 
 
-def off(metres=0.0, radians=0.0, after=2.0, **more):
+def off(meters=0.0, radians=0.0, after=2.0, **more):
     """Return poses of a robot that is off its way from `after` s on."""
     def heard(robot, now):
         there = robot.heard(now, **more)
         if now < after:
             return Heard(there.pose, now)
-        away = Pose((0, 0, metres), (np.sin(radians / 2), 0, 0, np.cos(radians / 2)))
+        away = Pose((0, 0, meters), (np.sin(radians / 2), 0, 0, np.cos(radians / 2)))
         return Heard(there.pose.compose(away), now, **more)
     return heard
 
 
 @pytest.mark.parametrize(('heard', 'cause', 'named'), [
-    (off(metres=0.035), Cause.PATH_TOLERANCE, 'constraints.path.position = 0.02 m'),
+    (off(meters=0.035), Cause.PATH_TOLERANCE, 'constraints.path.position = 0.02 m'),
     (off(radians=0.2), Cause.PATH_TOLERANCE, 'constraints.path.angle = 0.1 rad'),
     (off(deviation=0.03), Cause.SHAPE_TOLERANCE, 'constraints.path.shape = 0.02 m'),
     (off(age=0.2), Cause.GRIPPER_POSE_LOST, 'incoming_command_timeout = 0.1 s'),
@@ -194,7 +194,7 @@ def test_faults_on_the_way_stop_it_with_the_reason(heard, cause, named):
 
 
 @pytest.mark.parametrize(('guards', 'heard'), [
-    ({'path_position': 0.0}, off(metres=0.035)), ({'path_angle': 0.0}, off(radians=0.2)),
+    ({'path_position': 0.0}, off(meters=0.035)), ({'path_angle': 0.0}, off(radians=0.2)),
     ({}, off(deviation=0.03)), ({'incoming_command_timeout': 0.0}, off(age=0.2)),
     ({'incoming_command_timeout': 0.3}, off(age=0.2))])
 def test_guards_that_are_off_do_not_stop_it(guards, heard):

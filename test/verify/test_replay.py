@@ -57,7 +57,7 @@ def test_clearance_from_a_ball(plan):
     ball = Sphere((-0.3, 0.0, 0.8), 0.05)
 
     def outside(points):
-        return np.linalg.norm(points - ball.centre, axis=1) - ball.radius
+        return np.linalg.norm(points - ball.center, axis=1) - ball.radius
 
     shape = plan.shapes[10]
     assert clearance([ball], WIRE.radius, shape) == pytest.approx(brute(shape, outside), abs=1e-8)
@@ -217,7 +217,7 @@ def test_the_deviation_is_that_of_the_shapes(plan):
     assert not apart.converged
 
 
-def test_a_centre_that_is_reached_on_the_way_counts_from_there_on():
+def test_a_center_that_is_reached_on_the_way_counts_from_there_on():
     first, second = (CutOut(Pose.looking_along((x, 0, 1 - 0.1 * x), (1, 0, 0)), radius=0.02)
                      for x in (0.0, 0.3))
     plan = InverseSimulator(DIRECT).thread_two(first, second, depths=np.linspace(0, 0.6, 13))
@@ -225,7 +225,7 @@ def test_a_centre_that_is_reached_on_the_way_counts_from_there_on():
     assert 1 in numbers and 2 in numbers
     slow = Trajectory(plan, Limits(0.01, 0.05), tolerance=np.inf)
     crawling = replay(DIRECT, plan, trajectory=slow)
-    # slow as it is, it is what the coarse waypoints leave: no way of the free end to the centre
+    # slow as it is, it is what the coarse waypoints leave: no way of the free end to the center
     assert 1e-6 < crawling.dynamic_miss < 5e-3
 
 

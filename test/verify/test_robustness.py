@@ -32,11 +32,11 @@ PLAN = InverseSimulator(DIRECT).thread(HOLE, depths=[0.0, 0.3, 0.55, 0.8])
 SMALL = 1e-4
 
 
-def across(shape, centre, s):
-    """Return the vector (3,) from a centre to the DLO, across it, to first order about s."""
+def across(shape, center, s):
+    """Return the vector (3,) from a center to the DLO, across it, to first order about s."""
     length = shape.s[-1]
     axes, position = shape.frame_at(min(s, length))
-    off = position - centre
+    off = position - center
     return off - axes[:, 0] * (axes[:, 0] @ off)
 
 
@@ -65,7 +65,7 @@ def test_causes_in_the_dlo_against_solving_again(cause):
         squares = 0.0
         for both in rods(cause):
             ahead, back = (across(DirectSimulator(rod, n_elements=32).solve(
-                shape.gripper), HOLE.centre, 1 - PLAN.depths[k]) for rod in both)
+                shape.gripper), HOLE.center, 1 - PLAN.depths[k]) for rod in both)
             squares += np.sum((0.5 * (ahead - back)) ** 2)
         assert got.first_order[k] == pytest.approx(np.sqrt(squares), rel=1e-4)
 
@@ -84,7 +84,7 @@ def test_a_curvature_that_varies_against_solving_again():
     shape, squares = PLAN.shapes[1], 0.0
     for j, share in enumerate(shares, 1):
         for axis in SMALL * np.sqrt(share * (2 * j + 1)) * np.eye(2):
-            ahead, back = (across(wavy(j, change).solve(shape.gripper), HOLE.centre,
+            ahead, back = (across(wavy(j, change).solve(shape.gripper), HOLE.center,
                                   1 - PLAN.depths[1]) for change in (axis, -axis))
             squares += np.sum((0.5 * (ahead - back)) ** 2)
     assert got.first_order[1] == pytest.approx(np.sqrt(squares), rel=1e-3)
@@ -105,7 +105,7 @@ def test_causes_in_the_robot_against_solving_again(cause):
                     turn = Rotation.from_rotvec(step).as_matrix()
                     gripper = Pose.from_rotation(shape.gripper.position,
                                                  turn @ shape.gripper.rotation)
-                both.append(across(DIRECT.solve(gripper, shape), HOLE.centre, 1 - PLAN.depths[k]))
+                both.append(across(DIRECT.solve(gripper, shape), HOLE.center, 1 - PLAN.depths[k]))
             squares += np.sum((0.5 * (both[0] - both[1])) ** 2)
         assert got.first_order[k] == pytest.approx(np.sqrt(squares), rel=1e-4)
 

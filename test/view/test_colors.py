@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import DirectSimulator, InvalidTask, Pose, Rod
-from dlo_planner.view.colors import ALERT, GREY, coloring, viridis
+from dlo_planner.view.colors import ALERT, GRAY, coloring, viridis
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 
@@ -21,7 +21,7 @@ def test_viridis_is_matplotlibs():
 
 
 def test_beyond_the_limit_and_not_known_stand_out():
-    np.testing.assert_array_equal(viridis([1.01, np.inf, np.nan]), [ALERT, ALERT, GREY])
+    np.testing.assert_array_equal(viridis([1.01, np.inf, np.nan]), [ALERT, ALERT, GRAY])
 
 
 def test_brightness_grows_with_the_share():
@@ -56,7 +56,7 @@ def test_a_shape_from_a_file_has_no_yield_limit(tmp_path):
     shape.save(tmp_path / 'shape.npz')
     drawn = coloring(type(shape).load(tmp_path / 'shape.npz'), 'yield')
     assert 'not known' in drawn.caption
-    np.testing.assert_array_equal(drawn.colors, np.tile(GREY, (len(shape.s), 1)))
+    np.testing.assert_array_equal(drawn.colors, np.tile(GRAY, (len(shape.s), 1)))
 
 
 def test_a_straight_dlo_is_dark():

@@ -75,8 +75,8 @@ def test_a_dragged_cut_out_is_planned_anew(page):
     dragged_to(page.cutout, target)
     assert page.settle()
     assert 'ok:' in page.message.content and page.plan.miss.max() < 1e-6
-    centre, _, normal = page.plan.passes[-1][0]
-    np.testing.assert_allclose(centre, target.position)
+    center, _, normal = page.plan.passes[-1][0]
+    np.testing.assert_allclose(center, target.position)
     np.testing.assert_allclose(normal, target.direction, atol=1e-9)
     np.testing.assert_allclose(drawn(page, 'cutout')[0].pose.matrix, target.matrix, atol=1e-9)
     np.testing.assert_allclose(pose_of(page.gripper).matrix, page.plan.grippers[0].matrix,

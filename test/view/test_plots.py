@@ -110,7 +110,7 @@ def test_gripper_hole_and_way_of_a_plan_are_drawn():
         assert is_drawn(axes, [gripper.position + length * gripper.rotation[:, k]
                                for k in range(3)])
     angle = np.linspace(0, 2 * np.pi, 9)
-    rim = hole.centre + hole.radius * (np.outer(np.cos(angle), hole.pose.rotation[:, 1])
+    rim = hole.center + hole.radius * (np.outer(np.cos(angle), hole.pose.rotation[:, 1])
                                        + np.outer(np.sin(angle), hole.pose.rotation[:, 2]))
     assert is_drawn(axes, rim[[0, 2, 4, 6]])
     assert any(isinstance(one, Poly3DCollection) for one in axes.collections)
@@ -130,7 +130,7 @@ def test_centers_without_a_direction_are_drawn_too():
              if hasattr(one, '_faces') else one._vec[:3].mean(axis=1)
              for one in axes.collections if isinstance(one, Poly3DCollection)]
     for hole in holes:
-        assert min(np.linalg.norm(ball - hole.centre) for ball in balls) < 1e-3
+        assert min(np.linalg.norm(ball - hole.center) for ball in balls) < 1e-3
 
 
 def test_obstacles_are_drawn_those_of_the_shape_and_further_ones():
@@ -171,7 +171,7 @@ def test_axes_that_are_given_are_drawn_in_from_the_side():
     hole = values()['CutOut']  # its normal is along x: the plate is cut above and below
     plate = next(one for one in axes.collections if one.get_linewidth()[0] == 3.0)
     ends = np.concatenate([path.vertices for path in plate.get_paths()])
-    np.testing.assert_allclose(np.abs(ends[:, 1] - hole.centre[2]).min(), hole.radius)
+    np.testing.assert_allclose(np.abs(ends[:, 1] - hole.center[2]).min(), hole.radius)
 
 
 def test_axes_in_space_are_kept():

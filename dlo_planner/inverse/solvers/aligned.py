@@ -14,7 +14,7 @@ import numpy as np
 
 from dlo_planner.energy.potential import at_element, evaluate, new_state, project, turned_system
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.linear import assemble, factorise, largest_turn, new_hessian, solve
+from dlo_planner.minimize.linear import assemble, factorize, largest_turn, new_hessian, solve
 from dlo_planner.minimize.newton import residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.ritz.arc import dot, jacobians, rotation_and_chord
@@ -78,7 +78,7 @@ def aligned_newton(system, q, element, fraction, normal, reference, axis, tolera
     while True:
         residual = residual_of(here, state)
         assemble(here, state, hessian)
-        factorise(here, hessian, 0.0)
+        factorize(here, hessian, 0.0)
         misaligned = np.arctan2(np.sqrt(miss[0]**2 + miss[1]**2), dot(tangent, normal))
         converged = residual < tolerance and misaligned < tolerance
         if converged or iterations >= max_iterations:
@@ -128,7 +128,7 @@ def aligned_newton(system, q, element, fraction, normal, reference, axis, tolera
         state, trial = trial, state
         here, there = there, here
     shift = 0.0
-    while factorise(here, hessian, shift) > 0 and shift < 1e12:
+    while factorize(here, hessian, shift) > 0 and shift < 1e12:
         shift = max(1e-3, 4.0 * shift)
     stability, _ = lowest_mode(here, hessian, shift, 1e-4)
     return state, here.base, residual, misaligned, stability, iterations, converged

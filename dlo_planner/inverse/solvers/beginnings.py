@@ -30,8 +30,8 @@ def beginnings(simulator, cutout, start):
     wanted = upright
     if start is not None:
         wanted = least_turn(start.direction, cutout.normal) @ start.rotation
-    discretisation = simulator.discretisation(Pose.from_rotation((0, 0, 0), upright), None)
-    system = discretisation.system(upright)
+    discretization = simulator.discretization(Pose.from_rotation((0, 0, 0), upright), None)
+    system = discretization.system(upright)
 
     def end_rolled(angle):
         """Return strains, gripper rotation, its reference and its roll against that, rad."""
@@ -50,7 +50,7 @@ def beginnings(simulator, cutout, start):
     if rolls_are_alike(simulator):
         # rolled about itself, the DLO carries the gripper along
         strains, base, reference, _ = end_rolled(-roll(0.0))
-        yield _shape_at(discretisation, strains, base), reference, 0.0
+        yield _shape_at(discretization, strains, base), reference, 0.0
         return
     angles = np.linspace(-np.pi, np.pi, _ROLLS + 1)
     rolls = [roll(angle) for angle in angles]
@@ -58,17 +58,17 @@ def beginnings(simulator, cutout, start):
              if rolls[k] * rolls[k + 1] <= 0 and abs(rolls[k] - rolls[k + 1]) < np.pi]
     for root in sorted(roots, key=turn_against_start):
         strains, base, reference, _ = end_rolled(root)
-        yield _shape_at(discretisation, strains, base), reference, 0.0
+        yield _shape_at(discretization, strains, base), reference, 0.0
     for angle in sorted(angles[:-1:2], key=turn_against_start):
         strains, base, _, _ = end_rolled(angle)
-        yield _shape_at(discretisation, strains, base), base, 0.0
+        yield _shape_at(discretization, strains, base), base, 0.0
 
 
 def with_free_end(simulator, end):
     """Return the Shape (a guess) whose free end has the frame `end` (3, 3)."""
-    discretisation = simulator.discretisation(Pose.from_rotation((0, 0, 0), end), None)
-    strains, base = march_from_end(discretisation.system(end), np.array(end, order='C'))
-    return _shape_at(discretisation, strains, base)
+    discretization = simulator.discretization(Pose.from_rotation((0, 0, 0), end), None)
+    strains, base = march_from_end(discretization.system(end), np.array(end, order='C'))
+    return _shape_at(discretization, strains, base)
 
 
 def rolls_are_alike(simulator):
@@ -98,9 +98,9 @@ def _rotvec_between(one, other):
     return axis / sine * np.arctan2(sine, one @ other)
 
 
-def _shape_at(discretisation, strains, base):
+def _shape_at(discretization, strains, base):
     """Return a Shape with these strains, whether in equilibrium or not (a guess)."""
     gripper = Pose.from_rotation((0.0, 0.0, 0.0), base)
-    system = discretisation.system(base)
+    system = discretization.system(base)
     state = placed(system, strains)
-    return shape_of(discretisation, gripper, Minimum(state, np.inf, -np.inf, 0, 0, system))
+    return shape_of(discretization, gripper, Minimum(state, np.inf, -np.inf, 0, 0, system))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.inverse.solvers.beginnings import with_free_end
-from dlo_planner.plan.draft import Brief
 from dlo_planner.inverse.solvers.following import Passing
 from dlo_planner.inverse.solvers.one_point import Aligned
 from dlo_planner.inverse.solvers.quick import gets_there
@@ -15,6 +14,7 @@ from dlo_planner.inverse.solvers.route import Route, motion, picked, sweep
 from dlo_planner.inverse.solvers.two_points import TwoPoints
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.plan.draft import Brief
 
 _CURVES = 16        # depths at which a route is looked for, before the change and after it
 _CHANGES = 8        # changes that are tried
@@ -24,7 +24,7 @@ _BEGINNINGS = 12    # of a way back that are looked at
 
 @dataclass(frozen=True)
 class Change:
-    """Where the motion changes: the free end is at the second centre.
+    """Where the motion changes: the free end is at the second center.
 
     Attributes:
         passing: Passing; depth: m, in the first cut-out
@@ -54,8 +54,8 @@ class Pair:
 
     @property
     def way(self):
-        """(3,) from the first centre to the second, m."""
-        return self.second.centre - self.first.centre
+        """(3,) from the first center to the second, m."""
+        return self.second.center - self.first.center
 
 
 def other_changes(simulator, asked, shapes):
@@ -76,7 +76,7 @@ def other_changes(simulator, asked, shapes):
 
 
 def at_the_second(simulator, asked, shapes):
-    """Return all Crossings whose free end is at the second centre, in the right directions.
+    """Return all Crossings whose free end is at the second center, in the right directions.
 
     And their depths (m,) and directions (m, 3) in the first one.
     """

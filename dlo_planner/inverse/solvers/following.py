@@ -3,8 +3,8 @@
 """Following the shapes that do a task from one depth to another, without a leap.
 
 A task leaves the gripper one free rotation, a roll. At each depth the shapes that do it are a curve
-on the sphere of all hanging shapes (`inverse.solvers.hanging`); a step goes to the next curve, by Newton's
-method, with no roll or with one that is given.
+on the sphere of all hanging shapes (`inverse.solvers.hanging`); a step goes to the next curve, by
+Newton's method, with no roll or with one that is given.
 """
 
 from typing import NamedTuple, Protocol
@@ -12,8 +12,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.plan.continuity import excess, refusal_for_leap
 from dlo_planner.inverse.solvers.hanging import Crossings, HangingShapes
+from dlo_planner.plan.continuity import excess, refusal_for_leap
 
 _LONGEST_STEP = 1 / 16   # of the length
 _SHORTEST_STEP = 1 / 1024
@@ -25,8 +25,8 @@ class Passing(NamedTuple):
 
     Attributes:
         shape: Shape
-        place: (3,) the gripper's origin from the first centre, m
-        second: arc length that is at a second centre, m; None if there is none
+        place: (3,) the gripper's origin from the first center, m
+        second: arc length that is at a second center, m; None if there is none
     """
 
     shape: Shape
@@ -35,7 +35,7 @@ class Passing(NamedTuple):
 
     @property
     def gripper(self) -> tuple[np.ndarray, np.ndarray]:
-        """The gripper's rotation (3, 3) and its position (3,) from the first centre."""
+        """The gripper's rotation (3, 3) and its position (3,) from the first center."""
         return self.shape.gripper.rotation, self.place
 
 

@@ -3,10 +3,10 @@
 """Every way in which a DLO can hang: all its equilibria, as points on a sphere.
 
 Nothing holds the free end, so the direction of gravity in the end's frame names an equilibrium: all
-else follows from it element by element (`inverse.solvers.marching`), up to a turn about the vertical, which
-changes nothing. The equilibria of a DLO are therefore a sphere (compare Bretl and McCarthy 2014 for
-a DLO that is held at both ends), and each task is a set of curves on it. A search on the sphere
-cannot overlook a way, as one that follows a single shape can.
+else follows from it element by element (`inverse.solvers.marching`), up to a turn about the
+vertical, which changes nothing. The equilibria of a DLO are therefore a sphere (compare Bretl and
+McCarthy 2014 for a DLO that is held at both ends), and each task is a set of curves on it. A search
+on the sphere cannot overlook a way, as one that follows a single shape can.
 """
 
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.energy.potential import evaluate, new_state, turned_system
 from dlo_planner.inverse.solvers.marching import march_from_end
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.linear import assemble, factorise, new_hessian
+from dlo_planner.minimize.linear import assemble, factorize, new_hessian
 from dlo_planner.minimize.spectrum import lowest_mode
 
 _POINTS = 2500
@@ -39,7 +39,7 @@ class HangingShapes:
         s: (N + 1,) arc lengths of the nodes, m
         frames: (n, N + 1, 3, 3) and positions: (n, N + 1, 3) of the nodes, m from the gripper
         stability: (n,) smallest eigenvalue of the Hessian, as `Shape.stability`; -1 if negative
-        edges: (m, 2) indices of neighbours on the sphere
+        edges: (m, 2) indices of neighbors on the sphere
     """
 
     up: np.ndarray
@@ -68,7 +68,7 @@ def hanging_shapes(surroundings, s):
         surroundings: Surroundings without obstacles
         s: (N + 1,) nodes, m
     """
-    mesh = Discretisation(surroundings, s, 'local', 0)
+    mesh = Discretization(surroundings, s, 'local', 0)
     load = mesh.static.pull
     size = np.linalg.norm(load, axis=1)
     strongest = load[np.argmax(size)]
@@ -84,7 +84,7 @@ def hanging_shapes(surroundings, s):
 
 @lru_cache(maxsize=2)
 def _sphere(n):
-    """Return n points (n, 3) spread evenly over the unit sphere, and their neighbours (m, 2)."""
+    """Return n points (n, 3) spread evenly over the unit sphere, and their neighbors (m, 2)."""
     k = np.arange(n) + 0.5
     z, turn = 1 - 2 * k / n, np.pi * (1 + np.sqrt(5)) * k  # a Fibonacci lattice
     points = np.column_stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn),
@@ -125,7 +125,7 @@ def _hang(system, ends):
         assemble(here, state, hessian)
         frames[k] = state.rotations
         positions[k] = state.positions
-        if factorise(here, hessian, 0.0) > 0:
+        if factorize(here, hessian, 0.0) > 0:
             stability[k] = -1.0
         else:
             stability[k], _ = lowest_mode(here, hessian, 0.0, 1e-2)
@@ -198,7 +198,7 @@ def crossings(shapes, vectors, goal, s):
 
 
 def _touching(shapes, misfit, scale):
-    """Return the stable points of the grid where |misfit| is least among neighbours, and small."""
+    """Return the stable points of the grid where |misfit| is least among neighbors, and small."""
     size = np.where(np.isfinite(misfit), np.abs(misfit), np.inf)
     least = size < 2 * scale / np.sqrt(size.size)
     a, b = shapes.edges.T

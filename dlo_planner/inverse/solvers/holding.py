@@ -13,13 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.statics import equilibrium, shape_of
 from dlo_planner.energy.contact import along_the_dlo
 from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.potential import placed
 from dlo_planner.errors import InvalidTask
-from dlo_planner.plan.clearance import nearest
 from dlo_planner.inverse.solvers.marching import hanging
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.newton import descend, residual_of
@@ -27,6 +26,7 @@ from dlo_planner.model.along import SeenFrom
 from dlo_planner.model.part import part_of_loads, part_of_rod
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.surface import Surface
+from dlo_planner.plan.clearance import nearest
 from dlo_planner.ritz.kinematics import point_inside
 
 STABLE = 0.02       # least stability: a mesh's error does not make it doubtful
@@ -62,10 +62,10 @@ class ContactFamily:
         around, rod = _about_the_axis(simulator.surroundings), simulator.rod
         thick = float(around.rod.radii([s])[0])
         self._mesh, self._node = _mesh(around, s, elements)
-        self._alone = Discretisation(replace(around, obstacles=()), self._mesh.s, 'local', 0)
+        self._alone = Discretization(replace(around, obstacles=()), self._mesh.s, 'local', 0)
         self._rolling = self._mesh
         if self._node < elements:
-            self._rolling = Discretisation(around, np.delete(self._mesh.s, self._node), 'local', 0)
+            self._rolling = Discretization(around, np.delete(self._mesh.s, self._node), 'local', 0)
         self._scene = self._mesh.static.scene
         self._body, self.place, self.frame = _placed(self._scene, contact, thick, rod.length)
         self.obstacle = int(self._scene.source[self._body])
@@ -172,15 +172,15 @@ def _about_the_axis(surroundings):
 
 
 def _mesh(surroundings, s, elements):
-    """Return a Discretisation in which `s` is a node, and that node."""
+    """Return a Discretization in which `s` is a node, and that node."""
     length = surroundings.rod.length
     if s >= length * (1 - 1e-9):
-        return Discretisation(surroundings, np.linspace(0, length, elements + 1), 'local',
+        return Discretization(surroundings, np.linspace(0, length, elements + 1), 'local',
                               0), elements
     node = int(np.clip(round(elements * s / length), 2, elements - 2))
     nodes = np.concatenate([np.linspace(0, s, node + 1),
                             np.linspace(s, length, elements - node + 1)[1:]])
-    return Discretisation(surroundings, nodes, 'local', 0), node
+    return Discretization(surroundings, nodes, 'local', 0), node
 
 
 def _placed(scene, contact, radius, length):
@@ -209,7 +209,7 @@ def _cantilever(mesh, node, frame):
     It is the shape that it falls into from its natural one.
 
     Args:
-        mesh: Discretisation of the whole DLO, without obstacles
+        mesh: Discretization of the whole DLO, without obstacles
     """
     if node == mesh.s.size - 1:
         return np.array(frame, order='C'), mesh.natural[-1]
@@ -218,6 +218,6 @@ def _cantilever(mesh, node, frame):
     part = replace(around, rod=part_of_rod(mesh.rod, s, 1),
                    load=SeenFrom(load, s, 1) if callable(load) else load,
                    point_loads=part_of_loads(around.point_loads, around.rod, s, 1))
-    tail = Discretisation(part, mesh.s[node:] - s, 'local', 0)
+    tail = Discretization(part, mesh.s[node:] - s, 'local', 0)
     shape, _ = equilibrium(tail, Pose.from_rotation(np.zeros(3), frame), tail.natural)
     return np.array(shape.frames[-1], order='C'), shape.strains[0]

@@ -18,19 +18,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.solvers.beginnings import beginnings, with_free_end
-from dlo_planner.plan.clearance import sheet_of
-from dlo_planner.plan.continuity import gripper_motion, refusal_for_leap
-from dlo_planner.plan.draft import Draft
 from dlo_planner.inverse.solvers.marching import hanging
 from dlo_planner.inverse.solvers.one_point import aligned_shape
-from dlo_planner.plan.plan import waypoint_at
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.part import before
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.plan.clearance import sheet_of
+from dlo_planner.plan.continuity import gripper_motion, refusal_for_leap
+from dlo_planner.plan.draft import Draft
+from dlo_planner.plan.plan import waypoint_at
 
 _ELEMENTS = 64
 _PACE = 0.1       # rad plus part of the length: a longer step is looked at, or made in parts
@@ -73,7 +73,7 @@ class _Insertion:
             if index:
                 shape = self._shape(stop, draft, stops[index - 1][0])
                 self._check_step(stops[index - 1], stop, shape, draft)
-            waypoint = waypoint_at(shape, self.bore.centre, shape.s[-1], self.bore.normal)
+            waypoint = waypoint_at(shape, self.bore.center, shape.s[-1], self.bore.normal)
             draft.add(waypoint.inside([self.bore], [self.sheet], self.brief.surface))
         return draft.finished()
 
@@ -120,10 +120,10 @@ class _Insertion:
         """Return about the gripper's Pose at a stop: one march from the mouth."""
         self.brief.progress.check()
         rod = self._rod(stop)
-        mesh = Discretisation(replace(self.simulator.surroundings, rod=rod),
+        mesh = Discretization(replace(self.simulator.surroundings, rod=rod),
                               np.linspace(0, rod.length, _ELEMENTS + 1), 'local', 0)
         state, base = hanging(mesh.system(self.end), self.end)
-        return Pose.from_rotation(self.bore.centre - state.positions[-1], base)
+        return Pose.from_rotation(self.bore.center - state.positions[-1], base)
 
     def _shape(self, stop, draft, reached):
         """Return the Shape at a stop, confirmed with its end at the mouth; raise Infeasible."""
@@ -135,15 +135,15 @@ class _Insertion:
         if shape is None:
             raise draft.refusal('equilibrium', depth - reached,
                                 'no equilibrium is free of force at the mouth')
-        shape = shape.moved(self.bore.centre - shape.positions[-1])
+        shape = shape.moved(self.bore.center - shape.positions[-1])
         if depth or carried:
             # the bore holds the end, which makes it more stable; without a mass at the mouth that
             # has to cost nothing. The weight of a mass it bears along its axis as well.
-            mouth = FarEnd(Pose.from_rotation(self.bore.centre, shape.frames[-1]),
+            mouth = FarEnd(Pose.from_rotation(self.bore.center, shape.frames[-1]),
                            'clamped' if carried else 'sleeve')
             if carried:  # a start for the DLO with the whole mass, no more
                 outside = self.simulator.with_rod(self._rod((depth, 0.0)))
-                shape = replace(shape, _discretisation=None, _history=None)
+                shape = replace(shape, _discretization=None, _history=None)
             shape = outside.solve(shape.gripper, shape, far_end=mouth)
         if not shape.converged:
             raise _unconverged(draft, shape, depth - reached)

@@ -56,7 +56,7 @@ def _value(penalties, shape):
 
 
 def _step_within_ball(rows, right, x):
-    """Return the step (6,) that minimises |rows step + right| with |x + step| <= 1.
+    """Return the step (6,) that minimizes |rows step + right| with |x + step| <= 1.
 
     The multiplier of the constraint is found by bisection.
     """

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's nested optimisation (sections 5.1, 5.2): outer over the gripper, inner direct.
+"""The paper's nested optimization (sections 5.1, 5.2): outer over the gripper, inner direct.
 
 Slower than `aligned`, and independent of it: nothing but `DirectSimulator.solve` is used.
 """
@@ -15,7 +15,7 @@ from dlo_planner.model.pose import Pose
 
 
 def nested_alignment(simulator, initial, s, normal, reference, penalty=1.0):
-    """Return the Shape whose tangent at `s` is `normal`, minimising c arccos(t . n)^2.
+    """Return the Shape whose tangent at `s` is `normal`, minimizing c arccos(t . n)^2.
 
     The outer variables are two rotations of the gripper since `reference`, across `free_axis`.
     The penalty is written as a sum of squares, c |angle vector|^2, and left to least squares.

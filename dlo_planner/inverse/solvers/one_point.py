@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The shapes that pass one centre along a normal, at each depth."""
+"""The shapes that pass one center along a normal, at each depth."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -66,38 +66,38 @@ def aligned_shape(simulator, guess, s, normal, reference):
     Args:
         guess: Shape; reference: (3, 3) gripper rotation since which it does not turn freely
     """
-    discretisation = guess._discretisation
+    discretization = guess._discretization
     for _ in range(6):
-        shape = aligned_on(discretisation, guess, s, normal, reference)
+        shape = aligned_on(discretization, guess, s, normal, reference)
         if shape is None:
             return None
-        better = simulator.discretisation(shape.gripper, shape)
-        if better is discretisation:
+        better = simulator.discretization(shape.gripper, shape)
+        if better is discretization:
             return shape
-        discretisation, guess = better, shape
+        discretization, guess = better, shape
     return shape
 
 
-def aligned_on(discretisation, guess, s, normal, reference):
-    """Return what `aligned_shape` returns, on a Discretisation."""
-    system = discretisation.system(guess.gripper.rotation)
-    q = np.empty((discretisation.n_unknowns, 3))
-    unknowns_of(system, discretisation.strains_from(guess.s, guess.element_strains), q)
-    element = min(int(np.searchsorted(discretisation.s, s, side='right')) - 1,
-                  discretisation.s.size - 2)
-    fraction = (s - discretisation.s[element]) / system.lengths[element]
+def aligned_on(discretization, guess, s, normal, reference):
+    """Return what `aligned_shape` returns, on a Discretization."""
+    system = discretization.system(guess.gripper.rotation)
+    q = np.empty((discretization.n_unknowns, 3))
+    unknowns_of(system, discretization.strains_from(guess.s, guess.element_strains), q)
+    element = min(int(np.searchsorted(discretization.s, s, side='right')) - 1,
+                  discretization.s.size - 2)
+    fraction = (s - discretization.s[element]) / system.lengths[element]
     state, base, residual, _, stability, iterations, converged = aligned_newton(
         system, q, element, fraction, np.array(normal), np.array(reference, order='C'),
         free_axis(reference, normal), TOLERANCE, _MAX_ITERATIONS)
     if not converged:
         return None
     gripper = Pose.from_rotation((0.0, 0.0, 0.0), base)
-    return shape_of(discretisation, gripper,
+    return shape_of(discretization, gripper,
                     Minimum(state, residual, stability, iterations, 0, system))
 
 
 def _nested(simulator, guess, s, normal, reference):
-    """Return the aligned Shape by the paper's nested minimisation, or None."""
+    """Return the aligned Shape by the paper's nested minimization, or None."""
     shape = nested_alignment(simulator, guess, s, normal, reference)
     aligned = _angle(shape.at(s).direction, normal) < 1e-8
     return shape if shape.converged and aligned else None

@@ -22,7 +22,7 @@ _ANY = Pose.looking_along((0, 0, 0), (1, 0, 0))
 def quick_simulator(simulator):
     """Return a DirectSimulator of the same DLO that is quick, for searches; itself if it is."""
     around = simulator.surroundings
-    quick = simulator._discretisation.s.size <= _CHEAP if simulator.accuracy is None else (
+    quick = simulator._discretization.s.size <= _CHEAP if simulator.accuracy is None else (
         simulator.accuracy >= 0.5 * _ROUGH * around.rod.length)
     if quick:
         return simulator
@@ -32,7 +32,7 @@ def quick_simulator(simulator):
 
 def grid_nodes(simulator):
     """Return nodes (N + 1,) for the grid's shapes, about _ELEMENTS elements."""
-    s = simulator.discretisation(_ANY, None).s
+    s = simulator.discretization(_ANY, None).s
     return s[np.unique(np.linspace(0, s.size - 1, min(s.size, _ELEMENTS + 1)).astype(int))]
 
 

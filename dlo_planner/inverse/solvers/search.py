@@ -4,7 +4,7 @@
 
 The paper's interlaced search: outside, the gripper's pose; inside, the direct simulation. The
 outer search is SciPy's: least squares where the penalty is a sum of squares, else BFGS. Its
-derivatives come from the sensitivities of the equilibrium, one factorisation each instead of a
+derivatives come from the sensitivities of the equilibrium, one factorization each instead of a
 dozen more equilibria.
 
 A penalty is an object as in `inverse.penalties`, or a function of the shape: of (k,) numbers that
@@ -70,7 +70,7 @@ class Found(Value):
                      f'{self.iterations} iterations', repr(self.gripper))
 
 
-def minimise_penalty(simulator: DirectSimulator, penalties: object, start: Pose, *,
+def minimize_penalty(simulator: DirectSimulator, penalties: object, start: Pose, *,
                      initial: Shape | None = None, max_iterations: int = 200,
                      progress: OnProgress = None, deadline: float | None = None) -> Found:
     """Return the Found of a task given as penalties of the shape (paper, section 5.1).

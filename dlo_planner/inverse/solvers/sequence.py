@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Threading through more than two cut-outs: nearest to all of their centres that are passed.
+"""Threading through more than two cut-outs: nearest to all of their centers that are passed.
 
 The gripper has six degrees of freedom, and how far the DLO has gone through each cut-out but the
-first is free: two centres can be hit, three in general cannot. So their weighted distances are
-minimised, by the search for any task. What is ahead counts smoothly more as the free end comes
+first is free: two centers can be hit, three in general cannot. So their weighted distances are
+minimized, by the search for any task. What is ahead counts smoothly more as the free end comes
 near, so that the gripper's way is continuous: the DLO, extended straight on, aims at it.
 """
 
@@ -15,16 +15,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.errors import Infeasible
-from dlo_planner.inverse.solvers.beginnings import rolls_are_alike
-from dlo_planner.plan.clearance import sheet_of
-from dlo_planner.plan.continuity import largest_shift, largest_turn, refusal_for_leap
-from dlo_planner.plan.draft import Brief, Draft
-from dlo_planner.inverse.solvers.nearest import nearest_within
 from dlo_planner.inverse.penalties import DirectionAt, PositionAt, Through
-from dlo_planner.plan.plan import waypoint_at
+from dlo_planner.inverse.solvers.beginnings import rolls_are_alike
+from dlo_planner.inverse.solvers.nearest import nearest_within
 from dlo_planner.inverse.solvers.quick import quick_simulator
 from dlo_planner.inverse.solvers.threading import thread
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.clearance import sheet_of
+from dlo_planner.plan.continuity import largest_shift, largest_turn, refusal_for_leap
+from dlo_planner.plan.draft import Brief, Draft
+from dlo_planner.plan.plan import waypoint_at
 
 _BLEND = 0.25         # of the length: from there on a cut-out ahead counts
 _LONGEST_STEP = 1 / 20  # of the length: depth steps of the continuation
@@ -54,14 +54,14 @@ class Sequence:
     brief: Brief
 
     @cached_property
-    def centres(self):
+    def centers(self):
         """(k, 3) m."""
-        return np.array([cutout.centre for cutout in self.cutouts])
+        return np.array([cutout.center for cutout in self.cutouts])
 
     @cached_property
     def apart(self):
-        """(k,) how deep a straight DLO is as its free end reaches each centre, m."""
-        legs = np.linalg.norm(np.diff(self.centres, axis=0), axis=1)
+        """(k,) how deep a straight DLO is as its free end reaches each center, m."""
+        legs = np.linalg.norm(np.diff(self.centers, axis=0), axis=1)
         return np.concatenate([[0.0], legs.cumsum()])
 
 
@@ -111,7 +111,7 @@ def _rolled(simulator, asked):
 
 def _thread(simulator, asked):
     """Return the Plan that begins with the roll of `asked.start`."""
-    length, brief, centres = simulator.rod.length, asked.brief, asked.centres
+    length, brief, centers = simulator.rod.length, asked.brief, asked.centers
     sheets = [sheet_of(cutout, length, brief.obstacles) for cutout in asked.cutouts]
     draft = Draft(asked.depths, brief)
     begin = thread(simulator, asked.cutouts[0], np.zeros(1), asked.start, None, 'coupled',
@@ -121,16 +121,16 @@ def _thread(simulator, asked):
         shape, depth = _follow(simulator, asked, shape, depth, wanted)
         if depth < wanted:
             raise draft.refusal('equilibrium', wanted - depth, 'no stable shape was found that is '
-                                f'nearest to the centres beyond depth {depth:g} m')
+                                f'nearest to the centers beyond depth {depth:g} m')
         refusal = refusal_for_leap(simulator, draft, shape)
         if refusal is not None:
             raise refusal
-        waypoint = waypoint_at(shape, centres[0], length - wanted, None)
-        for centre in centres[1:]:
-            s = Through(centre, length - wanted).passage(shape)
+        waypoint = waypoint_at(shape, centers[0], length - wanted, None)
+        for center in centers[1:]:
+            s = Through(center, length - wanted).passage(shape)
             if s > length:
                 break
-            waypoint = waypoint.also(centre, s)
+            waypoint = waypoint.also(center, s)
         for k, (cutout, (_, s, _)) in enumerate(zip(asked.cutouts, waypoint.passes, strict=False)):
             along = float(shape.frame_at(s)[0][:, 0] @ cutout.normal)
             if along <= 0:
@@ -145,7 +145,7 @@ def _tasks(asked, depth, length):
     cutouts, weights = asked.cutouts, asked.weights
     share = np.clip((depth - asked.apart) / (_BLEND * length) + 1, 0, 1)
     share = share**2 * (3 - 2 * share)
-    tasks = [PositionAt(length - depth, cutouts[0].centre, weights[0])]
+    tasks = [PositionAt(length - depth, cutouts[0].center, weights[0])]
     if share[1] < 1:
         tasks.append(DirectionAt(length - depth, cutouts[0].normal,
                                  _FREE * (1 - share[1]) * length))
@@ -153,9 +153,9 @@ def _tasks(asked, depth, length):
         # Two can be hit, whatever the weight: so the second one may decide what the normal did,
         # and has to count in full before a third one does.
         second = share[1] * max(_FREE, min(1.0, share[2] / _SOON))
-        tasks.append(Through(cutouts[1].centre, length - depth,
+        tasks.append(Through(cutouts[1].center, length - depth,
                              weights[1] * (1.0 if share[1] == 1 else second)))
-    return tasks + [Through(cutout.centre, length - depth, weight * part)
+    return tasks + [Through(cutout.center, length - depth, weight * part)
                     for cutout, weight, part in zip(cutouts[2:], weights[2:], share[2:],
                                                     strict=True) if part > 0]
 
@@ -177,7 +177,7 @@ class _NotRolled:
 
 
 def _follow(simulator, asked, shape, depth, wanted):
-    """Return the Shape nearest to the centres at the depth `wanted`, and how far it came, m.
+    """Return the Shape nearest to the centers at the depth `wanted`, and how far it came, m.
 
     Args:
         shape: Shape at `depth`, m

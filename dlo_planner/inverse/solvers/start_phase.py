@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From where the gripper is to where a threading begins, without touching the sheet.
 
-The gripper goes straight, turning evenly, to where the free end is `standoff` before the centre,
+The gripper goes straight, turning evenly, to where the free end is `standoff` before the center,
 stops there, and goes in along the normal: few corners set the DLO swinging least. Where the DLO
 would come too near to the sheet on that way, the gripper backs off along the normal first, turns,
 and comes straight. While it only translates, a DLO that is behind the sheet at both ends of the way
@@ -15,12 +15,12 @@ import numpy as np
 
 from dlo_planner.direct.continuation import between
 from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.solvers.quick import quick_simulator
+from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import apart, same
 from dlo_planner.plan.draft import Draft
 from dlo_planner.plan.plan import Waypoint
-from dlo_planner.inverse.solvers.quick import quick_simulator
-from dlo_planner.model.pose import Pose, angle_between
 
 _MARGIN = 0.02        # of the length
 _LONGEST = 0.1        # of the length, and
@@ -36,11 +36,11 @@ def start_phase(simulator, cutout, start, first, standoff, initial, brief):
         simulator: DirectSimulator
         cutout: CutOut; start: Pose of the gripper
         first: Shape where the threading begins
-        standoff: m, between the free end and the centre where the last straight way begins
+        standoff: m, between the free end and the center where the last straight way begins
         initial: Shape at `start`; None: the natural shape set down there
         brief: Brief
     """
-    behind = float((cutout.centre - start.position) @ cutout.normal)
+    behind = float((cutout.center - start.position) @ cutout.normal)
     back = max(0.0, (1 + _MARGIN) * simulator.rod.length + brief.surface.bound - behind)
     quick = quick_simulator(simulator)
     own = quick is simulator
@@ -92,7 +92,7 @@ def _from_behind(simulator, first, asked, brief, back):
         if initial.jumped and draft.waypoints:
             raise draft.refusal('continuity', apart(initial, draft.last), 'the DLO would fall into '
                                 'another shape on the way there')
-        room = float(((cutout.centre - initial.positions) @ normal).min()) - brief.surface.bound
+        room = float(((cutout.center - initial.positions) @ normal).min()) - brief.surface.bound
         if room < wanted:
             raise draft.refusal('clearance', wanted - room, 'the DLO is not behind the sheet' if
                                 room < 0 else f'the DLO would turn {room:.3g} m behind the sheet')
@@ -105,7 +105,7 @@ def _from_behind(simulator, first, asked, brief, back):
 
 
 def _entering(first, normal, standoff, length):
-    """Return the Poses from where the free end is `standoff` before the centre to `first`."""
+    """Return the Poses from where the free end is `standoff` before the center to `first`."""
     before = Pose.from_rotation(first.position - standoff * normal, first.rotation)
     return [before, *_way(before, first, length)]
 
@@ -118,7 +118,7 @@ def _blended(start, before, standoff, radius, length):
 
 def _cornered(cutout, start, before, radius, length, back):
     """Return the same of a way back along the normal by `back` (m), a turn, and a way there."""
-    safe = (cutout.centre - start.position) @ cutout.normal + back >= length + radius
+    safe = (cutout.center - start.position) @ cutout.normal + back >= length + radius
     away = start.position - back * cutout.normal
     lifted, turned = (Pose.from_rotation(away, pose.rotation) for pose in (start, before))
     return ([(pose, 0.0) for pose in _way(start, lifted, length)]

@@ -10,11 +10,11 @@ direction of the contact follow from the direct simulation, and drift.
 import numpy as np
 
 from dlo_planner.inverse.solvers.contact import first_choice
+from dlo_planner.inverse.solvers.touching import Contacting
+from dlo_planner.model.pose import Pose
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.draft import Draft
 from dlo_planner.plan.plan import waypoint_at
-from dlo_planner.inverse.solvers.touching import Contacting
-from dlo_planner.model.pose import Pose
 
 _FOUND = 1e-6     # of the length: how exactly an arc length touches
 _HOP = 5e-3       # of the length: so far a contact may hop where it passes a node

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Threading through one cut-out: at every depth the DLO passes the centre along the normal."""
+"""Threading through one cut-out: at every depth the DLO passes the center along the normal."""
 
 from dataclasses import dataclass, replace
 
@@ -8,19 +8,19 @@ import numpy as np
 
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.solvers.beginnings import beginnings, rolls_are_alike, with_free_end
-from dlo_planner.plan.clearance import sheet_of
-from dlo_planner.plan.continuity import largest_turn
-from dlo_planner.plan.draft import Brief, Draft
 from dlo_planner.inverse.solvers.even_rolls import EvenRolls, even_rolls
 from dlo_planner.inverse.solvers.following import follow, refusal_for_step
 from dlo_planner.inverse.solvers.hanging import hanging_shapes
 from dlo_planner.inverse.solvers.one_point import Aligned
-from dlo_planner.plan.plan import PlanStatus, first_part, waypoint_of
 from dlo_planner.inverse.solvers.quick import gets_there, grid_nodes, quick_simulator, thinned
 from dlo_planner.inverse.solvers.route import find_route
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.plan.clearance import sheet_of
+from dlo_planner.plan.continuity import largest_turn
+from dlo_planner.plan.draft import Brief, Draft
+from dlo_planner.plan.plan import PlanStatus, first_part, waypoint_of
 
 _ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
 _DOUBTFUL = 0.05    # stability below which another roll is looked for
@@ -140,7 +140,7 @@ def _starts(simulator, curve, asked):
     cost = np.full(len(curve), np.inf)
     most = _STARTS[asked.initial is not None]
     for k in np.unique(np.linspace(0, len(curve) - 1, min(len(curve), most)).astype(int)):
-        gripper = Pose.from_rotation(asked.cutout.centre + curve.places[k], curve.grippers[k])
+        gripper = Pose.from_rotation(asked.cutout.center + curve.places[k], curve.grippers[k])
         if gets_there(simulator, gripper, curve.ends[k], asked.initial):
             turn = 0.0 if asked.start is None else angle_between(
                 gripper.rotation, asked.start.rotation)
@@ -162,7 +162,7 @@ def kept_before(plan, cutout, wanted, may_end):
     Raises:
         Infeasible: it may not, or the first waypoint is too near already
     """
-    rooms = np.array([(cutout.centre - gripper.position) @ cutout.normal
+    rooms = np.array([(cutout.center - gripper.position) @ cutout.normal
                       for gripper in plan.grippers])
     if (rooms >= wanted).all():
         return plan
@@ -206,7 +206,7 @@ def _thread_from(simulator, asked, begin, route, method):
             raise refusal
         here, depth = found, wanted
         passings.append(here)
-        draft.add(waypoint_of(here.shape, cutout.centre, length - wanted, cutout.normal).inside(
+        draft.add(waypoint_of(here.shape, cutout.center, length - wanted, cutout.normal).inside(
             [cutout], [sheet], brief.surface))
     plan = draft.finished()
     return _evenly(simulator, asked, begin, method, plan, passings) if jerks else plan

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One contact at one arc length: which forces keep everything, and what is wrong where none does.
 
-The curve of shapes is `inverse.solvers.holding`'s; here are the plan's demands on it, and its confirmation
-by the direct simulation.
+The curve of shapes is `inverse.solvers.holding`'s; here are the plan's demands on it, and its
+confirmation by the direct simulation.
 """
 
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ import numpy as np
 
 from dlo_planner.direct.accuracy import step
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.plan.continuity import apart
-from dlo_planner.plan.draft import Brief
 from dlo_planner.inverse.solvers.holding import STABLE, ContactFamily
 from dlo_planner.inverse.solvers.intervals import intervals
-from dlo_planner.plan.plan import waypoint_at
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.continuity import apart
+from dlo_planner.plan.draft import Brief
+from dlo_planner.plan.plan import waypoint_at
 
 LEAST, MOST = 1e-3, 30.0  # forces looked at, as parts of the natural ones
 _ELEMENTS = 64            # of the mesh on which a force is chosen
@@ -44,7 +44,7 @@ class Contacting:
     @classmethod
     def at(cls, simulator, contact, s, brief):
         """Return the task of keeping `contact` at `s`."""
-        own = simulator._discretisation
+        own = simulator._discretization
         elements = min(max(own.s.size - 1, 8), 2 * _ELEMENTS)
         return cls(simulator, ContactFamily(simulator, contact, s, brief.progress.check, elements),
                    contact, brief)
@@ -100,7 +100,7 @@ class Contacting:
 
     def _guess(self, force):
         """Return the Shape with this force on a mesh that is as good as the simulator's."""
-        own, accuracy = self.simulator._discretisation, self.simulator.accuracy
+        own, accuracy = self.simulator._discretization, self.simulator.accuracy
         shape = self.family.shape(force)
         elements = shape.s.size - 1
         wanted = own.s.size - 1
@@ -134,7 +134,7 @@ class Contacting:
             least = min(family.shape(force).violation for force in family.known)
             return draft.refusal('contact', least, f'{looked}: with each of them it would be in an '
                                  f'obstacle, by {least:.3g} m at least')
-        found, _ = step(best._discretisation, best.gripper, best, None, None)
+        found, _ = step(best._discretization, best.gripper, best, None, None)
         return self.left(draft, best, found, f'{looked} in a stable shape: the best one has a '
                          f'stability of {best.stability:.3g}')
 
@@ -143,7 +143,7 @@ class Contacting:
         best = max((self.family.shape(force) for part in parts for force in part),
                    key=lambda shape: shape.stability)
         return self.left(draft, best, self.simulator.solve(best.gripper, best),
-                         'the direct simulation with its own discretisation confirms none of the '
+                         'the direct simulation with its own discretization confirms none of the '
                          'contact forces that should do; a finer one may')
 
     def left(self, draft, shape, found, why):

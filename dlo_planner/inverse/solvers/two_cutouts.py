@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Threading through two cut-outs: their centres without orientation (paper, section 5.2, Fig. 14).
+"""Threading through two cut-outs: their centers without orientation (paper, section 5.2, Fig. 14).
 
 Until the free end reaches the second cut-out, the DLO passes the first one along one direction;
-from then on it passes both centres at once. The direction is the one it has at the moment of the
+from then on it passes both centers at once. The direction is the one it has at the moment of the
 change, so that the gripper's way is continuous. As gravity does not notice where the gripper is,
 its rotation and one arc length are solved for, x(s2) - x(s1) = P2 - P1, and it is displaced after.
 Each cut-out is passed in its direction, possibly obliquely.
@@ -16,18 +16,18 @@ import numpy as np
 
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.solvers.changes import Change, Pair, at_the_second, other_changes
-from dlo_planner.plan.clearance import sheet_of
-from dlo_planner.plan.draft import Brief, Draft
 from dlo_planner.inverse.solvers.following import follow, refusal_for_step
 from dlo_planner.inverse.solvers.hanging import hanging_shapes
 from dlo_planner.inverse.solvers.one_point import Aligned
-from dlo_planner.plan.plan import waypoint_of
 from dlo_planner.inverse.solvers.quick import grid_nodes, quick_simulator, thinned
 from dlo_planner.inverse.solvers.threading import NO_WAY, Threading, first_choice
 from dlo_planner.inverse.solvers.two_points import TwoPoints
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.clearance import sheet_of
+from dlo_planner.plan.draft import Brief, Draft
+from dlo_planner.plan.plan import waypoint_of
 
 _GUESSES = 9
 _DEMANDED = 4  # changes that are tried where a demand refuses them
@@ -42,7 +42,7 @@ def thread_two(simulator, first, second, depths, start, brief):
     """
     asked = Pair(first, second, depths, start, brief)
     if np.linalg.norm(asked.way) < 1e-6 * simulator.rod.length:
-        raise InvalidTask('second: expected another centre than the first cut-out\'s')
+        raise InvalidTask('second: expected another center than the first cut-out\'s')
     quick = quick_simulator(simulator)
     plan, change = _search(quick, asked if quick is simulator else
                            replace(asked, brief=brief.silent(quick)))
@@ -97,18 +97,18 @@ def _changes(simulator, asked, shapes):
 
 
 def _unreached(simulator, asked, shapes=None):
-    """Return Infeasible: both centres cannot be passed at once."""
+    """Return Infeasible: both centers cannot be passed at once."""
     apart = float(np.linalg.norm(asked.way))
     missing = max(apart - simulator.rod.length, 0.0)
     if shapes is not None:
         begin = _no_beginning(simulator, asked, shapes)
         if begin is not None:
             return Draft(asked.depths, asked.brief).refusal(
-                begin.constraint, begin.amount, 'stable shapes pass both centres, but set down in '
+                begin.constraint, begin.amount, 'stable shapes pass both centers, but set down in '
                 'its natural shape the DLO falls into none that leads to them')
         missing = TwoPoints(simulator, asked.way).least_miss(shapes)
     waypoint = min(int(np.searchsorted(asked.depths, apart)), len(asked.depths) - 1)
-    return Infeasible(f'no stable shape was found that passes both centres, {apart:g} m apart, in '
+    return Infeasible(f'no stable shape was found that passes both centers, {apart:g} m apart, in '
                       'their directions as the free end reaches the second one', waypoint, 'reach',
                       missing, Draft(asked.depths, asked.brief).partial())
 
@@ -121,7 +121,7 @@ def _no_beginning(simulator, asked, shapes):
     _, depths, along = at_the_second(simulator, asked, shapes)
     along, refusals = along[depths > asked.depths[0]], []
     for direction in along[::max(1, len(along) // _GUESSES)]:
-        begin = CutOut(Pose.looking_along(asked.first.centre, direction))
+        begin = CutOut(Pose.looking_along(asked.first.center, direction))
         try:
             first_choice(simulator, Threading(begin, asked.depths[:1], asked.start, None,
                                               Brief((1.0, 1.0))))
@@ -133,9 +133,9 @@ def _no_beginning(simulator, asked, shapes):
 
 
 def _straight_there(simulator, asked):
-    """Return the Change found from a threading along the way to the second centre, or None."""
+    """Return the Change found from a threading along the way to the second center, or None."""
     length, apart = simulator.rod.length, float(np.linalg.norm(asked.way))
-    along = CutOut(Pose.looking_along(asked.first.centre, asked.way))
+    along = CutOut(Pose.looking_along(asked.first.center, asked.way))
     for share in np.linspace(1.0, 1.4, _GUESSES):
         depth = share * apart
         if depth >= length:
@@ -220,9 +220,9 @@ def _judged(simulator, asked, change, found):
         if refusal is not None:
             raise refusal
         second = here.second if depth >= change.depth else None
-        waypoint = waypoint_of(here.shape, asked.first.centre, length - depth, None)
+        waypoint = waypoint_of(here.shape, asked.first.center, length - depth, None)
         if second is not None:
-            waypoint = waypoint.also(asked.second.centre, second)
+            waypoint = waypoint.also(asked.second.center, second)
         draft.add(waypoint.inside(cutouts, sheets, asked.brief.surface))
         before = here
     return draft.finished()
@@ -237,9 +237,9 @@ def _refusal(simulator, asked, draft, before, here, missing, too_far):
     """
     if here is None and too_far:
         return draft.refusal('continuity', too_far, 'the gripper would have to leap: the shapes '
-                             'that pass the centres turn back there')
+                             'that pass the centers turn back there')
     if here is None:
-        return draft.refusal('equilibrium', missing, 'no equilibrium that passes the centres was '
+        return draft.refusal('equilibrium', missing, 'no equilibrium that passes the centers was '
                              'found')
     shape = here.shape
     if shape.stability < -NEUTRAL:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The shapes that pass two centres at once, without a direction: x(s2) - x(s1) = P2 - P1."""
+"""The shapes that pass two centers at once, without a direction: x(s2) - x(s1) = P2 - P1."""
 
 import numpy as np
 
@@ -17,11 +17,11 @@ _LARGEST_TURN = 0.3     # rad per step
 
 
 class TwoPoints:
-    """The shapes that pass both centres, at each depth in the first.
+    """The shapes that pass both centers, at each depth in the first.
 
     Args:
         simulator: DirectSimulator
-        way: (3,) from the first centre to the second, m
+        way: (3,) from the first center to the second, m
     """
 
     def __init__(self, simulator, way):
@@ -40,7 +40,7 @@ class TwoPoints:
         return None if found is None else found[0]
 
     def from_end(self, guess, depth):
-        """Return the Passing whose free end is at the second centre, and its depth, m, or None.
+        """Return the Passing whose free end is at the second center, and its depth, m, or None.
 
         Args:
             guess: Shape near it, in equilibrium; depth: about, m
@@ -67,7 +67,7 @@ class TwoPoints:
         return self._between(shapes, s1, s2)
 
     def last_crossings(self, shapes):
-        """Return where the shapes whose free end is at the second centre cross the grid.
+        """Return where the shapes whose free end is at the second center cross the grid.
 
         And the depth (m,) of each in the first.
         """
@@ -78,9 +78,9 @@ class TwoPoints:
         return found, shapes.s[-1] - ((1 - found.shares) * s1[a] + found.shares * s1[b])
 
     def least_miss(self, shapes):
-        """Return the least distance (m) of a stable shape's free end from the second centre.
+        """Return the least distance (m) of a stable shape's free end from the second center.
 
-        The shape passes the first centre somewhere; its turn about the vertical is free.
+        The shape passes the first center somewhere; its turn about the vertical is free.
         """
         stable = shapes.stability > 0
         chords = shapes.positions[stable, -1:] - shapes.positions[stable]
@@ -117,7 +117,7 @@ def two_points(simulator, shape, way, s, free, roll=0.0):
     Args:
         s: arc lengths s1 and s2, m; free: 'first' or 'second': which of them is sought
         roll: rad about the axis that the task leaves free; made together with the rest, so that
-            the shapes in between pass both centres, about
+            the shapes in between pass both centers, about
 
     Returns:
         Shape, s1, s2; None if there is none

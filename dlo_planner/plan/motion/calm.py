@@ -21,9 +21,9 @@ from dlo_planner.plan.motion.fastest import fastest_rates
 from dlo_planner.plan.motion.kept_limits import most_used
 from dlo_planner.plan.motion.leg_response import Response
 from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.path import Leg
 from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.motion.timed_path import smoothed
+from dlo_planner.plan.path import Leg
 
 _BOUNDS, _CLOSER = 12, 0.7  # bounds of deviations that are tried, parts of the one before
 _OFF = (0.95, 1.05)  # frequencies: a response is not quite that of the DLO, and
@@ -42,7 +42,7 @@ class LegTask:
 
     Attributes:
         leg: Leg; response: Response on it; limits: Limits
-        holes: (k, n) arc lengths that pass the k centres at the parameters of `response`, m, nan
+        holes: (k, n) arc lengths that pass the k centers at the parameters of `response`, m, nan
             where none does
         last: whether the plan ends with it
         wrong: Responses, at the same parameters, of DLOs whose stiffness is wrong
@@ -105,10 +105,10 @@ class LegTask:
 
 @dataclass(frozen=True)
 class Passage:
-    """How a DLO passes a centre; n parameters and m modes as of its Response.
+    """How a DLO passes a center; n parameters and m modes as of its Response.
 
     Attributes:
-        before: (n,) m, of the free end from the centre, as far as it is not passed; 0 from then on
+        before: (n,) m, of the free end from the center, as far as it is not passed; 0 from then on
         across: (n, m, 3) m, displacements by the modes of what passes, of the free end before
         tangents: (n, 3) there; ahead: (n, m) m, displacements along them
     """
@@ -120,7 +120,7 @@ class Passage:
 
     @classmethod
     def of(cls, response, s):
-        """Return the Passage at arc lengths s (n,), nan where the centre is not passed."""
+        """Return the Passage at arc lengths s (n,), nan where the center is not passed."""
         first = np.argmax(np.isfinite(s))
         end = response.shapes[0].s[-1]
         across, tangents, ahead = response.sideways(np.where(np.isnan(s), end, s))
@@ -137,7 +137,7 @@ class Passage:
         """
         ahead = (np.einsum('tm,tm->t', response.between(self.ahead, u), place)
                  + np.einsum('ti,ti->t', response.between(self.tangents, u), shift))
-        # a DLO that swings ahead comes to the centre earlier than one that hangs
+        # a DLO that swings ahead comes to the center earlier than one that hangs
         passes = response.between(self.before, u) <= np.maximum(ahead, 0.0)
         return shift[passes] + np.einsum('tmi,tm->ti', response.between(self.across, u[passes]),
                                          place[passes])
@@ -159,13 +159,13 @@ class Case:
 
     @cached_property
     def passed(self):
-        """The Passage through each centre that is passed."""
+        """The Passage through each center that is passed."""
         return [Passage.of(self.response, s) for s in self.holes if np.isfinite(s).any()]
 
     def deviation(self, law, begin):
         """Return the largest deviation that counts, in m, and the state at the end of a TimeLaw.
 
-        As long as a centre is passed: that of what passes it, across the DLO. At the end of a leg:
+        As long as a center is passed: that of what passes it, across the DLO. At the end of a leg:
         what is left of the vibration; of a leg that others follow only a part, _ARRIVING, is
         allowed. States are y and y'/w (2, m) of the modes; `begin` is that at the beginning.
         """

@@ -7,14 +7,14 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.plan.clearance import clearance, room_in
-from dlo_planner.plan.continuity import apart
-from dlo_planner.plan.motion.inserted import Feed, pushed
-from dlo_planner.plan.passing import held_after, worst_miss
-from dlo_planner.plan.motion.periods import slowest_period
 from dlo_planner.model.checks import figure, flag
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import Value, brief, put
+from dlo_planner.plan.clearance import clearance, room_in
+from dlo_planner.plan.continuity import apart
+from dlo_planner.plan.motion.inserted import Feed, pushed
+from dlo_planner.plan.motion.periods import slowest_period
+from dlo_planner.plan.passing import held_after, worst_miss
 
 _LEAST = ('clearance', 'calm_clearance')  # figures of which the least is the worst
 _PER_PERIOD = 25      # instants in a period of the DLO's slowest vibration
@@ -30,8 +30,8 @@ class InMotion(Value):
 
     Attributes:
         converged: whether every step was solved
-        miss: distance from the centres to be passed, between all waypoints: of the nearest arc
-            length between those of both waypoints; a centre that the free end only comes to on that
+        miss: distance from the centers to be passed, between all waypoints: of the nearest arc
+            length between those of both waypoints; a center that the free end only comes to on that
             way counts from then on; nan if there is none. A DLO in a bore cannot miss it: there the
             `swing` of what is outside counts
         swing: largest distance of the DLO from its equilibrium in the same gripper

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.beginning import first_shape
 from dlo_planner.direct.continuation import between
-from dlo_planner.direct.discretisation import Discretisation
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.dynamics import run
 from dlo_planner.direct.guide import Grips, Guide
 from dlo_planner.direct.mesh import with_breaks
@@ -26,11 +26,11 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.stepping import Stepper
 from dlo_planner.energy.loads import node_masses
-from dlo_planner.plan.plan import Plan
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.part import before, part_of_rod
 from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.plan import Plan
 
 _ELEMENTS, _FEWEST = 64, 24  # of the whole DLO, of what is left of it
 _PIECE = 0.01
@@ -84,7 +84,7 @@ class Feed:
         return float(np.interp(u, self.times[there], self.borne[there])) if there.any() else 0.0
 
     def outside(self, depth, lifted):
-        """Return the Discretisation of the DLO that ends at the mouth, without obstacles.
+        """Return the Discretization of the DLO that ends at the mouth, without obstacles.
 
         Args:
             depth: m that are inside
@@ -103,7 +103,7 @@ class Feed:
             size /= 2  # the nodes stay, so that nothing changes but that there are more
         s = np.arange(int(np.ceil(end / size)) + 1) * size
         s = np.append(s[s < end - _NO_ELEMENT * size], end)
-        return Discretisation(around, with_breaks(s, around.breaks), 'local', 0)
+        return Discretization(around, with_breaks(s, around.breaks), 'local', 0)
 
     def held(self, mesh, way):
         """Return the Pose of the material point at the end of `mesh`, `way` m behind the mouth.
@@ -239,7 +239,7 @@ def _cut(shape, velocity, end):
     return replace(shape, s=s, positions=np.vstack([shape.positions[kept], position]),
                    frames=np.concatenate([shape.frames[kept], rotation[None]]),
                    element_strains=shape.element_strains[:len(s) - 1], contacts=(),
-                   _discretisation=None, _history=None, _before=None), velocity
+                   _discretization=None, _history=None, _before=None), velocity
 
 
 def _mass_beyond(rod, end):

@@ -5,8 +5,8 @@
 import numpy as np
 
 from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.path import Leg
 from dlo_planner.plan.motion.time_law import TimeLaw
+from dlo_planner.plan.path import Leg
 
 _TIGHT = 5e-3    # by which part a bound may exceed the largest value that was found
 _ROUNDS = 40     # halvings of an interval of time, at most

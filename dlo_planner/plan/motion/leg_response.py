@@ -20,9 +20,9 @@ from scipy.interpolate import CubicSpline
 
 from dlo_planner.direct.mode_tracking import modes_along
 from dlo_planner.energy.loads import node_masses
+from dlo_planner.model.pose import Pose
 from dlo_planner.plan.motion.fastest import Bearing
 from dlo_planner.plan.motion.oscillators import vibrated
-from dlo_planner.model.pose import Pose
 
 _PLACES = 17      # on a leg, at least, where modes are known
 _MODES = 5

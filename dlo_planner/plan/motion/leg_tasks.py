@@ -12,10 +12,10 @@ import numpy as np
 
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.along import scaled
 from dlo_planner.plan.motion.calm import LegTask
 from dlo_planner.plan.motion.leg_response import Response
 from dlo_planner.plan.passing import held_after, holes_passed
-from dlo_planner.model.along import scaled
 
 _ELEMENTS = 32   # of the DLO whose modes are looked at
 _WRONG = (0.9, 1.1)  # factors of the stiffness with which a DLO is calm, too

@@ -14,9 +14,9 @@ from math import comb, factorial
 import numpy as np
 from scipy.interpolate import PPoly
 
-from dlo_planner.plan.motion.shift import Shift
 from dlo_planner.model.checks import results
 from dlo_planner.model.value import Value, put
+from dlo_planner.plan.motion.shift import Shift
 
 _SAME = 1e-9  # of the duration: times closer than this count as one
 _HALVINGS = 50  # of the duration by bisection: to rounding

@@ -5,14 +5,14 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.plan.motion.fastest import fastest_rates
-from dlo_planner.plan.motion.kept_limits import most_used
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.path import GripperPath, Leg
-from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.model.checks import row
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
+from dlo_planner.plan.motion.fastest import fastest_rates
+from dlo_planner.plan.motion.kept_limits import most_used
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.motion.time_law import TimeLaw
+from dlo_planner.plan.path import GripperPath, Leg
 
 _SHORTEST = 0.01  # of a leg's duration: the least width of a window that only bounds the jerk
 _ROUNDS = 30      # of slowing down

@@ -10,19 +10,19 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.plan.motion.calm import calm_law, margin, predicted
-from dlo_planner.plan.motion.in_motion import InMotion, in_motion, least_clearance, watched
-from dlo_planner.plan.motion.leg_tasks import leg_tasks
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.passing import means_to_touch
-from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import Plan
-from dlo_planner.plan.motion.time_law import TimeLaw
-from dlo_planner.plan.motion.timed_path import TimedPath, fastest_law
 from dlo_planner.model.checks import instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import brief, put
+from dlo_planner.plan.motion.calm import calm_law, margin, predicted
+from dlo_planner.plan.motion.in_motion import InMotion, in_motion, least_clearance, watched
+from dlo_planner.plan.motion.leg_tasks import leg_tasks
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.motion.time_law import TimeLaw
+from dlo_planner.plan.motion.timed_path import TimedPath, fastest_law
+from dlo_planner.plan.passing import means_to_touch
+from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import OnProgress, Progress
 
 _ROOM = 0.25        # part of the room in a hole that the default tolerance is
@@ -39,14 +39,14 @@ class Trajectory(TimedPath):
 
     The path runs through the plan's poses (`plan.path`), with stops at its corners and dwells.
     On each leg between stops it is the fastest motion found that keeps the limits and leaves the
-    DLO calm: the rates are shaped by the DLO's natural periods (`plan.motion.calm`), and the whole is
-    run through `DirectSimulator.simulate`, with the damping that the rod has and with none. If the
-    DLO then misses by more than the tolerance, the laws are made calmer.
+    DLO calm: the rates are shaped by the DLO's natural periods (`plan.motion.calm`), and the whole
+    is run through `DirectSimulator.simulate`, with the damping that the rod has and with none. If
+    the DLO then misses by more than the tolerance, the laws are made calmer.
 
     Args:
         plan: Plan with two poses at least
         limits: Limits; None: the default ones
-        tolerance: m, by which the DLO in motion may miss the centres of its cut-outs more than the
+        tolerance: m, by which the DLO in motion may miss the centers of its cut-outs more than the
             plan does, come nearer to a rim or an obstacle than the plan says (or by a quarter of
             that room, if it is more), or still vibrate when the gripper has stopped; what is
             outside of a bore may deviate by as much from its shape at rest. None: a quarter of the
@@ -201,7 +201,7 @@ class _Search:
                    key=lambda one: one[1])
 
     def _missed(self, motion):
-        """Return by how much a motion misses more than the plan, m; nan without a centre."""
+        """Return by how much a motion misses more than the plan, m; nan without a center."""
         return motion.miss - self._plan.miss.max()
 
     def _margin(self, way, motion):
@@ -242,10 +242,10 @@ def simulator_of(shape, touching):
     Args:
         touching: whether its obstacles are touched; else there are none
     """
-    if shape._discretisation is None:
+    if shape._discretization is None:
         raise InvalidTask('simulator = None: expected a DirectSimulator, the shapes of this plan '
                           'do not know of theirs')
-    around = shape._discretisation.surroundings
+    around = shape._discretization.surroundings
     return DirectSimulator(around.rod, gravity=around.gravity, load=around.load,
                            point_loads=around.point_loads,
                            obstacles=around.obstacles if touching else ())

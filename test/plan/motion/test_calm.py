@@ -26,10 +26,10 @@ from dlo_planner.errors import DeadlineExceeded
 from dlo_planner.plan.motion.calm import Case, LegTask, calm_law, margin, predicted
 from dlo_planner.plan.motion.fastest import fastest_rates
 from dlo_planner.plan.motion.in_motion import in_motion
-from dlo_planner.plan.passing import holes_passed, worst_miss
 from dlo_planner.plan.motion.periods import slowest_period
 from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.motion.timed_path import TimedPath
+from dlo_planner.plan.passing import holes_passed, worst_miss
 from dlo_planner.progress import Progress
 
 # m and s at most; motions are verified with a damping ratio of 1 % and with none
@@ -63,7 +63,7 @@ def test_from_a_start_pose_of_its_own_it_threads_calmly(name):
 
 
 def added(name, rod, trajectory):
-    """Return (n,) by how much motion moves a Rod aside where it passes the centre, m.
+    """Return (n,) by how much motion moves a Rod aside where it passes the center, m.
 
     From where it would hang on the same way. The shift of the gripper belongs to the motion: who
     goes slowly does without.
@@ -182,14 +182,14 @@ def test_what_is_passed_at_one_of_two_waypoints_counts_up_to_the_free_end():
     shape = DirectSimulator(Rod(1.0, 0.1, 1.0, 0.75), gravity=(0, 0, 0)).solve(Pose.identity())
     normal = np.array([1.0, 0, 0])
     beside, ahead = np.array([0.7, 0.02, 0.0]), np.array([1.05, 0.03, 0.0])
-    for centre, known in ((beside, 0.02), (ahead, 0.0)):
-        for passes, later in ((((centre, 0.5, normal),), ()), ((), ((centre, 0.5, normal),))):
+    for center, known in ((beside, 0.02), (ahead, 0.0)):
+        for passes, later in ((((center, 0.5, normal),), ()), ((), ((center, 0.5, normal),))):
             assert worst_miss(shape, passes, later) == pytest.approx(known, abs=1e-9)
     passes, later = (((beside, s, normal),) for s in (0.5, 0.6))  # at 0.6 it is the nearest
     assert worst_miss(shape, passes, later) == pytest.approx(np.hypot(0.1, 0.02))
 
 
-def test_a_centre_is_passed_from_its_first_waypoint_to_its_last():
+def test_a_center_is_passed_from_its_first_waypoint_to_its_last():
     one, other = (np.array([x, 0.0, 0.0]) for x in (0.0, 1.0))
     plan = SimpleNamespace(times=np.arange(4.0), passes=(
         (), ((one, 1.0, None),), ((one, 0.8, None), (other, 1.0, None)), ((other, 0.7, None),)))
@@ -197,7 +197,7 @@ def test_a_centre_is_passed_from_its_first_waypoint_to_its_last():
         [np.nan, 1.0, 0.9, 0.8, np.nan, np.nan], [np.nan, np.nan, np.nan, 1.0, 0.85, 0.7]])
 
 
-def test_what_counts_is_what_passes_a_centre_or_all_of_the_dlo():
+def test_what_counts_is_what_passes_a_center_or_all_of_the_dlo():
     way, through = tasks('wire')
     assert not way.passed and through.passed and through.last and not way.last
     np.testing.assert_array_equal(way.sizes, way.response.sizes)
@@ -316,7 +316,7 @@ def test_a_contact_is_held_and_a_sequence_threaded_in_motion():
     plan = InverseSimulator(DirectSimulator(damped_wire())).thread_sequence(
         holes, depths=np.linspace(0, 0.6, 13))
     way = Trajectory(plan)
-    # three centres are not hit, even slowly: what the motion adds is what counts
+    # three centers are not hit, even slowly: what the motion adds is what counts
     assert plan.miss.max() > way.tolerance
     assert plan.miss.max() < way.motion.miss <= plan.miss.max() + way.tolerance
 

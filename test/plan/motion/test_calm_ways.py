@@ -64,7 +64,7 @@ def test_a_plan_that_comes_nearer_between_its_waypoints_than_at_them():
     beside = np.cross(after - before, (0, 0, 1))
     beside *= 0.012 / np.linalg.norm(beside)
     ball = Sphere(0.5 * (before + after) + beside, 0.01)
-    at_waypoints = min(np.linalg.norm(tip - ball.centre) for tip in (before, after)) - ball.radius
+    at_waypoints = min(np.linalg.norm(tip - ball.center) for tip in (before, after)) - ball.radius
     motion = Trajectory(plan, Limits(0.2, 1.0), tolerance=1e-3, obstacles=[ball]).motion
     assert motion.calm_clearance < 0.5 * at_waypoints
     assert motion.clearance > 0

@@ -12,8 +12,8 @@ from dlo_planner.plan.motion.calm import predicted
 from dlo_planner.plan.motion.compensation import compensated
 from dlo_planner.plan.motion.fastest import fastest_rates
 from dlo_planner.plan.motion.in_motion import in_motion
-from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.motion.timed_path import TimedPath, smoothed
+from dlo_planner.plan.path import GripperPath
 from dlo_planner.progress import Progress
 
 

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 from dlo_planner import Limits, Pose
 from dlo_planner.plan.motion.fastest import fastest_rates
 from dlo_planner.plan.motion.kept_limits import _jerks, _sizes, _slopes, most_used
-from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.motion.timed_path import smoothed
+from dlo_planner.plan.path import GripperPath
 
 
 def wandering(rng):

@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 from dlo_planner.plan.motion.leg_response import Response, _turning
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.oscillators import vibrated
-from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.motion.timed_path import TimedPath, fastest_law
+from dlo_planner.plan.path import GripperPath
 
 
 @pytest.mark.parametrize('ratio', [0.0, 0.02, 0.3])

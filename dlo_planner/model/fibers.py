@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a cross-section is looked at to see what yields: its fibres, and its layers in torsion.
+"""Where a cross-section is looked at to see what yields: its fibers, and its layers in torsion.
 
 All in units of the section: heights over the neutral axes and distances from the middle are 1 at
 the surface. A section is symmetric and so is what bending does to it: the half above one axis
-stands for both, and what one mirror image of a fibre does, the other three may do too, so that
+stands for both, and what one mirror image of a fiber does, the other three may do too, so that
 bending in a plane of symmetry stays in it.
 """
 
@@ -19,8 +19,8 @@ _LAYERS = 24
 
 
 @cache
-def fibres(kind: str, bore: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Return the heights (J, 2) of J fibres over the axes n and b, and their weights (J,).
+def fibers(kind: str, bore: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return the heights (J, 2) of J fibers over the axes n and b, and their weights (J,).
 
     Elastic bending is exact: the sums of weight times height squared are 1 for both axes, that of
     the product of the heights is 0. `docs/validation.md` says how near yielding comes to the
@@ -43,7 +43,7 @@ def layers(measure: str, bore: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     Args:
         measure: how much of the section is at a height: 'rectangular', 'round', 'tube': bending in
             one plane; 'torsion': around the middle of a round one
-        bore: as for `fibres`
+        bore: as for `fibers`
     """
     inside = bore if measure == 'torsion' else 0.0
     heights = inside + (1 - inside) * (np.arange(_LAYERS) + 0.5) / _LAYERS
@@ -62,7 +62,7 @@ def _in_ring(bore):
     around = min(4 * round(_IN_RINGS / rings / 4), _MOST_AROUND)
     points, parts = np.polynomial.legendre.leggauss(rings)
     radii = bore + (1 - bore) * (points + 1) / 2
-    # every other ring is turned by half of a step: of all fibres, no two rows yield at once
+    # every other ring is turned by half of a step: of all fibers, no two rows yield at once
     heights, weights = [], []
     for ring, (radius, part) in enumerate(zip(radii, parts, strict=True)):
         turn = np.pi / around * np.arange(0.5 * (ring % 2), around / 2 + 0.1)
@@ -85,5 +85,5 @@ def _in_square():
 
 
 def _mirrored(quarter, weights):
-    """Return fibres with their mirror images: each next to its own, so that sums vanish exactly."""
+    """Return fibers with their mirror images: each next to its own, so that sums vanish exactly."""
     return (np.stack([quarter, quarter * [1, -1]], axis=1).reshape(-1, 2), np.repeat(weights, 2))

@@ -28,7 +28,7 @@ SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length: where shapes are compare
 _LEVER = 0.1  # of the length
 
 
-class Discretisation(Value):
+class Discretization(Value):
     """A rod on a mesh, in a basis, with all that acts on it but the grippers (immutable).
 
     Attributes:
@@ -236,22 +236,22 @@ class Discretisation(Value):
         s = np.empty(2 * self.s.size - 1)
         s[::2] = self.s
         s[1::2] = 0.5 * (self.s[1:] + self.s[:-1])
-        return Discretisation(self.surroundings, s, 'local', 0)
+        return Discretization(self.surroundings, s, 'local', 0)
 
     @cached_property
     def alone(self):
         """The same rod on the same mesh, without obstacles."""
-        return Discretisation(replace(self.surroundings, obstacles=()), self.s, self.basis,
+        return Discretization(replace(self.surroundings, obstacles=()), self.s, self.basis,
                               self.n_terms)
 
     def of(self, rod):
-        """Return the Discretisation of another Rod (as long or not) with the same elements."""
+        """Return the Discretization of another Rod (as long or not) with the same elements."""
         s = np.append(self.s[:-1] * (rod.length / self.s[-1]), rod.length)
         s = with_breaks(s, rod.breaks)
-        return Discretisation(replace(self.surroundings, rod=rod), s, self.basis, self.n_terms)
+        return Discretization(replace(self.surroundings, rod=rod), s, self.basis, self.n_terms)
 
     def varied(self, **fields):
-        """Return the same discretisation with other `lengths`, `natural`, `stiffness`, `pull`.
+        """Return the same discretization with other `lengths`, `natural`, `stiffness`, `pull`.
 
         For estimates, which vary a DLO many times a second: its Rod stays the nominal one, and so
         do the scales of the unknowns, which only say how they are written.

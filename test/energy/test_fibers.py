@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Fibres of a section that yields, against a fine section of fibres written here, on any path."""
+"""Fibers of a section that yields, against a fine section of fibers written here, on any path."""
 
 from functools import cache
 
@@ -43,7 +43,7 @@ def cells(section, count=200, parts=5):
 
 
 class FineSection:
-    """Some 40,000 ideally plastic fibres of a section, strained by e = k_n y - k_b x."""
+    """Some 40,000 ideally plastic fibers of a section, strained by e = k_n y - k_b x."""
 
     def __init__(self, rod):
         self.x, self.y, self.stiffness = cells(rod.section)
@@ -88,7 +88,7 @@ def yield_moments(rod):
 
 
 def largest_deviation(rod, path):
-    """Return by how much moments deviate from fine fibres on a path (n, 2), in yield moments.
+    """Return by how much moments deviate from fine fibers on a path (n, 2), in yield moments.
 
     The path is in multiples of the thresholds.
     """
@@ -159,7 +159,7 @@ def test_a_step_within_the_thresholds_is_elastic(name, rng):
 
 
 @pytest.mark.parametrize('model', ['round', 'rectangular'])
-def test_fibres_without_a_section_are_those_of_one(model, rng):
+def test_fibers_without_a_section_are_those_of_one(model, rng):
     known = RODS['round' if model == 'round' else 'flat']
     rod = Rod(1.0, 0.1, known.bending_stiffness, known.torsional_stiffness, section_model=model,
               yield_curvature=known.yield_curvature, yield_torsion=known.yield_torsion)

@@ -1,0 +1,56 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Names of the version before: they work, with a warning, until the next version."""
+
+import warnings
+from collections.abc import Callable
+from functools import wraps
+from typing import Any
+
+
+def renamed_arguments(**new_names: str) -> Callable[[Callable], Callable]:
+    """Return a decorator with which a function still takes arguments by their old names.
+
+    Args:
+        new_names: old name = new name
+    """
+    def decorate(function: Callable) -> Callable:
+        @wraps(function)
+        def with_new_names(*args: Any, **kwargs: Any) -> Any:
+            for old, new in new_names.items():
+                if old in kwargs:
+                    warn_renamed(f'argument {old}', new)
+                    if new in kwargs:
+                        raise TypeError(f'{old} and {new} are one argument: expected {new} alone')
+                    kwargs[new] = kwargs.pop(old)
+            return function(*args, **kwargs)
+        return with_new_names
+    return decorate
+
+
+def renamed_fields(**new_names: str) -> Callable[[type], type]:
+    """Return a decorator with which a class still takes and gives fields by their old names.
+
+    Args:
+        new_names: old name = new name
+    """
+    def decorate(cls: type) -> type:
+        cls.__init__ = renamed_arguments(**new_names)(cls.__init__)  # type: ignore[misc]
+        for old, new in new_names.items():
+            setattr(cls, old, renamed(old, new))
+        return cls
+    return decorate
+
+
+def renamed(old: str, new: str) -> property:
+    """Return a property of an old name that gives the value or the method of the new one."""
+    def get(self: object) -> Any:
+        warn_renamed(f'{type(self).__name__}.{old}', new)
+        return getattr(self, new)
+    return property(get, doc=f'Deprecated name of `{new}`.')
+
+
+def warn_renamed(old: str, new: str) -> None:
+    """Warn whoever called the caller of this function that a name is an old one."""
+    warnings.warn(f'{old} is now {new}; the old name goes with the next version',
+                  DeprecationWarning, stacklevel=3)
