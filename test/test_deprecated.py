@@ -26,7 +26,8 @@ def _fibers():
 
 @pytest.mark.parametrize('use', [
     _sphere, _plug, _fibers, lambda: dlo_planner.minimise_penalty,
-    lambda: Sphere((1, 2, 3), 0.1).centre], ids=str)
+    lambda: Sphere((1, 2, 3), 0.1).centre],
+    ids=['Sphere', 'with_plug', 'fibers', 'function', 'field'])
 def test_old_names_work_and_warn(use):
     with pytest.warns(DeprecationWarning, match='is now'):
         use()

@@ -34,8 +34,8 @@ from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.plastic import settled
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.rolling import nearest_inside
+from dlo_planner.identify import looking, response
 from dlo_planner.identify.misfit import nearest
-from dlo_planner.inverse import between, looking, response, workspace
 from dlo_planner.inverse.solvers.aligned import aligned_newton
 from dlo_planner.inverse.solvers.marching import march_from_end
 from dlo_planner.minimize.contact_forces import add_sliding, move_multipliers
@@ -44,6 +44,7 @@ from dlo_planner.minimize.held import descend_held, led
 from dlo_planner.minimize.newton import descend, gradient_noise
 from dlo_planner.minimize.touching import touching, truth
 from dlo_planner.minimize.watching import watching
+from dlo_planner.plan import between, workspace
 from dlo_planner.plan.motion.oscillators import vibrated
 from dlo_planner.ritz.kinematics import point_inside
 

@@ -30,7 +30,7 @@ from dlo_planner import (
     fit_rod,
     minimize_penalty,
     replay,
-    tolerance,
+    robustness,
 )
 
 
@@ -253,7 +253,7 @@ def moved_and_proved(units):
     way = Trajectory(plan, limits)
     poses = way.at(np.linspace(0, way.duration, 11))[0]
     spread = Spread(bending_stiffness=0.01, length=1e-3 * units.length, gripper_rotation=0.01)
-    off = tolerance(inverse.simulator, plan, spread, samples=3)
+    off = robustness(inverse.simulator, plan, spread, samples=3)
     report = replay(inverse.simulator, plan)
     return [np.array([pose.position for pose in poses]) / units.length,
             np.array([way.duration]) / units.time, off.by_cause / units.length,

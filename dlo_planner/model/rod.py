@@ -131,7 +131,7 @@ class Rod(Value):
         model = self.section_model
         if model is None:
             return 'ideal' if self.section is None else 'fibers'
-        if model == 'fibres':
+        if isinstance(model, str) and model == 'fibres':
             warn_renamed("section_model 'fibres'", "'fibers'")
             model = 'fibers'
         choice('Rod.section_model', model, MODELS, InvalidRod)

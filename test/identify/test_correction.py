@@ -19,7 +19,7 @@ from dlo_planner import (
     Pose,
     correct,
 )
-from dlo_planner.inverse import correction as correction_module
+from dlo_planner.identify import correction as correction_module
 from dlo_planner.plan.plan import joined
 
 OBSERVER = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE)

@@ -17,8 +17,8 @@ from dlo_planner import (
     Trajectory,
     correct,
 )
+from dlo_planner.identify import steering
 from dlo_planner.identify.steering import Change, step_response
-from dlo_planner.inverse import steering
 
 PLAN = plan_of(depths=DEPTHS)
 MOTION = Trajectory(PLAN, Limits(0.02, 0.1), tolerance=np.inf)
