@@ -3,10 +3,12 @@
 """Points <-> sensor_msgs/PointCloud2."""
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from numpy.typing import ArrayLike
 from sensor_msgs.msg import PointCloud2, PointField
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, instance
 from msg_helpers.poses import header
 
@@ -14,7 +16,7 @@ _TYPES = {PointField.FLOAT32: 'f4', PointField.FLOAT64: 'f8'}
 _AXES = 'xyz'
 
 
-def points_from_cloud(msg: PointCloud2, name: str) -> np.ndarray:
+def points_from_cloud(msg: PointCloud2, name: str) -> Floats:
     """Return the points (n, 3), m, of a PointCloud2, in the order and frame of the message.
 
     A point with a coordinate that is not finite was not seen, and is left out.
@@ -52,7 +54,7 @@ def points_from_cloud(msg: PointCloud2, name: str) -> np.ndarray:
     return out[np.isfinite(out).all(axis=1)]
 
 
-def cloud_msg(points: ArrayLike, frame_id: str, stamp=None) -> PointCloud2:
+def cloud_msg(points: ArrayLike, frame_id: str, stamp: Time | None = None) -> PointCloud2:
     """Return points (n, 3), m, as a PointCloud2 of FLOAT32 x, y, z, one row."""
     data = array('points', points, (None, 3)).astype('<f4')
     size = data.itemsize

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Named values -> diagnostic_msgs."""
 
+from collections.abc import Mapping
+
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
@@ -12,7 +14,8 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 _LEVELS = (OK, WARN, ERROR, DiagnosticStatus.STALE)
 
 
-def status_msg(name, hardware_id, level, message, values) -> DiagnosticStatus:
+def status_msg(name: str, hardware_id: str, level: bytes, message: str,
+               values: Mapping[str, object]) -> DiagnosticStatus:
     """Return a DiagnosticStatus.
 
     Args:
@@ -34,7 +37,8 @@ def status_msg(name, hardware_id, level, message, values) -> DiagnosticStatus:
     return status
 
 
-def diagnostics_msg(name, hardware_id, level, message, values, stamp) -> DiagnosticArray:
+def diagnostics_msg(name: str, hardware_id: str, level: bytes, message: str,
+                    values: Mapping[str, object], stamp: Time) -> DiagnosticArray:
     """Return a DiagnosticArray with one status.
 
     Args:
@@ -47,5 +51,5 @@ def diagnostics_msg(name, hardware_id, level, message, values, stamp) -> Diagnos
     return array
 
 
-def _text(value):
+def _text(value: object) -> str:
     return f'{value:.6g}' if isinstance(value, float) else str(value)

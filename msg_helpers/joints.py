@@ -17,7 +17,7 @@ from dlo_planner.model.checks import instance
 _NANOSECONDS = 10**9
 
 
-def joint_trajectory_msg(joint_trajectory) -> JointTrajectoryMsg:
+def joint_trajectory_msg(joint_trajectory: JointTrajectory) -> JointTrajectoryMsg:
     """Return the message of a JointTrajectory as joint_trajectory_controller takes it.
 
     Its stamp is zero, which means: it starts when the controller receives it.
@@ -34,7 +34,7 @@ def joint_trajectory_msg(joint_trajectory) -> JointTrajectoryMsg:
     return JointTrajectoryMsg(joint_names=list(joint_trajectory.joint_names), points=points)
 
 
-def positions_from_joint_state(joint_state) -> dict[str, float]:
+def positions_from_joint_state(joint_state: JointState) -> dict[str, float]:
     """Return joint positions by name, rad or m, of a sensor_msgs/JointState.
 
     Raises:

@@ -8,7 +8,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Quaternion, Vector3
 from geometry_msgs.msg import Pose as PoseMsg
-from std_msgs.msg import ColorRGBA
+from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner.errors import InvalidTask
@@ -42,7 +42,8 @@ def deleting_marker(group: str, index: int, frame_id: str, stamp: Time) -> Marke
                   id=integer('index', index, minimum=-2**31, maximum=2**31 - 1))
 
 
-def items_after(known: dict, msg: MarkerArray) -> dict:
+def items_after(known: dict[tuple[str, int], Item],
+                msg: MarkerArray) -> dict[tuple[str, int], Item]:
     """Return the dict of Items by name after a MarkerArray, as RViz would show it.
 
     What cannot be shown is left out: types that Items do not have, values that are not finite.
@@ -67,7 +68,7 @@ def items_after(known: dict, msg: MarkerArray) -> dict:
     return after
 
 
-def _marker(item, top):
+def _marker(item: Item, top: Header) -> Marker:
     """Return the Marker of an Item, whose numbers are known to be good."""
     r, g, b = item.color
     (px, py, pz), (x, y, z, w) = item.pose.position.tolist(), item.pose.quaternion.tolist()
@@ -86,7 +87,7 @@ def _marker(item, top):
     return marker
 
 
-def _item(marker):
+def _item(marker: Marker) -> Item:
     colors = None
     if marker.colors and len(marker.colors) == len(marker.points):
         colors = [(color.r, color.g, color.b) for color in marker.colors]

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """visualization_msgs -> obstacles, as RViz shows them."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -13,7 +15,8 @@ from msg_helpers.poses import pose_from_msg
 _ALIKE = 1e-6  # relative: sizes that count as the same
 
 
-def obstacles_after(known, msg, frame_id, name) -> dict:
+def obstacles_after(known: Mapping[tuple[str, int], Box | Capsule | Sphere], msg: MarkerArray,
+                    frame_id: str, name: str) -> dict[tuple[str, int], Box | Capsule | Sphere]:
     """Return the dict of obstacles, by (namespace, id), after a visualization_msgs/MarkerArray.
 
     CUBE is a Box, SPHERE a Sphere, CYLINDER the Capsule around it (its ends are round and stand out
@@ -54,7 +57,7 @@ def obstacles_after(known, msg, frame_id, name) -> dict:
     return after
 
 
-def _obstacle(marker):
+def _obstacle(marker: Marker) -> Box | Capsule | Sphere:
     pose = pose_from_msg(marker.pose)
     x, y, z = size = np.array([marker.scale.x, marker.scale.y, marker.scale.z])
     if not (np.isfinite(size).all() and (size > 0).all()):

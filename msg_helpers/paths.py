@@ -2,15 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shapes and plans -> nav_msgs/Path, and back to poses."""
 
+from collections.abc import Iterable, Sequence
+
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, PoseStamped, Quaternion
 from geometry_msgs.msg import Pose as PoseMsg
 from nav_msgs.msg import Path
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items, number, row
 from dlo_planner.model.pose import Pose
 from msg_helpers.poses import header, pose_from_msg, pose_stamped_msg
@@ -19,7 +23,7 @@ _NANOSECONDS = 10**9
 _LAST = 2**31  # s, of builtin_interfaces/Time
 
 
-def shape_path(shape, frame_id, stamp) -> Path:
+def shape_path(shape: Shape, frame_id: str, stamp: Time) -> Path:
     """Return the DLO node by node as a Path; x axis of each pose = tangent, s as in `Shape.s`.
 
     Args:
@@ -36,13 +40,13 @@ def shape_path(shape, frame_id, stamp) -> Path:
     return Path(header=top, poses=poses)
 
 
-def _node(position, quaternion):
+def _node(position: Sequence[float], quaternion: Sequence[float]) -> PoseMsg:
     """Return geometry_msgs/Pose of lists of floats that are known to be good."""
     (a, b, c), (x, y, z, w) = position, quaternion
     return PoseMsg(position=Point(x=a, y=b, z=c), orientation=Quaternion(x=x, y=y, z=z, w=w))
 
 
-def plan_path(grippers, times, frame_id, stamp) -> Path:
+def plan_path(grippers: Iterable[Pose], times: ArrayLike, frame_id: str, stamp: Time) -> Path:
     """Return gripper poses as a Path, each stamped with `stamp` plus its time.
 
     Args:
@@ -61,7 +65,7 @@ def plan_path(grippers, times, frame_id, stamp) -> Path:
     return Path(header=header(frame_id, stamp), poses=poses)
 
 
-def later(stamp, seconds) -> Time:
+def later(stamp: Time, seconds: float) -> Time:
     """Return builtin_interfaces/Time `seconds` after `stamp`."""
     instance('stamp', stamp, Time)
     seconds = number('seconds', seconds)
@@ -71,13 +75,13 @@ def later(stamp, seconds) -> Time:
     return Time(sec=total // _NANOSECONDS, nanosec=total % _NANOSECONDS)
 
 
-def poses_from_path(path) -> list[Pose]:
+def poses_from_path(path: Path) -> list[Pose]:
     """Return the list of Pose in a nav_msgs/Path."""
     instance('path', path, Path)
     return [pose_from_msg(stamped.pose) for stamped in path.poses]
 
 
-def times_from_path(path) -> np.ndarray:
+def times_from_path(path: Path) -> Floats:
     """Return (n,) s: the poses' stamps, counted from the first one's."""
     instance('path', path, Path)
     stamps = np.array([p.header.stamp.sec * _NANOSECONDS + p.header.stamp.nanosec

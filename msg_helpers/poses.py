@@ -6,6 +6,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, PoseStamped, Quaternion
 from geometry_msgs.msg import Pose as PoseMsg
 from nav_msgs.msg import Goals
+from numpy.typing import ArrayLike
 from std_msgs.msg import Header
 
 from dlo_planner.errors import InvalidTask
@@ -13,7 +14,7 @@ from dlo_planner.model.checks import instance, vector
 from dlo_planner.model.pose import Pose
 
 
-def header(frame_id, stamp=None) -> Header:
+def header(frame_id: str, stamp: Time | None = None) -> Header:
     """Return a std_msgs/Header; `stamp` a builtin_interfaces/Time, None for zero.
 
     As all functions of this package it raises InvalidTask where an argument makes no sense.
@@ -23,30 +24,30 @@ def header(frame_id, stamp=None) -> Header:
     return Header(frame_id=frame_id, stamp=stamp if stamp is not None else Time())
 
 
-def point_msg(position) -> Point:
+def point_msg(position: ArrayLike) -> Point:
     """Return geometry_msgs/Point of (3,) m; each field a true float, or it arrives as garbage."""
     x, y, z = vector('position', position, 3).tolist()
     return Point(x=x, y=y, z=z)
 
 
-def pose_msg_of(position, quaternion) -> PoseMsg:
+def pose_msg_of(position: ArrayLike, quaternion: ArrayLike) -> PoseMsg:
     """Return geometry_msgs/Pose of (3,) m and (4,) x, y, z, w."""
     x, y, z, w = vector('quaternion', quaternion, 4).tolist()
     return PoseMsg(position=point_msg(position), orientation=Quaternion(x=x, y=y, z=z, w=w))
 
 
-def pose_msg(pose) -> PoseMsg:
+def pose_msg(pose: Pose) -> PoseMsg:
     """Return geometry_msgs/Pose of a Pose."""
     instance('pose', pose, Pose)
     return pose_msg_of(pose.position, pose.quaternion)
 
 
-def pose_stamped_msg(pose, frame_id, stamp=None) -> PoseStamped:
+def pose_stamped_msg(pose: Pose, frame_id: str, stamp: Time | None = None) -> PoseStamped:
     """Return geometry_msgs/PoseStamped of a Pose given in `frame_id`."""
     return PoseStamped(header=header(frame_id, stamp), pose=pose_msg(pose))
 
 
-def pose_from_msg(msg) -> Pose:
+def pose_from_msg(msg: PoseMsg) -> Pose:
     """Return the Pose of a geometry_msgs/Pose.
 
     Raises:
@@ -57,7 +58,7 @@ def pose_from_msg(msg) -> Pose:
     return Pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
 
-def poses_from_goals(msg, frame_id, name) -> list[Pose]:
+def poses_from_goals(msg: Goals, frame_id: str, name: str) -> list[Pose]:
     """Return the Poses of a nav_msgs/Goals that must be given in `frame_id`.
 
     A goal's own header may be empty; then the outer one counts.
@@ -80,7 +81,7 @@ def poses_from_goals(msg, frame_id, name) -> list[Pose]:
     return poses
 
 
-def pose_from_stamped(msg, frame_id, name) -> Pose:
+def pose_from_stamped(msg: PoseStamped, frame_id: str, name: str) -> Pose:
     """Return the Pose of a geometry_msgs/PoseStamped that must be given in `frame_id`.
 
     Args:
@@ -102,6 +103,6 @@ def pose_from_stamped(msg, frame_id, name) -> Pose:
         raise InvalidTask(f'{name}: {error}') from None
 
 
-def _judge(frame_id, name):
+def _judge(frame_id: str, name: str) -> None:
     instance('frame_id', frame_id, str)
     instance('name', name, str)

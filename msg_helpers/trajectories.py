@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trajectory -> trajectory_msgs/MultiDOFJointTrajectory."""
 
+from collections.abc import Iterable
+
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import Quaternion, Transform, Twist, Vector3
@@ -17,7 +19,8 @@ _NANOSECONDS = 10**9
 _MOST = 100_000  # points
 
 
-def timed_trajectory(trajectory, number, tool, frame_id, stamp) -> MultiDOFJointTrajectory:
+def timed_trajectory(trajectory: Trajectory, number: int, tool: Pose, frame_id: str,
+                     stamp: Time) -> MultiDOFJointTrajectory:
     """Return poses, velocities and accelerations of the tool frame at even times, world axes.
 
     Args:
@@ -53,16 +56,16 @@ def timed_trajectory(trajectory, number, tool, frame_id, stamp) -> MultiDOFJoint
                                    points=points)
 
 
-def _vector(values):
+def _vector(values: Iterable[float]) -> Vector3:
     x, y, z = map(float, values)
     return Vector3(x=x, y=y, z=z)
 
 
-def _quaternion(values):
+def _quaternion(values: Iterable[float]) -> Quaternion:
     x, y, z, w = map(float, values)
     return Quaternion(x=x, y=y, z=z, w=w)
 
 
-def _duration(seconds):
+def _duration(seconds: float) -> Duration:
     total = round(float(seconds) * _NANOSECONDS)
     return Duration(sec=total // _NANOSECONDS, nanosec=total % _NANOSECONDS)

@@ -2,13 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The kinematics of a group of joints: Pinocchio's model with all other joints fixed."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from dlo_planner.arm.pinocchio import pinocchio
 from dlo_planner.arm.urdf import mimics, parsed
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import shown
 
 _LINK, _FIXED = 'link ', 'fixed '  # before names of frames
@@ -32,19 +35,23 @@ class Chain:
     """
 
     names: tuple[str, ...]
-    lower: np.ndarray
-    upper: np.ndarray
-    speeds: np.ndarray
-    turning: np.ndarray
+    lower: Floats
+    upper: Floats
+    speeds: Floats
+    turning: Floats
     carriers: tuple[str, ...]
-    full: object
-    named: object
+    full: Any
+    named: Any
     others: list[int]
-    standing: np.ndarray
-    model: object
+    standing: Floats
+    model: Any
     frame: int
+    data: Any = field(init=False)
+    free: Floats = field(init=False)
+    columns: Floats = field(init=False)
+    places: Floats = field(init=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         ids = [self.model.getJointId(name) for name in self.names]
         free = np.array([self.model.joints[k].nq == _FREE_ANGLE for k in ids])
         for name, value in (('data', self.model.createData()), ('free', free),
@@ -52,21 +59,21 @@ class Chain:
                             ('places', np.array([self.model.joints[k].idx_q for k in ids]))):
             object.__setattr__(self, name, value)
 
-    def configuration(self, positions):
+    def configuration(self, positions: Floats) -> Floats:
         """Return Pinocchio's configuration for joint positions (m,)."""
         out = np.empty(self.model.nq)
         out[self.places] = np.where(self.free, np.cos(positions), positions)
         out[self.places[self.free] + 1] = np.sin(positions[self.free])
         return out
 
-    def placement(self, positions):
+    def placement(self, positions: Floats) -> tuple[Floats, Floats]:
         """Return the link's position (3,) and rotation (3, 3) in the root link."""
         pin = pinocchio()
         pin.forwardKinematics(self.model, self.data, self.configuration(positions))
         place = pin.updateFramePlacement(self.model, self.data, self.frame)
         return place.translation.copy(), place.rotation.copy()
 
-    def off(self, positions, place, turn):
+    def off(self, positions: Floats, place: Floats, turn: Floats) -> tuple[Floats, Floats]:
         """Return by what the link is off a placement, and how it moves with the joints.
 
         Returns:
@@ -80,19 +87,19 @@ class Chain:
         here, axes = self.placement(positions)
         return np.concatenate([place - here, pin.log3(turn @ axes.T)]), jacobian
 
-    def link(self, frame):
+    def link(self, frame: int) -> str:
         """Return the name of the link with the index `frame` in the model."""
         return self.model.frames[frame].name.removeprefix(_LINK)
 
     @property
-    def middle(self) -> np.ndarray:
+    def middle(self) -> Floats:
         """(m,) middles of the ranges; 0 where there is none."""
         with np.errstate(invalid='ignore'):
             return np.where(np.isfinite(self.upper - self.lower),
                             0.5 * (self.lower + self.upper), 0.0)
 
 
-def chain_of(urdf, tool_link, joints, fixed) -> Chain:
+def chain_of(urdf: str, tool_link: str, joints: Sequence[str], fixed: Mapping[str, float]) -> Chain:
     """Return the Chain of a URDF's text; see `Arm` for the arguments.
 
     Raises:
@@ -124,7 +131,7 @@ def chain_of(urdf, tool_link, joints, fixed) -> Chain:
                  standing, reduced, reduced.getFrameId(_LINK + tool_link, pin.BODY))
 
 
-def _unambiguous(model):
+def _unambiguous(model: Any) -> Any:
     """Return a copy of a model whose links and fixed joints have names that joints have not.
 
     In a URDF a link and a joint may have the same name, with which Pinocchio cannot fix joints.
@@ -136,7 +143,8 @@ def _unambiguous(model):
     return other
 
 
-def _judge(model, names, moving, followers):
+def _judge(model: Any, names: Sequence[str], moving: Sequence[str],
+           followers: Mapping[str, tuple[str, float, float]]) -> None:
     """Raise InvalidTask unless the joints are known, move the link, and lead no other ones."""
     if not names:
         raise InvalidTask('joints = (): the tool_link does not move: expected a link beyond joints')
@@ -161,7 +169,8 @@ def _judge(model, names, moving, followers):
                               'expected joints that drive no other ones')
 
 
-def _standing(model, others, fixed, followers):
+def _standing(model: Any, others: Sequence[int], fixed: Mapping[str, float],
+              followers: Mapping[str, tuple[str, float, float]]) -> Floats:
     """Return a configuration of the whole robot with its fixed joints where they stand."""
     pin = pinocchio()
     for name in fixed:
@@ -179,7 +188,9 @@ def _standing(model, others, fixed, followers):
     return pin.integrate(model, pin.neutral(model), turned)
 
 
-def _fixed_at(name, fixed, followers, seen=()):
+def _fixed_at(name: str, fixed: Mapping[str, float],
+              followers: Mapping[str, tuple[str, float, float]],
+              seen: tuple[str, ...] = ()) -> float:
     """Return where a joint stands; one that follows another stands as that one asks for."""
     if name in fixed or name not in followers:
         return fixed.get(name, 0.0)
@@ -189,7 +200,7 @@ def _fixed_at(name, fixed, followers, seen=()):
     return multiplier * _fixed_at(leader, fixed, followers, (*seen, name)) + offset
 
 
-def _limits(model, names):
+def _limits(model: Any, names: Sequence[str]) -> Floats:
     """Return lower and upper limits and speeds (m,) of joints."""
     limits = []
     for name in names:

@@ -2,10 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint positions along a way of the tool: one configuration is followed, none is jumped to."""
 
+from collections.abc import Callable, Sequence
+from typing import Any
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.arm.solving import centered, solve
+from dlo_planner.arm.robot import Arm
+from dlo_planner.arm.solving import Solved, Target, centered, solve
+from dlo_planner.model.arrays import Floats
 
 _ITERATIONS = 30
 _JUMP = 0.5  # rad or m that a joint may go in one step
@@ -21,22 +26,24 @@ class Lost(Exception):
         attempt: arguments with which it can be tried again, or None
     """
 
-    attempt = None
+    attempt: Any = None
 
-    def __init__(self, words, time, constraint, amount, rank=None):
+    def __init__(self, words: str, time: float, constraint: str, amount: float,
+                 rank: tuple[float, float] | None = None) -> None:
         super().__init__(words)
         self.words, self.time, self.constraint, self.amount = words, time, constraint, amount
         self.rank = (time, 0.0) if rank is None else rank
 
 
-def ways_between(targets) -> np.ndarray:
+def ways_between(targets: Sequence[Target]) -> Floats:
     """Return (n,) how far, in m and rad together, each target is from the one before; 0 first."""
     places, turns = map(np.array, zip(*targets, strict=True))
     angles = Rotation.from_matrix(turns[1:] @ turns[:-1].transpose(0, 2, 1)).magnitude()
     return np.append(0.0, np.linalg.norm(np.diff(places, axis=0), axis=1) + angles)
 
 
-def followed(arm, targets, times, start, centering, check) -> np.ndarray:
+def followed(arm: Arm, targets: Sequence[Target], times: Floats, start: Floats, centering: float,
+             check: Callable[[], object]) -> Floats:
     """Return joint positions (n, m) that place the tool at n targets, each from the one before.
 
     Args:
@@ -70,7 +77,7 @@ def followed(arm, targets, times, start, centering, check) -> np.ndarray:
     return np.array(out)
 
 
-def judge_reach(found, time):
+def judge_reach(found: Solved, time: float) -> None:
     """Raise Lost unless a Solved reaches its target."""
     if not found.reached:
         left, turn = (float(np.linalg.norm(part)) for part in (found.off[:3], found.off[3:]))
@@ -78,7 +85,7 @@ def judge_reach(found, time):
                    'reach', left if left > 0 else turn)
 
 
-def judge_limits(arm, positions, time):
+def judge_limits(arm: Arm, positions: Floats, time: float) -> None:
     """Raise Lost unless joint positions (m,) are within their limits."""
     beyond = np.maximum(positions - arm.upper, arm.lower - positions)
     joint = int(np.argmax(beyond))
@@ -88,7 +95,7 @@ def judge_limits(arm, positions, time):
                    float(beyond[joint]))
 
 
-def judge_steps(arm, positions, times):
+def judge_steps(arm: Arm, positions: Floats, times: Floats) -> None:
     """Raise Lost if joints (n, m) get from one time (n,) to the next only faster than they can."""
     speeds = np.abs(np.diff(positions, axis=0)) / np.diff(times)[:, None]
     step, joint = np.unravel_index(np.argmax(speeds / arm.speeds), speeds.shape)
@@ -96,7 +103,7 @@ def judge_steps(arm, positions, times):
         raise too_fast(arm, int(joint), speeds[step, joint], times[step + 1], times[-1])
 
 
-def too_fast(arm, joint, speed, time, end) -> Lost:
+def too_fast(arm: Arm, joint: int, speed: float, time: float, end: float) -> Lost:
     """Return the Lost of a joint that goes the whole way, until `end` s, but too fast."""
     most, unit = arm.speeds[joint], arm.units[joint]
     return Lost(f'{arm.joints[joint]} moves at {speed:.6g} {unit}/s: expected at most {most:.6g}; '

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, figure, items, number, row, shown
 from dlo_planner.model.value import Value, brief, put
 
@@ -39,17 +40,17 @@ class JointTrajectory(Value):
     """
 
     joint_names: tuple[str, ...]
-    times: np.ndarray
-    positions: np.ndarray
-    velocities: np.ndarray
-    accelerations: np.ndarray
+    times: Floats
+    positions: Floats
+    velocities: Floats
+    accelerations: Floats
     position_error: float = np.nan
     angle_error: float = np.nan
     self_clearance: float = np.nan
     roll: float = 0.0
     not_looked_at: tuple[str, ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         names = items('joint_names', self.joint_names, str, least=1)
         if len(set(names)) < len(names):
             raise InvalidTask(f'joint_names = {shown(names)}: expected each joint once')
@@ -69,10 +70,10 @@ class JointTrajectory(Value):
                for name in ('position_error', 'angle_error', 'self_clearance')})
         super().__post_init__()
 
-    def __len__(self):
+    def __len__(self) -> int:
         return self.times.size
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, f'{len(self.joint_names)} joints', f'{len(self)} points',
                      f'{self.duration:.4g} s', f'off {self.position_error:.1g} m')
 
@@ -81,7 +82,7 @@ class JointTrajectory(Value):
         """S, of the whole."""
         return float(self.times[-1])
 
-    def at(self, times: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def at(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return positions, velocities and accelerations (k, m) at `times` (k,) s.
 
         At rest outside [0, duration].
@@ -94,7 +95,7 @@ class JointTrajectory(Value):
         return curve(times), curve(times, 1), curve(times, 2)
 
 
-def quintic(times, positions, velocities, accelerations) -> PPoly:
+def quintic(times: Floats, positions: Floats, velocities: Floats, accelerations: Floats) -> PPoly:
     """Return the curve of degree 5 between the points; (n, m) each."""
     h = np.diff(times)[:, None]
     one, other = ([values[part] for values in (positions, velocities, accelerations)]
@@ -110,7 +111,7 @@ def quintic(times, positions, velocities, accelerations) -> PPoly:
         0.5 * one[2], one[1], one[0]]), times)
 
 
-def turning_points(curve: PPoly) -> list[np.ndarray]:
+def turning_points(curve: PPoly) -> list[Floats]:
     """Return for each of the m curves the times of its knots and of its extremes between."""
     found = curve.derivative().roots(discontinuity=False, extrapolate=False)
     return [np.union1d(curve.x, times[np.isfinite(times)]) for times in found]

@@ -2,13 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one door to Pinocchio, which is an extra."""
 
+from typing import Any
+
 from dlo_planner.errors import InvalidTask
 
 _REMEDY = ("the joints of an arm need Pinocchio: expected the extra 'dlo_planner[arm]' "
            '(package `pin` of PyPI, ros-jazzy-pinocchio of ROS)')
 
 
-def pinocchio():
+def pinocchio() -> Any:
     """Return the module.
 
     Raises:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A gripper's trajectory as the joint trajectory of an arm, with its proof."""
 
+from collections.abc import Callable, Sequence
 from copy import copy
 from itertools import product
 
@@ -14,9 +15,10 @@ from dlo_planner.arm.following import Lost, followed, judge_steps, ways_between
 from dlo_planner.arm.joint_trajectory import JointTrajectory, quintic, turning_points
 from dlo_planner.arm.proof import judge_curve, smallest_distance, tool_errors
 from dlo_planner.arm.robot import Arm
-from dlo_planner.arm.solving import choices
+from dlo_planner.arm.solving import Target, choices
 from dlo_planner.arm.starts import judge_self_collision, starts
 from dlo_planner.errors import Infeasible
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import flag, instance
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.motion.timed_path import TimedPath
@@ -80,7 +82,8 @@ def joint_trajectory(trajectory: TimedPath, arm: Arm, tool: Pose | None = None, 
     raise _refusal(trajectory, best, len(rolls) > 1)
 
 
-def _first(course, current, check, best):
+def _first(course: '_Course', current: Floats | None, check: Callable[[], object],
+           best: Lost | None) -> tuple[JointTrajectory | None, Lost | None]:
     """Return the first JointTrajectory that is found, or None; and the best Lost until then."""
     try:
         begin = starts(course.arm, course.targets([0.0])[0], current,
@@ -111,22 +114,22 @@ class _Course:
         times: (n,) s, of the points with which configurations are compared
     """
 
-    def __init__(self, trajectory, arm, back, roll=0.0):
+    def __init__(self, trajectory: TimedPath, arm: Arm, back: Pose, roll: float = 0.0) -> None:
         self._trajectory, self.arm, self._back, self.roll = trajectory, arm, back, roll
-        self._seen = {}  # times -> positions and rotations of the gripper in the root link
+        self._seen: dict[bytes, tuple[Floats, Floats]] = {}  # times -> positions and rotations of the gripper in the root link
         dense = np.unique(np.concatenate(self.leg_times(_STEP)))
         far = np.cumsum(ways_between(self.targets(dense)))
         marks = np.searchsorted(far, np.linspace(0, far[-1], 2 + int(far[-1] / _COARSE)))
         self.times = dense[np.unique([0, *np.minimum(marks, dense.size - 1), dense.size - 1])]
 
-    def rolled(self, roll):
+    def rolled(self, roll: float) -> '_Course':
         """Return the same with the gripper rolled."""
         other = copy(self)
         turn = Pose.from_rotation(np.zeros(3), Rotation.from_rotvec([roll, 0, 0]).as_matrix())
         other._back, other.roll = turn.compose(self._back), roll
         return other
 
-    def targets(self, times):
+    def targets(self, times: ArrayLike) -> list[Target]:
         """Return positions (3,) and rotations (3, 3) of the tool in the arm's root link."""
         key = np.asarray(times, dtype=float).tobytes()
         if key not in self._seen:
@@ -135,13 +138,13 @@ class _Course:
         return list(zip(places + turns @ self._back.position, turns @ self._back.rotation,
                         strict=True))
 
-    def _grippers(self, times):
+    def _grippers(self, times: ArrayLike) -> tuple[Floats, Floats]:
         grippers, root = self._trajectory.at(times)[0], self.arm.base
         places, turns = (np.array([getattr(gripper, name) for gripper in grippers])
                          for name in ('position', 'rotation'))
         return (places - root.position) @ root.rotation, root.rotation.T @ turns
 
-    def leg_times(self, step):
+    def leg_times(self, step: float) -> list[Floats]:
         """Return for each leg the times (k,) of its points, its beginning and end among them."""
         starts = self._trajectory.starts
         most = _MOST // (len(starts) - 1)
@@ -150,7 +153,8 @@ class _Course:
                 for begin, end in zip(starts, starts[1:], strict=False)]
 
 
-def _proved(course, start, centering, check):
+def _proved(course: _Course, start: Floats, centering: float,
+            check: Callable[[], object]) -> JointTrajectory:
     """Return the JointTrajectory that begins in a configuration (m,), or raise Lost."""
     for halvings in range(_HALVINGS):
         legs = course.leg_times(_STEP / 2**halvings)
@@ -176,7 +180,8 @@ def _proved(course, start, centering, check):
                            course.roll, course.arm._collision.missing)
 
 
-def _look_ahead(course, start, centering, check):
+def _look_ahead(course: _Course, start: Floats, centering: float,
+                check: Callable[[], object]) -> None:
     """Raise Lost if a configuration cannot be followed in coarse steps already."""
     times = course.times
     positions = followed(course.arm, course.targets(times), times, start, centering, check)
@@ -185,7 +190,7 @@ def _look_ahead(course, start, centering, check):
         judge_self_collision(course.arm, one, time)
 
 
-def _derivatives(legs, times, positions):
+def _derivatives(legs: Sequence[Floats], times: Floats, positions: Floats) -> tuple[Floats, Floats]:
     """Return velocities and accelerations (n, m), of cubic splines at rest between the legs."""
     velocities, accelerations = np.zeros((2, *positions.shape))
     for leg in legs:
@@ -196,17 +201,17 @@ def _derivatives(legs, times, positions):
     return velocities, accelerations
 
 
-def _rolls():
+def _rolls() -> list[float]:
     """Return the angles to be tried, the least ones first."""
     angles = np.arange(1 - _ROLLS // 2, _ROLLS // 2 + 1) * (2 * np.pi / _ROLLS)
     return sorted(angles.tolist(), key=lambda angle: (abs(angle), angle < 0))
 
 
-def _better(best, lost):
+def _better(best: Lost | None, lost: Lost) -> Lost:
     return lost if best is None or lost.rank > best.rank else best
 
 
-def _refusal(trajectory, lost, rolled):
+def _refusal(trajectory: TimedPath, lost: Lost, rolled: bool) -> Infeasible:
     """Return the Infeasible that says what a Lost does."""
     waypoint = trajectory.path.goal(trajectory.progress([lost.time])[0]) if lost.time > 0 else 0
     tried = ', however the gripper is rolled' if rolled else ''

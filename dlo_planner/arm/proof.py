@@ -2,10 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a curve of the joints promises: the tool's place, limits, speeds, distances of links."""
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
+from scipy.interpolate._interpolate import PPoly
 
 from dlo_planner.arm.following import judge_limits, too_fast
+from dlo_planner.arm.robot import Arm
+from dlo_planner.arm.solving import Target
 from dlo_planner.arm.starts import judge_self_collision
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import angle_between
 
 _SPEED_ROUNDING = 1e-9
@@ -13,7 +19,7 @@ _HALVINGS = 12   # of a step, until links are known to stay clear of each other 
 _SURE = 1.05     # times the way between samples: what joints may go back and forth
 
 
-def tool_errors(arm, curve, targets, times) -> np.ndarray:
+def tool_errors(arm: Arm, curve: PPoly, targets: Sequence[Target], times: Floats) -> Floats:
     """Return (n, 2) by how many m and rad the tool is off its targets at `times` (n,)."""
     out = []
     for positions, (place, turn) in zip(curve(times), targets, strict=True):
@@ -22,7 +28,7 @@ def tool_errors(arm, curve, targets, times) -> np.ndarray:
     return np.array(out)
 
 
-def judge_curve(arm, curve, still, fastest):
+def judge_curve(arm: Arm, curve: PPoly, still: Sequence[Floats], fastest: Sequence[Floats]) -> None:
     """Raise Lost unless positions and speeds keep the limits at their extremes.
 
     Args:
@@ -43,7 +49,7 @@ def judge_curve(arm, curve, still, fastest):
         raise too_fast(arm, joint, speed, time, curve.x[-1])
 
 
-def smallest_distance(arm, curve, check) -> float:
+def smallest_distance(arm: Arm, curve: PPoly, check: Callable[[], object]) -> float:
     """Return the smallest distance between links on the way, m, as far as there are samples.
 
     Between two samples of a pair's distance it is no less than half of their sum, less half of what
@@ -73,10 +79,11 @@ def smallest_distance(arm, curve, check) -> float:
 class _Spots:
     """Joint positions and the smallest distance at a time, computed once."""
 
-    def __init__(self, arm, curve):
-        self._arm, self._curve, self._known = arm, curve, {}
+    def __init__(self, arm: Arm, curve: PPoly) -> None:
+        self._arm, self._curve = arm, curve
+        self._known: dict[float, tuple[Floats, float]] = {}
 
-    def __call__(self, time):
+    def __call__(self, time: float) -> tuple[Floats, float]:
         if time not in self._known:
             positions = self._curve(time)
             self._known[time] = positions, judge_self_collision(self._arm, positions, time)

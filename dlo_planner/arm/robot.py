@@ -9,9 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.arm.chain import chain_of
+from dlo_planner.arm.chain import Chain, chain_of
 from dlo_planner.arm.self_collision import SelfCollision
 from dlo_planner.arm.urdf import parsed
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items, number, row, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import FrozenDict, Value, brief, put
@@ -46,7 +47,7 @@ class Arm(Value):
     srdf: str | None = None
     self_clearance: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         instance('urdf', self.urdf, str)
         instance('tool_link', self.tool_link, str)
         instance('base', self.base, Pose)
@@ -61,21 +62,21 @@ class Arm(Value):
         put(self, joints=self._chain.names)  # builds it, which judges the rest
         super().__post_init__()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, self.tool_link, f'{len(self.joints)} joints')
 
     @property
-    def lower(self) -> np.ndarray:
+    def lower(self) -> Floats:
         """(m,) lower limits of the joints, rad or m; -inf for one that turns for ever."""
         return self._chain.lower
 
     @property
-    def upper(self) -> np.ndarray:
+    def upper(self) -> Floats:
         """(m,) upper limits of the joints, rad or m; inf for one that turns for ever."""
         return self._chain.upper
 
     @property
-    def speeds(self) -> np.ndarray:
+    def speeds(self) -> Floats:
         """(m,) largest speeds of the joints, rad/s or m/s."""
         return self._chain.speeds
 
@@ -98,15 +99,15 @@ class Arm(Value):
         place, turn = self._chain.placement(self.checked('positions', positions))
         return self.base.compose(Pose.from_rotation(place, turn))
 
-    def checked(self, name: str, positions: ArrayLike) -> np.ndarray:
+    def checked(self, name: str, positions: ArrayLike) -> Floats:
         """Return joint positions (m,) as a new array, or raise InvalidTask."""
         count = len(self.joints)
         return row(name, positions, least=count, most=count, minimum=-1e6, maximum=1e6)
 
     @cached_property
-    def _chain(self):
+    def _chain(self) -> Chain:
         return chain_of(self.urdf, self.tool_link, self.joints, self.fixed)
 
     @cached_property
-    def _collision(self):
+    def _collision(self) -> SelfCollision:
         return SelfCollision(self._chain, self.urdf, self.packages, self.srdf, self.self_clearance)

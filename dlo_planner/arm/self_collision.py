@@ -5,13 +5,17 @@
 Hulls are solid, and contain the shapes: what is clear of each other by its hulls is clear.
 """
 
+from collections.abc import Callable, Sequence
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
+from dlo_planner.arm.chain import Chain
 from dlo_planner.arm.pinocchio import pinocchio
 from dlo_planner.arm.urdf import disabled_pairs, parsed, resolve_meshes
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 
 
 class SelfCollision:
@@ -26,7 +30,8 @@ class SelfCollision:
         pairs: (p,) names of both links of each pair
     """
 
-    def __init__(self, chain, urdf, packages, srdf, clearance):
+    def __init__(self, chain: Chain, urdf: str, packages: Sequence[str], srdf: str | None,
+                 clearance: float) -> None:
         pin, root = pinocchio(), parsed('urdf', urdf)
         self._chain = chain
         self.missing = tuple(resolve_meshes(root, packages))
@@ -48,7 +53,7 @@ class SelfCollision:
         self.pairs = [tuple(map(self._link, pair)) for pair in self._both()]
         self._levers = _levers(chain, self._shapes)
 
-    def distances(self, positions):
+    def distances(self, positions: Floats) -> Floats:
         """Return the distance (p,) of each pair in m; below 0 they overlap."""
         pin, chain = pinocchio(), self._chain
         data = self._data
@@ -56,7 +61,7 @@ class SelfCollision:
                              chain.configuration(positions))
         return np.array([result.min_distance for result in data.distanceResults])
 
-    def way(self, moved):
+    def way(self, moved: Floats) -> float:
         """Return by how much, in m, a distance can change at most while joints move.
 
         Args:
@@ -64,22 +69,22 @@ class SelfCollision:
         """
         return float(np.abs(moved) @ self._levers)
 
-    def _both(self):
+    def _both(self) -> list[tuple[Any, Any]]:
         objects = self._shapes.geometryObjects
         return [(objects[one], objects[other]) for one, other in self._indices()]
 
-    def _indices(self):
+    def _indices(self) -> list[tuple[int, int]]:
         return [(pair.first, pair.second) for pair in self._shapes.collisionPairs]
 
-    def _link(self, shape):
+    def _link(self, shape: Any) -> str:
         return self._chain.link(shape.parentFrame)
 
-    def _adjacent(self, one, other):
+    def _adjacent(self, one: Any, other: Any) -> bool:
         parents = self._chain.model.parents
         a, b = one.parentJoint, other.parentJoint
         return a == b or a == parents[b] or b == parents[a]
 
-    def _keep(self, wanted):
+    def _keep(self, wanted: Callable[[Any, Any], bool]) -> None:
         """Keep the pairs of shapes for which `wanted` holds."""
         kept = [indices for indices, both in zip(self._indices(), self._both(), strict=True)
                 if wanted(*both)]
@@ -89,7 +94,7 @@ class SelfCollision:
         self._data = self._shapes.createData()
 
 
-def _hulls(model, urdf):
+def _hulls(model: Any, urdf: str) -> Any:
     """Return pinocchio's GeometryModel of the collision elements, meshes as their convex hulls."""
     pin = pinocchio()
     try:
@@ -103,7 +108,7 @@ def _hulls(model, urdf):
     return shapes
 
 
-def _levers(chain, shapes):
+def _levers(chain: Chain, shapes: Any) -> Floats:
     """Return for each joint (m,) by how much it can move a point of a link at most, per unit.
 
     1 for one that slides; for one that turns, the longest way from it to a point beyond it, all

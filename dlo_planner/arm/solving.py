@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dlo_planner.arm.chain import Chain
+from dlo_planner.model.arrays import Floats
+
 CLOSE = 1e-9      # m and rad: placed
 _REACHED = 1e-6   # m and rad: as good as placed, where rounding or a singularity ends the search
 _DAMPING = 1e-3   # of the squared error, against singular Jacobians
@@ -15,25 +18,29 @@ _CENTERINGS = 0.5, 2.0, 0.0
 _BORDER = 1e-3    # of a range: nearer to a limit counts as so near
 
 
+Target = tuple[Floats, Floats]  # position (3,), rotation (3, 3)
+
+
 @dataclass(frozen=True)
 class Solved:
     """Joint positions (m,), and the displacement and rotation vector (6,) that are left."""
 
-    positions: np.ndarray
-    off: np.ndarray
+    positions: Floats
+    off: Floats
 
     @property
-    def reached(self):
+    def reached(self) -> bool:
         """Whether the tool is where it should be, to 1e-6 m and rad."""
         return bool(np.abs(self.off).max() <= _REACHED)
 
 
-def choices(chain) -> tuple[float, ...]:
+def choices(chain: Chain) -> tuple[float, ...]:
     """Return how strongly the joints may be drawn to their middles, in rad per m and rad of way."""
     return _CENTERINGS if len(chain.names) > _COORDINATES else (0.0,)
 
 
-def solve(chain, positions, target, iterations, clipped=False, plain=False) -> Solved:
+def solve(chain: Chain, positions: Floats, target: Target, iterations: int, clipped: bool = False,
+          plain: bool = False) -> Solved:
     """Return what Newton's method makes of joint positions (m,).
 
     The steps are the least ones in a metric in which joints near their limits are heavy (Chan and
@@ -47,10 +54,10 @@ def solve(chain, positions, target, iterations, clipped=False, plain=False) -> S
         clipped: whether joints stay within their limits on the way
         plain: whether all joints weigh the same
     """
-    best = None
+    best = Solved(positions, np.full(_COORDINATES, np.inf))
     for _ in range(iterations):
         off, jacobian = chain.off(positions, *target)
-        if best is None or off @ off < best.off @ best.off:
+        if off @ off < best.off @ best.off:
             best = Solved(positions, off)
         if np.abs(off).max() < CLOSE:
             break
@@ -62,7 +69,7 @@ def solve(chain, positions, target, iterations, clipped=False, plain=False) -> S
     return best
 
 
-def centered(chain, positions, target, most):
+def centered(chain: Chain, positions: Floats, target: Target, most: float) -> Floats:
     """Return positions (m,) from which to go on: nearer to the middles, the tool about unmoved.
 
     Args:
@@ -78,18 +85,18 @@ def centered(chain, positions, target, most):
     return positions + wish - _least_step(jacobian, jacobian @ wish, heavy)
 
 
-def _least_step(jacobian, off, heavy):
+def _least_step(jacobian: Floats, off: Floats, heavy: Floats) -> Floats:
     weighted = jacobian / heavy
     normal = weighted @ jacobian.T
     normal[np.diag_indices(_COORDINATES)] += _DAMPING * (off @ off) + 1e-14
     return weighted.T @ np.linalg.solve(normal, off)
 
 
-def _heavy(chain, positions):
+def _heavy(chain: Chain, positions: Floats) -> Floats:
     return np.hypot(1.0, _slope(chain, positions))
 
 
-def _slope(chain, positions):
+def _slope(chain: Chain, positions: Floats) -> Floats:
     """Return the slope (m,) of the sum of range^2 / (4 (upper - q) (q - lower)); 0 without one."""
     span = chain.upper - chain.lower
     limited = np.isfinite(span)

@@ -4,8 +4,11 @@
 
 import numpy as np
 
+from dlo_planner.arm.chain import Chain
 from dlo_planner.arm.following import Lost, judge_limits, judge_reach
-from dlo_planner.arm.solving import centered, choices, solve
+from dlo_planner.arm.robot import Arm
+from dlo_planner.arm.solving import Solved, Target, centered, choices, solve
+from dlo_planner.model.arrays import Floats
 
 _ITERATIONS = 80
 _RELAXING, _RELAXED = 20, 0.05  # steps away from limits, and their size in rad or m
@@ -13,7 +16,7 @@ _ALIKE = 1e-2     # rad or m: configurations that are one
 _HERE = 0.02, 0.1  # m, rad: so near to the first target the tool is where it should be
 
 
-def is_there(arm, target, current) -> bool:
+def is_there(arm: Arm, target: Target, current: Floats | None) -> bool:
     """Whether the tool is at its first target at the arm's present joint positions, or None."""
     if current is None:
         return False
@@ -21,7 +24,7 @@ def is_there(arm, target, current) -> bool:
     return bool(np.linalg.norm(off[:3]) <= _HERE[0] and np.linalg.norm(off[3:]) <= _HERE[1])
 
 
-def starts(arm, target, current, number) -> list[np.ndarray]:
+def starts(arm: Arm, target: Target, current: Floats | None, number: int) -> list[Floats]:
     """Return configurations (m,) in which the tool is at a target, the nearest ones first.
 
     The search is the same each time: it begins at the present joint positions, and at points spread
@@ -44,7 +47,8 @@ def starts(arm, target, current, number) -> list[np.ndarray]:
         return [found.positions]
     reference = chain.middle if current is None else current
     seeds = [*([] if current is None else [current]), *_spread(chain, number)]
-    good, best = [], None
+    good: list[Floats] = []
+    best: Lost | None = None
     for seed in seeds:
         found = solve(chain, seed, target, _ITERATIONS, clipped=True)
         if current is None and found.reached:
@@ -65,14 +69,14 @@ def starts(arm, target, current, number) -> list[np.ndarray]:
     return sorted(good, key=lambda one: np.abs((one - reference) / size).max())
 
 
-def judge_all(arm, found, time):
+def judge_all(arm: Arm, found: Solved, time: float) -> None:
     """Raise Lost unless a Solved is there, within limits, and no links touch."""
     judge_reach(found, time)
     judge_limits(arm, found.positions, time)
     judge_self_collision(arm, found.positions, time)
 
 
-def judge_self_collision(arm, positions, time) -> float:
+def judge_self_collision(arm: Arm, positions: Floats, time: float) -> float:
     """Return the smallest distance between links, m; raise Lost if it is too small."""
     distances = arm._collision.distances(positions)
     if not distances.size:
@@ -87,7 +91,7 @@ def judge_self_collision(arm, positions, time) -> float:
     return float(distances[pair])
 
 
-def _relaxed(chain, found, target):
+def _relaxed(chain: Chain, found: Solved, target: Target) -> Solved:
     """Return a Solved of the same placement with joints nearer to the middles of their ranges."""
     for _ in range(_RELAXING if choices(chain)[0] else 0):
         other = solve(chain, centered(chain, found.positions, target, _RELAXED), target,
@@ -98,7 +102,7 @@ def _relaxed(chain, found, target):
     return found
 
 
-def _spread(chain, number):
+def _spread(chain: Chain, number: int) -> Floats:
     """Return seeds (number, m) over the ranges, a turn of angles at most."""
     from scipy.stats import qmc  # noqa: PLC0415  (half a second: only where it is used)
     half = np.where(chain.turning, np.pi, 1.0)
@@ -107,14 +111,14 @@ def _spread(chain, number):
     return lower + (upper - lower) * qmc.Halton(len(chain.names), scramble=False).random(number)
 
 
-def _wound(chain, positions, reference):
+def _wound(chain: Chain, positions: Floats, reference: Floats) -> Floats:
     """Return the same configuration with whole turns taken off, nearest to a reference."""
     turns = np.where(chain.turning, np.round((reference - positions) / (2 * np.pi)), 0.0)
     other = positions + 2 * np.pi * turns
     return np.where((other >= chain.lower) & (other <= chain.upper), other, positions)
 
 
-def _nearer(best, lost):
+def _nearer(best: Lost | None, lost: Lost) -> Lost:
     """Return the refusal that is nearer to a solution: within reach, then by the amount."""
     order = ('reach', 'joint_limit', 'self_collision')
     rank = order.index(lost.constraint), -lost.amount

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is read from a robot's URDF and SRDF text itself, apart from any kinematics library."""
 
+from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
 from xml.etree import ElementTree
@@ -33,7 +34,7 @@ def parsed(name: str, text: str) -> ElementTree.Element:
 
 def single_joints(root: ElementTree.Element) -> set[str]:
     """Return the names of the joints with one coordinate."""
-    return {joint.get('name') for joint in root.findall('joint')
+    return {joint.get('name', '') for joint in root.findall('joint')
             if joint.get('type') in ('revolute', 'continuous', 'prismatic')}
 
 
@@ -43,12 +44,12 @@ def mimics(root: ElementTree.Element) -> dict[str, tuple[str, float, float]]:
     for joint in root.findall('joint'):
         mimic = joint.find('mimic')
         if mimic is not None:
-            found[joint.get('name')] = (mimic.get('joint'), float(mimic.get('multiplier', 1)),
+            found[joint.get('name', '')] = (mimic.get('joint', ''), float(mimic.get('multiplier', 1)),
                                         float(mimic.get('offset', 0)))
     return found
 
 
-def resolve_meshes(root: ElementTree.Element, packages: tuple[str, ...]) -> list[str]:
+def resolve_meshes(root: ElementTree.Element, packages: Sequence[str]) -> list[str]:
     """Make the paths of collision meshes absolute; take those out that are not there.
 
     `package://name/rest` is looked for as `folder/name/rest`, and as `folder/rest` where the folder
@@ -78,14 +79,14 @@ def resolve_meshes(root: ElementTree.Element, packages: tuple[str, ...]) -> list
     return missing
 
 
-def _path_of(filename, packages):
+def _path_of(filename: str, packages: Sequence[str]) -> Path | None:
     """Return the Path of a mesh, or None if it is not there."""
     if filename.startswith(_PACKAGE):
         package, _, rest = filename[len(_PACKAGE):].partition('/')
-        places = chain.from_iterable(
+        places = list(chain.from_iterable(
             (Path(folder) / package / rest,
              *([Path(folder) / rest] if Path(folder).name == package else []))
-            for folder in packages)
+            for folder in packages))
     else:
         places = [Path(filename.removeprefix(_FILE))]
     return next((place.absolute() for place in places if place.is_file()), None)
@@ -97,5 +98,5 @@ def disabled_pairs(srdf: str) -> set[frozenset[str]]:
     Raises:
         InvalidTask: no SRDF
     """
-    return {frozenset((pair.get('link1'), pair.get('link2')))
+    return {frozenset((pair.get('link1', ''), pair.get('link2', '')))
             for pair in parsed('srdf', srdf).iter('disable_collisions')}

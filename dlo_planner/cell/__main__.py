@@ -7,6 +7,7 @@ python -m dlo_planner.cell --tasks 20 --output cell_output
 
 import argparse
 import sys
+from argparse import ArgumentParser
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
@@ -54,7 +55,7 @@ def main(args: list[str] | None = None) -> int:
     return 0
 
 
-def _parser():
+def _parser() -> ArgumentParser:
     parser = argparse.ArgumentParser(prog='python -m dlo_planner.cell', description=__doc__)
     parser.add_argument('--tasks', type=int, default=20)
     parser.add_argument('--seed', type=int, default=0, help='of the first task')
@@ -75,7 +76,7 @@ def _parser():
     return parser
 
 
-def _progress(what, done, total):
+def _progress(what: str, done: int, total: int) -> None:
     """Show on one line how far it is."""
     if sys.stdout.isatty() or done == total:
         print(f'  {what}: {done}/{total}', end='\n' if done == total else '\r', flush=True)

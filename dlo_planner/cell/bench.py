@@ -90,13 +90,13 @@ def write_csv(path: str | PathLike, tasks: Sequence[Task], outcomes: Sequence[Ou
         writer.writerows(rows(tasks, outcomes))
 
 
-def _silent(*_):
+def _silent(*_: object) -> None:
     pass
 
 
-def _answer(yes):
+def _answer(yes: bool) -> str:
     return 'yes' if yes else 'no'
 
 
-def _round(value):
+def _round(value: float) -> float:
     return float(f'{value:.4g}') if np.isfinite(value) else value

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from dlo_planner.cell.plant import Plant
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import flag, integer, number, vector
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.value import Value, put
@@ -26,8 +27,8 @@ class Image(Value):
     """
 
     stamp: float
-    points: np.ndarray
-    hole: np.ndarray | None = None
+    points: Floats
+    hole: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -60,7 +61,7 @@ class Camera(Value):
     stamp_error: float = 0.0
     sees_hole: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         limits = {'rate': {'above': 0}, 'outliers': {'minimum': 0, 'maximum': 1},
                   'hidden': {'minimum': 0, 'maximum': 2 / 3}, 'stamp_error': {}}
         for item in fields(self):
@@ -84,11 +85,12 @@ class Viewer:
         rng: generator of its errors
     """
 
-    def __init__(self, camera: Camera, rng: np.random.Generator):
+    def __init__(self, camera: Camera, rng: np.random.Generator) -> None:
         self._camera, self._rng = camera, rng
         self._bias = camera.bias * rng.standard_normal(3)
         self._from = rng.uniform(0, 2 / 3 - camera.hidden)
-        self._next, self._coming = None, []  # the first image is taken at once
+        self._next: float | None = None  # the first image is taken at once
+        self._coming: list[tuple[float, Image]] = []
 
     def images(self, plant: Plant, cutout: CutOut) -> tuple[Image, ...]:
         """Return the Images that have arrived since the last call.
@@ -104,7 +106,7 @@ class Viewer:
         self._coming = self._coming[len(there):]
         return tuple(there)
 
-    def _image(self, plant, cutout):
+    def _image(self, plant: Plant, cutout: CutOut) -> Image:
         camera, rng = self._camera, self._rng
         visible = rng.uniform(0, 1 - camera.hidden, camera.points)
         visible[visible > self._from] += camera.hidden

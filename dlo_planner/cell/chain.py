@@ -10,11 +10,13 @@ the torsion due to the order of rotations cancels between neighbors.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from dlo_planner.cell.engine import mujoco
 from dlo_planner.cell.truth import Truth
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.rod import Rod
 
 _GAUSS = np.polynomial.legendre.leggauss(5)
@@ -40,12 +42,12 @@ class Chain:
     """
 
     length: float
-    stiffness: np.ndarray
-    rest: np.ndarray
-    masses: np.ndarray
-    centers: np.ndarray
-    inertias: np.ndarray
-    radii: np.ndarray
+    stiffness: Floats
+    rest: Floats
+    masses: Floats
+    centers: Floats
+    inertias: Floats
+    radii: Floats
     box: tuple[float, float] | None
 
     @property
@@ -79,12 +81,12 @@ def chain_of(rod: Rod, truth: Truth, cells: int) -> Chain:
                  (section.half_n, section.half_b) if flat else None)
 
 
-def _means(values, cells):
+def _means(values: Floats, cells: int) -> Floats:
     """Return the means (cells, k) of values at Gauss points (cells * 5, k)."""
     return np.einsum('cgk,g->ck', values.reshape(cells, _GAUSS[1].size, -1), 0.5 * _GAUSS[1])
 
 
-def _masses(rod, truth, joints, ends):
+def _masses(rod: Rod, truth: Truth, joints: Floats, ends: Floats) -> tuple[Floats, Floats, Floats]:
     """Return masses (n,), centers (n,) from the joint, inertias (n, 3) of the pieces."""
     points = [(min(s, ends[-1]), truth.mass * m) for s, m in rod.point_masses]
     points.append((ends[-1], truth.mass * rod.tip_mass))
@@ -133,7 +135,7 @@ def add_chain(gripper: mujoco.MjsBody, chain: Chain) -> None:
         parent, at = piece, chain.cell
 
 
-def set_springs(model: mujoco.MjModel, chain: Chain) -> np.ndarray:
+def set_springs(model: mujoco.MjModel, chain: Chain) -> Floats:
     """Set the stiffness and rest angles of an MjModel's joints; return the stiffness (3 n,)."""
     orders = np.array([_ORDERS[k % 2] for k in range(len(chain.masses))])
     stiffness = np.take_along_axis(chain.stiffness, orders, axis=1).ravel()
@@ -144,7 +146,7 @@ def set_springs(model: mujoco.MjModel, chain: Chain) -> np.ndarray:
     return stiffness
 
 
-def _add_geom(body, chain, k, length):
+def _add_geom(body: Any, chain: Chain, k: int, length: float) -> None:
     """Add the outside of a piece of a length in m to its body."""
     half = 0.5 * length
     if chain.box is None:

@@ -18,6 +18,7 @@ from dlo_planner.cell.camera import Camera, Image
 from dlo_planner.cell.drivers import PERIOD, Command, ways
 from dlo_planner.cell.tasks import Task
 from dlo_planner.cell.truth import Unknowns
+from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import Infeasible
 from dlo_planner.identify.closed_loop import ClosedLoop, Phase
 from dlo_planner.identify.correction import correct
@@ -98,7 +99,7 @@ class _Looking:
             bound of the estimate; nan before the DLO enters
     """
 
-    def __init__(self, driver, task):
+    def __init__(self, driver: Looking, task: Task) -> None:
         self.promised = np.nan
         self._driver, self._task, self._here = driver, task, task.start
         self._observer = Observer(
@@ -106,8 +107,9 @@ class _Looking:
             outliers=driver.outliers, sway=_SWAY)
         self._estimate = self._observer.begin()
         self._loop = ClosedLoop((1 - _FOR_MOTION) * task.room, driver.look, driver.period)
-        self._motion, self._began, self._correction = None, 0.0, None
-        self._sent = deque(maxlen=_REMEMBERED)  # (time, Pose)
+        self._motion: Steered | None = None
+        self._began, self._correction = 0.0, None
+        self._sent: deque[tuple[float, Pose]] = deque(maxlen=_REMEMBERED)
 
     def __call__(self, images: Sequence[Image], time: float) -> Pose | None:
         loop, finished, bound = self._loop, False, None
@@ -130,7 +132,7 @@ class _Looking:
             self._go_in(bound, time)
         return None if self._loop.phase is Phase.DONE else self._here
 
-    def _look(self, images, time):
+    def _look(self, images: Sequence[Image], time: float) -> None:
         since = time if self._loop.since is None else self._loop.since
         for image in images:
             if self._loop.at_standoff and image.stamp < since + max(_STAMPS, self._driver.stamps):
@@ -141,7 +143,7 @@ class _Looking:
                 self._estimate = self._observer.see_cutout(
                     self._estimate, self._task.cutout.center, image.hole)
 
-    def _go_there(self, time):
+    def _go_there(self, time: float) -> None:
         """Plan the motion to the standoff and begin it."""
         here = self._estimated()
         way, _ = ways(here, _STANDOFF * here.rod.length)
@@ -150,7 +152,7 @@ class _Looking:
         self._go(Trajectory(there, self._driver.limits, tolerance=tolerance), there.shapes[-1],
                  time)
 
-    def _aim(self):
+    def _aim(self) -> float:
         """Plan the way from the standoff to the depth; return the 95 % bound of its miss, m."""
         way, through = ways(self._estimated(), 0.0)
         self._plan = joined(replace(way, stops=()), through)
@@ -161,26 +163,26 @@ class _Looking:
         looked_at = np.unique(np.linspace(0, len(through) - 1, _WAYPOINTS).astype(int))
         return float(estimate.miss(self._commanded, looked_at).bound.max())
 
-    def _go_in(self, bound, time):
+    def _go_in(self, bound: float, time: float) -> None:
         room = self._task.room
         tolerance = max(_FOR_MOTION * room, 0.5 * (room - bound))
         trajectory = Trajectory(self._plan, self._driver.limits, tolerance=tolerance)
         self.promised = trajectory.motion.miss + bound
         self._go(trajectory, self._plan.shapes[-1], time)
 
-    def _estimated(self):
+    def _estimated(self) -> Task:
         """Return the Task with the estimated DLO and hole, from the gripper's estimated pose."""
         estimate = self._estimate
         return replace(self._task, rod=estimate.rod, start=estimate.actual(self._here),
                        cutout=estimate.moved_cutout(self._task.cutout))
 
-    def _go(self, trajectory, there, time):
+    def _go(self, trajectory: Trajectory, there: Shape, time: float) -> None:
         """Begin a motion at whose end the DLO has the Shape `there`."""
         self._motion = Steered.of(trajectory, there, self._estimate.gripper_offset.inverse())
         self._began, self._correction = time, None
         self._sent.append((time, self._here))
 
-    def _moved(self, images, time):
+    def _moved(self, images: Sequence[Image], time: float) -> bool:
         """Go on by one period, and look and correct if it is time; return False at the end."""
         if self._motion is None or time - self._began >= self._motion.duration:
             return False
@@ -193,7 +195,7 @@ class _Looking:
         self._sent.append((time + PERIOD, self._here))
         return True
 
-    def _look_on_the_way(self, image):
+    def _look_on_the_way(self, image: Image) -> None:
         """Update the estimate with an Image; it counts the less the faster the DLO moves.
 
         A wrong stamp displaces all its points alike. Inertia bends the DLO like a part of its
@@ -209,7 +211,7 @@ class _Looking:
             self._estimate, observation, noise=float(noise),
             sway=float(np.hypot(_SWAY, _SAG * self._task.rod.length * inertia / _WEIGHT)))
 
-    def _moving(self, stamp):
+    def _moving(self, stamp: float) -> tuple[float, float]:
         """Return bounds of the DLO's speed, m/s, and acceleration in the last swing, m/s^2."""
         swing = self._motion.windows[0]
         times = stamp - self._began - np.linspace(0, swing, _INSTANTS)
@@ -219,7 +221,7 @@ class _Looking:
             for part in self._motion.trajectory.at(times)[1:])
         return speeds[0], accelerations.max()
 
-    def _correct(self, time):
+    def _correct(self, time: float) -> None:
         """Aim the remaining waypoints anew, if there is time left to blend that in."""
         motion, plan = self._motion, self._plan
         if time + motion.windows.sum() > motion.trajectory.duration:

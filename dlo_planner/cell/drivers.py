@@ -47,14 +47,14 @@ class OpenLoop:
 
 
 class _Replayed:
-    def __init__(self, motion):
+    def __init__(self, motion: Trajectory | Sequence[Pose]) -> None:
         self.promised = np.nan
         if isinstance(motion, Trajectory):
             self.promised = motion.motion.miss if motion.motion else np.nan
             motion = sampled(motion)
         self._poses = iter(motion)
 
-    def __call__(self, images, time):
+    def __call__(self, images: Sequence[Image], time: float) -> Pose | None:
         return next(self._poses, None)
 
 

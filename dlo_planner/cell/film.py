@@ -3,12 +3,14 @@
 """A film of a run. Matplotlib draws it, which needs no display."""
 
 from os import PathLike
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from dlo_planner.cell.plant import Plant
 from dlo_planner.cell.tasks import Task
+from dlo_planner.model.arrays import Floats
 from dlo_planner.view.films import checked_path, write_film
 
 _POINTS = 81     # on the DLO
@@ -21,8 +23,11 @@ _MARGIN = 0.1    # m around what moves
 class Film:
     """Takes pictures of a Plant; give it to `run` as `watch`."""
 
-    def __init__(self):
-        self._times, self._curves, self._grippers, self._forces = [], [], [], []
+    def __init__(self) -> None:
+        self._times: list[float] = []
+        self._curves: list[Floats] = []
+        self._grippers: list[Floats] = []
+        self._forces: list[float] = []
 
     def __call__(self, plant: Plant) -> None:
         """Take a picture if the last one is 0.1 s old."""
@@ -42,7 +47,7 @@ class Film:
         lines = [self._panel(panel, task, curves, k) for k, panel in zip((2, 1), panels,
                                                                         strict=True)]
 
-        def draw(number):
+        def draw(number: int) -> None:
             for k, (line, jaw) in zip((2, 1), lines, strict=True):
                 line.set_data(curves[number][:, 0], curves[number][:, k])
                 matrix = self._grippers[number]
@@ -55,13 +60,13 @@ class Film:
         write_film(figure, draw, len(curves), checked_path(path), rate=round(_SPEED / _EVERY))
 
     @staticmethod
-    def _axes(task):
+    def _axes(task: Task) -> Floats:
         """Return rows: along the normal in the plane, across it, up (3, 3)."""
         along = task.cutout.normal * (1, 1, 0)
         along = along / np.linalg.norm(along)
         return np.array([along, np.cross((0, 0, 1), along), (0, 0, 1)])
 
-    def _panel(self, panel, task, curves, k):
+    def _panel(self, panel: Any, task: Task, curves: Floats, k: int) -> tuple[Any, Any]:
         """Draw what stands still; return the lines of the DLO and of the gripper."""
         axes = self._axes(task)
         sheet = task.sheet

@@ -11,9 +11,11 @@ and the points of the DLO that its tracker sees. What came of the task is on `~/
 import signal
 import sys
 from collections import deque
+from collections.abc import Sequence
 from contextlib import suppress
 from threading import Event, Lock, Thread
 from time import monotonic
+from typing import Any
 
 import numpy as np
 import rclpy
@@ -75,7 +77,7 @@ class CellNode(Node):
         DloPlannerError: a parameter makes no sense, or MuJoCo is not installed
     """
 
-    def __init__(self, **options):
+    def __init__(self, **options: Any) -> None:
         super().__init__('dlo_cell', **options)
         values = {name: self.declare_parameter(name, default, ParameterDescriptor(
             description=text, read_only=True)).value
@@ -102,7 +104,7 @@ class CellNode(Node):
         self._thread = Thread(target=self._run, name='plant', daemon=True)
         self._thread.start()
 
-    def _begin(self):
+    def _begin(self) -> None:
         """Hang the DLO at rest in the gripper at its start pose."""
         unknowns, camera = UNKNOWNS[self._values['unknown']]
         rng = np.random.default_rng([self._values['seed'], 78])
@@ -114,18 +116,18 @@ class CellNode(Node):
         self._clock_of = deque(maxlen=_REMEMBERED)  # (plant's time, ns of the clock)
         self._due, self._lost = monotonic(), 0.0
 
-    def _on_command(self, msg):
+    def _on_command(self, msg: PoseStamped) -> None:
         with suppress(DloPlannerError), self._lock:
             self._wanted = pose_from_stamped(msg, _FRAME, 'gripper_command')
 
-    def _on_restart(self, _, response):
+    def _on_restart(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:
             self._wanted = None
             self._begin()
         response.success, response.message = True, 'the DLO hangs at rest at the start pose'
         return response
 
-    def destroy_node(self):
+    def destroy_node(self) -> None:
         """Let time stand still."""
         self._over.set()
         self._thread.join(timeout=5.0)
@@ -133,7 +135,7 @@ class CellNode(Node):
 
     # ---- time -------------------------------------------------------------------------------
 
-    def _run(self):
+    def _run(self) -> None:
         told = -np.inf
         while not self._over.wait(max(self._due - monotonic(), 0.0)):
             with self._lock:
@@ -145,7 +147,7 @@ class CellNode(Node):
                     told = monotonic()
                     self._tell()
 
-    def _step(self):
+    def _step(self) -> None:
         plant, broken = self._plant, self._broken
         try:
             if not broken:
@@ -163,7 +165,7 @@ class CellNode(Node):
         for image in self._viewer.images(plant, self.task.cutout):
             self._cloud_out.publish(cloud_msg(image.points, _FRAME, self._stamped(image.stamp)))
 
-    def _followed(self):
+    def _followed(self) -> Pose:
         """Return where the gripper is to be next: it follows its commands smoothly, and late."""
         if self._wanted is not None:
             share = 1 - np.exp(-_PERIOD / _LAG)
@@ -171,7 +173,7 @@ class CellNode(Node):
             self._gripper = nearer(self._gripper, self._behind, share)
         return self._gripper
 
-    def _stamped(self, time):
+    def _stamped(self, time: float) -> Time:
         """Return the stamp of a time of the plant, which may be late against the clock."""
         times = np.array([plant_time for plant_time, _ in self._clock_of])
         last = self._clock_of[-1][1]
@@ -179,7 +181,7 @@ class CellNode(Node):
         error = max(time - times[-1], 0.0)  # a camera's stamps may be in the future
         return _stamp(last + round(np.interp(time, times, before) + 1e9 * error))
 
-    def _tell(self):
+    def _tell(self) -> None:
         plant, task = self._plant, self.task
         self._shape_out.publish(plan_path(seen(plant), np.zeros(_NODES), _FRAME, self._now()))
         depth, force = plant.passage(task.cutout).depth, plant.largest_forces.max(initial=0.0)
@@ -196,7 +198,7 @@ class CellNode(Node):
             'largest force [N]': float(force), 'touched': bool(force > TOUCH),
             'lost [s]': float(self._lost)}))
 
-    def _now(self):
+    def _now(self) -> Time:
         return self.get_clock().now().to_msg()
 
 
@@ -214,11 +216,11 @@ def seen(plant: Plant) -> list[Pose]:
     return [Pose.looking_along(*node) for node in zip(positions, tangents, strict=True)]
 
 
-def _stamp(nanoseconds):
+def _stamp(nanoseconds: float) -> Time:
     return Time(sec=int(nanoseconds // 10**9), nanosec=int(nanoseconds % 10**9))
 
 
-def main(args=None):
+def main(args: Sequence[str] | None = None) -> int:
     """Run the cell until it is interrupted; return the exit status."""
     # its own handlers would end the context while the plant's thread publishes
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)

@@ -10,9 +10,10 @@ It stands for the real cell and shares only data types (`dlo_planner.model`) wit
     print(plant.passage(hole), plant.largest_forces)
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import ceil
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,9 +25,10 @@ from dlo_planner.cell.engine import mujoco
 from dlo_planner.cell.scenery import add_obstacle
 from dlo_planner.cell.truth import Truth
 from dlo_planner.errors import InvalidTask, NotConverged
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, number, row, vector
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import OBSTACLES
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value
@@ -93,7 +95,7 @@ class Plant:
 
     def __init__(self, rod: Rod, gripper: Pose, obstacles: Iterable = (), *,
                  truth: Truth | None = None, cells: int = 40, step: float = 1e-3,
-                 damping: float = 0.005, gravity: ArrayLike = _GRAVITY):
+                 damping: float = 0.005, gravity: ArrayLike = _GRAVITY) -> None:
         instance('rod', rod, Rod)
         instance('gripper', gripper, Pose)
         self.truth = Truth() if truth is None else instance('truth', truth, Truth)
@@ -136,7 +138,7 @@ class Plant:
         self.time += seconds
         self.commanded = gripper
 
-    def points(self, s: ArrayLike) -> np.ndarray:
+    def points(self, s: ArrayLike) -> Floats:
         """Return the places (n, 3) in m of the DLO at true arc lengths s (n,) in m."""
         return self._curve(row('s', s, minimum=0, maximum=self._chain.length))
 
@@ -169,7 +171,7 @@ class Plant:
         worst = misses.argmax()
         return Passage(self._chain.length - first, misses[worst], *places[worst])
 
-    def modes(self, count: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    def modes(self, count: int = 3) -> tuple[Floats, Floats]:
         """Return frequencies (count,) in Hz and shapes (count, n + 1, 3) of small vibrations.
 
         About the present shape, the gripper at rest, without contacts. The stiffness matrix is a
@@ -183,7 +185,7 @@ class Plant:
         shapes = np.array([self._displacement(data, here, vector) for vector in vectors.T])
         return np.sqrt(np.maximum(squares, 0)) / (2 * np.pi), shapes
 
-    def _build(self, obstacles, gravity):
+    def _build(self, obstacles: Sequence[Obstacle], gravity: Floats) -> None:
         spec = mujoco.MjSpec()
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
@@ -202,22 +204,22 @@ class Plant:
         self._data = mujoco.MjData(model)
         self._heavy = np.append(np.full(3, model.body_mass[1]), model.body_inertia[1])
 
-    def _shift_sheets(self):
+    def _shift_sheets(self) -> None:
         for geom, owner in enumerate(self._owner):
             if owner is not None and hasattr(self._obstacles[owner], 'cutouts'):
                 self._model.geom_pos[geom] += self.truth.hole_shift
 
-    def _holding(self, gripper):
+    def _holding(self, gripper: Pose) -> tuple[Floats, Floats]:
         """Return where (3,) a gripper truly is, and its quaternion w, x, y, z."""
         turn = Rotation.from_rotvec(self.truth.gripper_turn.copy()).as_matrix()
         quaternion = np.zeros(4)
         mujoco.mju_mat2Quat(quaternion, (gripper.rotation @ turn).ravel())
         return gripper.position + gripper.rotation @ self.truth.gripper_shift, quaternion
 
-    def _place(self, place, quaternion):
+    def _place(self, place: Floats, quaternion: Floats) -> None:
         self._data.qpos[:3], self._data.qpos[3:7] = place, quaternion
 
-    def _settle(self):
+    def _settle(self) -> None:
         """Let the DLO come to rest from its natural shape, with much damping and no obstacles."""
         model, data = self._model, self._data
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -243,7 +245,7 @@ class Plant:
             raise InvalidTask(f'gripper = {self.commanded!r}: expected a DLO that hangs freely, it '
                               'touches an obstacle there')
 
-    def _damp(self, ratio):
+    def _damp(self, ratio: float) -> None:
         """Find the damping that the stiffness brings along, in s."""
         self.frequencies = self.modes(3)[0]
         rate = np.pi * self.frequencies[0]
@@ -251,7 +253,7 @@ class Plant:
         self.damping = max(ratio, self.least_damping)
         self._lag = self.damping / rate
 
-    def _step_is(self, seconds):
+    def _step_is(self, seconds: float) -> None:
         """Set the step of time. The engine's own damping, of a whole step, is part of the damping.
 
         What is left may be negative: stable while both together are half a step at least.
@@ -259,7 +261,7 @@ class Plant:
         self._model.opt.timestep = seconds
         self._model.dof_damping[6:] = (self._lag - seconds) * self._stiffness
 
-    def _advance(self, place, quaternion, twist):
+    def _advance(self, place: Floats, quaternion: Floats, twist: Floats) -> None:
         """Make one step; the gripper comes to a place and has a twist (6,) on the way there."""
         data = self._data
         data.qfrc_applied[:6] = self._heavy * (twist - data.qvel[:6]) / self._model.opt.timestep
@@ -269,7 +271,7 @@ class Plant:
         if data.ncon:
             self._feel()
 
-    def _feel(self):
+    def _feel(self) -> None:
         """Add up the contact forces."""
         data, wrench = self._data, np.zeros(6)
         for k, contact in enumerate(data.contact):
@@ -277,7 +279,7 @@ class Plant:
             one, other = (self._owner[geom] for geom in contact.geom)
             self.forces[other if one is None else one] += np.linalg.norm(wrench[:3])
 
-    def _nodes(self, data):
+    def _nodes(self, data: Any) -> tuple[Floats, Floats]:
         """Return places (n + 1, 3) and tangents (n + 1, 3) at the ends of the cells."""
         mujoco.mj_kinematics(self._model, data)
         tangents = data.xmat[1:].reshape(-1, 3, 3)[:, :, 0].copy()
@@ -285,7 +287,7 @@ class Plant:
         places[1:] += 0.5 * self._chain.cell * tangents[1:]
         return places, tangents
 
-    def _curve(self, s):
+    def _curve(self, s: Floats) -> Floats:
         """Return places (n, 3) at arc lengths (n,), cubic between the nodes."""
         places, tangents = self._nodes(self._data)
         cells = len(places) - 1
@@ -295,7 +297,7 @@ class Plant:
         return (places[k] * (1 - x) ** 2 * (1 + 2 * x) + places[k + 1] * x**2 * (3 - 2 * x)
                 + self._chain.cell * x * (1 - x) * (tangents[k] * (1 - x) - tangents[k + 1] * x))
 
-    def _linear(self, data):
+    def _linear(self, data: Any) -> tuple[Floats, Floats]:
         """Return stiffness and mass matrices (3 n, 3 n) of the joints about a state at rest."""
         model, size = self._model, self._model.nv - 6
         mujoco.mj_forward(model, data)
@@ -316,7 +318,7 @@ class Plant:
             stiffness[k] = (forces[0] - forces[1]) / (2 * _DIFFERENCE)
         return 0.5 * (stiffness + stiffness.T), mass[:, 6:]
 
-    def _displacement(self, data, rest, vector):
+    def _displacement(self, data: Any, rest: Floats, vector: Floats) -> Floats:
         """Return how the nodes (n + 1, 3) move with a vector of the joints, 1 at most."""
         small = _MOVED / np.abs(vector).max()
         ends = []

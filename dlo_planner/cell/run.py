@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.cell.camera import Camera, Viewer
-from dlo_planner.cell.drivers import PERIOD, Driver
+from dlo_planner.cell.drivers import PERIOD, Command, Driver
 from dlo_planner.cell.plant import Plant
 from dlo_planner.cell.tasks import Task
 from dlo_planner.cell.truth import NOTHING_UNKNOWN, Unknowns
@@ -92,7 +92,8 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
                    float(getattr(command, 'promised', np.nan)))
 
 
-def _drive(plant, command, task, viewer, watch):
+def _drive(plant: Plant, command: Command, task: Task, viewer: Viewer | None,
+           watch: Callable[[Plant], object] | None) -> tuple[list[float], str]:
     """Move the gripper until the command is done; return the misses, and why it gave up."""
     misses = []
     for count in range(int(_LONGEST / PERIOD)):
@@ -115,5 +116,5 @@ def _drive(plant, command, task, viewer, watch):
     return misses, ''
 
 
-def _reason(error):
+def _reason(error: Exception) -> str:
     return f'{type(error).__name__}: {error}'

@@ -3,16 +3,20 @@
 """Sheets and obstacles as bodies of the physics engine."""
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.cell.chain import DLO, SCENE
 from dlo_planner.cell.engine import mujoco
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.obstacles import Box, Capsule, Plane, Sheet, Sphere
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.obstacles import Box, Capsule, Obstacle, Plane, Sheet, Sphere
 
 _SIDES = 24         # of the polygon around a round hole, which is up to 0.9 % wider than the hole
 _THINNEST = 1e-3    # m: a thinner sheet could be tunnelled through
 _HALF_PLANE = 10.0  # m
+
+Part = tuple[str, ArrayLike, Floats, Floats]  # kind, size (3,), center (3,), rotation (3, 3)
 
 
 def add_obstacle(spec: mujoco.MjSpec, obstacle: Plane | Sphere | Capsule | Box | Sheet,
@@ -30,7 +34,7 @@ def add_obstacle(spec: mujoco.MjSpec, obstacle: Plane | Sphere | Capsule | Box |
             friction=(obstacle.friction, 0, 0))
 
 
-def _parts(obstacle):
+def _parts(obstacle: Obstacle) -> list[Part]:
     """Return [(kind, size (3,), center (3,), rotation (3, 3))] of an obstacle."""
     if isinstance(obstacle, Plane):
         return [('PLANE', (_HALF_PLANE, _HALF_PLANE, 1), obstacle.point, _z_along(obstacle.normal))]
@@ -48,7 +52,7 @@ def _parts(obstacle):
     raise InvalidTask(f'obstacles: expected Plane, Sphere, Capsule, Box, Sheet, got {obstacle!r}')
 
 
-def _around_hole(sheet):
+def _around_hole(sheet: Sheet) -> list[Part]:
     """Return the boxes of a Sheet."""
     half = 0.5 * np.array([max(sheet.thickness, _THINNEST), sheet.width, sheet.height])
     if not sheet.cutouts:
@@ -72,7 +76,7 @@ def _around_hole(sheet):
     return parts
 
 
-def _z_along(direction):
+def _z_along(direction: Floats) -> Floats:
     """Return a rotation (3, 3) whose z axis is along a direction."""
     z = direction / np.linalg.norm(direction)
     x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, integer, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Sheet
@@ -45,7 +46,7 @@ class Task(Value):
     start: Pose
     depth: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         instance('Task.name', self.name, str)
         instance('Task.rod', self.rod, Rod)
         instance('Task.cutout', self.cutout, CutOut)
@@ -94,7 +95,7 @@ def draw_task(seed: int, name: str | None = None, radius: float | None = None) -
     return Task(name, rod, hole, Pose.looking_along(position, tilt), _DEPTH * rod.length)
 
 
-def _direction(rng):
+def _direction(rng: np.random.Generator) -> Floats:
     """Return a direction (3,), any but the steepest."""
     height = rng.uniform(-1, 1) * np.sin(_STEEPEST)
     angle = rng.uniform(-np.pi, np.pi)

@@ -9,6 +9,7 @@ from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, instance, number, vector
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
@@ -40,13 +41,13 @@ class Truth(Value):
     torsional_stiffness: float = 1.0
     mass: float = 1.0
     mass_gradient: float = 0.0
-    natural_curvature: np.ndarray = ((0.0,), (0.0,))
+    natural_curvature: Floats = ((0.0,), (0.0,))
     length: float = 0.0
-    gripper_shift: np.ndarray = (0.0, 0.0, 0.0)
-    gripper_turn: np.ndarray = (0.0, 0.0, 0.0)
-    hole_shift: np.ndarray = (0.0, 0.0, 0.0)
+    gripper_shift: Floats = (0.0, 0.0, 0.0)
+    gripper_turn: Floats = (0.0, 0.0, 0.0)
+    hole_shift: Floats = (0.0, 0.0, 0.0)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('bending_stiffness', 'torsional_stiffness', 'mass'):
             put(self, **{name: number(f'Truth.{name}', getattr(self, name), above=0)})
         for name in ('gripper_shift', 'gripper_turn', 'hole_shift'):
@@ -63,19 +64,19 @@ class Truth(Value):
                               f"DLO's length of {rod.length:g} m")
         return rod.length + self.length
 
-    def stiffnesses(self, rod: Rod, s: ArrayLike) -> np.ndarray:
+    def stiffnesses(self, rod: Rod, s: ArrayLike) -> Floats:
         """Return the true GJ, EI_n, EI_b (n, 3) in N m^2 at true arc lengths s (n,)."""
         return rod.stiffnesses(np.minimum(s, rod.length)) * (
             self.torsional_stiffness, self.bending_stiffness, self.bending_stiffness)
 
-    def natural_strains(self, rod: Rod, s: ArrayLike) -> np.ndarray:
+    def natural_strains(self, rod: Rod, s: ArrayLike) -> Floats:
         """Return the true natural torsion and curvatures (n, 3) in 1/m at arc lengths s (n,)."""
         strains = rod.natural_strains(np.minimum(s, rod.length))
         strains[:, 1:] += legendre.legval(2 * np.asarray(s) / self.length_of(rod) - 1,
                                           self.natural_curvature.T).T
         return strains
 
-    def masses_per_length(self, rod: Rod, s: ArrayLike) -> np.ndarray:
+    def masses_per_length(self, rod: Rod, s: ArrayLike) -> Floats:
         """Return the true mass per length (n,) in kg/m at arc lengths s (n,)."""
         gradient = 1 + self.mass_gradient * (np.asarray(s) / self.length_of(rod) - 0.5)
         return self.mass * gradient * rod.masses_per_length(np.minimum(s, rod.length))
@@ -97,13 +98,13 @@ class Unknowns(Value):
     stiffness: float = 0.0
     mass: float = 0.0
     mass_gradient: float = 0.0
-    natural_curvature: np.ndarray = (0.0,)
+    natural_curvature: Floats = (0.0,)
     length: float = 0.0
     gripper_position: float = 0.0
     gripper_rotation: float = 0.0
     hole_position: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         put(self, natural_curvature=array('Unknowns.natural_curvature', self.natural_curvature,
                                           (None,)))
         put(self, **{item.name: number(f'Unknowns.{item.name}', getattr(self, item.name), minimum=0)

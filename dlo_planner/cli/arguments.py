@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import click
 
@@ -57,13 +57,14 @@ POSE, VECTOR = PoseType(), VectorType()
 READ = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
-def described(command: Callable) -> Callable:
+def described(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the argument CONFIG and the options that say what the DLO and its surroundings are.
 
     What they describe, a Described, is the first argument of the command.
     """
     @wraps(command)
-    def reading(config, changes, obstacles, **options):
+    def reading(config: str, changes: tuple[str, ...], obstacles: Path | None,
+                **options: Any) -> object:
         return command(read_described(config, changes, obstacles), **options)
 
     for decorator in (
@@ -76,7 +77,7 @@ def described(command: Callable) -> Callable:
     return reading
 
 
-def written(kinds: str) -> Callable:
+def written(kinds: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Add the option -o; `kinds` says what its endings mean."""
     return click.option('-o', '--output', 'outputs', multiple=True, metavar='FILE',
                         type=click.Path(dir_okay=False, path_type=Path),
@@ -91,7 +92,7 @@ class Described(NamedTuple):
         direct: DirectSimulator
     """
 
-    values: dict
+    values: dict[str, Any]
     direct: DirectSimulator
 
 
@@ -111,9 +112,9 @@ class Bar:
         label: what is counted
     """
 
-    def __init__(self, label: str):
+    def __init__(self, label: str) -> None:
         self._label = label
-        self._bar = None
+        self._bar: Any = None
         self._total = 0
         self._shown = sys.stderr.isatty()
 
@@ -135,8 +136,8 @@ class Bar:
             self._bar.__exit__(None, None, None)
             self._bar = None
 
-    def __enter__(self):
+    def __enter__(self) -> 'Bar':
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.close()

@@ -2,17 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """`dlo-planner map`: which cut-outs of a cell can be threaded."""
 
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
 
-from dlo_planner.cli.arguments import POSE, VECTOR, Bar, described, written
+from dlo_planner.cli.arguments import POSE, VECTOR, Bar, Described, described, written
 from dlo_planner.cli.main import NO_SOLUTION
 from dlo_planner.cli.outputs import PICTURES, checked, write_table
+from dlo_planner.model.arrays import Floats
 from dlo_planner.parallel import CapabilityMap, CellGrid, capability_map, slices
 from dlo_planner.parallel.picture import QUANTITIES
 from dlo_planner.settings.building import inverse_of
@@ -28,7 +31,7 @@ class RangeType(click.ParamType):
     name = 'FIRST:LAST:COUNT'
 
     def convert(self, value: object, param: click.Parameter | None,
-                ctx: click.Context | None) -> np.ndarray:
+                ctx: click.Context | None) -> Floats:
         """Return them as an array."""
         parts = str(value).split(':')
         try:
@@ -65,7 +68,8 @@ _RANGE = RangeType()
 @click.option('--quantity', type=click.Choice(list(QUANTITIES)), default='share',
               show_default=True, help='What the picture shows.')
 @written('.png .svg .pdf slices of the map, .csv a line for each cut-out')
-def command(dlo, outputs, jobs, axis, quantity, **asked):
+def command(dlo: Described, outputs: tuple[Path, ...], jobs: int, axis: str, quantity: str,
+            **asked: Any) -> None:
     """Find out which round cut-outs of a cell can be threaded, with what margin.
 
     CONFIG describes the DLO and the gripper's workspace (parameters workspace.*). Each combination
@@ -109,7 +113,7 @@ _HEAD = (*'xyz', 'direction_x', 'direction_y', 'direction_z', 'radius', 'outcome
          'fraction', 'clearance', 'stability', 'roll', 'start')
 
 
-def _rows(found: CapabilityMap):
+def _rows(found: CapabilityMap) -> Iterator[list[object]]:
     """Yield a row for each cut-out."""
     for place in np.ndindex(found.grid.shape):
         p, d, r = place

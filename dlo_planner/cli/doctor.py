@@ -48,7 +48,7 @@ class Finding(NamedTuple):
 
 
 @click.command('doctor')
-def command():
+def command() -> None:
     """Check versions, compiled kernels, extras and ROS; say what to do where something is amiss.
 
     \b
@@ -84,14 +84,14 @@ def findings() -> Iterator[Finding]:
     yield _ros()
 
 
-def _python():
+def _python() -> Finding:
     said = '.'.join(map(str, sys.version_info[:3]))
     if sys.version_info[:2] >= _PYTHON:
         return Finding(_OK, 'Python', said)
     return Finding(_BAD, 'Python', said, 'expected 3.11 or later: make an environment with it')
 
 
-def _needed(name, least):
+def _needed(name: str, least: tuple[int, ...]) -> Finding:
     try:
         said = version(name)
     except PackageNotFoundError:
@@ -102,7 +102,7 @@ def _needed(name, least):
     return Finding(_OK, name, said)
 
 
-def _kernels():
+def _kernels() -> Finding:
     name = 'compiled kernels'
     if not COMPILED:
         return Finding(_BAD, name, 'numba is missing or switched off: some hundred times slower',
@@ -120,7 +120,7 @@ def _kernels():
     return Finding(_OK, name, f'{count}, new ones in {known.write}')
 
 
-def _parameters():
+def _parameters() -> Finding:
     names = ', '.join(config_files())
     if names:
         return Finding(_OK, 'DLOs by name', names)
@@ -128,7 +128,7 @@ def _parameters():
                    'CONFIG has to be the path of a YAML file')
 
 
-def _extra(name, module, distribution, purpose):
+def _extra(name: str, module: str, distribution: str, purpose: str) -> Finding:
     if find_spec(module) is None:
         return Finding(_NOTE, f'extra {name}', f'is not installed: {purpose}',
                        f"pip install 'dlo_planner[{name}]'")
@@ -138,7 +138,7 @@ def _extra(name, module, distribution, purpose):
         return Finding(_OK, f'extra {name}', f'{module}: {purpose}')
 
 
-def _ffmpeg():
+def _ffmpeg() -> Finding:
     path = shutil.which('ffmpeg')
     if path:
         return Finding(_OK, 'ffmpeg', path)
@@ -146,7 +146,7 @@ def _ffmpeg():
                    'apt install ffmpeg, or write films as .gif')
 
 
-def _ros():
+def _ros() -> Finding:
     """Look whether a ROS node can be made, in a process of its own."""
     sourced = os.environ.get('ROS_DISTRO', '')
     if find_spec('rclpy') is None:
@@ -166,7 +166,7 @@ def _ros():
     return Finding(_OK, 'ROS', f'a node can be made ({sourced or "not sourced: wheels of PyPI"})')
 
 
-def _numbers(text):
+def _numbers(text: str) -> tuple[int, ...]:
     """Return the leading numbers of a version."""
     parts = []
     for part in text.split('.'):

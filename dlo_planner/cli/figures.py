@@ -39,7 +39,7 @@ def shows(path: Path) -> str:
 @click.option('--all', 'every', is_flag=True, help='Make all of them.')
 @click.option('-o', '--output', 'folder', default='figures', show_default=True,
               type=click.Path(file_okay=False, path_type=Path), help='Folder that they go to.')
-def command(names, every, folder):
+def command(names: tuple[str, ...], every: bool, folder: Path) -> None:
     """List the figures, or make those that are named.
 
     They are made by scripts of the repository, each of which can be read and run by itself.
@@ -72,7 +72,7 @@ def command(names, every, folder):
         raise SystemExit(NO_SOLUTION)
 
 
-def _made(path, folder):
+def _made(path: Path, folder: Path) -> bool:
     """Run a script; return whether it succeeded."""
     click.echo(f'{path.stem}: {shows(path)}')
     known = os.pathsep.join(filter(None, [str(_ROOT), os.environ.get('PYTHONPATH')]))

@@ -7,11 +7,12 @@ from pathlib import Path
 import click
 import numpy as np
 
-from dlo_planner.cli.arguments import POSE, READ, Bar, described
+from dlo_planner.cli.arguments import POSE, READ, Bar, Described, described
 from dlo_planner.cli.main import NO_SOLUTION
 from dlo_planner.cli.outputs import checked, write_table
 from dlo_planner.cli.reading import read_observations
-from dlo_planner.identify.fitting import fit_rod
+from dlo_planner.identify.fitting import Fit, fit_rod
+from dlo_planner.model.pose import Pose
 from dlo_planner.settings.identified import NAMES, identified
 from dlo_planner.settings.yaml_files import write_values
 from dlo_planner.view.summaries import figure, text_table
@@ -32,7 +33,8 @@ _DEFAULT = ('bending_stiffness', 'natural_curvature')
               type=click.Path(dir_okay=False, path_type=Path),
               help='Write a file; may be repeated: .yaml all parameters, for the node and as '
               'CONFIG; .csv what was found.')
-def command(dlo, observations, grippers, names, noise, outputs):
+def command(dlo: Described, observations: tuple[Path, ...], grippers: tuple[Pose, ...],
+            names: tuple[str, ...], noise: float | None, outputs: tuple[Path, ...]) -> None:
     """Find out what a DLO is like: it hangs from the gripper, points of it were seen.
 
     CONFIG is a first guess, and right in all that is not sought. OBSERVATIONS are YAML files, or
@@ -71,7 +73,7 @@ def command(dlo, observations, grippers, names, noise, outputs):
         raise SystemExit(NO_SOLUTION)
 
 
-def _rows(fit):
+def _rows(fit: Fit) -> list[tuple[str, str, str]]:
     rows = [('converged', 'yes' if fit.converged else 'no', ''),
             ('misfit', figure(fit.misfit), 'm')]
     numbers = np.concatenate([np.ravel(one).astype(float) for one in fit.values.values()])

@@ -67,11 +67,12 @@ class Commands(click.Group):
             ctx.exit(BAD_INPUT)
 
 
-def _version():
+def _version() -> str:
     """Return the version: of the sources, where this is one of them; else as installed."""
     package = Path(__file__).parents[2] / 'package.xml'
     if package.is_file():
-        return re.search(r'<version>(.*?)</version>', package.read_text(encoding='utf-8'))[1]
+        found = re.search(r'<version>(.*?)</version>', package.read_text(encoding='utf-8'))
+        return found[1] if found else ''
     return version('dlo_planner')
 
 

@@ -4,8 +4,9 @@
 
 import csv
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -47,7 +48,7 @@ def checked(outputs: Iterable[Path], endings: Iterable[str]) -> None:
             extra('matplotlib', 'figures', 'pictures').use('Agg')
 
 
-def write(value: Shape | Plan | Motion | Report, outputs: Iterable[Path], **drawn) -> None:
+def write(value: Shape | Plan | Motion | Report, outputs: Iterable[Path], **drawn: Any) -> None:
     """Write a value to files, and say which were written.
 
     Args:
@@ -70,7 +71,7 @@ def write(value: Shape | Plan | Motion | Report, outputs: Iterable[Path], **draw
         click.echo(f'wrote {path}')
 
 
-def write_table(path: Path, head: Iterable[str], rows: Iterable[Iterable]) -> None:
+def write_table(path: Path, head: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
     """Write a CSV file."""
     with path.open('w', newline='', encoding='utf-8') as file:
         writer = csv.writer(file)
@@ -88,11 +89,11 @@ def write_poses(path: Path, poses: Iterable[Pose]) -> None:
     path.write_text(text, encoding='utf-8')
 
 
-def _poses(value):
+def _poses(value: Shape | Plan) -> Sequence[Pose]:
     return value.grippers if isinstance(value, Plan) else [value.at(s) for s in value.s]
 
 
-def _table(value):
+def _table(value: Shape | Plan | Report) -> tuple[tuple[str, ...], Sequence[Sequence[object]]]:
     """Return the heading and the rows of a value."""
     if isinstance(value, Shape):
         quaternions = [value.at(s).quaternion for s in value.s]

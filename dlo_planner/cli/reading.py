@@ -5,11 +5,14 @@
 import csv
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.identify.observation import Observation
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import row, shown
 from dlo_planner.model.obstacles import Box, Capsule, Plane, Sphere
 from dlo_planner.model.pose import Pose
@@ -61,7 +64,7 @@ def read_poses(path: Path) -> list[Pose]:
     return [pose_of(f'{path}[{k}]', one) for k, one in enumerate(content)]
 
 
-def read_obstacles(path: Path) -> tuple:
+def read_obstacles(path: Path) -> tuple[Box | Capsule | Plane | Sphere, ...]:
     """Return the obstacles of a YAML file.
 
     Raises:
@@ -96,7 +99,7 @@ def read_observations(paths: Sequence[Path], grippers: Sequence[Pose]) -> list[O
     return out
 
 
-def _observations(path):
+def _observations(path: Path) -> list[Observation]:
     content = load_yaml(path.read_text(encoding='utf-8'), str(path))
     if isinstance(content, dict):
         content = content.get('observations', [content])
@@ -111,7 +114,7 @@ def _observations(path):
     return out
 
 
-def _table(path):
+def _table(path: Path) -> Floats:
     """Return (n, 3) of a CSV file, its heading left out."""
     rows = []
     with path.open(newline='', encoding='utf-8') as file:
@@ -126,7 +129,7 @@ def _table(path):
     return np.array(rows)
 
 
-def _obstacle(name, content):
+def _obstacle(name: str, content: object) -> Box | Capsule | Plane | Sphere:
     if not isinstance(content, dict) or len(content) != 1:
         raise InvalidTask(f'{name} = {shown(content)}: expected one of {", ".join(_KINDS)}')
     kind, said = next(iter(content.items()))
@@ -149,7 +152,7 @@ _KINDS = {
     'plane': lambda _, said: Plane(said['point'], said['normal'], said.get('friction', 0.0))}
 
 
-def _numbers(name, content, keys):
+def _numbers(name: str, content: Any, keys: str) -> ArrayLike:
     if isinstance(content, dict):
         if not set(content) <= set(keys):
             raise InvalidTask(f'{name} = {shown(content)}: expected {", ".join(keys)}')

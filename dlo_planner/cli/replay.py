@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """`dlo-planner replay`: the proof of a plan."""
 
+from pathlib import Path
+
 import click
 
-from dlo_planner.cli.arguments import READ, described, written
+from dlo_planner.cli.arguments import READ, Described, described, written
 from dlo_planner.cli.outputs import PICTURES, VALUES, checked
 from dlo_planner.cli.thread import proved
 from dlo_planner.plan.plan import Plan
@@ -17,7 +19,7 @@ _ENDINGS = (*PICTURES, *VALUES, '.csv')
 @click.argument('plan', type=READ)
 @written('.png .svg .pdf the picture, .npz .json the report (Report.load reads it), .csv its '
          'figures')
-def command(dlo, plan, outputs):
+def command(dlo: Described, plan: Path, outputs: tuple[Path, ...]) -> None:
     """Run a saved plan through the direct simulator: slowly, and in motion as it is executed.
 
     CONFIG describes the DLO, as for "dlo-planner thread": the planner's own, or a better known one.

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import click
 
-from dlo_planner.cli.arguments import POSE, READ, Bar, described, written
+from dlo_planner.cli.arguments import POSE, READ, Bar, Described, described, written
 from dlo_planner.cli.main import NO_SOLUTION
 from dlo_planner.cli.outputs import PICTURES, POSES, VALUES, checked, write
 from dlo_planner.cli.reading import read_poses
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.pose import Pose
 
 _ENDINGS = (*PICTURES, *VALUES, '.csv', *POSES)
 
@@ -27,7 +28,8 @@ _ENDINGS = (*PICTURES, *VALUES, '.csv', *POSES)
               default='clamped', show_default=True, help='How the far end is held.')
 @written('.png .svg .pdf the picture, .npz .json the shape (Shape.load reads it), .csv its nodes, '
          '.poses.yaml .poses.json geometry_msgs/Pose[] of its nodes')
-def command(dlo, grippers, file, far_end, grip, outputs):
+def command(dlo: Described, grippers: tuple[Pose, ...], file: Path | None, far_end: Pose | None,
+            grip: str, outputs: tuple[Path, ...]) -> None:
     """Predict the shape of a DLO for a pose of its gripper.
 
     CONFIG is a YAML file of parameters, as for the node, or copper_wire, rubber_hose,

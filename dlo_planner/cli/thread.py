@@ -11,6 +11,7 @@ from dlo_planner.cli.arguments import POSE, Bar, Described, described, written
 from dlo_planner.cli.main import NO_SOLUTION
 from dlo_planner.cli.outputs import FILMS, PICTURES, POSES, VALUES, checked, write
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.settings.building import inverse_of, limits_of, tolerance_of
 from dlo_planner.settings.threading import Wanted, way_through
@@ -33,7 +34,8 @@ _ENDINGS = (*PICTURES, *FILMS, *VALUES, '.csv', *POSES)
 @written('.png .svg .pdf the picture, .gif .mp4 the film, .npz .json the plan (Plan.load and '
          '"dlo-planner replay" read it), .csv its waypoints, .poses.yaml .poses.json '
          'geometry_msgs/Pose[] of the gripper')
-def command(dlo, holes, radius, start, prove, deadline, outputs):
+def command(dlo: Described, holes: tuple[Pose, ...], radius: float | None, start: Pose | None,
+            prove: bool, deadline: float | None, outputs: tuple[Path, ...]) -> None:
     """Plan the gripper poses that thread the free end through cut-outs.
 
     CONFIG is a YAML file of parameters, as for the node, or copper_wire, rubber_hose,

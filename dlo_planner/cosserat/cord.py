@@ -2,13 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """A rod of a scenario as a DLO in a gripper, and where it comes to rest."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from dlo_planner.cosserat.stretch import Stretch
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
@@ -16,6 +19,8 @@ from dlo_planner.model.rod import Rod
 
 _SAME = 1e-6      # of strain: what turns may still change
 _TURNS = 40
+
+Loads = Sequence[tuple[float, Floats]]  # unstretched arc length in m, force (3,) in N
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +39,12 @@ class Cord:
     density: float
     young: float
     shear: float
-    nodes: np.ndarray
-    directors: np.ndarray
+    nodes: Floats
+    directors: Floats
     grip: str
     far_grip: str | None
-    pull: np.ndarray
-    gravity: np.ndarray
+    pull: Floats
+    gravity: Floats
 
     @property
     def area(self) -> float:
@@ -64,14 +69,14 @@ class Cord:
         return FarEnd(_frame(self.nodes[-1], self.nodes[-1] - self.nodes[-2], self.directors[-1]),
                       self.far_grip)
 
-    def rod(self, stretch: Stretch, **more) -> Rod:
+    def rod(self, stretch: Stretch, **more: Any) -> Rod:
         """Return the Rod of the cord, stretched."""
         area, inertia = self.area, np.pi * self.radius**4 / 4
         return Rod(stretch.length, stretch.times(self.density * area, -1),
                    stretch.times(self.young * inertia, 1),
                    stretch.times(2 * self.shear * inertia, 1), radius=self.radius, **more)
 
-    def simulator(self, rod: Rod, stretch: Stretch, loads=()) -> DirectSimulator:
+    def simulator(self, rod: Rod, stretch: Stretch, loads: Loads = ()) -> DirectSimulator:
         """Return the DirectSimulator of the cord, stretched.
 
         Args:
@@ -86,7 +91,7 @@ class Cord:
                                n_elements=max(self.n, len(nodes) - 1),
                                gravity=self.gravity, point_loads=points, grip=self.grip)
 
-    def strains(self, shape: Shape, stretch: Stretch, loads=()) -> Stretch:
+    def strains(self, shape: Shape, stretch: Stretch, loads: Loads = ()) -> Stretch:
         """Return how far the tension in a shape stretches the cord.
 
         An element with the force F beyond it is in equilibrium where E A e = F . chord / length.
@@ -103,7 +108,7 @@ class Cord:
         return Stretch.along(even, np.diff(own.to_stretched(even)) / np.diff(even) - 1)
 
 
-def at_rest(cord: Cord, rod: Rod, stretch: Stretch, loads=()) -> Shape:
+def at_rest(cord: Cord, rod: Rod, stretch: Stretch, loads: Loads = ()) -> Shape:
     """Return the Shape in which a cord comes to rest whose Stretch is given.
 
     Raises:
@@ -133,7 +138,7 @@ def settled(cord: Cord) -> tuple[Shape, Stretch]:
     raise FloatingPointError(f'strains still change by {change:.1e}')
 
 
-def recorded(cord: Cord, shape: Shape, stretch: Stretch) -> tuple[np.ndarray, np.ndarray]:
+def recorded(cord: Cord, shape: Shape, stretch: Stretch) -> tuple[Floats, Floats]:
     """Return positions (n + 1, 3) of even nodes, and directors (n, 3) of the elements between."""
     even = np.linspace(0, cord.length, cord.n + 1)
     ends = np.minimum(stretch.to_stretched(even), shape.s[-1])
@@ -146,7 +151,7 @@ def recorded(cord: Cord, shape: Shape, stretch: Stretch) -> tuple[np.ndarray, np
     return positions, directors / np.linalg.norm(directors, axis=1)[:, None]
 
 
-def _frame(position, along, beside):
+def _frame(position: Floats, along: Floats, beside: Floats) -> Pose:
     t = along / np.linalg.norm(along)
     n = beside - (beside @ t) * t
     n /= np.linalg.norm(n)

@@ -12,8 +12,10 @@ small, in each element.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.model.along import Stepwise
+from dlo_planner.model.arrays import Floats
 
 _NEGLIGIBLE = 1e-6  # strains: what they displace is less than this part of the length
 
@@ -27,9 +29,9 @@ class Stretch:
         strains: (n,) between them
     """
 
-    free: np.ndarray
-    stretched: np.ndarray
-    strains: np.ndarray
+    free: Floats
+    stretched: Floats
+    strains: Floats
 
     @classmethod
     def none(cls, length: float) -> 'Stretch':
@@ -38,7 +40,7 @@ class Stretch:
         return cls(ends, ends, np.zeros(1))
 
     @classmethod
-    def along(cls, free: np.ndarray, strains: np.ndarray) -> 'Stretch':
+    def along(cls, free: Floats, strains: Floats) -> 'Stretch':
         """Return that of strains (n,) between nodes at unstretched arc lengths (n + 1,), m."""
         stretched = np.concatenate([[0.0], np.cumsum(np.diff(free) * (1 + strains))])
         return cls(free, stretched, strains)
@@ -53,11 +55,11 @@ class Stretch:
         """Whether there is any that counts."""
         return bool(np.abs(self.strains).max() > _NEGLIGIBLE)
 
-    def to_stretched(self, s):
+    def to_stretched(self, s: ArrayLike) -> Floats:
         """Return stretched arc lengths of unstretched ones, m."""
         return np.interp(s, self.free, self.stretched)
 
-    def to_free(self, s):
+    def to_free(self, s: ArrayLike) -> Floats:
         """Return unstretched arc lengths of stretched ones, m."""
         return np.interp(s, self.stretched, self.free)
 

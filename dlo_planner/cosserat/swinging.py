@@ -6,13 +6,18 @@ A beginning that is held like a ball joint is made of one more element, so short
 nothing and so soft that it holds nothing.
 """
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.cosserat.cord import Cord, settled
 from dlo_planner.cosserat.stretch import Stretch
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.along import Stepwise
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 
@@ -21,7 +26,7 @@ _SOFT = 1e-3, 1e-5  # moment of a hinge per rad: of EI / L, and of the weight ti
 _STEPS = 800        # in the slowest vibration of a hanging cord, about
 
 
-def swung(cord: Cord, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def swung(cord: Cord, times: Floats) -> tuple[Floats, Floats]:
     """Return positions (T, n + 1, 3) and directors (T, n, 3) at even times.
 
     Raises:
@@ -53,7 +58,8 @@ def swung(cord: Cord, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return positions, _middle(frames[:, :-1, :, 1] + frames[:, 1:, :, 1], positions)
 
 
-def _simulated(cord, mesh, values, gripper, strains, times):
+def _simulated(cord: Cord, mesh: Floats, values: Mapping[str, Any], gripper: Pose, strains: Floats,
+               times: Floats) -> tuple[Shape, ...]:
     """Return the Shapes at all times of a cord that is let go with given strains (n, 3)."""
     parts = {name: Stepwise(mesh, row) for name, row in values.items()}
     rod = Rod(mesh[-1], parts['mass'], parts['bend'], parts['twist'], radius=cord.radius)
@@ -73,7 +79,7 @@ def _simulated(cord, mesh, values, gripper, strains, times):
     return motion.shapes[::finer]
 
 
-def _begin(cord):
+def _begin(cord: Cord) -> tuple[Pose, Floats]:
     """Return the Pose and the strains (n, 3) with which a cord of even nodes begins."""
     tangents = np.gradient(cord.nodes, axis=0, edge_order=2)
     tangents /= np.linalg.norm(tangents, axis=1)[:, None]
@@ -91,13 +97,13 @@ def _begin(cord):
     return Pose.from_rotation(cord.nodes[0], frames[0]), np.array(strains)
 
 
-def _on(value, mesh):
+def _on(value: Stepwise, mesh: Floats) -> Floats:
     """Return what a number or a function of s is on the elements of a mesh (n,)."""
     middles = 0.5 * (mesh[1:] + mesh[:-1])
     return np.array([value(s) if callable(value) else np.ravel(value)[0] for s in middles])
 
 
-def _middle(directors, positions):
+def _middle(directors: Floats, positions: Floats) -> Floats:
     """Return directors (T, n, 3) as unit vectors across the elements between positions."""
     along = np.diff(positions, axis=1)
     along /= np.linalg.norm(along, axis=2)[..., None]

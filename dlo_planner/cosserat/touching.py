@@ -7,11 +7,14 @@ the distance of their axes where they cross, along the normal of both, has one r
 and normal of the contact are found by turns with it.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.optimize import brentq, least_squares, root
 
 from dlo_planner.cosserat.cord import Cord, at_rest, settled
 from dlo_planner.cosserat.stretch import Stretch
+from dlo_planner.model.arrays import Floats
 
 _FIRST = 0.02    # of the weight: the first trial of the force
 _MOST = 1e3      # of it: the largest
@@ -32,7 +35,7 @@ class Contact:
         stretches, shapes: of each cord
     """
 
-    def __init__(self, cords: tuple[Cord, Cord]):
+    def __init__(self, cords: tuple[Cord, Cord]) -> None:
         self.cords = cords
         self.stretches = [Stretch.none(cord.length) for cord in cords]
         self.shapes = [None, None]
@@ -69,7 +72,7 @@ class Contact:
         self.stretches = stretches
         self._rods = [cord.rod(one) for cord, one in zip(self.cords, stretches, strict=True)]
 
-    def misfit(self, trial: np.ndarray, start: np.ndarray) -> np.ndarray:
+    def misfit(self, trial: Floats, start: Floats) -> Floats:
         """Return what a trial (5,) misses: the gap, the places, the normal, as parts.
 
         Args:
@@ -87,14 +90,14 @@ class Contact:
         turned = sides @ (_normal(tangents, self.normal) - self.normal)
         return np.concatenate([[gap / self.cords[0].length], places - trial[1:3], turned])
 
-    def crossed(self) -> np.ndarray:
+    def crossed(self) -> Floats:
         """Return the unstretched arc lengths (2,) at which both cross, seen along the normal."""
         across = np.eye(3) - np.outer(self.normal, self.normal)
         found = least_squares(lambda places: across @ np.subtract(*self._points(places)),
                               self.places, diff_step=1e-6, xtol=1e-13, ftol=1e-15, gtol=1e-15)
         return found.x
 
-    def _points(self, places):
+    def _points(self, places: Floats) -> list[Floats]:
         return [shape.frame_at(float(np.clip(stretch.to_stretched(s), 0.0, shape.s[-1])))[1]
                 for shape, stretch, s in zip(self.shapes, self.stretches, places, strict=True)]
 
@@ -126,7 +129,7 @@ def pressed(cords: tuple[Cord, Cord]) -> list:
     raise FloatingPointError('the stretch was not found')
 
 
-def _force(contact, step, most):
+def _force(contact: Contact, step: float, most: float) -> float:
     """Return the force in N that leaves both in touch, 0 where they are apart without."""
     low, gap = 0.0, contact.rest(0.0)
     if gap >= 0:
@@ -139,7 +142,7 @@ def _force(contact, step, most):
     return brentq(contact.rest, low, high, xtol=1e-3 * step)
 
 
-def _refined(contact, force):
+def _refined(contact: Contact, force: float) -> float:
     """Return the force with which the gap vanishes, from a good guess, at the same place."""
     far = (1 + 100 * _ROUGH) * force
     one, other = contact.rest(force), contact.rest(far)
@@ -148,12 +151,12 @@ def _refined(contact, force):
     return force
 
 
-def _line(cord):
+def _line(cord: Cord) -> Floats:
     even = np.linspace(0, cord.n, _SAMPLES)
     return np.column_stack([np.interp(even, np.arange(cord.n + 1), row) for row in cord.nodes.T])
 
 
-def _normal(tangents, side):
+def _normal(tangents: Sequence[Floats], side: Floats) -> Floats:
     """Return the unit normal (3,) of two tangents, to the side of (3,) another vector."""
     normal = np.cross(*tangents)
     return normal * (np.sign(normal @ side) / np.linalg.norm(normal))

@@ -3,6 +3,7 @@
 """What a DLO may touch: plane, sphere, capsule, box, and sheet with cut-outs."""
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -159,6 +160,7 @@ class Sheet(Value):
 
 
 OBSTACLES = (Plane, Sphere, Capsule, Box, Sheet)
+Obstacle: TypeAlias = Plane | Sphere | Capsule | Box | Sheet
 
 
 def _friction(self):

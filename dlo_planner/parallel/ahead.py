@@ -11,6 +11,7 @@ from dlo_planner.direct.integrator import Course, Scheme
 from dlo_planner.direct.statics import TOLERANCE
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.minimize.methods import near
+from dlo_planner.model.arrays import Floats
 from dlo_planner.parallel.pieces import Shared
 
 UNLIMITED = 1_000_000  # more work than anything takes
@@ -34,7 +35,7 @@ class Moving(NamedTuple):
     history: History
     place: float
     scheme: Scheme
-    strains: np.ndarray
+    strains: Floats
     most: int
 
 
@@ -48,16 +49,16 @@ class Resting(NamedTuple):
     """
 
     simulator: Shared
-    rotation: np.ndarray
+    rotation: Floats
     history: History
-    strains: np.ndarray
+    strains: Floats
     most: int
 
 
 class Guess(NamedTuple):
     """What was seen: strains (N, 3) in 1/m, and the work that it took."""
 
-    strains: np.ndarray
+    strains: Floats
     work: int
 
 

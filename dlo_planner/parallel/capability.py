@@ -2,16 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which cut-outs of a cell a DLO can be threaded through: a map over many tasks."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, number, results, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
@@ -53,17 +55,17 @@ class CapabilityMap(Value):
     """
 
     grid: CellGrid
-    outcome: np.ndarray
-    amount: np.ndarray
-    fraction: np.ndarray
-    clearance: np.ndarray
-    stability: np.ndarray
-    roll: np.ndarray
-    start: np.ndarray
-    gripper: np.ndarray
-    seconds: np.ndarray = field(compare=False)
+    outcome: Floats
+    amount: Floats
+    fraction: Floats
+    clearance: Floats
+    stability: Floats
+    roll: Floats
+    start: Floats
+    gripper: Floats
+    seconds: Floats = field(compare=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         shape = instance('CapabilityMap.grid', self.grid, CellGrid).shape
         outcome, start = (_plain(f'CapabilityMap.{name}', getattr(self, name), shape, kind)
                           for name, kind in (('outcome', 'U'), ('start', 'i')))
@@ -73,24 +75,24 @@ class CapabilityMap(Value):
                for name in _NUMBERS})
         super().__post_init__()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         n, open_ = len(self.grid), int((self.outcome == '').sum())
         return brief(self, f'{n} cut-outs', f'{int(self.threaded.sum())} threaded',
                      f'{int((self.outcome == UNDECIDED).sum())} undecided',
                      f'{open_} not looked at' if open_ else '')
 
     @property
-    def threaded(self) -> np.ndarray:
+    def threaded(self) -> Floats:
         """(P, D, R) whether the cut-out can be threaded."""
         return self.outcome == THREADED
 
     @property
-    def least_radius(self) -> np.ndarray:
+    def least_radius(self) -> Floats:
         """(P, D) m, of the narrowest cut-out there that can be threaded; infinite: none can."""
         return np.where(self.threaded, self.grid.radii, np.inf).min(axis=2)
 
     @classmethod
-    def load(cls, folder: str | PathLike) -> 'CapabilityMap':
+    def load(cls, folder: str | PathLike[str]) -> 'CapabilityMap':
         """Return what has been done so far of the map that is kept in a folder.
 
         Raises:
@@ -109,7 +111,7 @@ class CapabilityMap(Value):
 
 def capability_map(inverse: InverseSimulator, grid: CellGrid, executor: Workers = None, *,
                    starts: Iterable[Pose] = (), depths: ArrayLike | None = None,
-                   folder: str | PathLike | None = None, chunk: int = _AT_ONCE,
+                   folder: str | PathLike[str] | None = None, chunk: int = _AT_ONCE,
                    patience: float = _PATIENCE, progress: OnProgress = None,
                    deadline: float | None = None) -> CapabilityMap:
     """Return which cut-outs of a cell can be threaded, with what margin, by which roll and start.
@@ -154,12 +156,14 @@ def capability_map(inverse: InverseSimulator, grid: CellGrid, executor: Workers 
     return _joined(grid, chunk, parts)
 
 
-def _done(question, batches, parts, store, executor, steps):
+def _done(question: Question, batches: Mapping[int, Batch],
+          parts: dict[int, dict[str, NDArray[Any]]], store: Store | None, executor: Workers,
+          steps: Progress) -> None:
     """Do the batches that are not in the dict of `parts`."""
     total, left = len(question.grid), [k for k in batches if k not in parts]
     done = total - sum(batches[k].end - batches[k].begin for k in left)
 
-    def finished(index, part):
+    def finished(index: int, part: dict[str, NDArray[Any]]) -> None:
         nonlocal done
         k = left[index]
         parts[k] = part
@@ -172,7 +176,8 @@ def _done(question, batches, parts, store, executor, steps):
         crew.run(answers, (batches[k] for k in left), finished)
 
 
-def _joined(grid, chunk, parts):
+def _joined(grid: CellGrid, chunk: int,
+            parts: Mapping[int, dict[str, NDArray[Any]] | None]) -> CapabilityMap:
     """Return the CapabilityMap of a dict of parts by number, None where one is not done."""
     arrays = {name: np.full((len(grid), *size), *_EMPTY[name], dtype=kind)
               for name, (kind, size) in COLUMNS.items()}
@@ -187,7 +192,7 @@ _EMPTY = {name: (-1,) if name == 'start' else ('',) if name == 'outcome' else (n
           for name in COLUMNS}
 
 
-def _plain(name, value, shape, kind):
+def _plain(name: str, value: object, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
     """Return an array of strings or integers of a shape; raise InvalidTask."""
     try:
         given = np.array(value)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, integer, row
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
@@ -28,11 +29,11 @@ class CellGrid(Value):
         InvalidTask: an array makes no sense; the message names it
     """
 
-    positions: np.ndarray
-    directions: np.ndarray
-    radii: np.ndarray
+    positions: Floats
+    directions: Floats
+    radii: Floats
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         directions = array('CellGrid.directions', self.directions, (None, 3))
         size = np.abs(directions).max(axis=1, keepdims=True)
         if (size == 0).any():
@@ -47,10 +48,10 @@ class CellGrid(Value):
                               f'{len(self)}')
         super().__post_init__()
 
-    def __len__(self):
+    def __len__(self) -> int:
         return int(np.prod([int(size) for size in self.shape]))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, '{} positions, {} directions, {} radii'.format(*self.shape))
 
     @property

@@ -8,14 +8,17 @@ motion may begin with a shape that was found in another way, if that turns out t
 which the part before it ends.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from dlo_planner.direct.accuracy import step
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.pose import Pose
-from dlo_planner.parallel.pieces import Shared, found, piece_of
+from dlo_planner.parallel.pieces import Found, Piece, Shared, found, piece_of
+from dlo_planner.parallel.shapes import Columns
 from dlo_planner.parallel.workers import Crew
 from dlo_planner.progress import Progress
 
@@ -49,12 +52,12 @@ class Following:
     """
 
     def __init__(self, simulator: DirectSimulator, chains: Sequence[Sequence[Pose]], size: int,
-                 steps: Progress):
+                 steps: Progress) -> None:
         self._simulator, self._shared, self._steps = simulator, Shared(simulator), steps
         self._jobs = [(chain, part) for chain in chains
                       for part in parts_of(simulator, chain, size)]
 
-    def rows(self, crew: Crew, finished: Callable) -> list[list[dict[str, np.ndarray]]]:
+    def rows(self, crew: Crew, finished: Callable[[int, Found], object]) -> list[list[Columns]]:
         """Return for each chain the `columns` of its parts, in order.
 
         Args:
@@ -69,13 +72,13 @@ class Following:
             for k, again in zip(wrong, _found(crew, pieces, lambda *_: None), strict=True):
                 results[k] = again
             doubtful = sorted(seams & {*wrong, *(k + 1 for k in wrong)})
-        rows = []
+        rows: list[list[Columns]] = []
         for (_, part), result in zip(self._jobs, results, strict=True):
             rows += [] if part.start else [[]]
             rows[-1].append(result.rows)
         return rows
 
-    def _first_pieces(self):
+    def _first_pieces(self) -> Iterator[Piece]:
         """Yield all parts, each with a shape to begin with that needs no other part."""
         known = None
         for k, (chain, part) in enumerate(self._jobs):
@@ -94,21 +97,22 @@ class Following:
             else:
                 yield self._piece(k, range(part.start - 1, part.stop), dropped=1, ends=True)
 
-    def _after(self, k, start):
+    def _after(self, k: int, start: Shape) -> Piece:
         """Return the Piece of a part that goes on from the Shape `start`."""
         return self._piece(k, self._jobs[k][1], start=start, ends=True)
 
-    def _piece(self, k, part, **more):
+    def _piece(self, k: int, part: range, **more: Any) -> Piece:
         chain = self._jobs[k][0]
         return piece_of(self._shared, chain[part.start:part.stop], seconds=self._steps.left(),
                         **more)
 
 
-def _found(crew, pieces, finished):
+def _found(crew: Crew, pieces: Iterable[Piece],
+           finished: Callable[[int, Found], object]) -> list[Found]:
     """Return the Found of Pieces; those that were given a start have it as their first Shape."""
     given = []
 
-    def noted():
+    def noted() -> Iterator[Piece]:
         for piece in pieces:
             given.append(piece)
             yield piece
@@ -118,7 +122,7 @@ def _found(crew, pieces, finished):
             for piece, result in zip(given, results, strict=True)]
 
 
-def _meet(before, after):
+def _meet(before: Found, after: Found) -> bool:
     """Whether one Found goes on from where the other one ends."""
     last, first = before.last, after.first
     if last is first:

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Independent computation (paper, section 4.3.4): many shapes, by as many workers as there are."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +12,8 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import instance, integer, items, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.parallel.chains import Following
-from dlo_planner.parallel.pieces import Shared, found, piece_of
-from dlo_planner.parallel.shapes import Shapes, columns, stacked
+from dlo_planner.parallel.pieces import Found, Shared, found, piece_of
+from dlo_planner.parallel.shapes import Columns, Shapes, columns, stacked
 from dlo_planner.parallel.workers import Crew, Workers, checked
 from dlo_planner.progress import OnProgress, Progress
 
@@ -20,7 +21,7 @@ _AT_ONCE = 64  # gripper poses in one piece of work
 _MOST = 100_000
 
 
-def map(simulator: DirectSimulator, work: Iterable, executor: Workers = None, *,  # noqa: A001
+def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = None, *,  # noqa: A001
         chunk: int = _AT_ONCE, progress: OnProgress = None,
         deadline: float | None = None) -> Shapes | list[Shapes]:
     """Return the shapes at many gripper poses, found by the workers of an executor.
@@ -67,8 +68,8 @@ def map(simulator: DirectSimulator, work: Iterable, executor: Workers = None, *,
         return _followed(simulator, chains, crew, chunk, steps)
 
 
-def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose], *,
-               progress: OnProgress = None, deadline: float | None = None) -> Shapes:
+def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose], *, progress: OnProgress = None,
+               deadline: float | None = None) -> Shapes:
     """Return the shapes at many gripper poses, each the same bit for bit as `simulator.solve`.
 
     Args:
@@ -82,7 +83,7 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose], *,
     return map(simulator, items('grippers', grippers, Pose), progress=progress, deadline=deadline)
 
 
-def _poses(work):
+def _poses(work: Iterable[Any]) -> tuple[tuple[Pose, ...] | None, list[tuple[Pose, ...]] | None]:
     """Return (Poses, None), or (None, motions), each a tuple of Poses."""
     work = items('work', work, object)
     if all(isinstance(one, Pose) for one in work):
@@ -94,7 +95,8 @@ def _poses(work):
     return None, [items(f'work[{k}]', one, Pose, least=1) for k, one in enumerate(work)]
 
 
-def _alone(simulator, grippers, crew, chunk, steps):
+def _alone(simulator: DirectSimulator, grippers: Sequence[Pose], crew: Crew, chunk: int,
+           steps: Progress) -> Shapes:
     """Return the Shapes at Poses, each by itself."""
     count, shared = _Count(steps, len(grippers)), Shared(simulator)
     pieces = (piece_of(shared, grippers[k:k + chunk], seconds=steps.left(),
@@ -104,7 +106,8 @@ def _alone(simulator, grippers, crew, chunk, steps):
                    [one.rows for one in crew.run(found, pieces, count.finished)])
 
 
-def _followed(simulator, chains, crew, chunk, steps):
+def _followed(simulator: DirectSimulator, chains: Sequence[Sequence[Pose]], crew: Crew, chunk: int,
+              steps: Progress) -> list[Shapes]:
     """Return the Shapes of each motion."""
     total = sum(len(chain) for chain in chains)
     count = _Count(steps, total)
@@ -115,16 +118,17 @@ def _followed(simulator, chains, crew, chunk, steps):
 class _Count:
     """Reports how many of all shapes are found."""
 
-    def __init__(self, steps, total):
+    def __init__(self, steps: Progress, total: int) -> None:
         self._steps, self._total, self._done = steps, total, 0
 
-    def finished(self, _, result):
+    def finished(self, _: int, result: Found) -> None:
         """Report one more piece."""
         self._done += len(result.rows['converged'])
         self._steps.done(self._done, self._total)
 
 
-def _shapes(simulator, grippers, rows):
+def _shapes(simulator: DirectSimulator, grippers: Sequence[Pose],
+            rows: Sequence[Columns]) -> Shapes:
     s = simulator._discretization.s
     found_ = stacked(rows or [columns([], s)])
     if simulator.surroundings.pinned:

@@ -2,11 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """A picture of a capability map: slices of the region that can be reached; needs matplotlib."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from dlo_planner.extras import extra
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance
 from dlo_planner.parallel.capability import CapabilityMap
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _MOST = 12      # slices
 _ALIKE = 1e-6   # m: positions in one slice
@@ -15,7 +21,7 @@ QUANTITIES = {'share': 'part of directions and radii that can be threaded',
               'radius': 'narrowest radius that can be threaded [m]'}
 
 
-def slices(capability: CapabilityMap, axis: str = 'y', quantity: str = 'share'):
+def slices(capability: CapabilityMap, axis: str = 'y', quantity: str = 'share') -> 'Figure':
     """Return a matplotlib Figure: the positions in slices across an axis, colored by a quantity.
 
     Crosses stand where no cut-out can be threaded, dots where none has been looked at. Of more
@@ -65,7 +71,7 @@ def slices(capability: CapabilityMap, axis: str = 'y', quantity: str = 'share'):
     return figure
 
 
-def best(capability: CapabilityMap, quantity: str) -> np.ndarray:
+def best(capability: CapabilityMap, quantity: str) -> Floats:
     """Return (P,) the quantity of `slices` at each position; nan where nothing can be threaded."""
     threaded = capability.threaded
     some = threaded.any(axis=(1, 2))

@@ -11,9 +11,11 @@ import numpy as np
 
 from dlo_planner.direct.many import hanging_shapes
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import freeze, put
-from dlo_planner.parallel.shapes import columns
+from dlo_planner.parallel.shapes import Columns, columns
 
 _KNOWN = 8  # contents that a worker keeps
 
@@ -21,18 +23,18 @@ _KNOWN = 8  # contents that a worker keeps
 class Shared:
     """Something that many pieces of work need: a worker unpacks it once and keeps it."""
 
-    def __init__(self, content: Any):
+    def __init__(self, content: Any) -> None:
         self.content = content
         self._packed = None
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         if self._packed is None:
             self._packed = dumps(self.content, protocol=5)
         return _unpacked, (self._packed,)
 
 
 @lru_cache(maxsize=_KNOWN)
-def _unpacked(packed):
+def _unpacked(packed: bytes) -> Shared:
     return Shared(loads(packed))
 
 
@@ -50,8 +52,8 @@ class Piece(NamedTuple):
     """
 
     simulator: Shared
-    positions: np.ndarray
-    rotations: np.ndarray
+    positions: Floats
+    rotations: Floats
     anew: tuple[int, ...] = ()
     start: Shape | None = None
     dropped: int = 0
@@ -68,7 +70,7 @@ class Found(NamedTuple):
         last: Shape from which the next piece goes on: the last that converged, or nearly did
     """
 
-    rows: dict[str, np.ndarray]
+    rows: Columns
     first: Shape | None = None
     last: Shape | None = None
 
@@ -99,7 +101,7 @@ def found(piece: Piece) -> Found:
     return Found(rows, shapes[0] if piece.dropped else None, good[-1] if good else piece.start)
 
 
-def _each_alone(simulator, piece):
+def _each_alone(simulator: DirectSimulator, piece: Piece) -> Columns | None:
     """Return `columns` of a DLO that hangs freely in each gripper; None if this one does not."""
     hanging = hanging_shapes(simulator, piece.positions, piece.rotations)
     if hanging is None:
@@ -114,7 +116,7 @@ def _each_alone(simulator, piece):
     return rows
 
 
-def _pose(position, rotation):
+def _pose(position: Floats, rotation: Floats) -> Pose:
     """Return a Pose with exactly these axes, which `Pose.from_rotation` would make orthonormal."""
     pose = object.__new__(Pose)
     put(pose, position=position.copy(), rotation=rotation.copy())

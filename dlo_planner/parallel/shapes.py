@@ -4,19 +4,23 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlo_planner.direct.contacts import Contact
 from dlo_planner.direct.history import mapped
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.checks import instance, items, results, row, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 
 _FIGURES = ('energy', 'elastic_energy', 'dissipated', 'residual', 'stability', 'violation')
 _FLAGS = ('converged', 'jumped')
+Columns = dict[str, NDArray[Any]]  # arrays of some shapes, by the names of `Shapes`
 _CONTACT = 14  # columns: which shape, and the 13 numbers of a Contact
 
 
@@ -46,23 +50,23 @@ class Shapes(Value):
     """
 
     grippers: tuple[Pose, ...]
-    s: np.ndarray
-    positions: np.ndarray
-    frames: np.ndarray
-    element_strains: np.ndarray
-    gripper_wrench: np.ndarray
-    energy: np.ndarray
-    elastic_energy: np.ndarray
-    dissipated: np.ndarray
-    residual: np.ndarray
-    stability: np.ndarray
-    violation: np.ndarray
-    iterations: np.ndarray
-    converged: np.ndarray
-    jumped: np.ndarray
-    contact_table: np.ndarray = ()
+    s: Floats
+    positions: Floats
+    frames: Floats
+    element_strains: Floats
+    gripper_wrench: Floats
+    energy: Floats
+    elastic_energy: Floats
+    dissipated: Floats
+    residual: Floats
+    stability: Floats
+    violation: Floats
+    iterations: Floats
+    converged: Floats
+    jumped: Floats
+    contact_table: Floats = ()  # type: ignore[assignment]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         grippers = items('Shapes.grippers', self.grippers, Pose)
         n, s = len(grippers), row('Shapes.s', self.s, least=2, minimum=0)
         if s[0] != 0 or (np.diff(s) <= 0).any():
@@ -84,7 +88,7 @@ class Shapes(Value):
                               f'its first column, got {shown(of.tolist())}')
         super().__post_init__()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         n = len(self)
         return brief(self, f'{n} shapes', f'{self.s.size - 1} elements',
                      f'{int(self.converged.sum())} converged',
@@ -93,7 +97,7 @@ class Shapes(Value):
                         f'stability {self.stability.min():.2g}'] if n else []),
                      f'{len(self.contact_table)} contacts' if len(self.contact_table) else '')
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.grippers)
 
     def __iter__(self) -> Iterator[Shape]:
@@ -104,7 +108,7 @@ class Shapes(Value):
         chosen = range(len(self))[index]
         return self._chosen(chosen) if isinstance(index, slice) else self._shape(chosen)
 
-    def _chosen(self, chosen):
+    def _chosen(self, chosen: Sequence[int]) -> 'Shapes':
         order, of = np.array(chosen, dtype=int), self.contact_table[:, 0]
         tables = [self.contact_table[of == k] for k in chosen]
         table = np.concatenate([np.zeros((0, _CONTACT)), *tables])
@@ -113,7 +117,7 @@ class Shapes(Value):
                        contact_table=table, **{name: getattr(self, name)[order]
                                                for name in _PER_SHAPE})
 
-    def _shape(self, k):
+    def _shape(self, k: int) -> Shape:
         contacts = self.contact_table[self.contact_table[:, 0] == k]
         return Shape(
             self.grippers[k], self.s, contacts=tuple(map(_contact, contacts)),
@@ -124,12 +128,12 @@ class Shapes(Value):
             **{name: bool(getattr(self, name)[k]) for name in _FLAGS})
 
     @property
-    def tangents(self) -> np.ndarray:
+    def tangents(self) -> Floats:
         """(n, N + 1, 3) unit tangents of the nodes."""
         return self.frames[..., 0]
 
     @classmethod
-    def of(cls, shapes: Iterable[Shape], s: np.ndarray | None = None) -> 'Shapes':
+    def of(cls, shapes: Iterable[Shape], s: Floats | None = None) -> 'Shapes':
         """Return the Shapes of one DLO, given one by one, whose far ends are free.
 
         Args:
@@ -171,7 +175,7 @@ _PER_SHAPE = tuple(item.name for item in fields(Shapes)
 _SAME = 1e-9  # of the length
 
 
-def columns(shapes: Sequence[Shape], s: np.ndarray) -> dict[str, np.ndarray]:
+def columns(shapes: Sequence[Shape], s: Floats) -> Columns:
     """Return the arrays of some Shape at the nodes `s` (N + 1,): those of `Shapes` by name."""
     n, places = len(shapes), [_at(shape, s) for shape in shapes]
     table = [[k, c.obstacle, c.s, *c.position, *c.normal, c.force, *c.friction, c.penetration]
@@ -188,7 +192,7 @@ def columns(shapes: Sequence[Shape], s: np.ndarray) -> dict[str, np.ndarray]:
             'contact_table': np.array(table, dtype=float).reshape(-1, _CONTACT)}
 
 
-def stacked(parts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+def stacked(parts: Sequence[Columns]) -> Columns:
     """Return the arrays of several `columns` as one."""
     counts = np.cumsum([0, *(len(part['converged']) for part in parts)])
     tables = [part['contact_table'] + first * (np.arange(_CONTACT) == 0)
@@ -197,14 +201,14 @@ def stacked(parts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
             'contact_table': np.concatenate(tables)}
 
 
-def cut(part: dict[str, np.ndarray], begin: int) -> dict[str, np.ndarray]:
+def cut(part: Columns, begin: int) -> Columns:
     """Return `columns` without the first `begin` shapes."""
     table = part['contact_table'][part['contact_table'][:, 0] >= begin]
     return {**{name: part[name][begin:] for name in _PER_SHAPE},
             'contact_table': table - begin * (np.arange(_CONTACT) == 0)}
 
 
-def _at(shape, s):
+def _at(shape: Shape, s: Floats) -> tuple[Floats, Floats, Floats]:
     """Return positions, frames and strains of a Shape on the nodes `s`."""
     if shape.s is s or np.array_equal(shape.s, s):
         return shape.positions, shape.frames, shape.element_strains
@@ -213,11 +217,11 @@ def _at(shape, s):
     return np.array(positions), np.array(frames), mapped(shape.s, shape.element_strains, s)
 
 
-def _contact(line):
+def _contact(line: Floats) -> Contact:
     return Contact(int(line[1]), line[2], line[3:6], line[6:9], line[9], line[10:13], line[13])
 
 
-def _length(value):
+def _length(value: object) -> int:
     """Return how many items a value has; 1 where it has no length, so that it is looked at."""
     try:
         return len(value)
@@ -225,21 +229,21 @@ def _length(value):
         return 1
 
 
-def _flags(name, value, n):
+def _flags(name: str, value: object, n: int) -> Bools:
     given = _plain(name, value, n, 'True or False')
     if given.size and given.dtype != bool:
         raise InvalidTask(f'{name} = {shown(value)}: expected {n} of True or False')
     return given.astype(bool)
 
 
-def _whole(name, value, n):
+def _whole(name: str, value: object, n: int) -> Ints:
     given = _plain(name, value, n, 'integers')
     if given.size and (given.dtype.kind not in 'iu' or (given < 0).any()):
         raise InvalidTask(f'{name} = {shown(value)}: expected {n} integers from 0')
     return given.astype(int)
 
 
-def _plain(name, value, n, kind):
+def _plain(name: str, value: object, n: int, kind: str) -> NDArray[Any]:
     """Return an array (n,) of whatever numbers were given."""
     instance(name, value, (list, tuple, np.ndarray))
     try:

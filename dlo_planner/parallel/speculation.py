@@ -15,7 +15,7 @@ does not depend on how fast workers are.
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,14 +23,16 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.accuracy import past_of
 from dlo_planner.direct.continuation import LONGEST_TURN, fell
 from dlo_planner.direct.grips import poses
+from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.stepping import Stepper
-from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.direct.stepping import Instant, Stepper
+from dlo_planner.energy.potential import System, unknowns_of
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.same_minimum import leads_to, lower
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, number
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.parallel.ahead import UNLIMITED, Moving, Resting, look
@@ -44,10 +46,9 @@ _NO_MATTER = ('obstacles', 'pinned', 'has_moments')  # of Surroundings: without 
 
 def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float | None = None,
                 executor: Workers = None, *, tasks: int | None = None,
-                initial: Shape | Motion | None = None,
-                velocity: ArrayLike | Callable | None = None, tolerance: float | None = None,
-                integrator: str = 'generalized_alpha', progress: OnProgress = None,
-                deadline: float | None = None) -> Motion | list[Shape]:
+                initial: Shape | Motion | None = None, velocity: ArrayLike | Callable | None = None,
+                tolerance: float | None = None, integrator: str = 'generalized_alpha',
+                progress: OnProgress = None, deadline: float | None = None) -> Motion | list[Shape]:
     """Return a Motion, or the shapes of a slow one, each step begun with what was seen ahead of it.
 
     The result is that of `simulator.simulate(grippers, dt, ...)`, or of `simulator.track(grippers)`
@@ -127,17 +128,18 @@ class Rounds:
         made: one Round for each round
     """
 
-    def __init__(self, crew: Crew, tasks: int):
+    def __init__(self, crew: Crew, tasks: int) -> None:
         self._crew, self.tasks = crew, tasks
-        self._seen = {}          # place: strains
+        self._seen: dict[float, Floats] = {}  # place: strains
         self._most = UNLIMITED   # work of a look ahead
-        self.made = []
+        self.made: list[Round] = []
 
-    def seen(self, place):
+    def seen(self, place: float) -> Floats | None:
         """Return the strains (N, 3) seen at a place, None if none were."""
         return self._seen.get(place)
 
-    def make(self, place, ahead, step):
+    def make(self, place: float, ahead: Callable[..., Any],
+             step: Callable[..., Any]) -> Instant | Shape:
         """Return what a step at `place` gives, while others are looked at.
 
         Args:
@@ -161,7 +163,7 @@ class Rounds:
         return result
 
 
-def _work(shape):
+def _work(shape: Shape) -> int:
     """Return the work that a Shape took, as `minimize.methods.near` counts it."""
     return shape.evaluations or shape.iterations
 
@@ -175,17 +177,17 @@ class AheadStepper(Stepper):
         more: as for Stepper
     """
 
-    def __init__(self, rounds: Rounds, last: int, *more):
+    def __init__(self, rounds: Rounds, last: int, *more: Any) -> None:
         super().__init__(*more)
         self._rounds, self._last, self._shared = rounds, last, Shared(Stepper(*more))
 
-    def _step(self, before, place, scheme, patience):
+    def _step(self, before: Instant, place: float, scheme: Scheme, patience: int) -> Instant:
         usual = self.guess(before, scheme.dt)
 
-        def ahead(most):
+        def ahead(most: int) -> dict[float, Moving]:
             return self._ahead(before, place, scheme, usual, most)
 
-        def step(seen):
+        def step(seen: Floats | None) -> tuple[Instant, int, int, str]:
             vain = judging = 0
             if seen is not None:
                 system = self._system(before, place, scheme)
@@ -202,7 +204,8 @@ class AheadStepper(Stepper):
 
         return self._rounds.make(place, ahead, step)
 
-    def _ahead(self, before, place, scheme, usual, most):
+    def _ahead(self, before: Instant, place: float, scheme: Scheme, usual: Floats,
+               most: int) -> dict[float, Moving]:
         """Return Moving tasks by place."""
         size, tasks, strains = scheme.dt / self.dt, {}, usual
         history = replace(before.shape._history, of=None)  # which is long, and not needed
@@ -216,11 +219,11 @@ class AheadStepper(Stepper):
                                   replace(scheme, dt=(k + 1) * scheme.dt), strains, most)
         return tasks
 
-    def _system(self, before, place, scheme):
+    def _system(self, before: Instant, place: float, scheme: Scheme) -> System:
         return self.moving(before.nodes, before.bends, before.shape._history, place, scheme)[0]
 
 
-def _unknowns(system, strains):
+def _unknowns(system: Any, strains: Floats) -> Floats:
     q = np.empty((system.basis.shape[1] or system.lengths.size, 3))
     unknowns_of(system, np.array(strains), q)
     return q
@@ -234,10 +237,10 @@ class Tracker:
         rounds: Rounds
     """
 
-    def __init__(self, simulator: DirectSimulator, rounds: Rounds):
+    def __init__(self, simulator: DirectSimulator, rounds: Rounds) -> None:
         self._simulator, self._rounds, self._shared = simulator, rounds, Shared(simulator)
 
-    def track(self, grippers: tuple[Pose, ...], initial: Shape | None, steps: Progress) -> list:
+    def track(self, grippers: tuple[Pose, ...], initial: Shape | None, steps: Progress) -> list[Shape]:
         """Return what `DirectSimulator.track` does."""
         shapes, before = [], initial
         for place, gripper in enumerate(grippers):
@@ -251,18 +254,19 @@ class Tracker:
             steps.done(len(shapes), len(grippers))
         return shapes
 
-    def _can(self, before):
+    def _can(self, before: Shape) -> bool:
         """Whether steps after the Shape `before` can be looked at."""
         simulator = self._simulator
         return (simulator.accuracy is None and simulator.strains == 'components'
                 and simulator._made(before) and before.far_end is None and before.parts is None)
 
-    def _step(self, grippers, place, before, steps):
+    def _step(self, grippers: tuple[Pose, ...], place: int, before: Shape,
+              steps: Progress) -> Shape:
         mesh, gripper = self._simulator._discretization, grippers[place]
         history = past_of(mesh, before, self._simulator._history)
         usual = mesh.strains_from(before.s, before.element_strains)
 
-        def ahead(most):
+        def ahead(most: int) -> dict[int, Resting]:
             tasks, strains = {}, usual
             for there in range(place + 1, min(place + self._rounds.tasks, len(grippers))):
                 seen = self._rounds.seen(there)
@@ -271,7 +275,7 @@ class Tracker:
                                        replace(history, of=None), strains, most)
             return tasks
 
-        def step(seen):
+        def step(seen: Floats | None) -> tuple[Shape, int, int, str]:
             vain = judging = 0
             turn = angle_between(before.gripper.rotation, gripper.rotation)
             if seen is not None and turn <= LONGEST_TURN:

@@ -10,12 +10,14 @@ import hashlib
 import os
 import pickle
 import tempfile
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import instance, shown
@@ -36,7 +38,7 @@ class Store:
         InvalidTask: the folder belongs to another task, or cannot be written
     """
 
-    def __init__(self, folder: str | os.PathLike, name: str, task: dict[str, np.ndarray]):
+    def __init__(self, folder: str | os.PathLike[str], name: str, task: dict[str, NDArray[Any]]) -> None:
         self.folder = Path(instance('folder', folder, (str, os.PathLike)))
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -50,20 +52,20 @@ class Store:
             raise InvalidTask(f'folder = {shown(str(folder))}: expected one for this task, it '
                               'has parts of another one (its cut-outs, DLO or options differ)')
 
-    def task(self) -> dict[str, np.ndarray]:
+    def task(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that describe the task."""
         return _read(self.folder / _TASK)
 
-    def keep(self, index: int, part: dict[str, np.ndarray]) -> None:
+    def keep(self, index: int, part: dict[str, NDArray[Any]]) -> None:
         """Write a part."""
         _written(self.folder / _PART.format(index), part)
 
-    def part(self, index: int) -> dict[str, np.ndarray] | None:
+    def part(self, index: int) -> dict[str, NDArray[Any]] | None:
         """Return a part; None if it has not been done, or its file is damaged."""
         return part_in(self.folder, index)
 
 
-def part_in(folder: Path, index: int) -> dict[str, np.ndarray] | None:
+def part_in(folder: Path, index: int) -> dict[str, NDArray[Any]] | None:
     """Return the part of a folder; None if it is not there, or its file is damaged."""
     try:
         return _read(folder / _PART.format(index))
@@ -71,7 +73,7 @@ def part_in(folder: Path, index: int) -> dict[str, np.ndarray] | None:
         return None
 
 
-def task_in(folder: str | os.PathLike) -> dict[str, np.ndarray]:
+def task_in(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     """Return the arrays that describe the task of a folder; raise InvalidTask."""
     instance('folder', folder, (str, os.PathLike))
     try:
@@ -81,12 +83,12 @@ def task_in(folder: str | os.PathLike) -> dict[str, np.ndarray]:
                           f'{error}') from None
 
 
-def _read(path):
+def _read(path: Path) -> dict[str, NDArray[Any]]:
     with np.load(path) as stored:
         return dict(stored)
 
 
-def _written(path, arrays):
+def _written(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     handle, name = tempfile.mkstemp(dir=path.parent, prefix='.', suffix='.npz')
     try:
         with os.fdopen(handle, 'wb') as file:
@@ -107,7 +109,7 @@ def fingerprint(*contents: Any) -> str:
     return digest.hexdigest()[:32]
 
 
-def _parts(content):
+def _parts(content: Any) -> Iterator[bytes]:
     """Yield bytes that tell a content from others."""
     yield type(content).__name__.encode()
     if isinstance(content, np.ndarray):

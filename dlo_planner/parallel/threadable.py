@@ -2,17 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether one cut-out can be threaded, from where, and with what margin: a task of the map."""
 
+from collections.abc import Mapping
 from time import thread_time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlo_planner.errors import DeadlineExceeded, Infeasible
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.parallel.cell_grid import CellGrid
 from dlo_planner.parallel.pieces import Shared
+from dlo_planner.plan.plan import Plan
 
 THREADED, UNDECIDED = 'threaded', 'undecided'
 LONGEST = 32      # characters of an outcome
@@ -35,7 +39,7 @@ class Question(NamedTuple):
     inverse: InverseSimulator
     grid: CellGrid
     starts: tuple[Pose, ...]
-    depths: np.ndarray | None
+    depths: Floats | None
     patience: float
 
 
@@ -47,7 +51,7 @@ class Batch(NamedTuple):
     end: int
 
 
-def answers(batch: Batch) -> dict[str, np.ndarray]:
+def answers(batch: Batch) -> dict[str, NDArray[Any]]:
     """Return the columns of a Batch; this is what workers do."""
     question = batch.question.content
     lines = [answer(question, question.grid.cutout(index))
@@ -56,7 +60,7 @@ def answers(batch: Batch) -> dict[str, np.ndarray]:
             for name, (kind, _) in COLUMNS.items()}
 
 
-def answer(question: Question, cutout: CutOut) -> dict:
+def answer(question: Question, cutout: CutOut) -> dict[str, Any]:
     """Return a line of the map: the best of all starts, or the refusal that came farthest."""
     begun, starts = thread_time(), question.starts or (None,)
     lines = [_from(question, cutout, k, start) for k, start in enumerate(starts)]
@@ -67,14 +71,14 @@ def answer(question: Question, cutout: CutOut) -> dict:
     return best | {'seconds': thread_time() - begun}
 
 
-def _rank(line):
+def _rank(line: Mapping[str, Any]) -> float:
     """Return a number that is larger the better a line is: threaded, undecided, refused."""
     if line['outcome'] == THREADED:
         return 2.0 + line['stability']
     return 1.5 if line['outcome'] == UNDECIDED else line['fraction']
 
 
-def _from(question, cutout, index, start):
+def _from(question: Question, cutout: CutOut, index: int, start: Pose | None) -> dict[str, Any]:
     """Return the line of one start (a Pose or None)."""
     line = {'outcome': THREADED, 'amount': 0.0, 'fraction': 0.0, 'clearance': np.nan,
             'stability': np.nan, 'roll': np.nan, 'start': -1 if start is None else index,
@@ -98,7 +102,7 @@ def _from(question, cutout, index, start):
     return line
 
 
-def _margins(plan):
+def _margins(plan: Plan) -> dict[str, Any]:
     """Return what a Plan says of its margins and of its beginning."""
     first = plan.grippers[0]
     upright = Pose.looking_along(first.position, first.direction).rotation

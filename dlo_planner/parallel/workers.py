@@ -6,11 +6,12 @@ An executor is one of `concurrent.futures`: threads, processes, or a cluster's (
 `Client(...).get_executor()`).
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
     Executor,
+    Future,
     ProcessPoolExecutor,
     wait,
 )
@@ -23,6 +24,7 @@ _LOOK = 0.05  # s between two looks at the deadline
 _VAIN = 3     # executors that break one after the other without a result: the work breaks them
 
 Workers = Executor | Callable[[], Executor] | None
+Waiting = dict[Future[Any], tuple[int, Any, Executor | None]]  # index, task, and who has it
 
 
 def checked(executor: object) -> Workers:
@@ -45,23 +47,23 @@ class Crew:
     new one, made by the function, or like the ProcessPoolExecutor that was given.
     """
 
-    def __init__(self, executor: Workers, check: Callable[[], object]):
+    def __init__(self, executor: Workers, check: Callable[[], object]) -> None:
         self._make = None if executor is None or isinstance(executor, Executor) else executor
-        self._executor = executor if self._make is None else None
+        self._executor: Any = executor if self._make is None else None  # an Executor, or None
         self._check = check
         self._own = False
 
-    def __enter__(self):
+    def __enter__(self) -> 'Crew':
         if self._make is not None:
             self._renew()
         return self
 
-    def __exit__(self, kind, *_):
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self._own:
             self._executor.shutdown(wait=kind is None)  # what is left was canceled
 
-    def run(self, function: Callable, tasks: Iterable,
-            finished: Callable[[int, Any], object]) -> list:
+    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any],
+            finished: Callable[[int, Any], object]) -> list[Any]:
         """Return function(task) for all tasks, in their order.
 
         Args:
@@ -71,7 +73,7 @@ class Crew:
         """
         results = {}
 
-        def done(index, result):
+        def done(index: int, result: Any) -> None:
             results[index] = result
             finished(index, result)
 
@@ -83,7 +85,7 @@ class Crew:
             self._share_out(function, tasks, done)
         return [results[index] for index in range(len(results))]
 
-    def begin(self, function: Callable, tasks: Iterable) -> list:
+    def begin(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> list[Future[Any]]:
         """Give tasks to the executor; return Futures, for `gathered`, at once."""
         try:
             return [self._executor.submit(function, task) for task in tasks]
@@ -91,7 +93,7 @@ class Crew:
             self._renew(error)
             return []
 
-    def gathered(self, futures: Iterable) -> list:
+    def gathered(self, futures: Sequence[Future[Any]]) -> list[Any]:
         """Return the results of Futures; those that were lost with a worker are None."""
         waiting, broken = set(futures), None
         while waiting:
@@ -108,8 +110,10 @@ class Crew:
             self._renew(broken)
         return results
 
-    def _share_out(self, function, tasks, done):
-        waiting, vain = {}, 0
+    def _share_out(self, function: Callable[[Any], Any], tasks: Iterable[Any],
+                   done: Callable[[int, Any], object]) -> None:
+        waiting: Waiting = {}
+        vain = 0
         try:
             for index, task in enumerate(tasks):
                 self._check()
@@ -122,7 +126,8 @@ class Crew:
             for future in waiting:  # there are none unless something was raised
                 future.cancel()
 
-    def _submit(self, function, waiting, index, task):
+    def _submit(self, function: Callable[[Any], Any], waiting: Waiting, index: int,
+                task: Any) -> None:
         try:
             future = self._executor.submit(function, task)
         except BrokenExecutor as error:  # what it had is not forgotten: those futures say so
@@ -130,7 +135,8 @@ class Crew:
             future = self._executor.submit(function, task)
         waiting[future] = index, task, self._executor
 
-    def _collect(self, function, waiting, done, seconds, vain):
+    def _collect(self, function: Callable[[Any], Any], waiting: Waiting,
+                 done: Callable[[int, Any], object], seconds: float, vain: int) -> int:
         """Take what has ended, give again what was lost; return how often that was in vain."""
         ended, _ = wait(waiting, seconds, FIRST_COMPLETED)
         lost, broken = [], None
@@ -156,7 +162,7 @@ class Crew:
             self._submit(function, waiting, index, task)
         return vain
 
-    def _renew(self, error=None):
+    def _renew(self, error: BaseException | None = None) -> None:
         """Take a new executor; raise `error` where there is no telling how to make one."""
         broken = self._executor
         if self._make is not None:
@@ -171,7 +177,7 @@ class Crew:
         self._own = True
 
 
-def _made(make):
+def _made(make: Callable[[], Executor]) -> Executor:
     """Return the Executor that a user's function makes."""
     try:
         made = make()

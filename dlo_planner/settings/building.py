@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the values of parameters describe: the DLO, its simulators, the gripper's limits."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from math import isnan
+from typing import Any
 
 import numpy as np
 
@@ -23,10 +24,10 @@ _FINEST = 1e-6         # accuracy, of the length: a shape takes less than a seco
 _MOST_TOLERANCE = 1.0  # m
 _MOST_GRAVITY = 1e4    # m/s^2
 
-Values = Mapping[str, object]  # of all names in ENTRIES
+Values = Mapping[str, Any]  # of all names in ENTRIES
 
 
-def direct_of(values: Values, obstacles: Iterable = ()) -> DirectSimulator:
+def direct_of(values: Values, obstacles: Iterable[Any] = ()) -> DirectSimulator:
     """Return the DirectSimulator that parameter values describe.
 
     Args:
@@ -38,7 +39,7 @@ def direct_of(values: Values, obstacles: Iterable = ()) -> DirectSimulator:
     """
     rod = rod_of(values)
     _judge(values)
-    options = {'accuracy': values['simulator.accuracy']}
+    options: dict[str, Any] = {'accuracy': values['simulator.accuracy']}
     if not options['accuracy']:
         options = {'n_elements': values['simulator.n_elements']}
         if values['simulator.basis'] != 'local':
@@ -75,7 +76,7 @@ def tolerance_of(values: Values) -> float | None:
     return value
 
 
-def _judge(values):
+def _judge(values: Values) -> None:
     """Refuse sizes that no DLO in a cell has; what else makes no sense the library refuses."""
     accuracy, finest = values['simulator.accuracy'], _FINEST * values['rod.length']
     if 0 < accuracy < finest:
@@ -84,7 +85,7 @@ def _judge(values):
     bounded('gravity', values['gravity'], _MOST_GRAVITY, 'm/s^2')
 
 
-def bounded(name: str, value: Iterable[float], most: float, unit: str) -> None:
+def bounded(name: str, value: Sequence[float], most: float, unit: str) -> None:
     """Raise InvalidTask if a vector is longer than `most`."""
     if not np.linalg.norm(np.nan_to_num(value, nan=0.0)) <= most:
         raise InvalidTask(f'parameter {name} = {list(value)}: expected a length of at most '
@@ -97,7 +98,7 @@ def rod_of(values: Values) -> Rod:
     if len(values['rod.damping']) != 2:
         raise InvalidTask(f'parameter rod.damping = {values["rod.damping"]}: expected two numbers, '
                           '1/s times mass and s times stiffness')
-    more = {name: values[f'rod.{name}'] for name in (
+    more: dict[str, Any] = {name: values[f'rod.{name}'] for name in (
         'natural_twist', 'tip_mass', 'damping', 'hardening')}
     more['natural_curvature'] = _natural_curvature(values)
     more['section_model'] = values['rod.section_model'] or None
@@ -121,7 +122,7 @@ def rod_of(values: Values) -> Rod:
                       f'{", ".join(SECTIONS)}')
 
 
-def _natural_curvature(values):
+def _natural_curvature(values: Values) -> Expanded | list[float]:
     """Return the pair, or the function of s where it varies."""
     even, terms = values['rod.natural_curvature'], values['rod.natural_curvature_terms']
     if len(terms) % 2 or not np.isfinite(terms).all():
@@ -133,6 +134,6 @@ def _natural_curvature(values):
     return Expanded(tuple(vector('rod.natural_curvature', even, 2)), rows, values['rod.length'])
 
 
-def _limits(curvatures):
+def _limits(curvatures: Sequence[float]) -> tuple[float, ...] | None:
     """Return the pair for `Rod.yield_curvature`; None if both are 0, which means never."""
     return tuple(value or 1e12 for value in curvatures) if any(curvatures) else None

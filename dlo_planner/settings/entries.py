@@ -3,6 +3,7 @@
 """All parameters: one table, for the node, the YAML files in config/ and the command line."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from dlo_planner.errors import InvalidTask
 
@@ -11,7 +12,7 @@ from dlo_planner.errors import InvalidTask
 class Entry:
     """One parameter: its default (which fixes the type), meaning, limits, and if it may change."""
 
-    default: object
+    default: Any
     description: str
     lowest: float | None = None
     highest: float | None = None
@@ -174,7 +175,7 @@ ENTRIES = {
 }
 
 
-def as_declared(name: str, value: object, default: object) -> object:
+def as_declared(name: str, value: Any, default: Any) -> Any:
     """Return a value with whole numbers made floats where `default` has floats.
 
     Raises:
@@ -196,18 +197,18 @@ def as_declared(name: str, value: object, default: object) -> object:
     return value
 
 
-def _is_number(value):
+def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _float(name, value):
+def _float(name: str, value: Any) -> float:
     try:
         return float(value)
     except OverflowError:
         raise InvalidTask(f'parameter {name}: expected a number below 1e308') from None
 
 
-def within_limits(name: str, value: object, entry: Entry) -> object:
+def within_limits(name: str, value: Any, entry: Entry) -> Any:
     """Return a value of an Entry's type; raise InvalidTask if it is beyond the Entry's limits."""
     if entry.lowest is not None and not entry.lowest <= value <= entry.highest:
         raise InvalidTask(f'parameter {name} = {value!r}: expected {entry.lowest:g} to '

@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a Fit found, as parameters: for the YAML file of the node and of the command line."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.fitting import Fit
+from dlo_planner.model.rod import Rod
 from dlo_planner.settings.building import rod_of
 
 _ALIKE = ('natural_curvature', 'natural_twist', 'tip_mass', 'damping')  # parameters as they are
@@ -15,7 +18,7 @@ _POISSON = (-0.99, 0.5)
 NAMES = ('bending_stiffness', 'torsional_stiffness', 'mass_per_length', *_ALIKE)
 
 
-def identified(fit: Fit, values: Mapping[str, object]) -> dict[str, object]:
+def identified(fit: Fit, values: Mapping[str, Any]) -> dict[str, object]:
     """Return the parameters (name -> value) that change by a Fit.
 
     Stiffness and mass of a DLO with a section become its Young's modulus, Poisson's ratio and
@@ -48,7 +51,7 @@ def identified(fit: Fit, values: Mapping[str, object]) -> dict[str, object]:
                   'rod.density': values['rod.density'] * mass}
 
 
-def _ratios(fit, values):
+def _ratios(fit: Fit, values: Mapping[str, Any]) -> tuple[float, float, float]:
     """Return by which bending stiffness, torsional stiffness and mass have grown."""
     before, after, middle = rod_of(values), fit.rod, [0.5 * values['rod.length']]
     (twist, bend, _), = after.stiffnesses(middle) / before.stiffnesses(middle)
@@ -56,7 +59,7 @@ def _ratios(fit, values):
     return float(bend), float(twist), float(mass)
 
 
-def _by_stiffness(rod, names):
+def _by_stiffness(rod: Rod, names: Collection[str]) -> dict[str, object]:
     (twist, *bend), = rod.stiffnesses([0.5 * rod.length])
     mass, = rod.masses_per_length([0.5 * rod.length])
     known = {'bending_stiffness': [float(one) for one in bend], 'torsional_stiffness': float(twist),
@@ -64,5 +67,5 @@ def _by_stiffness(rod, names):
     return {f'rod.{name}': known[name] for name in known if name in names}
 
 
-def _plain(value):
+def _plain(value: ArrayLike) -> object:
     return np.asarray(value, dtype=float).tolist()

@@ -4,6 +4,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ class Wanted:
     gripper_clearance: float
 
     @classmethod
-    def of(cls, values: Mapping) -> 'Wanted':
+    def of(cls, values: Mapping[str, Any]) -> 'Wanted':
         """Return that of parameter values."""
         return cls(*(values[f'threading.{name}'] for name in (
             'waypoints', 'deepest', 'linear_speed', 'angular_speed', 'standoff',
@@ -52,8 +53,8 @@ def way_through(inverse: InverseSimulator, cutouts: Sequence[CutOut], wanted: Wa
         DloPlannerError: refused, with the reason
     """
     depths = np.linspace(0.0, wanted.deepest * inverse.simulator.rod.length, wanted.waypoints)
-    options = {'linear_speed': wanted.linear_speed, 'angular_speed': wanted.angular_speed,
-               'progress': progress, 'deadline': deadline}
+    options: dict[str, Any] = {'linear_speed': wanted.linear_speed, 'angular_speed': wanted.angular_speed,
+                               'progress': progress, 'deadline': deadline}
     if len(cutouts) == 1:
         plan = inverse.thread(cutouts[0], start=start, depths=depths, **options)
     elif len(cutouts) == 2:

@@ -5,6 +5,7 @@
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -17,7 +18,8 @@ _FLOAT = re.compile(r'[-+]?(\d[\d_]*\.?\d*|\.\d+)([eE][-+]?\d+)?$')  # YAML 1.2,
 _PACKAGE = Path(__file__).parents[1]
 
 
-def read_values(source: str | Path, changes: Iterable[str] = ()) -> tuple[dict, list[str]]:
+def read_values(source: str | Path,
+                changes: Iterable[str] = ()) -> tuple[dict[str, Any], list[str]]:
     """Return the values of all parameters (name -> value), and warnings of names without meaning.
 
     Args:
@@ -40,7 +42,7 @@ def read_values(source: str | Path, changes: Iterable[str] = ()) -> tuple[dict, 
 
 def write_values(path: Path, values: Mapping[str, object]) -> None:
     """Write values of parameters as a YAML file for the node, and for `read_values`."""
-    tree = {}
+    tree: dict[str, Any] = {}
     for name, value in values.items():
         *parents, last = name.split('.')
         branch = tree
@@ -89,11 +91,11 @@ def config_files() -> dict[str, Path]:
     return {} if folder is None else {path.stem: path for path in sorted(folder.glob('*.yaml'))}
 
 
-def _of_node(path, content):
+def _of_node(path: Path, content: object) -> dict[str, object]:
     """Return the parameters (nested dicts) of a file's content that are the node's."""
     if not isinstance(content, dict) or not any(key in _NODES for key in content):
         raise InvalidTask(f'{path}: expected parameters under /**: and ros__parameters:')
-    out = {}
+    out: dict[str, object] = {}
     for key, inside in content.items():
         if key not in _NODES:
             continue
@@ -103,8 +105,8 @@ def _of_node(path, content):
     return out
 
 
-def _flat(tree, before=''):
-    flat = {}
+def _flat(tree: Mapping[str, object], before: str = '') -> dict[str, object]:
+    flat: dict[str, object] = {}
     for name, value in tree.items():
         if isinstance(value, dict):
             flat |= _flat(value, f'{before}{name}.')
@@ -113,7 +115,7 @@ def _flat(tree, before=''):
     return flat
 
 
-def _changed(change):
+def _changed(change: str) -> dict[str, object]:
     name, sign, text = change.partition('=')
     name = name.removesuffix(':').strip()
     if not sign or not name:

@@ -3,10 +3,12 @@
 """Pictures of shapes and plans, and a page in the browser that shows them; no ROS in here."""
 
 from collections.abc import Iterable
+from typing import Any
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.checks import choice, instance
+from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.plan.plan import Plan
 from dlo_planner.view.colors import COLORINGS
 from dlo_planner.view.page import LOCAL, PORT, Page
@@ -16,8 +18,8 @@ from dlo_planner.view.replanning import Replanner
 __all__ = ['view']
 
 
-def view(plan: Plan, inverse: InverseSimulator | None = None, *, obstacles: Iterable | None = None,
-         color: str = 'curvature', host: str = LOCAL, port: int = PORT) -> PlanPage:
+def view(plan: Plan, inverse: InverseSimulator | None = None, *,
+         obstacles: Iterable[Obstacle] | None = None, color: str = 'curvature', host: str = LOCAL, port: int = PORT) -> PlanPage:
     """Open a page in the browser that shows a plan: `view(plan).wait()`.
 
     The plan can be looked at over time. Where it goes through one cut-out, gripper and cut-out can
@@ -52,7 +54,7 @@ def view(plan: Plan, inverse: InverseSimulator | None = None, *, obstacles: Iter
     return PlanPage(Page('dlo_planner', host, port), plan, replanner, obstacles, color)
 
 
-def _around(inverse):
+def _around(inverse: InverseSimulator | None) -> tuple[Any, ...]:
     """Return what stands around the DLO of an InverseSimulator, each thing once; () for None."""
     if inverse is None:
         return ()

@@ -2,14 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Matplotlib axes for pictures of DLOs: in space or from the side, equal, in meters."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.extras import extra
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import shown
 from dlo_planner.view.colors import ALERT
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SIDE = (0, 2)          # x and z: what is seen from the side
 _SIZE = (8.0, 5.6)     # inches
@@ -36,13 +42,13 @@ class Frame:
         titled: whether it has a title and a legend
     """
 
-    figure: object
-    axes: object
-    bar: object = None
+    figure: Any
+    axes: Any
+    bar: Any = None
     titled: bool = True
 
     @classmethod
-    def new(cls, size=_SIZE, managed=True) -> 'Frame':
+    def new(cls, size: tuple[float, float] = _SIZE, managed: bool = True) -> 'Frame':
         """Return axes in space that fill a new figure.
 
         Args:
@@ -61,7 +67,7 @@ class Frame:
         return cls(figure, axes, figure.add_axes(_BAR))
 
     @classmethod
-    def of(cls, ax) -> 'Frame':
+    def of(cls, ax: 'Axes | Frame | None') -> 'Frame':
         """Return the Frame of an argument: a new one for None.
 
         Raises:
@@ -80,7 +86,7 @@ class Frame:
         """Whether the axes have three dimensions."""
         return self.axes.name == '3d'
 
-    def show(self, low, high) -> None:
+    def show(self, low: Floats, high: Floats) -> None:
         """Show the box between two corners (3,) in m, with equal scales and units."""
         axes = self.axes
         if not self.space:
@@ -124,7 +130,7 @@ class Frame:
         if self.bar is not None and self.titled:
             self.figure.suptitle(text, fontsize=10)
 
-    def legend(self, tints: dict) -> None:
+    def legend(self, tints: Mapping[str, object]) -> None:
         """Say what lines mean: name -> color."""
         line = extra('matplotlib.lines', 'figures', 'pictures').Line2D
         handles = [line([], [], color=tint, label=name) for name, tint in tints.items()]
@@ -134,7 +140,7 @@ class Frame:
         elif self.titled:
             self.figure.legend(handles=handles, bbox_to_anchor=(0.02, 0.93), **where)
 
-    def _zoom(self, sizes):
+    def _zoom(self, sizes: Floats) -> float:
         """Return by how much the box, its diagonal 1, is enlarged to fill what room there is."""
         turn, up = np.deg2rad([self.axes.azim, self.axes.elev])
         across = abs(np.sin(turn)) * sizes[0] + abs(np.cos(turn)) * sizes[1]
@@ -148,7 +154,7 @@ class Frame:
         return min(room[0] / across, room[1] / tall) / (_UNIT * side)
 
 
-def box_around(points) -> tuple[np.ndarray, np.ndarray]:
+def box_around(points: Floats) -> tuple[Floats, Floats]:
     """Return the corners (3,) in m of a box around points (n, 3) that is flat in no direction."""
     low, high = points.min(axis=0), points.max(axis=0)
     most = max(float((high - low).max()), 1e-9)
@@ -156,7 +162,7 @@ def box_around(points) -> tuple[np.ndarray, np.ndarray]:
     return low - margin, high + margin
 
 
-def azimuth(points) -> float:
+def azimuth(points: Floats) -> float:
     """Return from where (degrees about z) points (n, 3) are seen best.
 
     Across the level direction in which they extend most, a little turned, so that depth is seen.

@@ -3,9 +3,13 @@
 """Draws Items into a scene of viser, and only what has changed."""
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.pose import Pose
 from dlo_planner.view.item import Item
 from dlo_planner.view.triangles import bars_between, round_bar, tube
 
@@ -22,14 +26,14 @@ class Canvas:
         least_radius: m, a DLO is drawn no thinner than this (a transparent one, than half of it)
     """
 
-    def __init__(self, scene, least_radius: float = 0.0):
+    def __init__(self, scene: Any, least_radius: float = 0.0) -> None:
         self._scene = scene
         self.least_radius = least_radius
-        self._shown = {}    # name -> Item
-        self._handles = {}  # name -> handle in the scene
+        self._shown: dict[str, Item] = {}    # name -> Item
+        self._handles: dict[str, Any] = {}  # name -> handle in the scene
 
     @property
-    def items(self) -> dict:
+    def items(self) -> dict[str, Item]:
         """The Items that are shown, by name."""
         return dict(self._shown)
 
@@ -50,13 +54,13 @@ class Canvas:
         self.show(known.values())
 
     @property
-    def bounds(self) -> tuple[np.ndarray, np.ndarray] | None:
+    def bounds(self) -> tuple[Floats, Floats] | None:
         """Lowest and highest corner (3,) m of what is shown; None if there is nothing."""
         corners = [item.corners for item in self._shown.values() if item.kind != 'text']
         corners = np.concatenate([*corners, np.zeros((0, 3))])
         return (corners.min(axis=0), corners.max(axis=0)) if len(corners) else None
 
-    def _draw(self, item, before):
+    def _draw(self, item: Item, before: Item | None) -> None:
         handle = self._handles.get(item.name)
         if handle is not None and before is not None and _barred(item) == _barred(before) != 0:
             for name, value in self._bars(item).items():
@@ -67,7 +71,7 @@ class Canvas:
             handle.remove()
         self._handles[item.name] = self._added(item)
 
-    def _added(self, item):
+    def _added(self, item: Item) -> Any:
         name = f'/{item.group}/{item.index}'
         where = {'wxyz': _wxyz(item.pose), 'position': item.pose.position}
         color, solid = _bytes(item.color), {'color': _bytes(item.color), 'opacity': item.alpha}
@@ -102,11 +106,12 @@ class Canvas:
         return self._scene.add_mesh_simple(name, item.points, faces, side='double',
                                            flat_shading=True, cast_shadow=False, **solid, **where)
 
-    def _lines(self, name, pairs, color, where):
+    def _lines(self, name: str, pairs: Floats, color: tuple[int, ...],
+               where: dict[str, Floats]) -> Any:
         return self._scene.add_line_segments(name, pairs, color, thickness=_LINE,
                                              thickness_units='screen', **where)
 
-    def _bars(self, item):
+    def _bars(self, item: Item) -> dict[str, NDArray[Any]]:
         """Return the arguments of batched meshes: one bar between two points."""
         turns, middles, lengths = bars_between(item.points)
         radius = max(item.size[0] / 2, self.least_radius)
@@ -117,15 +122,15 @@ class Canvas:
                 'batched_colors': (255 * 0.5 * (colors[1:] + colors[:-1])).astype(np.uint8)}
 
 
-def _barred(item):
+def _barred(item: Item) -> int:
     """Return of how many points a line in several colors is, which is drawn as bars; else 0."""
     colored = item.kind == 'line' and item.colors is not None and len(item.points) > 1
     return len(item.points) if colored else 0
 
 
-def _wxyz(pose):
+def _wxyz(pose: Pose) -> Floats:
     return np.roll(pose.quaternion, 1)
 
 
-def _bytes(color):
+def _bytes(color: Iterable[float]) -> tuple[int, ...]:
     return tuple(int(round(255 * channel)) for channel in color)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance
 from dlo_planner.plan.draft import yield_shares
 
@@ -37,13 +38,13 @@ class Coloring(NamedTuple):
         label: what is colored, with its unit
     """
 
-    colors: np.ndarray
+    colors: Floats
     caption: str
     top: float = 1.0
     label: str = 'part of the yield limit'
 
 
-def viridis(share: ArrayLike) -> np.ndarray:
+def viridis(share: ArrayLike) -> Floats:
     """Return colors (n, 3) of shares (n,): 0 dark violet, 1 bright yellow, beyond it ALERT.
 
     What is not known (nan) is gray.
@@ -84,7 +85,7 @@ def coloring(shape: Shape, color: str = 'curvature', top: float | None = None) -
                     + ('' if limit is None else ' (limit)'), top, 'curvature [1/m]')
 
 
-def _by_yield(shape):
+def _by_yield(shape: Shape) -> Coloring:
     rod, nodes = shape.rod, len(shape.s)
     if rod is None:
         return Coloring(viridis(np.full(nodes, np.nan)), 'part of the yield limit: rod not known')

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, number
 from dlo_planner.model.pose import Pose
 from dlo_planner.view.colors import GRAY, ORANGE, VERMILION, coloring
@@ -90,17 +91,20 @@ def axes_items(group: str, pose: Pose, length: float = _AXIS) -> list[Item]:
                    color) for axis, color in enumerate(_AXIS_COLORS)]
 
 
-def _tube(group, index, shape, radius, color, colors=None, alpha=1.0):
+def _tube(group: str, index: int, shape: Shape, radius: float | None,
+          color: tuple[float, float, float], colors: Floats | None = None,
+          alpha: float = 1.0) -> Item:
     instance('shape', shape, Shape)
     radius = None if radius is None else number('radius', radius, minimum=0)
     return Item(group, index, 'line', color, alpha, shape.positions, colors,
                 size=(2 * (radius or _THIN), 0.0, 0.0))
 
 
-def _arrow(group, index, start, end, color):
+def _arrow(group: str, index: int, start: Floats, end: Floats,
+           color: tuple[float, float, float]) -> Item:
     return Item(group, index, 'arrow', color, points=(start, end), size=_ARROW)
 
 
-def _text(group, index, position, text, shape):
+def _text(group: str, index: int, position: Floats, text: str, shape: Shape) -> Item:
     return Item(group, index, 'text', (1.0, 1.0, 1.0), text=text,
                 pose=Pose(position, (0.0, 0.0, 0.0, 1.0)), size=(0.0, 0.0, _LETTER * shape.s[-1]))

@@ -2,11 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draws Items into axes of matplotlib, in space or from the side."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.extras import extra
+from dlo_planner.model.arrays import Floats
 from dlo_planner.view.axes import SIDE
 from dlo_planner.view.item import Item
 from dlo_planner.view.primitives import primitives
@@ -17,7 +20,7 @@ _EDGE = 0.5   # points, of what is solid
 _DOT = 8.0    # points^2
 
 
-def draw(axes, items: Iterable[Item]) -> list:
+def draw(axes: Any, items: Iterable[Item]) -> list[Any]:
     """Draw Items; return the artists, so that a film can replace them.
 
     Texts are left out: what they say stands in legends and color bars.
@@ -29,7 +32,7 @@ def draw(axes, items: Iterable[Item]) -> list:
     return artists
 
 
-def _drawn(axes, item):
+def _drawn(axes: Any, item: Item) -> list[Any]:
     lines, faces, dots = primitives(item)
     artists = []
     if faces:
@@ -47,13 +50,14 @@ def _drawn(axes, item):
     return artists
 
 
-def _width(item, faces):
+def _width(item: Item, faces: Sequence[Floats]) -> float:
     if faces or item.kind == 'segments':
         return _EDGE if faces else _PLATE if item.group == 'plate' else _FINE
     return _GHOST if item.alpha < 1 else _LINE
 
 
-def _lines(axes, lines, colors, width, alpha):
+def _lines(axes: Any, lines: Iterable[Floats], colors: ArrayLike, width: float,
+           alpha: float) -> Any:
     options = {'colors': colors, 'linewidths': width, 'alpha': alpha, 'capstyle': 'round'}
     if axes.name == '3d':
         kind = extra('mpl_toolkits.mplot3d.art3d', 'figures', 'pictures').Line3DCollection
@@ -62,7 +66,7 @@ def _lines(axes, lines, colors, width, alpha):
     return axes.add_collection(kind([np.asarray(line)[:, SIDE] for line in lines], **options))
 
 
-def _faces(axes, faces, item):
+def _faces(axes: Any, faces: Sequence[Floats], item: Item) -> Any:
     options = {'facecolors': [(*item.color, item.alpha)], 'edgecolors': 'none'}
     if axes.name == '3d':
         kind = extra('mpl_toolkits.mplot3d.art3d', 'figures', 'pictures').Poly3DCollection

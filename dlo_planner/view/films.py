@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Films of plans and motions, as GIF (Pillow) or MP4 (ffmpeg)."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,15 +13,20 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.motion import Motion
 from dlo_planner.errors import InvalidTask, MissingExtra
 from dlo_planner.extras import extra
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, number, shown
+from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.view.axes import Frame
-from dlo_planner.view.colors import COLORINGS, GRAY, coloring
+from dlo_planner.view.colors import COLORINGS, GRAY, Coloring, coloring
 from dlo_planner.view.drawing import draw
 from dlo_planner.view.item import Item
 from dlo_planner.view.plots import common_top
 from dlo_planner.view.stage import Stage
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _RATE = {'.gif': 15, '.mp4': 25}  # pictures a second
 _LONGEST, _DEFAULT = 120.0, 10.0  # s
@@ -28,8 +34,8 @@ _DPI = 80
 _TIP = (0.45, 0.45, 0.45)
 
 
-def film(value: Plan | Motion, path: str | PathLike, color: str = 'curvature',
-         seconds: float | None = None, obstacles: Iterable = ()) -> Path:
+def film(value: Plan | Motion, path: str | PathLike[str], color: str = 'curvature',
+         seconds: float | None = None, obstacles: Iterable[Obstacle] = ()) -> Path:
     """Write the film of a Plan or Motion and return its path, see `Plan.animate`."""
     path = checked_path(path)
     choice('color', color, COLORINGS)
@@ -46,9 +52,10 @@ def film(value: Plan | Motion, path: str | PathLike, color: str = 'curvature',
     top = common_top(value.shapes)
     painted = [coloring(shape, color, top) for shape in value.shapes]
     frame.color_bar(painted[0].top, painted[0].label)
-    moving, tips = [], []
+    moving: list[Any] = []
+    tips: list[Floats] = []
 
-    def picture(index):
+    def picture(index: int) -> None:
         time = value.times[0] + span * index / (count - 1)
         points, colors, gripper = between(value, painted, time)
         tips.append(points[-1])
@@ -62,7 +69,8 @@ def film(value: Plan | Motion, path: str | PathLike, color: str = 'curvature',
     return write_film(frame.figure, picture, count, path)
 
 
-def between(value: Plan | Motion, painted: list, time: float) -> tuple:
+def between(value: Plan | Motion, painted: Sequence[Coloring],
+            time: float) -> tuple[Floats, Floats, Pose]:
     """Return positions (n, 3) m, colors (n, 3) and the gripper's Pose at a time in s.
 
     Straight between two shapes, where both have the same nodes; else of the one before.
@@ -88,7 +96,7 @@ def between(value: Plan | Motion, painted: list, time: float) -> tuple:
             (1 - share) * painted[k].colors + share * painted[after].colors, gripper)
 
 
-def checked_path(path: str | PathLike) -> Path:
+def checked_path(path: str | PathLike[str]) -> Path:
     """Return the Path of a film; raise InvalidTask unless it ends with .gif or .mp4."""
     path = Path(instance('path', path, (str, PathLike)))
     if path.suffix.lower() not in _RATE:
@@ -96,7 +104,7 @@ def checked_path(path: str | PathLike) -> Path:
     return path
 
 
-def write_film(figure, picture: Callable[[int], object], count: int, path: Path,
+def write_film(figure: 'Figure', picture: Callable[[int], object], count: int, path: Path,
                rate: float | None = None) -> Path:
     """Write what a figure shows as a film, and return its path.
 

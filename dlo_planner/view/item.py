@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, choice, instance, integer, number, vector
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
@@ -19,7 +20,7 @@ _NOWHERE = np.zeros((0, 3))
 _WORLD = Pose.identity()
 
 
-def rows_of_points(name: str, value: object) -> np.ndarray:
+def rows_of_points(name: str, value: object) -> Floats:
     """Return points (n, 3), finite; none for an empty sequence; or raise InvalidTask."""
     empty = (value.shape[:1] == (0,) if isinstance(value, np.ndarray)
              else isinstance(value, list | tuple) and not value)
@@ -48,15 +49,15 @@ class Item(Value):
     group: str
     index: int
     kind: str
-    color: tuple
+    color: tuple[float, ...]
     alpha: float = 1.0
-    points: np.ndarray = field(default_factory=lambda: _NOWHERE)
-    colors: np.ndarray | None = None
+    points: Floats = field(default_factory=lambda: _NOWHERE)
+    colors: Floats | None = None
     pose: Pose = _WORLD
-    size: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    size: Floats = field(default_factory=lambda: np.zeros(3))
     text: str = ''
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         instance('Item.group', self.group, str)
         instance('Item.text', self.text, str)
         instance('Item.pose', self.pose, Pose)
@@ -76,7 +77,7 @@ class Item(Value):
         return self.group, self.index
 
     @property
-    def corners(self) -> np.ndarray:
+    def corners(self) -> Floats:
         """(n, 3) points in the world that it reaches to: its own, or those around its size."""
         points = self.points
         if not len(points):

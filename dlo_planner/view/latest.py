@@ -17,10 +17,11 @@ class Latest:
         failed: called with an exception that a job raised, in that thread
     """
 
-    def __init__(self, failed: Callable[[Exception], object]):
+    def __init__(self, failed: Callable[[Exception], object]) -> None:
         self._failed = failed
         self._changed = Condition()
-        self._next, self._busy, self._closed = None, False, False
+        self._next: Callable[[], object] | None = None
+        self._busy, self._closed = False, False
         self._thread = Thread(target=self._run, daemon=True)
         self._thread.start()
 
@@ -30,7 +31,7 @@ class Latest:
             self._next = job
             self._changed.notify_all()
 
-    def check(self, *_) -> None:
+    def check(self, *_: object) -> None:
         """Raise Overtaken if a newer job waits; a job calls it now and then, e.g. as `progress`."""
         if self._next is not None or self._closed:
             raise Overtaken
@@ -46,7 +47,7 @@ class Latest:
             self._closed = True
             self._changed.notify_all()
 
-    def _run(self):
+    def _run(self) -> None:
         while True:
             with self._changed:
                 self._busy = False

@@ -4,6 +4,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from dlo_planner.model.pose import Pose
 from dlo_planner.view import tables
@@ -40,10 +41,10 @@ class LivePage:
         allow_execute: whether the button that executes a plan works; it asks first
     """
 
-    def __init__(self, page: Page, actions: Actions, allow_execute: bool = False):
+    def __init__(self, page: Page, actions: Actions, allow_execute: bool = False) -> None:
         self.page = page
         self._actions, self._allow_execute = actions, allow_execute
-        self._states = {}
+        self._states: dict[str, str] = {}
         gui = page.gui
         self.message = gui.add_html(tables.message('nothing asked yet'))
         with gui.add_folder('State'):
@@ -67,7 +68,7 @@ class LivePage:
         self.gripper.visible = self.goal.visible = False
         self._connect()
 
-    def _connect(self):
+    def _connect(self) -> None:
         self.sending.on_update(lambda _: setattr(self.gripper, 'visible', self.sending.value))
         self.aiming.on_update(lambda _: self._aim())
         self.send_goal.on_click(lambda _: self._actions.goal(pose_of(self.goal)))
@@ -118,11 +119,11 @@ class LivePage:
 
     # ---- what users do --------------------------------------------------------------------------
 
-    def _aim(self):
+    def _aim(self) -> None:
         self.goal.visible = self.aiming.value
         self.send_goal.disabled = not self.aiming.value
 
-    def _ask(self, client):
+    def _ask(self, client: Any) -> None:
         """Ask whoever clicked whether the plan is to be executed."""
         if not self._allow_execute:
             self.say('not executed: parameter allow_execute is false', 1)
@@ -133,7 +134,7 @@ class LivePage:
             gui.add_html(tables.message('the robot will move', 1))
             self.yes, self.no = gui.add_button('Execute', color='red'), gui.add_button('Back')
 
-        def execute(_):
+        def execute(_: object) -> None:
             modal.close()
             self._actions.execute()
 

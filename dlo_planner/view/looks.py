@@ -3,11 +3,13 @@
 """What the shorthands of answers do (`dlo_planner.pictured`): one entry for each kind of value."""
 
 from base64 import b64encode
+from collections.abc import Callable
 from dataclasses import replace
 from html import escape
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
@@ -21,26 +23,31 @@ from dlo_planner.view.plots import plot_motion, plot_plan, plot_shape
 from dlo_planner.view.report_plot import plot_report
 from dlo_planner.view.summaries import rows_of, text_table
 
-_PLOTS = {Shape: plot_shape, Plan: plot_plan, Motion: plot_motion, Report: plot_report}
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Drawable = Shape | Plan | Motion | Report
+_PLOTS: dict[type[Any], Callable[..., 'Figure']] = {
+    Shape: plot_shape, Plan: plot_plan, Motion: plot_motion, Report: plot_report}
 _THUMBNAIL, _DPI = (4.6, 3.1), 72  # inches
 
 
-def plot(value, **options):
+def plot(value: Drawable, **options: Any) -> 'Figure':
     """Return the Figure of a value, see `Pictured.plot` and `Reported.plot`."""
     return _PLOTS[_kind(value)](value, **options)
 
 
-def animate(value: Plan | Motion, path: str | PathLike, **options) -> Path:
+def animate(value: Plan | Motion, path: str | PathLike[str], **options: Any) -> Path:
     """Write a film of a value, see `Filmed.animate`."""
     return film(value, path, **options)
 
 
-def summary(value) -> str:
+def summary(value: Drawable) -> str:
     """Return the table of a value as text."""
     return text_table(repr(value).split('(', 1)[0], rows_of(value))
 
 
-def html(value) -> str:
+def html(value: Drawable) -> str:
     """Return a line and a thumbnail; the line alone where no picture can be made."""
     line = f'<code>{escape(repr(value))}</code>'
     try:
@@ -51,7 +58,7 @@ def html(value) -> str:
             f'src="data:image/png;base64,{picture}"></div>')
 
 
-def _thumbnail(value):
+def _thumbnail(value: Drawable) -> bytes:
     """Return the bytes of a PNG."""
     if isinstance(value, Report):
         figure = extra('matplotlib.figure', 'figures', 'pictures').Figure(
@@ -66,5 +73,5 @@ def _thumbnail(value):
     return file.getvalue()
 
 
-def _kind(value):
+def _kind(value: Drawable) -> type[Drawable]:
     return next(kind for kind in _PLOTS if isinstance(value, kind))

@@ -8,11 +8,13 @@ from contextlib import redirect_stdout
 from io import StringIO
 from itertools import product
 from threading import Event, Lock
+from typing import Any
 
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.extras import extra
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer
 from dlo_planner.model.pose import Pose
 from dlo_planner.view.canvas import Canvas
@@ -40,7 +42,7 @@ class Page:
         MissingExtra: viser is not installed
     """
 
-    def __init__(self, title: str, host: str = LOCAL, port: int = PORT):
+    def __init__(self, title: str, host: str = LOCAL, port: int = PORT) -> None:
         instance('host', host, str)
         port = integer('port', port, minimum=1, maximum=65_535)
         self.server = _server(host, port, title)
@@ -50,7 +52,7 @@ class Page:
         self.gui.main_panel.dock_right()
         self.canvas = Canvas(self.scene)
         self._lock, self._closed = Lock(), Event()
-        self._seen = set()  # of _FRAMED, what has been shown
+        self._seen: set[str] = set()  # of _FRAMED, what has been shown
         self._bar = self.gui.add_html('', visible=False)
         self.gui.add_button('Show everything').on_click(lambda _: self.frame())
 
@@ -92,7 +94,7 @@ class Page:
                 camera.look_at = middle
             self._ground(low, high)
 
-    def control(self, name: str, pose: Pose, scale: float):
+    def control(self, name: str, pose: Pose, scale: float) -> Any:
         """Return a handle with which a Pose can be dragged: arrows and arcs."""
         return self.scene.add_transform_controls(
             f'/controls/{name}', scale=scale, line_width=3.0, depth_test=False,
@@ -112,7 +114,7 @@ class Page:
         with redirect_stdout(StringIO()):
             self.server.stop()
 
-    def _ground(self, low, high):
+    def _ground(self, low: Floats, high: Floats) -> None:
         """Put the grid under what is shown, and say how high that is."""
         width, height = (high - low)[:2]
         self.scene.add_grid(
@@ -126,7 +128,7 @@ class Page:
                              anchor='top-left', font_screen_scale=0.8)
 
 
-def eye(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def eye(low: Floats, high: Floats) -> Floats:
     """Return from where (3,) m a camera sees the box from `low` (3,) to `high` (3,) as a whole.
 
     It looks at the middle of the box, its field of view is `_FIELD`.
@@ -141,17 +143,17 @@ def eye(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return 0.5 * (low + high) + (np.maximum(across, upward) + corners @ back).max() * back
 
 
-def pose_of(handle) -> Pose:
+def pose_of(handle: Any) -> Pose:
     """Return the Pose of a handle of viser, whose quaternion is w, x, y, z."""
     return Pose(handle.position, np.roll(handle.wxyz, -1))
 
 
-def put_at(handle, pose: Pose) -> None:
+def put_at(handle: Any, pose: Pose) -> None:
     """Move a handle of viser to a Pose."""
     handle.position, handle.wxyz = pose.position, np.roll(pose.quaternion, 1)
 
 
-def _server(host, port, title):
+def _server(host: str, port: int, title: str) -> Any:
     """Return a viser server that no page can have shared through a tunnel."""
     viser = extra('viser', 'view', 'pages in the browser')
     try:
@@ -162,7 +164,7 @@ def _server(host, port, title):
                           f'({error})') from error
 
     class LocalServer(viser.ViserServer):
-        def request_share_url(self, verbose=True):
+        def request_share_url(self, verbose: bool = True) -> None:
             return None
 
     with redirect_stdout(StringIO()):  # it announces itself whatever it is told

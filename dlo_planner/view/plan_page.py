@@ -11,10 +11,13 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.obstacles import Obstacle
+from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.view import tables
 from dlo_planner.view.colors import COLORINGS
 from dlo_planner.view.dlo_items import axes_items, contact_items, dlo_items, ghost_items
+from dlo_planner.view.item import Item
 from dlo_planner.view.latest import Latest
 from dlo_planner.view.page import Page, pose_of, put_at
 from dlo_planner.view.replanning import Replanner, cutouts_of
@@ -37,7 +40,7 @@ class PlanPage:
     """
 
     def __init__(self, page: Page, plan: Plan, replanner: Replanner | str,
-                 obstacles: Iterable = (), color: str = 'curvature'):
+                 obstacles: Iterable[Obstacle] = (), color: str = 'curvature') -> None:
         self.page, self.plan = page, plan
         self._replanner = None if isinstance(replanner, str) else replanner
         self._cutouts = cutouts_of(plan)
@@ -74,7 +77,7 @@ class PlanPage:
 
     # ---- what it consists of --------------------------------------------------------------------
 
-    def _build(self, color):
+    def _build(self, color: str) -> None:
         gui = self.page.gui
         self.time = gui.add_slider('time [s]', 0.0, _end(self.plan), _STEP, 0.0)
         self.playing = gui.add_checkbox('play', False)
@@ -90,7 +93,7 @@ class PlanPage:
             handle.on_update(lambda _: self._draw())
         self.whole.on_update(lambda _: self._cutout_dragged())
 
-    def _add_controls(self):
+    def _add_controls(self) -> None:
         length = float(self.plan.shapes[0].s[-1])
         self.gripper = self.page.control('gripper', self.plan.grippers[0], _HANDLE * length)
         self.cutout = self.page.control('cutout', self._cutouts[0].pose, _HANDLE * length)
@@ -104,18 +107,18 @@ class PlanPage:
         """The waypoint that is looked at: the last one whose time has come."""
         return int(np.searchsorted(self.plan.times, self.time.value + 1e-9, side='right')) - 1
 
-    def _looked_at(self):
+    def _looked_at(self) -> None:
         with self._lock:
             self._loose = None
             if self._replanner is not None:
                 put_at(self.gripper, self.plan.grippers[self.index])
             self._draw()
 
-    def _play(self):
+    def _play(self) -> None:
         if self.playing.value:
             Thread(target=self._run, daemon=True).start()
 
-    def _run(self):
+    def _run(self) -> None:
         begun = monotonic() - (self.time.value if self.time.value < self.time.max else 0.0)
         while self.playing.value:
             now = min(monotonic() - begun, self.time.max)
@@ -124,21 +127,21 @@ class PlanPage:
                 self.playing.value = False
             sleep(_FRAME)
 
-    def _gripper_dragged(self):
+    def _gripper_dragged(self) -> None:
         if self.whole.value:
             self._cutout_dragged()
             return
         pose = pose_of(self.gripper)
         self._worker.submit(lambda: self._follow(pose))
 
-    def _cutout_dragged(self):
+    def _cutout_dragged(self) -> None:
         if self._replanner is not None:
             poses = pose_of(self.cutout), pose_of(self.gripper)
             self._worker.submit(lambda: self._plan_anew(*poses, self.whole.value))
 
     # ---- the work, in the worker's thread -------------------------------------------------------
 
-    def _follow(self, pose):
+    def _follow(self, pose: Pose) -> None:
         shape = self._replanner.shape(pose, self._loose or self.plan.shapes[self.index])
         with self._lock:
             self._loose = shape
@@ -147,7 +150,7 @@ class PlanPage:
                       int(shape.jumped))
             self._draw()
 
-    def _plan_anew(self, pose, gripper, whole):
+    def _plan_anew(self, pose: Pose, gripper: Pose, whole: bool) -> None:
         begun = monotonic()
         known = self._cutouts[0]
         cutout = CutOut(pose, known.radius, known.width, known.height)
@@ -162,38 +165,38 @@ class PlanPage:
             put_at(self.gripper, plan.grippers[self.index])
             self._draw()
 
-    def _refused(self, error):
+    def _refused(self, error: Exception) -> None:
         kind = '' if isinstance(error, DloPlannerError) else f'{type(error).__name__}: '
         self._say(f'refused: {kind}{error}', 2)
 
     # ---- pictures -------------------------------------------------------------------------------
 
-    def _say(self, text, level=0):
+    def _say(self, text: str, level: int = 0) -> None:
         self.message.content = tables.message(text, level)
 
-    def _draw(self):
+    def _draw(self) -> None:
         with self._lock:
             plan, shape = self.plan, self._loose or self.plan.shapes[self.index]
             self.page.show([*self._scene(plan), *self._dlo(shape)])
             self.table.content = tables.margins(plan, self.index)
 
-    def _scene(self, plan):
+    def _scene(self, plan: Plan) -> list[Item]:
         radius = _radius(plan.shapes[0])
         ghosts = ghost_items(plan.shapes, radius) if self.ghosts.value else []
         return [*self._obstacles, *cutout_items(self._cutouts), *path_items(plan.grippers),
                 *margin_items(plan, self._cutouts, radius), *ghosts]
 
-    def _dlo(self, shape: Shape):
+    def _dlo(self, shape: Shape) -> list[Item]:
         return [*dlo_items(shape, _radius(shape), self.color.value), *contact_items(shape),
                 *axes_items('gripper', shape.gripper)]
 
 
-def _end(plan):
+def _end(plan: Plan) -> float:
     """Return the end of a plan's times in s, rounded up to steps of the slider."""
     return max(float(np.ceil(plan.times[-1] / _STEP)), 1.0) * _STEP
 
 
-def _radius(shape):
+def _radius(shape: Shape) -> float | None:
     return None if shape.rod is None else shape.rod.radius
 
 

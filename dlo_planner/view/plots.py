@@ -4,13 +4,17 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice
+from dlo_planner.model.obstacles import Obstacle
+from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.view.axes import Frame
 from dlo_planner.view.colors import COLORINGS, GRAY, VERMILION, coloring, viridis
@@ -19,13 +23,18 @@ from dlo_planner.view.item import Item
 from dlo_planner.view.scene_items import path_items
 from dlo_planner.view.stage import Stage
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 _SHAPES = 9         # of a plan or a motion that are drawn
 _TICK = 0.04        # of the DLO's length: the direction of the gripper on its way
 _TIP = (0.45, 0.45, 0.45)
 OVER_TIME = ('time', *COLORINGS)
 
 
-def plot_shape(shape: Shape, ax=None, color: str | None = None, obstacles: Iterable = ()):
+def plot_shape(shape: Shape, ax: 'Axes | Frame | None' = None, color: str | None = None,
+               obstacles: Iterable[Obstacle] = ()) -> 'Figure':
     """Return the Figure of a Shape, see `Shape.plot`."""
     color = choice('color', 'curvature' if color is None else color, COLORINGS)
     stage = Stage.of((shape,), obstacles)
@@ -37,7 +46,8 @@ def plot_shape(shape: Shape, ax=None, color: str | None = None, obstacles: Itera
     return frame.figure
 
 
-def plot_plan(plan: Plan, ax=None, color: str | None = None, obstacles: Iterable = ()):
+def plot_plan(plan: Plan, ax: 'Axes | Frame | None' = None, color: str | None = None,
+              obstacles: Iterable[Obstacle] = ()) -> 'Figure':
     """Return the Figure of a Plan, see `Plan.plot`."""
     color = choice('color', 'time' if color is None else color, OVER_TIME)
     if not len(plan):
@@ -56,7 +66,8 @@ def plot_plan(plan: Plan, ax=None, color: str | None = None, obstacles: Iterable
     return frame.figure
 
 
-def plot_motion(motion: Motion, ax=None, color: str | None = None, obstacles: Iterable = ()):
+def plot_motion(motion: Motion, ax: 'Axes | Frame | None' = None, color: str | None = None,
+                obstacles: Iterable[Obstacle] = ()) -> 'Figure':
     """Return the Figure of a Motion, see `Motion.plot`."""
     color = choice('color', 'time' if color is None else color, OVER_TIME)
     if not len(motion):
@@ -79,7 +90,7 @@ def common_top(shapes: Iterable[Shape]) -> float:
     return max(float(np.linalg.norm(shape.strains[:, 1:], axis=1).max()) for shape in shapes)
 
 
-def _over_time(value, color):
+def _over_time(value: Plan | Motion, color: str) -> tuple[list[Item], float, str]:
     """Return the Items of some shapes of a Plan or Motion, and the top and label of their colors.
 
     Shapes are chosen at even times, first and last among them.
@@ -97,18 +108,18 @@ def _over_time(value, color):
         zip(shapes, painted, strict=True))], painted[0].top, painted[0].label)
 
 
-def _line(index, shape, colors):
+def _line(index: int, shape: Shape, colors: Floats) -> Item:
     return Item('dlo', index, 'line', GRAY, points=shape.positions, colors=colors)
 
 
-def _show(frame, stage, dlo, grippers):
+def _show(frame: Frame, stage: Stage, dlo: list[Item], grippers: Iterable[Pose]) -> None:
     """Draw the DLO among what is around it."""
     for index, pose in enumerate(grippers):
         dlo = dlo + stage.gripper(pose, index)
     stage.set(frame, dlo)
 
 
-def _title(value):
+def _title(value: Shape | Plan | Motion) -> str:
     """Return the line that its repr says, in two if it is long."""
     kind, said = repr(value)[:-1].split('(', 1)
     parts, lines = said.split(', '), [f'{kind}:']

@@ -5,7 +5,9 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from dlo_planner.model.arrays import Floats
 from dlo_planner.view.item import Item
 from dlo_planner.view.triangles import round_bar
 
@@ -26,9 +28,9 @@ class Primitives(NamedTuple):
         dots: (n, 3) m, points
     """
 
-    lines: list
-    faces: list
-    dots: np.ndarray
+    lines: list[Floats]
+    faces: list[Floats]
+    dots: Floats
 
 
 def primitives(item: Item) -> Primitives:
@@ -57,7 +59,7 @@ def primitives(item: Item) -> Primitives:
                       [face @ turn + origin for face in faces], dots @ turn + origin)
 
 
-def _arrow(start, end):
+def _arrow(start: Floats, end: Floats) -> list[Floats]:
     """Return the shaft and the two strokes of the head, in a plane as upright as can be."""
     way = end - start
     length = np.linalg.norm(way)
@@ -69,7 +71,7 @@ def _arrow(start, end):
     return [np.array([start, end]), np.array([back + aside, end, back - aside])]
 
 
-def _ball(half):
+def _ball(half: Floats) -> list[Floats]:
     around = np.linspace(0, 2 * np.pi, _ROUND + 1)
     up = np.linspace(-np.pi / 2, np.pi / 2, _ROUND // 2 + 1)
     grid = np.stack([np.outer(np.cos(up), np.cos(around)), np.outer(np.cos(up), np.sin(around)),
@@ -78,13 +80,13 @@ def _ball(half):
             for i in range(_ROUND // 2) for k in range(_ROUND)]
 
 
-def _cylinder(size):
+def _cylinder(size: Floats) -> list[Floats]:
     vertices, faces = round_bar(_ROUND)
     upright = vertices[:, [2, 1, 0]] * (0.5, 0.5, 1.0) * size  # the bar lies along x
     return [upright[list(face)] for face in faces]
 
 
-def cut_box(point, normal, low, high) -> np.ndarray:
+def cut_box(point: Floats, normal: Floats, low: Floats, high: Floats) -> Floats:
     """Return the corners (n, 3) in m, in order, of the part of a plane that is in a box.
 
     Args:

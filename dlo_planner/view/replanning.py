@@ -10,6 +10,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan, joined
@@ -55,7 +56,7 @@ class Replanner:
 
     direct: DirectSimulator
     inverse: InverseSimulator
-    depths: np.ndarray
+    depths: Floats
 
     @classmethod
     def of(cls, plan: Plan, inverse: InverseSimulator | None = None) -> 'Replanner':

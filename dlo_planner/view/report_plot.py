@@ -2,11 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The picture of a Report: its distances beside the tolerance, and how the gripper moves."""
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from dlo_planner.extras import extra
+from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.verify.replay import Report
 from dlo_planner.view.axes import Frame
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # name of the attribute -> (what it says, whether it should be small)
 _DISTANCES = {
@@ -22,7 +29,7 @@ _INSTANTS = 400
 _SIZE, _ALONE = (8.0, 6.2), (8.0, 4.0)  # inches
 
 
-def plot_report(report: Report, ax=None):
+def plot_report(report: Report, ax: 'Axes | Frame | None' = None) -> 'Figure':
     """Return the Figure of a Report, see `Report.plot`.
 
     Bars of its distances, blue those that should be small, green those that should be large; and,
@@ -44,7 +51,7 @@ def plot_report(report: Report, ax=None):
     return figure
 
 
-def _bars(axes, report):
+def _bars(axes: Any, report: Report) -> None:
     values = {said: (1e3 * getattr(report, name), small)
               for name, (said, small) in _DISTANCES.items()}
     finite = [abs(value) for value, _ in values.values() if np.isfinite(value)]
@@ -67,7 +74,7 @@ def _bars(axes, report):
     axes.set_title(said, fontsize=10, color='0.1' if report.safe else _BAD, wrap=True)
 
 
-def _bar(value, small, most):
+def _bar(value: float, small: bool, most: float) -> tuple[str, float, str]:
     """Return the text, length and color of a bar of `value` mm."""
     if np.isnan(value):
         return 'not looked at', 0.0, _SMALL
@@ -80,7 +87,7 @@ def _bar(value, small, most):
     return text, value, _SMALL if small else _LARGE
 
 
-def _speeds(axes, way):
+def _speeds(axes: Any, way: Trajectory) -> None:
     times = np.linspace(0.0, way.duration, _INSTANTS)
     linear, angular = np.linalg.norm(way.at(times)[1].reshape(-1, 2, 3), axis=2).T
     other = axes.twinx()

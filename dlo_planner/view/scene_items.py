@@ -6,9 +6,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items, number
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import OBSTACLES, Box, Capsule, Plane, Sphere
+from dlo_planner.model.obstacles import OBSTACLES, Box, Capsule, Obstacle, Plane, Sheet, Sphere
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.view.colors import GRAY, ORANGE, SKY_BLUE, viridis
@@ -92,7 +93,7 @@ def margin_items(plan: Plan, cutouts: Iterable[CutOut], radius: float | None = N
     return drawn
 
 
-def obstacle_items(obstacles: Iterable) -> list[Item]:
+def obstacle_items(obstacles: Iterable[Obstacle]) -> list[Item]:
     """Return obstacles half transparent, 'obstacle' k; the round ends of a Capsule are 'cap's."""
     drawn = []
     for index, obstacle in enumerate(items('obstacles', obstacles, OBSTACLES)):
@@ -112,12 +113,12 @@ def obstacle_items(obstacles: Iterable) -> list[Item]:
     return drawn
 
 
-def _ball(group, index, center, radius):
+def _ball(group: str, index: int, center: Floats, radius: float) -> Item:
     return Item(group, index, 'ball', GRAY, _BODY, pose=Pose(center, (0.0, 0.0, 0.0, 1.0)),
                 size=(2 * radius,) * 3)
 
 
-def _capsule(index, capsule):
+def _capsule(index: int, capsule: Capsule) -> list[Item]:
     along = capsule.end - capsule.start
     pose = Pose.looking_along(0.5 * (capsule.start + capsule.end), along)
     pose = Pose.from_rotation(pose.position, pose.rotation[:, [1, 2, 0]])  # z along the bar
@@ -127,7 +128,7 @@ def _capsule(index, capsule):
             _ball('cap', 2 * index + 1, capsule.end, capsule.radius)]
 
 
-def _sheet(index, sheet):
+def _sheet(index: int, sheet: Sheet) -> list[Item]:
     if not sheet.cutouts:
         return [Item('obstacle', index, 'triangles', SKY_BLUE, _GLASS,
                      rectangle(sheet.width, sheet.height), pose=sheet.pose)]
@@ -137,6 +138,6 @@ def _sheet(index, sheet):
                            pose=cutout.pose) for k, cutout in enumerate(sheet.cutouts))]
 
 
-def _border(sheet):
+def _border(sheet: Sheet) -> Floats:
     y, z = 0.5 * sheet.width, 0.5 * sheet.height
     return np.array([(0, y, z), (0, -y, z), (0, -y, -z), (0, y, -z), (0, y, z)])

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import items
-from dlo_planner.model.obstacles import OBSTACLES, Plane
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Plane
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.passing import means_to_touch
 from dlo_planner.plan.plan import Plan
@@ -44,17 +46,19 @@ class Stage:
     """
 
     shapes: tuple[Shape, ...]
-    cutouts: tuple
-    centers: tuple
-    obstacles: tuple
+    cutouts: tuple[CutOut, ...]
+    centers: tuple[Floats, ...]
+    obstacles: tuple[Obstacle, ...]
     length: float
 
     @classmethod
-    def of(cls, shapes: tuple[Shape, ...], obstacles: Iterable, plan: Plan | None = None):
+    def of(cls, shapes: tuple[Shape, ...], obstacles: Iterable[Obstacle],
+           plan: Plan | None = None) -> 'Stage':
         """Return the stage of Shapes, and of the Plan that they belong to."""
         own = list(shapes[0].obstacles)
         own += [one for one in items('obstacles', obstacles, OBSTACLES) if one not in own]
-        cutouts, centers = (), ()
+        cutouts: tuple[CutOut, ...] = ()
+        centers: tuple[Floats, ...] = ()
         if plan is not None and not _in_contact(plan):
             cutouts = tuple(cutouts_of(plan))
             centers = tuple(center for center, _, normal in plan.passes[-1] if normal is None)
@@ -75,7 +79,7 @@ class Stage:
         """Return the axes of a gripper."""
         return axes_items(f'gripper {index}', pose, _AXIS * self.length)
 
-    def _items(self, space):
+    def _items(self, space: bool) -> list[Item]:
         """Return Items of what stands still but planes; from the side, holes are gaps in a line."""
         drawn = obstacle_items(one for one in self.obstacles if not isinstance(one, Plane))
         drawn += [Item('center', index, 'ball', ORANGE, size=(_DOT * self.length,) * 3,
@@ -88,7 +92,7 @@ class Stage:
                   for index, cutout in enumerate(self.cutouts) if room(cutout) is not None]
         return drawn + cutout_items(self.cutouts, _AXIS * self.length)
 
-    def _planes(self, low, high):
+    def _planes(self, low: Floats, high: Floats) -> list[Item]:
         """Return Items of what is seen of the planes in a box."""
         drawn = []
         planes = [one for one in self.obstacles if isinstance(one, Plane)]
@@ -101,12 +105,12 @@ class Stage:
                                points=corners[[*range(len(corners)), 0]])]
         return drawn
 
-    def _around_shapes(self):
+    def _around_shapes(self) -> Floats:
         tips = [shape.gripper.position + sign * _AXIS * self.length * shape.gripper.rotation[:, k]
                 for shape in self.shapes for k in range(3) for sign in (0, 1)]
         return np.concatenate([*(shape.positions for shape in self.shapes), tips])
 
-    def _gap(self, index, cutout):
+    def _gap(self, index: int, cutout: CutOut) -> Item:
         """Return a plate cut through its hole, in the plane x-z of its center."""
         across = np.array([-cutout.normal[2], 0.0, cutout.normal[0]])
         size = np.linalg.norm(across)
@@ -117,5 +121,5 @@ class Stage:
         return Item('plate', index, 'segments', _BLACK, points=ends)
 
 
-def _in_contact(plan):
+def _in_contact(plan: Plan) -> bool:
     return means_to_touch(plan) and all(shape.far_end is None for shape in plan.shapes)

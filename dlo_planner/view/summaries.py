@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables of what matters in an answer, as rows and as text."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import fields
 
 import numpy as np
 
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
+from dlo_planner.model.arrays import Floats
 from dlo_planner.plan.plan import Plan
 from dlo_planner.verify.replay import Report
 
@@ -45,11 +46,11 @@ def figure(number: float) -> str:
     return f'{number:.4g}'
 
 
-def _point(position):
+def _point(position: Iterable[float]) -> str:
     return ', '.join(f'{0.0 + round(value, 12):.4g}' for value in position)
 
 
-def _of_shape(shape):
+def _of_shape(shape: Shape) -> list[Row]:
     force = np.linalg.norm(shape.gripper_wrench.reshape(2, 3), axis=1)
     rows = [
         ('status', shape.status, ''),
@@ -72,7 +73,7 @@ def _of_shape(shape):
     return rows
 
 
-def _of_plan(plan):
+def _of_plan(plan: Plan) -> list[Row]:
     rows = [('status', plan.status.value, ''), ('waypoints', str(len(plan)), '')]
     if not len(plan):
         return rows
@@ -84,7 +85,7 @@ def _of_plan(plan):
     return rows + [(name, figure(worst), unit) for name, _, worst, unit in plan_columns(plan)]
 
 
-def plan_columns(plan: Plan) -> list[tuple[str, np.ndarray, float, str]]:
+def plan_columns(plan: Plan) -> list[tuple[str, Floats, float, str]]:
     """Return what there is to say of each waypoint: (quantity, values (n,), worst, unit)."""
     rim = plan.clearances[:, :, 0].min(axis=1, initial=np.inf)
     columns = [('miss', plan.miss, np.max, 'm'),
@@ -95,7 +96,7 @@ def plan_columns(plan: Plan) -> list[tuple[str, np.ndarray, float, str]]:
     return [(name, values, float(worst(values)), unit) for name, values, worst, unit in columns]
 
 
-def _of_motion(motion):
+def _of_motion(motion: Motion) -> list[Row]:
     rows = [('status', motion.status, ''), ('instants', str(len(motion)), '')]
     if motion.message:
         rows.append(('message', motion.message, ''))
@@ -112,7 +113,7 @@ def _of_motion(motion):
         ('tolerance', figure(motion.tolerance), 'm')]
 
 
-def _of_report(report):
+def _of_report(report: Report) -> list[Row]:
     rows = [('safe', 'yes' if report.safe else 'no', '')]
     if not report.safe:
         rows.append(('reason', report.reason, ''))

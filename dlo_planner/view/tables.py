@@ -21,7 +21,7 @@ LEVELS = {0: ('ok', '#1b7837'), 1: ('warning', '#b35806'), 2: ('error', '#b2182b
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a table of texts; all but the first column are aligned to the right."""
-    def line(cells, tag):
+    def line(cells: Sequence[str], tag: str) -> str:
         return '<tr>' + ''.join(
             f'<{tag} style="padding:1px 6px;text-align:{"right" if k else "left"};'
             f'font-weight:{600 if tag == "th" else 400}">{escape(str(cell))}</{tag}>'
@@ -54,7 +54,7 @@ def margin_values(values: Mapping[str, str]) -> dict[str, str]:
 
 def message(text: str, level: int | None = None) -> str:
     """Return a line of text in the color of its level: 0 ok, 1 warning, 2 error, 3 stale; None."""
-    word, color = LEVELS.get(level, ('', LEVELS[3][1]))
+    word, color = LEVELS.get(3 if level is None else level, ('', LEVELS[3][1]))
     word = f'<b>{word}:</b> ' if word else ''
     return (f'<div style="font-size:13px;line-height:1.35;padding:2px 12px;color:{color}">'
             f'{word}{escape(text)}</div>')
@@ -69,7 +69,7 @@ def color_bar(caption: str) -> str:
             f'{escape(caption)}</div>')
 
 
-def _spoken(text):
+def _spoken(text: str) -> str:
     try:
         value = float(text)
     except ValueError:
@@ -77,7 +77,7 @@ def _spoken(text):
     return 'not looked at' if np.isnan(value) else _figure(value)
 
 
-def _figure(value):
+def _figure(value: float) -> str:
     if 0 < abs(value) < _TINY:
         return f'< {_TINY:.0e}'
     return 'no limit' if np.isposinf(value) else f'{value:.3g}'

@@ -4,6 +4,7 @@
 
 import numpy as np
 
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 
 _SHOWN_RADIUS = 0.02  # m, of a cut-out without a size
@@ -11,7 +12,7 @@ _STEPS = 48           # of a circle, a multiple of 8: corners of the plate are a
 _PLATE = 3.0          # half a plate's side, in sizes of its hole
 
 
-def rim(cutout: CutOut) -> np.ndarray:
+def rim(cutout: CutOut) -> Floats:
     """Return (n, 3) m: the rim of a CutOut in its frame, closed; a circle if it has no size."""
     if cutout.width is not None:
         y, z = cutout.width / 2, cutout.height / 2
@@ -28,7 +29,7 @@ def room(cutout: CutOut) -> float | None:
     return None if cutout.width is None else min(cutout.width, cutout.height) / 2
 
 
-def plate(cutout: CutOut, half: float = 0.0) -> np.ndarray:
+def plate(cutout: CutOut, half: float = 0.0) -> Floats:
     """Return (3 n, 3) m: triangles of a square plate around the hole of a CutOut, in its frame.
 
     Args:
@@ -48,14 +49,14 @@ def plate(cutout: CutOut, half: float = 0.0) -> np.ndarray:
     return np.column_stack([np.zeros(len(corners)), corners])
 
 
-def rectangle(width: float, height: float) -> np.ndarray:
+def rectangle(width: float, height: float) -> Floats:
     """Return (6, 3) m: two triangles in the plane x = 0, `width` along y, `height` along z."""
     y, z = width / 2, height / 2
     a, b, c, d = (0, -y, -z), (0, y, -z), (0, y, z), (0, -y, z)
     return np.array([a, b, c, a, c, d], dtype=float)
 
 
-def round_bar(sides: int = 12) -> tuple[np.ndarray, np.ndarray]:
+def round_bar(sides: int = 12) -> tuple[Floats, Floats]:
     """Return vertices (2 n + 2, 3) and faces (m, 3) of a bar along x: length 1, radius 1."""
     angle = np.linspace(0, 2 * np.pi, sides, endpoint=False)
     ring = np.column_stack([np.zeros(sides), np.cos(angle), np.sin(angle)])
@@ -68,8 +69,7 @@ def round_bar(sides: int = 12) -> tuple[np.ndarray, np.ndarray]:
     return vertices, np.array(faces)
 
 
-def tube(points: np.ndarray, radius: float,
-         sides: int = 10) -> tuple[np.ndarray, np.ndarray]:
+def tube(points: Floats, radius: float, sides: int = 10) -> tuple[Floats, Floats]:
     """Return vertices (n sides, 3) and faces (m, 3) of a tube through points (n, 3), n > 1."""
     along = np.gradient(points, axis=0)
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
@@ -89,7 +89,7 @@ def tube(points: np.ndarray, radius: float,
     return np.vstack(rings), faces.reshape(-1, 3)
 
 
-def bars_between(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def bars_between(points: Floats) -> tuple[Floats, Floats, Floats]:
     """Return quaternions (n - 1, 4) w, x, y, z, middles (n - 1, 3), lengths (n - 1,) of bars.
 
     Each lies along x in its frame and leads from one of the points (n, 3) to the next.
