@@ -7,6 +7,7 @@
 # make soak   a node under odd messages, load and faults for 10 minutes; report in soak_output/
 # make docs   the site: build/docs/index.html; warnings are errors
 # make lint   style
+# make types  annotations, by mypy
 # make lock   newest versions that requirements.txt allows, into requirements.lock
 # Each sets up what it needs in .venv (Python 3.11 or 3.12) and is quick the second time.
 
@@ -15,7 +16,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 KERNELS := $(shell grep -rl --include=*.py 'dlo_planner.kernels' dlo_planner)
 
-.PHONY: demo test bench figures bench-check cell soak docs lint lock clean
+.PHONY: demo test bench figures bench-check cell soak docs lint types lock clean
 demo: $(VENV)/compiled
 	$(RUN) -m dlo_planner.ros.demo
 
@@ -43,6 +44,9 @@ docs: $(VENV)/ready
 
 lint: $(VENV)/ready
 	$(RUN) -m ruff check .
+
+types: $(VENV)/ready
+	$(RUN) -m mypy dlo_planner msg_helpers
 
 $(VENV)/ready: requirements.lock
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 12) \

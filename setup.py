@@ -68,6 +68,7 @@ setup(
                  'Programming Language :: Python :: 3.12',
                  'Topic :: Scientific/Engineering :: Physics'],
     packages=find_packages(include=['dlo_planner*', 'msg_helpers*']),
+    package_data={NAME: ['py.typed'], 'msg_helpers': ['py.typed']},  # PEP 561: typed
     python_requires='>=3.11',
     # numba is not in package.xml, as rosdep has no key for it: a ROS package that is built without
     # it runs as plain Python, slowly, until `pip install numba`.

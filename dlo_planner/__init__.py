@@ -8,7 +8,7 @@ which a node that is only being started could not hear a signal.
 
 import warnings
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dlo_planner.public import *  # noqa: F403
@@ -20,7 +20,7 @@ _RENAMED = {'tolerance': 'robustness', 'Tolerance': 'Robustness',
             'minimise_penalty': 'minimize_penalty'}  # gone after the next version
 
 
-def __getattr__(name: str):
+def __getattr__(name: str) -> Any:
     if name.startswith('__') and name != '__all__':
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     public = import_module('dlo_planner.public')

@@ -5,16 +5,19 @@
 import warnings
 from collections.abc import Callable
 from functools import wraps
-from typing import Any
+from typing import Any, TypeVar, cast
+
+_Function = TypeVar('_Function', bound=Callable[..., Any])
+_Class = TypeVar('_Class', bound=type)
 
 
-def renamed_arguments(**new_names: str) -> Callable[[Callable], Callable]:
+def renamed_arguments(**new_names: str) -> Callable[[_Function], _Function]:
     """Return a decorator with which a function still takes arguments by their old names.
 
     Args:
         new_names: old name = new name
     """
-    def decorate(function: Callable) -> Callable:
+    def decorate(function: _Function) -> _Function:
         @wraps(function)
         def with_new_names(*args: Any, **kwargs: Any) -> Any:
             for old, new in new_names.items():
@@ -24,17 +27,17 @@ def renamed_arguments(**new_names: str) -> Callable[[Callable], Callable]:
                         raise TypeError(f'{old} and {new} are one argument: expected {new} alone')
                     kwargs[new] = kwargs.pop(old)
             return function(*args, **kwargs)
-        return with_new_names
+        return cast(_Function, with_new_names)
     return decorate
 
 
-def renamed_fields(**new_names: str) -> Callable[[type], type]:
+def renamed_fields(**new_names: str) -> Callable[[_Class], _Class]:
     """Return a decorator with which a class still takes and gives fields by their old names.
 
     Args:
         new_names: old name = new name
     """
-    def decorate(cls: type) -> type:
+    def decorate(cls: _Class) -> _Class:
         cls.__init__ = renamed_arguments(**new_names)(cls.__init__)  # type: ignore[misc]
         for old, new in new_names.items():
             setattr(cls, old, renamed(old, new))

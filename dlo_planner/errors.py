@@ -2,15 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Everything that `dlo_planner` raises on purpose; each error carries its evidence."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dlo_planner.direct.shape import Shape
+    from dlo_planner.plan.plan import Plan
+
 
 class DloPlannerError(Exception):
     """Base of all errors of this package; each goes through pickle with its evidence."""
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return _rebuilt, (type(self), self.args, self.__dict__)
 
 
-def _rebuilt(kind, args, evidence):
+def _rebuilt(kind: type[DloPlannerError], args: tuple[Any, ...],
+             evidence: dict[str, Any]) -> DloPlannerError:
     error = kind.__new__(kind)
     error.args = args
     error.__dict__.update(evidence)
@@ -36,7 +45,7 @@ class NotConverged(DloPlannerError):
         shape: the last shape, with `converged` False and its residual (None if there is none)
     """
 
-    def __init__(self, message: str, shape=None):
+    def __init__(self, message: str, shape: Shape | None = None) -> None:
         super().__init__(message)
         self.shape = shape
 
@@ -51,7 +60,8 @@ class Infeasible(DloPlannerError):
         plan: the plan up to that waypoint (`fraction` < 1), as evidence; may be None
     """
 
-    def __init__(self, message: str, waypoint: int, constraint: str, amount: float, plan=None):
+    def __init__(self, message: str, waypoint: int, constraint: str, amount: float,
+                 plan: Plan | None = None) -> None:
         super().__init__(message)
         self.waypoint = waypoint
         self.constraint = constraint
@@ -67,7 +77,7 @@ class DeadlineExceeded(DloPlannerError, TimeoutError):
         elapsed: that had passed when the computation was ended
     """
 
-    def __init__(self, message: str, seconds: float, elapsed: float):
+    def __init__(self, message: str, seconds: float, elapsed: float) -> None:
         super().__init__(message)
         self.seconds = seconds
         self.elapsed = elapsed

@@ -10,8 +10,9 @@ methods, when one is called. What they do is written in `dlo_planner.view.looks`
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
+from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.plain import plain
 from dlo_planner.model.value import Value
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def _looks():
+def _looks() -> Any:
     from dlo_planner.view import looks  # noqa: PLC0415 - up, see above
     return looks
 
@@ -30,17 +31,17 @@ class Summarized(Value):
 
     def summary(self) -> str:
         """Return a table of what matters: one quantity a line, with its unit."""
-        return _looks().summary(self)
+        return str(_looks().summary(self))
 
-    def to_dict(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the public attributes as dicts, lists, numbers and strings, SI units.
 
         A Pose is {'position', 'quaternion'}. What is not known is nan, which JSON has no word for.
         """
-        return plain(self)
+        return cast(dict[str, Any], plain(self))
 
     def _repr_html_(self) -> str:
-        return _looks().html(self)
+        return str(_looks().html(self))
 
 
 class Reported(Summarized):
@@ -66,7 +67,7 @@ class Pictured(Summarized):
     """A value that shows a DLO in space."""
 
     def plot(self, *, ax: 'Axes | None' = None, color: str | None = None,
-             obstacles: Iterable = ()) -> 'Figure':
+             obstacles: Iterable['Obstacle'] = ()) -> 'Figure':
         """Draw it with what it passes and touches; needs matplotlib (extra `figures`).
 
         Args:
@@ -89,8 +90,8 @@ class Pictured(Summarized):
 class Filmed(Pictured):
     """A value that shows a DLO over time."""
 
-    def animate(self, path: str | PathLike, *, color: str = 'curvature',
-                seconds: float | None = None, obstacles: Iterable = ()) -> Path:
+    def animate(self, path: str | PathLike[str], *, color: str = 'curvature',
+                seconds: float | None = None, obstacles: Iterable['Obstacle'] = ()) -> Path:
         """Write a film of it: GIF, or MP4 where ffmpeg is installed; needs matplotlib.
 
         Args:
@@ -106,4 +107,5 @@ class Filmed(Pictured):
             InvalidTask: an argument makes no sense, or nothing can be written there
             MissingExtra: matplotlib is not installed; or ffmpeg, for an MP4
         """
-        return _looks().animate(self, path, color=color, seconds=seconds, obstacles=obstacles)
+        return Path(_looks().animate(self, path, color=color, seconds=seconds,
+                                     obstacles=obstacles))

@@ -13,7 +13,7 @@ from dlo_planner.model.checks import callback, number, shown
 OnProgress = Callable[[int, int], object] | None  # called as progress(done, total)
 
 
-_INTERRUPT = ContextVar('interrupt', default=None)
+_INTERRUPT: ContextVar[Callable[[], object] | None] = ContextVar('interrupt', default=None)
 
 
 @contextmanager
@@ -61,7 +61,7 @@ class Progress:
             try:
                 self._report(done, total)
             except (TypeError, ValueError) as error:
-                if error.__traceback__.tb_next is not None:
+                if error.__traceback__ is None or error.__traceback__.tb_next is not None:
                     raise  # it is the function's own
                 raise InvalidTask(f'progress = {shown(self._report)}: expected a function '
                                   f'of (done, total): {error}') from error

@@ -26,7 +26,7 @@ if COMPILED:
     from dlo_planner.kernels.cache import KernelCache
 
 
-def kernel(function: Callable | None = None, **options: Any) -> Callable:
+def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Callable[..., Any]:
     """Compile a function when it is first called, and keep what was compiled for the next process.
 
     Args:
@@ -42,4 +42,5 @@ def kernel(function: Callable | None = None, **options: Any) -> Callable:
     # commands on time while a shape is sought
     made = numba.njit(function, **{'nogil': True} | options)
     made._cache = KernelCache(made)
-    return made
+    result: Callable[..., Any] = made
+    return result

@@ -16,10 +16,12 @@ import pickle
 import sys
 import tempfile
 import zlib
+from collections.abc import Iterable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from time import time
+from typing import Any
 
 import llvmlite
 import llvmlite.binding as llvm
@@ -27,6 +29,7 @@ import numba
 import numpy as np
 from numba.core import compiler
 from numba.core.caching import NullCache
+from numba.core.dispatcher import Dispatcher
 from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 from numba.core.types import Callable
@@ -34,7 +37,7 @@ from numba.core.types import Callable
 from dlo_planner.kernels.fingerprint import Unseen, fingerprint
 from dlo_planner.kernels.folders import folders, prune
 
-_KERNELS = []  # all that have been decorated
+_KERNELS: list[Dispatcher] = []  # all that have been decorated
 _DAY = 86400.0  # s, after which a file is marked as used again
 # Settings of numba that change what it compiles.
 _SETTINGS = ('BOUNDSCHECK', 'DEBUGINFO_DEFAULT', 'EXTEND_VARIABLE_LIFETIMES', 'LOOP_VECTORIZE',
@@ -43,19 +46,19 @@ _SETTINGS = ('BOUNDSCHECK', 'DEBUGINFO_DEFAULT', 'EXTEND_VARIABLE_LIFETIMES', 'L
 _V2 = ('cx16', 'popcnt', 'sahf', 'sse3', 'ssse3', 'sse4.1', 'sse4.2')
 
 
-class KernelCache(NullCache):
+class KernelCache(NullCache):  # type: ignore[misc]  # numba is not annotated
     """What numba asks for the machine code of one kernel, and gives it to."""
 
-    def __init__(self, kernel):
+    def __init__(self, kernel: Dispatcher) -> None:
         self._kernel = kernel
         _KERNELS.append(kernel)
 
     @property
-    def cache_path(self):
+    def cache_path(self) -> str:
         """The folder that is written."""
         return str(folders().write)
 
-    def load_overload(self, sig, target_context):
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return what was compiled before, None if there is nothing or it cannot be read."""
         target_context.refresh()
         for name in self._files(sig, accepted(target_context.codegen().magic_tuple())):
@@ -69,7 +72,7 @@ class KernelCache(NullCache):
                         return made
         return None
 
-    def save_overload(self, sig, data):
+    def save_overload(self, sig: Any, data: Any) -> None:
         """Keep what was compiled; where that cannot be done it stays in memory."""
         folder = folders().write
         dynamic = data.library.has_dynamic_globals or any(not one.can_cache for one in data.lifted)
@@ -80,7 +83,7 @@ class KernelCache(NullCache):
                 _write(folder / name, dumps(data._reduce()))
                 _prune_once(folder)
 
-    def _files(self, sig, targets):
+    def _files(self, sig: Any, targets: Iterable[tuple[str, ...]]) -> list[str]:
         """Return the names of the files for some types and processors, none if there can be none.
 
         A kernel that is handed over as an argument is in no fingerprint.
@@ -96,7 +99,7 @@ class KernelCache(NullCache):
         return [f'{_stem(self._kernel, known, target)}-{types}.kernel' for target in targets]
 
 
-def _stem(kernel, known, target):
+def _stem(kernel: Dispatcher, known: str, target: tuple[str, ...]) -> str:
     """Return how the names of a kernel's files begin, of these sources and this compiler."""
     function = kernel.py_func
     name = f'{function.__module__}.{function.__qualname__}'.replace('<locals>.', '')
@@ -109,16 +112,16 @@ def current_stems() -> set[str]:
     return {_stem(kernel, fingerprint(kernel), target) for kernel in _KERNELS}
 
 
-def _digest(*parts):
+def _digest(*parts: object) -> str:
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
 
-def _arguments(sig):
+def _arguments(sig: Any) -> tuple[Any, ...]:
     return tuple(sig) if isinstance(sig, (tuple, list)) else tuple(sig.args)
 
 
 @cache
-def environment() -> tuple:
+def environment() -> tuple[Any, ...]:
     """Return what compiles: the versions of Python, numba, LLVM and numpy, and numba's settings."""
     numpy = np.__version__.split('.')[:2]
     settings = [(name, repr(getattr(numba.config, name, None))) for name in _SETTINGS]
@@ -127,7 +130,7 @@ def environment() -> tuple:
             llvmlite.__version__, *numpy, optimized, *settings)
 
 
-def accepted(target: tuple) -> tuple:
+def accepted(target: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
     """Return the processors whose machine code this one runs, the best first.
 
     Args:

@@ -17,7 +17,7 @@ import inspect
 from collections.abc import Callable, Iterator
 from functools import cache
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numba.core.dispatcher import Dispatcher
@@ -31,6 +31,9 @@ _KINDS = (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS | inspect.CO_GENERATOR | i
           | inspect.CO_ASYNC_GENERATOR | inspect.CO_NESTED)
 
 
+_Seen: TypeAlias = dict[int, tuple[FunctionType, int]]  # by id(function)
+
+
 class Unseen(TypeError):
     """A kernel depends on what a fingerprint cannot cover."""
 
@@ -41,22 +44,23 @@ def fingerprint(kernel: Dispatcher) -> str:
     Raises:
         Unseen: it reads what cannot be followed
     """
-    total, seen = hashlib.sha256(), {}
+    total = hashlib.sha256()
+    seen: _Seen = {}
     for part in _of_value(kernel, seen):
         total.update(part)
         total.update(b'\0')
     return total.hexdigest()[:32]
 
 
-def dependencies(kernel: Dispatcher) -> list[Callable]:
+def dependencies(kernel: Dispatcher) -> list[Callable[..., Any]]:
     """Return the functions that `fingerprint` covers: the kernel's own first."""
-    seen = {}
+    seen: _Seen = {}
     for _ in _of_value(kernel, seen):
         pass
     return [function for function, _ in seen.values()]
 
 
-def _of_value(value: Any, seen: dict) -> Iterator[bytes]:
+def _of_value(value: Any, seen: _Seen) -> Iterator[bytes]:
     """Yield all that is known of a value; `seen` numbers the functions, which may be recursive."""
     kind = type(value)
     yield f'{kind.__module__}.{kind.__qualname__}'.encode()
@@ -94,7 +98,7 @@ def _is_versioned(value: Any) -> bool:
     return home.split('.')[0] in _VERSIONED
 
 
-def _of_written(value: Any, seen: dict) -> Iterator[bytes]:
+def _of_written(value: Any, seen: _Seen) -> Iterator[bytes]:
     """Yield what is known of a class or function for which overloads write what is compiled."""
     if not isinstance(value, (type, FunctionType)):
         raise Unseen(f'{value!r} of {type(value).__qualname__}: a kernel reads numbers, tuples, '
@@ -111,7 +115,7 @@ def _of_written(value: Any, seen: dict) -> Iterator[bytes]:
         yield from _of_function(function, seen)
 
 
-def _of_function(function: FunctionType, seen: dict) -> Iterator[bytes]:
+def _of_function(function: FunctionType, seen: _Seen) -> Iterator[bytes]:
     """Yield a function's bytecode and the values of what it reads."""
     if id(function) in seen:
         yield repr(seen[id(function)][1]).encode()
@@ -136,7 +140,8 @@ def _of_function(function: FunctionType, seen: dict) -> Iterator[bytes]:
 @cache
 def _scanned(code: CodeType, documented: bool) -> tuple[tuple[str, ...], bytes]:
     """Return the global names that a code object loads, and all else that it is."""
-    names, high, loads_first = {}, 0, False
+    names: dict[str, None] = {}
+    high, loads_first = 0, False
     raw = code.co_code
     for op, low in zip(raw[::2], raw[1::2], strict=True):
         argument = high | low

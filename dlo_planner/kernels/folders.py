@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numba
 
 IN_PACKAGE = Path(__file__).parent.parent / 'compiled' / sys.implementation.cache_tag
-_only = []
+_only: list[Path] = []
 _ROOM = 512e6  # bytes of kernels of earlier sources, Pythons and versions of numba that are kept
 
 
@@ -34,7 +34,7 @@ def folders() -> Folders:
     """Return the folders of this process; the one to write is made."""
     if _only:
         return Folders((_only[-1],), _only[-1])
-    filled = []
+    filled: list[Path] = []
     for parent in (_asked_for, _of_user, _temporary):
         with suppress(OSError, RuntimeError):  # nowhere to write; no home
             folder = parent() / 'kernels'

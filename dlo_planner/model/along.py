@@ -4,13 +4,19 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.polynomial.legendre import legval
+from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidRod
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, number, row, shown
 from dlo_planner.model.value import Value, put
+
+# A number, a pair, rows (s, value), or a function of s.
+Along: TypeAlias = float | tuple[Any, ...] | Callable[[float], Any]
 
 ONE = 'one'  # how a value is written that is a single number
 
@@ -27,17 +33,20 @@ class Piecewise(Value):
         InvalidRod: the function cannot be called, or the breaks are no numbers
     """
 
-    function: Callable
-    breaks: np.ndarray
+    function: Callable[[float], Any]
+    breaks: Floats
 
-    def __post_init__(self):
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, function: Callable[[float], Any], breaks: ArrayLike) -> None: ...
+
+    def __post_init__(self) -> None:
         if not callable(self.function):
             raise InvalidRod(f'Piecewise.function = {shown(self.function)}: expected a function '
                              'of s')
         put(self, breaks=row('Piecewise.breaks', self.breaks, InvalidRod, least=0))
         super().__post_init__()
 
-    def __call__(self, s):
+    def __call__(self, s: float) -> Any:
         """Return the function's value at `s` (m)."""
         return self.function(s)
 
@@ -51,15 +60,15 @@ class Table(Value):
         values: (n,) or (n, k); before the first row and after the last one they stay
     """
 
-    s: np.ndarray
-    values: np.ndarray
+    s: Floats
+    values: Floats
 
     @property
-    def breaks(self):
+    def breaks(self) -> Floats:
         """(m,) arc lengths where it jumps or bends, m."""
         return np.unique(self.s)
 
-    def __call__(self, s):
+    def __call__(self, s: float) -> Any:
         """Return the value at `s` (m); at a jump, the one after it."""
         after = int(np.searchsorted(self.s, s, side='right'))
         if after in (0, self.s.size):
@@ -73,14 +82,14 @@ class Table(Value):
 class Components(Value):
     """Numbers, tables and functions side by side, one per component."""
 
-    parts: tuple
+    parts: tuple[Any, ...]
 
     @property
-    def breaks(self):
+    def breaks(self) -> Floats:
         """(m,) arc lengths where one of them is known to jump, m."""
         return np.concatenate([breaks_of(part) for part in self.parts])
 
-    def __call__(self, s):
+    def __call__(self, s: float) -> Floats:
         """Return the values (k,) at `s` (m)."""
         return np.array([part(s) if callable(part) else part for part in self.parts])
 
@@ -94,17 +103,17 @@ class SeenFrom(Value):
         signs: factors of the components that it returns; (): none
     """
 
-    known: Callable
+    known: Callable[[float], Any]
     at: float
     way: int
-    signs: tuple = ()
+    signs: tuple[float, ...] = ()
 
     @property
-    def breaks(self):
+    def breaks(self) -> Floats:
         """(m,) distances where it is known to jump, m."""
         return self.way * (breaks_of(self.known) - self.at)
 
-    def __call__(self, s):
+    def __call__(self, s: float) -> Any:
         """Return the function's value at the distance `s` (m)."""
         value = self.known(self.at + self.way * s)
         return np.asarray(value) * self.signs if self.signs else value
@@ -119,15 +128,15 @@ class Stepwise(Value):
         values: (N, ...) of the elements
     """
 
-    s: np.ndarray
-    values: np.ndarray
+    s: Floats
+    values: Floats
 
     @property
-    def breaks(self):
+    def breaks(self) -> Floats:
         """(N - 1,) the inner nodes, m."""
         return self.s[1:-1]
 
-    def __call__(self, s):
+    def __call__(self, s: float) -> Any:
         """Return the value of the element that holds `s` (m)."""
         element = np.searchsorted(self.s, s, side='right') - 1
         return self.values[min(max(int(element), 0), len(self.values) - 1)]
@@ -137,16 +146,16 @@ class Stepwise(Value):
 class Extended(Value):
     """A number, pair or function up to `end` (m), and another constant from there on."""
 
-    known: float | tuple | Callable
+    known: Along
     end: float
-    beyond: float | tuple
+    beyond: float | tuple[float, ...]
 
     @property
-    def breaks(self):
+    def breaks(self) -> Floats:
         """(n,) arc lengths where it is known to jump, m."""
         return np.append(breaks_of(self.known), self.end)
 
-    def __call__(self, s):
+    def __call__(self, s: float) -> Any:
         """Return the value at `s` (m)."""
         if s >= self.end:
             return self.beyond
@@ -157,15 +166,15 @@ class Extended(Value):
 class Scaled(Value):
     """A function times a number."""
 
-    known: Callable
+    known: Callable[[float], Any]
     factor: float
 
     @property
-    def breaks(self):
+    def breaks(self) -> Floats:
         """(n,) arc lengths where it is known to jump, m."""
         return breaks_of(self.known)
 
-    def __call__(self, s):
+    def __call__(self, s: float) -> Floats:
         """Return the product at `s` (m)."""
         return self.factor * np.asarray(self.known(s))
 
@@ -174,15 +183,15 @@ class Scaled(Value):
 class Shifted(Value):
     """A function plus a constant."""
 
-    known: Callable
-    shift: np.ndarray
+    known: Callable[[float], Any]
+    shift: Floats
 
     @property
-    def breaks(self):
+    def breaks(self) -> Floats:
         """(n,) arc lengths where it is known to jump, m."""
         return breaks_of(self.known)
 
-    def __call__(self, s):
+    def __call__(self, s: float) -> Floats:
         """Return the sum at `s` (m)."""
         return np.asarray(self.known(s)) + self.shift
 
@@ -197,27 +206,28 @@ class Expanded(Value):
         length: m
     """
 
-    known: float | tuple | Callable
-    coefficients: np.ndarray
+    known: Along
+    coefficients: Floats
     length: float
 
     @property
-    def breaks(self):
+    def breaks(self) -> Floats:
         """(n,) arc lengths where it is known to jump, m."""
         return breaks_of(self.known)
 
-    def __call__(self, s):
+    def __call__(self, s: float) -> Floats:
         """Return the sum (k,) at `s` (m)."""
         known = self.known(s) if callable(self.known) else self.known
-        return np.asarray(known) + legval(2 * s / self.length - 1, self.coefficients)
+        result: Floats = np.asarray(known) + legval(2 * s / self.length - 1, self.coefficients)
+        return result
 
 
-def breaks_of(content):
+def breaks_of(content: object) -> Floats:
     """Return (n,) the arc lengths at which a number or a function says that it jumps, m."""
     return np.asarray(getattr(content, 'breaks', ()), dtype=float).ravel()
 
 
-def scaled(content, factor):
+def scaled(content: Along, factor: float) -> Along:
     """Return a number, a tuple of numbers or a function of s, times `factor`."""
     if callable(content):
         return Scaled(content, factor)
@@ -225,7 +235,7 @@ def scaled(content, factor):
         factor * content)
 
 
-def varying(name, content, written=ONE, **limits):
+def varying(name: str, content: Any, written: str = ONE, **limits: float) -> Along:
     """Return what a user states of a quantity: a float, a tuple of floats, or a function of s.
 
     Args:
@@ -238,7 +248,8 @@ def varying(name, content, written=ONE, **limits):
         InvalidRod: anything else
     """
     if callable(content):
-        return content
+        result: Along = content
+        return result
     if _is_table(content):
         return _table(name, content, written, limits)
     if written == ONE:
@@ -247,7 +258,8 @@ def varying(name, content, written=ONE, **limits):
     return Components(parts) if any(map(callable, parts)) else parts
 
 
-def pair(name, value, written, judged=None, **limits):
+def pair(name: str, value: Any, written: str, judged: Callable[..., Any] | None = None,
+         **limits: float) -> tuple[Any, Any]:
     """Return a pair of numbers; of one number both, if a value may be written so.
 
     Args:
@@ -263,17 +275,22 @@ def pair(name, value, written, judged=None, **limits):
         raise InvalidRod(f'{name} = {shown(value)}: expected {written}')
     ends = parts[0], parts[-1]
     if judged is None:
-        return tuple(number(name, part, InvalidRod, **limits) for part in ends)
-    return tuple(judged(name, part, **limits) for part in ends)
+        judged = _number
+    first, second = (judged(name, part, **limits) for part in ends)
+    return first, second
 
 
-def is_row(value):
+def _number(name: str, value: object, **limits: float) -> float:
+    return number(name, value, InvalidRod, **limits)
+
+
+def is_row(value: object) -> bool:
     """Whether it has places by index: a tuple, list, (n,) array, or an array of ROS parameters."""
     return (hasattr(value, '__getitem__') and hasattr(value, '__len__')
             and not isinstance(value, str | bytes | dict) and getattr(value, 'ndim', 1) == 1)
 
 
-def _is_table(content):
+def _is_table(content: Any) -> bool:
     """Whether it looks like rows (s, value): pairs that begin with a number."""
     if isinstance(content, np.ndarray) and content.ndim == 2:
         return True
@@ -282,19 +299,18 @@ def _is_table(content):
     return all(is_row(part) and len(part) == 2 and np.ndim(part[0]) == 0 for part in content)
 
 
-def _table(name, content, written, limits):
+def _table(name: str, content: Any, written: str, limits: dict[str, float]) -> Table:
     expected = (f'{name} = {shown(content)}: expected rows (s, value) with s ascending, at most '
                 'two at the same s')
     try:
-        s = [part[0] for part in content]
+        places = [part[0] for part in content]
         values = [part[1] if len(part) == 2 else part[1:] for part in content]
     except Exception:  # whatever its iteration raises
         raise InvalidRod(expected) from None
-    s = array(f'{name} s', s, (None,), InvalidRod)
-    if (np.diff(s) < 0).any() or (s[2:] == s[:-2]).any():
+    s = array(f'{name} s', places, (None,), InvalidRod)
+    if (np.diff(s) < 0).any() or np.equal(s[2:], s[:-2]).any():
         raise InvalidRod(expected)
     if written != ONE:
-        values = np.array([pair(name, value, written, **limits) for value in values])
-    else:
-        values = np.array([number(name, value, InvalidRod, **limits) for value in values])
-    return Table(s, values)
+        return Table(s, np.array([pair(name, value, written, None, **limits)
+                                  for value in values]))
+    return Table(s, np.array([number(name, value, InvalidRod, **limits) for value in values]))

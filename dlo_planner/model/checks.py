@@ -8,11 +8,15 @@ Each function returns the value as it is to be used: what is checked is what is 
 from collections.abc import Callable, Iterable
 from itertools import islice
 from numbers import Real
+from typing import Any, TypeVar, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 
+_Kind = TypeVar('_Kind')
 _MOST = 1_000_000  # items of a sequence; some iterators never end
 _LONGEST = 120    # characters of a value in a message
 _EXTREME = 1e75   # beyond it, and below its inverse, products of four leave the range of floats
@@ -27,7 +31,9 @@ def shown(value: object) -> str:
     return text if len(text) <= _LONGEST else f'{text[:_LONGEST - 4]} ...'
 
 
-def number(name, value, error=InvalidTask, *, minimum=None, above=None, maximum=None, below=None):
+def number(name: str, value: object, error: type[Exception] = InvalidTask, *,
+           minimum: float | None = None, above: float | None = None, maximum: float | None = None,
+           below: float | None = None) -> float:
     """Return `value` as a finite float within the limits, or raise `error`.
 
     Numbers are Python's and NumPy's real ones; strings and booleans are none. Their size is at most
@@ -70,7 +76,7 @@ def number(name, value, error=InvalidTask, *, minimum=None, above=None, maximum=
     return result
 
 
-def figure(name, value, error=InvalidTask):
+def figure(name: str, value: object, error: type[Exception] = InvalidTask) -> float:
     """Return a number that was computed as a float: it may be infinite, or nan if not known."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
         raise error(f'{name} = {shown(value)}: expected a number, infinity or nan')
@@ -80,7 +86,8 @@ def figure(name, value, error=InvalidTask):
         raise error(f'{name} = {shown(value)}: expected a number, infinity or nan') from None
 
 
-def results(name, value, shape, error=InvalidTask):
+def results(name: str, value: Any, shape: tuple[int | None, ...],
+            error: type[Exception] = InvalidTask) -> Floats:
     """Return an array (..) that was computed; its entries may be infinite, or nan if not known."""
     if (type(value) is np.ndarray and value.dtype == np.float64 and value.ndim == len(shape)
             and all(size is None or size == got
@@ -103,7 +110,8 @@ def results(name, value, shape, error=InvalidTask):
     return given
 
 
-def returned(name, function, s, error=InvalidTask):
+def returned(name: str, function: Callable[[float], Any], s: float,
+             error: type[Exception] = InvalidTask) -> Any:
     """Return what a user's function of arc length returns at `s`; raise `error` if it cannot."""
     try:
         return function(float(s))
@@ -112,7 +120,8 @@ def returned(name, function, s, error=InvalidTask):
                     f'{shown(str(problem))}') from problem
 
 
-def array(name, value, shape, error=InvalidTask, finite=True):
+def array(name: str, value: Any, shape: tuple[int | None, ...],
+          error: type[Exception] = InvalidTask, finite: bool | None = True) -> Floats:
     """Return `value` as a new float array, or raise `error`.
 
     Args:
@@ -127,16 +136,15 @@ def array(name, value, shape, error=InvalidTask, finite=True):
         raise error(f'{name} = {shown(value)}: expected {expected}') from None
     if np.ma.is_masked(value):
         raise error(f'{name} = {shown(value)}: expected {expected}, none masked')
-    if given.dtype == object and given.size:
-        given = _of_numbers(given)
-    if given is None or given.dtype.kind not in 'iuf':
+    numbers = _of_numbers(given) if given.dtype == object and given.size else given
+    if numbers is None or numbers.dtype.kind not in 'iuf':
         raise error(f'{name} = {shown(value)}: expected {expected}')
-    if given.ndim != len(shape) or any(
+    if numbers.ndim != len(shape) or any(
             got != size if size is not None else got == 0
-            for got, size in zip(given.shape, shape, strict=True)):
-        raise error(f'{name} has shape {given.shape}: expected {expected}')
+            for got, size in zip(numbers.shape, shape, strict=True)):
+        raise error(f'{name} has shape {numbers.shape}: expected {expected}')
     with np.errstate(over='ignore'):  # of longer floats
-        result = np.array(given, dtype=float)
+        result = np.array(numbers, dtype=float)
     if finite is not None and np.isnan(result).any() or finite and not np.isfinite(result).all():
         raise error(f'{name} = {shown(result.tolist())}: expected finite {expected}')
     if (np.abs(result[np.isfinite(result)]) > _EXTREME).any():
@@ -145,7 +153,7 @@ def array(name, value, shape, error=InvalidTask, finite=True):
     return result
 
 
-def _of_numbers(given):
+def _of_numbers(given: NDArray[Any]) -> Floats | None:
     """Return an object array of numbers as floats, None if there is anything else in it."""
     if not all(isinstance(v, Real) and not isinstance(v, bool) for v in given.flat):
         return None
@@ -155,7 +163,8 @@ def _of_numbers(given):
         return None
 
 
-def row(name, value, error=InvalidTask, *, least=1, most=None, **limits):
+def row(name: str, value: Any, error: type[Exception] = InvalidTask, *, least: int = 1,
+        most: int | None = None, **limits: float) -> Floats:
     """Return one number, or a sequence of them, as a new float array (n,), or raise `error`.
 
     Args:
@@ -179,7 +188,7 @@ def row(name, value, error=InvalidTask, *, least=1, most=None, **limits):
     return values
 
 
-def _plain(value, shape):
+def _plain(value: Any, shape: tuple[int | None, ...]) -> Floats | None:
     """Return as a new array what is right at a glance; None of what has to be looked at."""
     if type(value) in (tuple, list):
         right = shape == (len(value),) and all(type(one) is float for one in value)
@@ -191,22 +200,24 @@ def _plain(value, shape):
     return result if result.size and np.abs(result).max() <= _EXTREME else None
 
 
-def vector(name, value, size, error=InvalidTask):
+def vector(name: str, value: Any, size: int, error: type[Exception] = InvalidTask) -> Floats:
     """Return `value` as a new float array of shape (size,), all finite, or raise `error`."""
     return array(name, value, (size,), error)
 
 
-def direction(name, value, error=InvalidTask):
+def direction(name: str, value: Any, error: type[Exception] = InvalidTask) -> Floats:
     """Return a vector (3,) of any length but zero as a new unit vector, or raise `error`."""
     value = vector(name, value, 3, error)
     size = np.abs(value).max()
     if size == 0:
         raise error(f'{name} = {value.tolist()}: expected a vector that is not zero')
     value = value / size
-    return value / np.linalg.norm(value)
+    unit: Floats = value / np.linalg.norm(value)
+    return unit
 
 
-def integer(name, value, error=InvalidTask, *, minimum, maximum):
+def integer(name: str, value: Any, error: type[Exception] = InvalidTask, *, minimum: int,
+            maximum: int) -> int:
     """Return `value` as an int in [minimum, maximum], or raise `error`."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not whole or not minimum <= value <= maximum:
@@ -214,21 +225,23 @@ def integer(name, value, error=InvalidTask, *, minimum, maximum):
     return int(value)
 
 
-def choice(name, value, options, error=InvalidTask):
+def choice(name: str, value: object, options: Iterable[str],
+           error: type[Exception] = InvalidTask) -> str:
     """Return `value` if it is one of the strings `options`, or raise `error`."""
     if not isinstance(value, str) or value not in options:
         raise error(f'{name} = {shown(value)}: expected one of {", ".join(map(repr, options))}')
     return value
 
 
-def flag(name, value, error=InvalidTask):
+def flag(name: str, value: object, error: type[Exception] = InvalidTask) -> bool:
     """Return `value` as a bool if it is one, or raise `error`."""
     if not isinstance(value, bool | np.bool_):
         raise error(f'{name} = {shown(value)}: expected True or False')
     return bool(value)
 
 
-def instance(name, value, kinds, error=InvalidTask, *, optional=False):
+def instance(name: str, value: object, kinds: type | tuple[type, ...],
+             error: type[Exception] = InvalidTask, *, optional: bool = False) -> Any:
     """Return `value` if it is of one of the classes `kinds` (or None if `optional`), or raise."""
     if isinstance(value, kinds) or optional and value is None:
         return value
@@ -236,7 +249,18 @@ def instance(name, value, kinds, error=InvalidTask, *, optional=False):
     raise error(f'{name} = {shown(value)}: expected {names}')
 
 
-def items(name, value, kinds, error=InvalidTask, *, least=0):
+@overload
+def items(name: str, value: object, kinds: type[_Kind], error: type[Exception] = InvalidTask, *,
+          least: int = 0) -> tuple[_Kind, ...]: ...
+
+
+@overload
+def items(name: str, value: object, kinds: tuple[type, ...],
+          error: type[Exception] = InvalidTask, *, least: int = 0) -> tuple[Any, ...]: ...
+
+
+def items(name: str, value: object, kinds: type | tuple[type, ...],
+          error: type[Exception] = InvalidTask, *, least: int = 0) -> tuple[Any, ...]:
     """Return an iterable of instances of `kinds` as a tuple of `least` items or more, or raise."""
     if isinstance(value, str | bytes | dict) or not isinstance(value, Iterable):
         raise error(f'{name} = {shown(value)}: expected a sequence of {_named(kinds)}')
@@ -253,13 +277,13 @@ def items(name, value, kinds, error=InvalidTask, *, least=0):
     return result
 
 
-def callback(name, value, error=InvalidTask) -> Callable | None:
+def callback(name: str, value: Any, error: type[Exception] = InvalidTask) -> Any:
     """Return `value` if it is callable or None, or raise `error`."""
     if value is not None and not callable(value):
         raise error(f'{name} = {shown(value)}: expected a function or None')
     return value
 
 
-def _named(kinds):
+def _named(kinds: type | tuple[type, ...]) -> str:
     kinds = kinds if isinstance(kinds, tuple) else (kinds,)
     return ', '.join(kind.__name__ for kind in kinds)

@@ -5,6 +5,7 @@
 from dataclasses import dataclass
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
@@ -29,7 +30,7 @@ class CutOut(Value):
     width: float | None = None
     height: float | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         instance('CutOut.pose', self.pose, Pose)
         if self.radius is not None and (self.width is not None or self.height is not None):
             raise InvalidTask(
@@ -45,11 +46,11 @@ class CutOut(Value):
         super().__post_init__()
 
     @property
-    def center(self):
+    def center(self) -> Floats:
         """(3,) P_goal, meters, world frame."""
         return self.pose.position
 
     @property
-    def normal(self):
+    def normal(self) -> Floats:
         """(3,) n_goal, unit vector, world frame."""
         return self.pose.direction

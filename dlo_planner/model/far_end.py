@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, vector
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value
@@ -29,7 +30,7 @@ class FarEnd(Value):
     pose: Pose
     grip: str = 'clamped'
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         instance('FarEnd.pose', self.pose, Pose)
         choice('FarEnd.grip', self.grip, GRIPS)
         super().__post_init__()
@@ -44,18 +45,18 @@ class FarEnd(Value):
         return cls(Pose(vector('far_end', value, 3), (0.0, 0.0, 0.0, 1.0)), 'pinned')
 
     @property
-    def held(self) -> np.ndarray:
+    def held(self) -> Floats:
         """(K, 6) unit vectors of rotation, then of displacement, that the grip does not allow."""
         return held_rows(self.grip, self.pose.rotation)
 
     @property
-    def share(self) -> np.ndarray:
+    def share(self) -> Floats:
         """(3,) how much each axis of the end tells of its rotation; 0 where it does not count."""
         return np.array({'pinned': (0.0, 0.0, 0.0), 'aligned': (1.0, 0.0, 0.0)}.get(
             self.grip, (0.5, 0.5, 0.5)))
 
 
-def held_rows(grip: str, rotation: np.ndarray) -> np.ndarray:
+def held_rows(grip: str, rotation: Floats) -> Floats:
     """Return (K, 6) unit vectors of rotation, then of displacement, that a grip does not allow.
 
     Args:

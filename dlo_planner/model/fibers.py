@@ -12,6 +12,8 @@ from functools import cache
 
 import numpy as np
 
+from dlo_planner.model.arrays import Floats
+
 KINDS = ('round', 'tube', 'rectangular')
 _RINGS, _MOST_AROUND, _IN_RINGS = 8, 32, 128
 _ROWS, _STEP = 89, 35  # of a lattice: of all with up to 96 rows, among those of smallest errors
@@ -19,7 +21,7 @@ _LAYERS = 24
 
 
 @cache
-def fibers(kind: str, bore: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def fibers(kind: str, bore: float = 0.0) -> tuple[Floats, Floats]:
     """Return the heights (J, 2) of J fibers over the axes n and b, and their weights (J,).
 
     Elastic bending is exact: the sums of weight times height squared are 1 for both axes, that of
@@ -35,7 +37,7 @@ def fibers(kind: str, bore: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
 
 
 @cache
-def layers(measure: str, bore: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def layers(measure: str, bore: float = 0.0) -> tuple[Floats, Floats]:
     """Return the heights (J,) of J layers that are all strained alike, and their weights (J,).
 
     The sum of weight times height squared is 1.
@@ -56,7 +58,7 @@ def layers(measure: str, bore: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     return heights, weights / (weights @ heights**2)
 
 
-def _in_ring(bore):
+def _in_ring(bore: float) -> tuple[Floats, Floats]:
     """Return heights and weights by Gauss' rule along the radius, evenly around, in turns."""
     rings = max(2, int(np.ceil(_RINGS * (1 - bore))))
     around = min(4 * round(_IN_RINGS / rings / 4), _MOST_AROUND)
@@ -74,7 +76,7 @@ def _in_ring(bore):
     return _mirrored(np.vstack(heights), np.concatenate(weights))
 
 
-def _in_square():
+def _in_square() -> tuple[Floats, Floats]:
     """Return heights and weights on a lattice in a quarter, no two in a row, and its mirror image.
 
     Such a lattice has as many rows and columns as points (a lattice rule of rank 1).
@@ -84,6 +86,6 @@ def _in_square():
     return _mirrored(quarter, np.ones(_ROWS))
 
 
-def _mirrored(quarter, weights):
+def _mirrored(quarter: Floats, weights: Floats) -> tuple[Floats, Floats]:
     """Return fibers with their mirror images: each next to its own, so that sums vanish exactly."""
     return (np.stack([quarter, quarter * [1, -1]], axis=1).reshape(-1, 2), np.repeat(weights, 2))

@@ -2,13 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a DLO may touch: plane, sphere, capsule, box, and sheet with cut-outs."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.deprecated import renamed_fields
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import direction, instance, items, number, shown, vector
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
@@ -29,11 +32,14 @@ class Plane(Value):
         friction: Coulomb's coefficient, >= 0
     """
 
-    point: np.ndarray
-    normal: np.ndarray
+    point: Floats
+    normal: Floats
     friction: float = 0.0
 
-    def __post_init__(self):
+    if TYPE_CHECKING:  # what may be given, here and below
+        def __init__(self, point: ArrayLike, normal: ArrayLike, friction: float = 0.0) -> None: ...
+
+    def __post_init__(self) -> None:
         put(self, point=vector('Plane.point', self.point, 3),
             normal=direction('Plane.normal', self.normal), friction=_friction(self))
         super().__post_init__()
@@ -44,11 +50,14 @@ class Plane(Value):
 class Sphere(Value):
     """A ball; center (3,) m, radius m, friction: Coulomb's coefficient."""
 
-    center: np.ndarray
+    center: Floats
     radius: float
     friction: float = 0.0
 
-    def __post_init__(self):
+    if TYPE_CHECKING:
+        def __init__(self, center: ArrayLike, radius: float, friction: float = 0.0) -> None: ...
+
+    def __post_init__(self) -> None:
         put(self, center=vector('Sphere.center', self.center, 3),
             radius=number('Sphere.radius', self.radius, above=0), friction=_friction(self))
         super().__post_init__()
@@ -64,12 +73,16 @@ class Capsule(Value):
         friction: Coulomb's coefficient
     """
 
-    start: np.ndarray
-    end: np.ndarray
+    start: Floats
+    end: Floats
     radius: float
     friction: float = 0.0
 
-    def __post_init__(self):
+    if TYPE_CHECKING:
+        def __init__(self, start: ArrayLike, end: ArrayLike, radius: float,
+                     friction: float = 0.0) -> None: ...
+
+    def __post_init__(self) -> None:
         put(self, start=vector('Capsule.start', self.start, 3),
             end=vector('Capsule.end', self.end, 3),
             radius=number('Capsule.radius', self.radius, above=0), friction=_friction(self))
@@ -86,10 +99,13 @@ class Box(Value):
     """A block; pose of its center, full sizes (3,) m along the pose's axes, friction."""
 
     pose: Pose
-    size: np.ndarray
+    size: Floats
     friction: float = 0.0
 
-    def __post_init__(self):
+    if TYPE_CHECKING:
+        def __init__(self, pose: Pose, size: ArrayLike, friction: float = 0.0) -> None: ...
+
+    def __post_init__(self) -> None:
         instance('Box.pose', self.pose, Pose)
         size = vector('Box.size', self.size, 3)
         put(self, size=np.array([number(f'Box.size[{k}]', length, above=0)
@@ -119,7 +135,11 @@ class Sheet(Value):
     cutouts: tuple[CutOut, ...] = ()
     friction: float = 0.0
 
-    def __post_init__(self):
+    if TYPE_CHECKING:
+        def __init__(self, pose: Pose, width: float, height: float, thickness: float = 1e-3,
+                     cutouts: Iterable[CutOut] | CutOut = (), friction: float = 0.0) -> None: ...
+
+    def __post_init__(self) -> None:
         instance('Sheet.pose', self.pose, Pose)
         cutouts = (self.cutouts,) if isinstance(self.cutouts, CutOut) else self.cutouts
         put(self, width=number('Sheet.width', self.width, above=0),
@@ -137,7 +157,7 @@ class Sheet(Value):
         instance('cutout', cutout, CutOut)
         return cls(cutout.pose, width, height, thickness, (cutout,), friction)
 
-    def _check(self, name, cutout):
+    def _check(self, name: str, cutout: CutOut) -> None:
         if cutout.radius is None and cutout.width is None:
             raise InvalidTask(f'{name} = {shown(cutout)}: expected a CutOut with radius or width')
         local = self.pose.rotation.T @ (cutout.center - self.pose.position)
@@ -151,17 +171,19 @@ class Sheet(Value):
             raise InvalidTask(f'{name} = {shown(cutout)}: expected to lie within the sheet\'s '
                               f'width of {self.width:g} m and height of {self.height:g} m')
 
-    def _reach(self, cutout):
+    def _reach(self, cutout: CutOut) -> Floats:
         """Return how far (2,) a cut-out reaches from its center along the sheet's y and z, m."""
         if cutout.radius is not None:
             return np.full(2, cutout.radius)
         roll = self.pose.rotation[:, 1:].T @ cutout.pose.rotation[:, 1:]
-        return 0.5 * np.abs(roll) @ np.array([cutout.width, cutout.height])
+        reach: Floats = 0.5 * np.abs(roll) @ np.array([cutout.width, cutout.height])
+        return reach
 
 
+Obstacle: TypeAlias = Plane | Sphere | Capsule | Box | Sheet
 OBSTACLES = (Plane, Sphere, Capsule, Box, Sheet)
 Obstacle: TypeAlias = Plane | Sphere | Capsule | Box | Sheet
 
 
-def _friction(self):
+def _friction(self: Any) -> float:
     return number(f'{type(self).__name__}.friction', self.friction, minimum=0)

@@ -2,30 +2,35 @@
 # SPDX-License-Identifier: Apache-2.0
 """A part of a DLO as a DLO of its own."""
 
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from dlo_planner.model.along import SeenFrom
+from dlo_planner.model.point_load import PointLoad
+from dlo_planner.model.rod import Rod
 
 BACK = np.array([1.0, -1.0, 1.0])  # strains, seen along the DLO in the other direction
 
 
-def before(rod, end):
+def before(rod: Rod, end: float) -> Rod:
     """Return the Rod from 0 to `end` (m), without what is fixed to it beyond."""
     return replace(rod, length=end, tip_mass=rod.tip_mass if end == rod.length else 0.0,
                    nodes=tuple(s for s in rod.nodes if s <= end),
                    point_masses=tuple((s, mass) for s, mass in rod.point_masses if s <= end))
 
 
-def part_of_loads(loads, rod, at, way):
+def part_of_loads(loads: Iterable[PointLoad], rod: Rod, at: float,
+                  way: int) -> tuple[PointLoad, ...]:
     """Return the PointLoads of `part_of_rod`, as that part knows them."""
     places = [(rod.length if one.s is None else one.s, one) for one in loads]
     return tuple(replace(one, s=abs(s - at)) for s, one in places
                  if (s - at) * way > 0 or s == at and way > 0)
 
 
-def part_of_rod(rod, at, way):
+def part_of_rod(rod: Rod, at: float, way: int) -> Rod:
     """Return the Rod from `at` to one end: way = 1 on to L, -1 back to 0."""
     length = at if way < 0 else rod.length - at
     masses = []
@@ -34,7 +39,7 @@ def part_of_rod(rod, at, way):
             masses.append((abs(s - at), mass))
     signs = tuple(BACK[1:]) if way < 0 else (1.0, 1.0)
     curvature = rod.natural_curvature
-    changed = {name: SeenFrom(getattr(rod, name), at, way)
+    changed: dict[str, Any] = {name: SeenFrom(getattr(rod, name), at, way)
                for name in ('mass_per_length', 'natural_twist', 'bending_stiffness',
                             'torsional_stiffness', 'radius') if callable(getattr(rod, name))}
     nodes = tuple(abs(s - at) for s in rod.nodes if (s - at) * way > 0)

@@ -3,6 +3,7 @@
 """A rigid body fixed to the tip of a DLO: a plug, a connector, a nut."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -59,12 +60,13 @@ def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = No
     arm = np.sqrt(inertia / mass) if mass else 0.0
     places = (begin + center - arm, begin + center + arm)
     rigid = _RIGID * float(rod.stiffness.max())
-    beyond = {'mass_per_length': 0.0, 'bending_stiffness': (rigid, rigid),
+    beyond: dict[str, Any] = {'mass_per_length': 0.0, 'bending_stiffness': (rigid, rigid),
               'torsional_stiffness': rigid, 'natural_curvature': (0.0, 0.0), 'natural_twist': 0.0}
     if radius is not None:
         beyond['radius'] = radius
+    changed: dict[str, Any] = {name: Extended(getattr(rod, name), begin, value)
+                               for name, value in beyond.items()}
     return replace(
         rod, length=end, tip_mass=0.0, nodes=(*rod.nodes, begin, *places),
         point_masses=(*rod.point_masses, (begin, rod.tip_mass),
-                      *((min(s, end), 0.5 * mass) for s in places)),
-        **{name: Extended(getattr(rod, name), begin, value) for name, value in beyond.items()})
+                      *((min(s, end), 0.5 * mass) for s in places)), **changed)

@@ -3,9 +3,11 @@
 """A dead load at one point of a DLO."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
+from numpy.typing import ArrayLike
 
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import number, vector
 from dlo_planner.model.value import Value, put
 
@@ -23,11 +25,15 @@ class PointLoad(Value):
         InvalidTask: naming the argument
     """
 
-    force: np.ndarray = (0.0, 0.0, 0.0)
-    moment: np.ndarray = (0.0, 0.0, 0.0)
+    force: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]  # an array from then on
+    moment: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
     s: float | None = None
 
-    def __post_init__(self):
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, force: ArrayLike = (0.0, 0.0, 0.0), moment: ArrayLike = (0.0, 0.0, 0.0),
+                     s: float | None = None) -> None: ...
+
+    def __post_init__(self) -> None:
         put(self, force=vector('PointLoad.force', self.force, 3),
             moment=vector('PointLoad.moment', self.moment, 3))
         if self.s is not None:

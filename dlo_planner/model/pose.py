@@ -4,12 +4,14 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, instance, shown, vector
 from dlo_planner.model.checks import direction as unit
 from dlo_planner.model.value import Value, brief, figures, put
@@ -36,11 +38,14 @@ class Pose(Value):
         InvalidTask: a component is not finite, or the quaternion is (nearly) zero
     """
 
-    position: np.ndarray
-    quaternion: np.ndarray
-    rotation: np.ndarray = field(init=False, compare=False)
+    position: Floats
+    quaternion: Floats
+    rotation: Floats = field(init=False, compare=False)
 
-    def __post_init__(self):
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, position: ArrayLike, quaternion: ArrayLike) -> None: ...
+
+    def __post_init__(self) -> None:
         position = vector('Pose.position', self.position, 3)
         quaternion = vector('Pose.quaternion', self.quaternion, 4)
         components = quaternion.tolist()
@@ -55,11 +60,11 @@ class Pose(Value):
             rotation=_rotation_of(*quaternion.tolist()))
         super().__post_init__()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, figures(self.position), figures(self.quaternion))
 
     @property
-    def matrix(self) -> np.ndarray:
+    def matrix(self) -> Floats:
         """(4, 4) homogeneous transform from this frame to the world."""
         matrix = np.eye(4)
         matrix[:3, :3] = self.rotation
@@ -67,7 +72,7 @@ class Pose(Value):
         return matrix
 
     @property
-    def direction(self) -> np.ndarray:
+    def direction(self) -> Floats:
         """(3,) the x axis: DLO tangent or cut-out normal, world frame."""
         return self.rotation[:, 0]
 
@@ -99,14 +104,15 @@ class Pose(Value):
         pose.position.flags.writeable = rotation.flags.writeable = False
         return pose
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Floats:
         """Make the quaternion of a pose that came from axes."""
         if name != 'quaternion' or 'rotation' not in self.__dict__:
             raise AttributeError(f'{type(self).__name__} has no attribute {name!r}')
         quaternion = Rotation.from_matrix(np.array(self.rotation)).as_quat()
         quaternion.flags.writeable = False
         put(self, quaternion=quaternion)
-        return quaternion
+        result: Floats = quaternion
+        return result
 
     @classmethod
     def from_matrix(cls, matrix: ArrayLike) -> 'Pose':
@@ -153,7 +159,7 @@ class Pose(Value):
         return Pose.from_rotation(-self.rotation.T @ self.position, self.rotation.T)
 
 
-def angle_between(one: np.ndarray, other: np.ndarray) -> float:
+def angle_between(one: Floats, other: Floats) -> float:
     """Return the angle in rad between two orientations (3, 3), as exact near 0 as near pi."""
     turn = one.T @ other
     twice_sine = math.hypot(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0],
@@ -161,7 +167,7 @@ def angle_between(one: np.ndarray, other: np.ndarray) -> float:
     return math.atan2(twice_sine, turn[0, 0] + turn[1, 1] + turn[2, 2] - 1)
 
 
-def displaced(pose: Pose, twist: np.ndarray) -> Pose:
+def displaced(pose: Pose, twist: Floats) -> Pose:
     """Return a Pose turned about its origin and then shifted.
 
     Args:
@@ -171,7 +177,7 @@ def displaced(pose: Pose, twist: np.ndarray) -> Pose:
     return Pose.from_rotation(pose.position + twist[3:], turn @ pose.rotation)
 
 
-def _rotation_of(x, y, z, w):
+def _rotation_of(x: float, y: float, z: float, w: float) -> Floats:
     """Return (3, 3) of a unit quaternion: SciPy's `Rotation` is ten times as slow for a single one.
 
     Diebel 2006, Representing attitude, eq. 125.
@@ -183,7 +189,7 @@ def _rotation_of(x, y, z, w):
                      [2 * (xz - yw), 2 * (yz + xw), zz - xx - yy + ww]])
 
 
-def _volume(m):
+def _volume(m: Floats) -> float:
     """Return the determinant of a 3 x 3 matrix."""
     (a, b, c), (d, e, f), (g, h, i) = m.tolist()
-    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    return float(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))

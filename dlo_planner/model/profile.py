@@ -8,12 +8,18 @@ through their Gauss points tell the function within 1e-8 of its size, which find
 bisection; meshes take integrals of these polynomials.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
 from dlo_planner.errors import InvalidRod
+from dlo_planner.model.along import Table
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.value import Value
 
 _PANELS = 256        # to begin with: what is wider than 1/2000 of the length is seen
@@ -43,32 +49,39 @@ class Profile(Value):
         breaks: (n,) arc lengths inside the DLO at which it jumps, m
     """
 
-    edges: np.ndarray
-    values: np.ndarray
-    breaks: np.ndarray
+    edges: Floats
+    values: Floats
+    breaks: Floats
 
-    def __post_init__(self):
+    @cached_property
+    def _first(self) -> PPoly:
+        """Antiderivative (k components) of the polynomials."""
         width = np.diff(self.edges)
         powers = np.einsum('ij,mjk->imk', _POWERS, self.values)
         powers = powers / width[None, :, None] ** np.arange(_POINTS)[:, None, None]
-        first = PPoly(powers[::-1], self.edges).antiderivative()
-        self.__dict__.update(_first=first, _second=first.antiderivative())
-        super().__post_init__()
+        return PPoly(powers[::-1], self.edges).antiderivative()
 
-    def means(self, s):
+    @cached_property
+    def _second(self) -> PPoly:
+        return self._first.antiderivative()
+
+    def means(self, s: Floats) -> Floats:
         """Return the means (N, k) over the elements between nodes `s` (N + 1,)."""
-        return np.diff(self._first(s), axis=0) / np.diff(s)[:, None]
+        result: Floats = np.diff(self._first(s), axis=0) / np.diff(s)[:, None]
+        return result
 
-    def on_nodes(self, s):
+    def on_nodes(self, s: Floats) -> Floats:
         """Return what of the integral counts for each node (N + 1, k): its total and its center."""
         first, twice = self._first(s), np.diff(self._second(s), axis=0) / np.diff(s)[:, None]
         nodes = np.zeros_like(first)
         nodes[:-1] += twice - first[:-1]
         nodes[1:] += first[1:] - twice
-        return nodes
+        result: Floats = nodes
+        return result
 
 
-def resolved(name, function, length, stated=(), error=InvalidRod):
+def resolved(name: str, function: Callable[[float], Any], length: float, stated: ArrayLike = (),
+             error: type[Exception] = InvalidRod) -> Profile:
     """Return the Profile of a function of s on [0, length].
 
     Args:
@@ -106,7 +119,7 @@ def resolved(name, function, length, stated=(), error=InvalidRod):
     return Profile(np.append(left, length), values, _breaks(left, width, values, size, length))
 
 
-def straight(table, length):
+def straight(table: Table, length: float) -> Profile:
     """Return the Profile of a Table on [0, length]: known without a look at it."""
     inside = table.s[(table.s > 0) & (table.s < length)]
     edges = np.unique(np.concatenate([[0.0], inside, [length]]))
@@ -114,18 +127,20 @@ def straight(table, length):
     return Profile(edges, values, np.unique(inside[1:][inside[1:] == inside[:-1]]))
 
 
-def _at(function, left, width, places):
+def _at(function: Callable[[float], Any], left: Floats, width: Floats, places: Floats) -> Floats:
     """Return the function's values (m, p, k) at `places` (p,) of panels."""
     return np.array([[function(a + h * x) for x in places]
                      for a, h in zip(left.tolist(), width.tolist(), strict=True)])
 
 
-def _breaks(left, width, values, size, length):
+def _breaks(left: Floats, width: Floats, values: Floats, size: Floats, length: float) -> Floats:
     """Return where the polynomials of neighbors do not meet, or where a panel is a point."""
     ends = np.einsum('ij,mjk->mik', _AT_ENDS, values)
     jumps = (np.abs(ends[1:, 0] - ends[:-1, 1]) > _JUMP * size).any(axis=1)
-    found = np.sort(np.concatenate([left[1:][jumps], left[width < 2 * _NARROWEST * length]]))
-    found = found[(found > _ONE_PLACE * length) & (found < (1 - _ONE_PLACE) * length)]
-    if not found.size:
-        return found
-    return found[np.append(True, np.diff(found) > _ONE_PLACE * length)]
+    breaks: Floats = np.sort(np.concatenate([left[1:][jumps],
+                                             left[width < 2 * _NARROWEST * length]]))
+    breaks = breaks[(breaks > _ONE_PLACE * length) & (breaks < (1 - _ONE_PLACE) * length)]
+    if not breaks.size:
+        return breaks
+    result: Floats = breaks[np.append(True, np.diff(breaks) > _ONE_PLACE * length)]
+    return result

@@ -5,19 +5,19 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.deprecated import warn_renamed
 from dlo_planner.errors import InvalidRod
-from dlo_planner.model.along import ONE, Table, breaks_of, is_row, pair, varying
+from dlo_planner.model.along import ONE, Along, Table, breaks_of, is_row, pair, varying
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, choice, instance, number, returned, row, shown
 from dlo_planner.model.profile import resolved, straight
 from dlo_planner.model.section import MODELS, MODULI, SIZES, Section
 from dlo_planner.model.value import FrozenDict, Value, brief, put
-
-Along = float | tuple | Callable  # a number, rows (s, value), or a function of s
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,8 +52,7 @@ class Rod(Value):
             all at once, the moment stays); None: 'fibers' with a section, else 'ideal'
         hardening: part of the stiffness that never yields, 0 <= hardening < 1
         max_bend_curvature: curvature not to be exceeded, 1/m; None: any
-        section: Section, where its fibers, or strain and stress at the surface, are asked for
-        section: Section, where strain and stress at the surface are asked for
+        section: cross-section, from which fibers and the strain and stress at the surface follow
         nodes: further arc lengths in m at which every mesh has a node, as where something jumps
 
     Raises:
@@ -78,14 +77,14 @@ class Rod(Value):
     section: Section | None = None
     nodes: tuple[float, ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         put(self, **{name: number(f'Rod.{name}', getattr(self, name), InvalidRod, **limits)
                      for name, limits in _NUMBERS.items()
                      if not (getattr(self, name) is None and name in _OPTIONAL)})
         put(self, **{name: varying(f'Rod.{name}', getattr(self, name), parts, **limits)
                      for name, (parts, limits) in _VARYING.items()
                      if not (getattr(self, name) is None and name == 'radius')})
-        damping = self.damping
+        damping: Any = self.damping
         if not is_row(damping):
             damping = (0.0, damping)
         elif len(damping) == 1:
@@ -104,9 +103,9 @@ class Rod(Value):
             self._values(name, probes)
         super().__post_init__()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         per_length, (twist, first, second) = self.mass_per_length, self.stiffness
-        bent = callable(self.natural_curvature) or any(self.natural_curvature)
+        bent = callable(self.natural_curvature) or np.any(self.natural_curvature)
         varies = callable(self.bending_stiffness) or callable(self.torsional_stiffness)
         return brief(self, f'{self.length:.4g} m',
                      'varying mass' if callable(per_length) else f'{per_length:.3g} kg/m',
@@ -118,7 +117,7 @@ class Rod(Value):
                      'naturally bent' if bent else '',
                      'yields' if self.yields else '')
 
-    def _checked_point_masses(self):
+    def _checked_point_masses(self) -> tuple[tuple[float, float], ...]:
         expected = f'Rod.point_masses = {shown(self.point_masses)}: expected ((s, kg), ...)'
         try:
             masses = [(s, m) for s, m in self.point_masses]
@@ -127,7 +126,7 @@ class Rod(Value):
         return tuple((number('Rod.point_masses s', s, InvalidRod, minimum=0, maximum=self.length),
                       number('Rod.point_masses kg', m, InvalidRod, minimum=0)) for s, m in masses)
 
-    def _checked_model(self):
+    def _checked_model(self) -> str:
         model = self.section_model
         if model is None:
             return 'ideal' if self.section is None else 'fibers'
@@ -143,19 +142,20 @@ class Rod(Value):
     @property
     def section_outline(self) -> tuple[str, float]:
         """What yields: 'round', 'tube', 'rectangular', 'ideal'; its bore as part of the radius."""
-        if self.section_model != 'fibers':
-            return self.section_model, 0.0
+        if self.section is None or self.section_model != 'fibers':
+            return str(self.section_model), 0.0
         return self.section.kind, self.section.inner / self.section.half_n
 
     @cached_property
-    def stiffness(self) -> np.ndarray:
+    def stiffness(self) -> Floats:
         """(3,) GJ, EI_n, EI_b in N m^2, in the order of the strains.
 
         Where they vary, those of an even DLO that gives way as much on the whole.
         """
         stiffness = self.mean_stiffnesses(np.array([0.0, self.length]))[0]
         stiffness.flags.writeable = False
-        return stiffness
+        result: Floats = stiffness
+        return result
 
     @property
     def varies(self) -> bool:
@@ -167,28 +167,28 @@ class Rod(Value):
         """Whether there is a threshold beyond which the DLO is set for good."""
         return self.yield_curvature is not None or self.yield_torsion is not None
 
-    def masses_per_length(self, s: ArrayLike) -> np.ndarray:
+    def masses_per_length(self, s: ArrayLike) -> Floats:
         """Return the mass per length at arc lengths `s` (n,) as (n,), kg/m."""
         return self._values('mass_per_length', s)[:, 0]
 
-    def natural_strains(self, s: ArrayLike) -> np.ndarray:
+    def natural_strains(self, s: ArrayLike) -> Floats:
         """Return the stress-free strains at arc lengths `s` (n,) as (n, 3), 1/m."""
         return np.hstack([self._values(name, s) for name in _NATURAL])
 
-    def stiffnesses(self, s: ArrayLike) -> np.ndarray:
+    def stiffnesses(self, s: ArrayLike) -> Floats:
         """Return GJ, EI_n and EI_b at arc lengths `s` (n,) as (n, 3), N m^2."""
         return np.hstack([self._values(name, s) for name in _STIFF])
 
-    def radii(self, s: ArrayLike) -> np.ndarray:
+    def radii(self, s: ArrayLike) -> Floats:
         """Return the radius at arc lengths `s` (n,) as (n,), m; 0 of a thin line."""
         return self._values('radius', s)[:, 0]
 
-    def mean_natural_strains(self, s: ArrayLike) -> np.ndarray:
+    def mean_natural_strains(self, s: ArrayLike) -> Floats:
         """Return the means (N, 3) of the stress-free strains between nodes `s` (N + 1,), 1/m."""
         s = _mesh(s)
         return np.hstack([self._means(name, s) for name in _NATURAL])
 
-    def mean_stiffnesses(self, s: ArrayLike) -> np.ndarray:
+    def mean_stiffnesses(self, s: ArrayLike) -> Floats:
         """Return GJ, EI_n and EI_b (N, 3) that give way as the parts between nodes `s` do, N m^2.
 
         Their inverses are the means of the inverses: under an even moment that is exact.
@@ -197,31 +197,32 @@ class Rod(Value):
         return np.hstack([1 / self._means(name, s) if callable(getattr(self, name))
                           else self._means(name, s) for name in _STIFF])
 
-    def node_masses(self, s: ArrayLike) -> np.ndarray:
+    def node_masses(self, s: ArrayLike) -> Floats:
         """Return the masses (N + 1,) in kg that stand on nodes `s` for the rod's own mass.
 
         Each element's mass goes to its two nodes so that its total and its center are right.
         """
         s = _mesh(s)
         if callable(self.mass_per_length):
-            return self._profiles['mass_per_length'].on_nodes(s)[:, 0]
-        half = 0.5 * self.mass_per_length * np.diff(s)
+            result: Floats = self._profiles['mass_per_length'].on_nodes(s)[:, 0]
+            return result
+        half = 0.5 * np.diff(s) * self.mass_per_length
         masses = np.zeros(len(s))
         masses[:-1] += half
         masses[1:] += half
         return masses
 
     @cached_property
-    def breaks(self) -> np.ndarray:
+    def breaks(self) -> Floats:
         """(n,) arc lengths inside the DLO at which every mesh has a node, m, ascending."""
         inner = [s for s in self.nodes if 0 < s < self.length]
-        found = np.unique(np.concatenate([inner] + [
+        breaks = np.unique(np.concatenate([inner] + [
             profile.breaks for profile in self._profiles.values()]))
-        found.flags.writeable = False
-        return found
+        breaks.flags.writeable = False
+        return breaks
 
     @cached_property
-    def _profiles(self):
+    def _profiles(self) -> FrozenDict:
         """Dict of Profiles of what varies; that of a stiffness is one of its inverse."""
         known = {}
         for name in _VARYING:
@@ -233,17 +234,18 @@ class Rod(Value):
                                        breaks_of(content), InvalidRod)
         return FrozenDict(known)
 
-    def _means(self, name, s):
+    def _means(self, name: str, s: Floats) -> Floats:
         if name in self._profiles:
-            return self._profiles[name].means(s)
+            result: Floats = self._profiles[name].means(s)
+            return result
         return np.tile(getattr(self, name), (len(s) - 1, 1))
 
-    def _one(self, name):
+    def _one(self, name: str) -> Callable[[float], Floats]:
         """Return the function of s for which the Profile of a quantity stands."""
         inverse = name in _STIFF
         return lambda s: 1 / self._at(name, s) if inverse else self._at(name, s)
 
-    def _values(self, name, s):
+    def _values(self, name: str, s: ArrayLike) -> Floats:
         s = array('s', s, (None,), InvalidRod)
         content = getattr(self, name)
         if not callable(content):
@@ -251,17 +253,17 @@ class Rod(Value):
                            (s.size, 1))
         return np.array([self._at(name, v) for v in s])
 
-    def _at(self, name, s):
+    def _at(self, name: str, s: float) -> Floats:
         """Return what a function states at `s`, (k,), judged."""
         parts, limits = _VARYING[name]
         value = returned(f'Rod.{name}', getattr(self, name), s, InvalidRod)
         if parts == ONE:
             return np.array([number(f'Rod.{name}({s:g})', value, InvalidRod, **limits)])
-        return np.array(pair(f'Rod.{name}({s:g})', value, parts, **limits))
+        return np.array(pair(f'Rod.{name}({s:g})', value, parts, None, **limits))
 
     @classmethod
     def circular(cls, length: float, diameter: float, density: float, youngs_modulus: float,
-                 poisson_ratio: float, *, yield_stress: float | None = None, **more) -> 'Rod':
+                 poisson_ratio: float, *, yield_stress: float | None = None, **more: Any) -> 'Rod':
         """Return a rod of solid round section (wire).
 
         EI = E pi d^4 / 64, GJ = G pi d^4 / 32, G = E / (2 (1 + nu)).
@@ -281,7 +283,7 @@ class Rod(Value):
     @classmethod
     def tube(cls, length: float, outer_diameter: float, inner_diameter: float, density: float,
              youngs_modulus: float, poisson_ratio: float, *, yield_stress: float | None = None,
-             **more) -> 'Rod':
+             **more: Any) -> 'Rod':
         """Return a rod of annular section (hose); arguments as in `circular`."""
         outer = _size('outer_diameter', outer_diameter)
         inner = number('inner_diameter', inner_diameter, InvalidRod, minimum=0)
@@ -295,7 +297,7 @@ class Rod(Value):
     @classmethod
     def rectangular(cls, length: float, width: float, thickness: float, density: float,
                     youngs_modulus: float, poisson_ratio: float, *,
-                    yield_stress: float | None = None, **more) -> 'Rod':
+                    yield_stress: float | None = None, **more: Any) -> 'Rod':
         """Return a rod of solid rectangular section (leaf spring), `width` along the n axis.
 
         EI_n = E w t^3 / 12 (soft if t < w), EI_b = E t w^3 / 12; GJ from Saint-Venant's series.
@@ -314,7 +316,8 @@ class Rod(Value):
         return cls._of_section(section, length, density, yield_stress, more)
 
     @classmethod
-    def _of_section(cls, section, length, density, yield_stress, more):
+    def _of_section(cls, section: Section, length: float, density: float,
+                    yield_stress: float | None, more: dict[str, Any]) -> 'Rod':
         given = {'radius': max(section.half_n, section.half_b), 'section': section}
         if yield_stress is not None:
             stress = number('yield_stress', yield_stress, InvalidRod, minimum=MODULI[0],
@@ -339,11 +342,11 @@ _NATURAL = ('natural_twist', 'natural_curvature')
 _STIFF = ('torsional_stiffness', 'bending_stiffness')
 
 
-def _size(name, value):
+def _size(name: str, value: object) -> float:
     return number(name, value, InvalidRod, minimum=SIZES[0], maximum=SIZES[1])
 
 
-def _mesh(s):
+def _mesh(s: ArrayLike) -> Floats:
     """Return nodes (N + 1,), ascending, as an array; raise InvalidRod if they are none."""
     s = row('s', s, InvalidRod, least=2)
     if (np.diff(s) <= 0).any():

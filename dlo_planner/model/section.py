@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidRod
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, choice, number
 from dlo_planner.model.value import Value, put
 
@@ -39,7 +40,7 @@ class Section(Value):
     shear_modulus: float
     inner: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         choice('Section.kind', self.kind, KINDS, InvalidRod)
         put(self, **{name: number(f'Section.{name}', getattr(self, name), InvalidRod,
                                   minimum=SIZES[0] / 2, maximum=SIZES[1] / 2)
@@ -64,14 +65,14 @@ class Section(Value):
         return cls(kind, half_n, half_b, modulus, modulus / (2 * (1 + nu)), inner)
 
     @property
-    def area(self):
+    def area(self) -> float:
         """Area in m^2."""
         if self.kind == 'rectangular':
             return 4 * self.half_n * self.half_b
         return np.pi * (self.half_n**2 - self.inner**2)
 
     @property
-    def bending_stiffness(self):
+    def bending_stiffness(self) -> tuple[float, float]:
         """(EI_n, EI_b) in N m^2."""
         if self.kind == 'rectangular':
             return (self.youngs_modulus * 4 / 3 * self.half_n * self.half_b**3,
@@ -79,7 +80,7 @@ class Section(Value):
         return (self.youngs_modulus * np.pi / 4 * (self.half_n**4 - self.inner**4),) * 2
 
     @property
-    def torsional_stiffness(self):
+    def torsional_stiffness(self) -> float:
         """GJ in N m^2; a rectangle's J from Saint-Venant's series.
 
         Timoshenko and Goodier, Theory of Elasticity, art. 109.
@@ -88,7 +89,7 @@ class Section(Value):
             return self.shear_modulus * self._rectangle()[0]
         return self.shear_modulus * np.pi / 2 * (self.half_n**4 - self.inner**4)
 
-    def _rectangle(self):
+    def _rectangle(self) -> tuple[float, float]:
         """Return J in m^4 and the largest shear strain per torsion in m."""
         long, short = 2 * max(self.half_n, self.half_b), 2 * min(self.half_n, self.half_b)
         n = np.arange(1, _TANGENTS, 2)
@@ -99,11 +100,11 @@ class Section(Value):
         return constant, shear
 
     @property
-    def shear_arm(self):
+    def shear_arm(self) -> float:
         """Largest shear strain at the surface per torsion, m."""
         return self._rectangle()[1] if self.kind == 'rectangular' else self.half_n
 
-    def surface_strain(self, bend: ArrayLike) -> np.ndarray:
+    def surface_strain(self, bend: ArrayLike) -> Floats:
         """Return the largest axial and the largest shear strain (n, 2) of (n, 3) strains.
 
         Args:

@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The outside of a DLO: what contact and clearance need to know of a Rod."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value
 
 _BESIDE = 1e-7  # of an element: so near to its ends the radius is asked for
@@ -24,10 +27,10 @@ class Surface(Value):
 
     radius: float = 0.0
     half: tuple[float, float] | None = None
-    rod: object = None
+    rod: Rod | None = None
 
     @classmethod
-    def of(cls, rod) -> 'Surface':
+    def of(cls, rod: Rod) -> 'Surface':
         """Return the Surface of a Rod.
 
         A rectangular `Rod.section` counts where `Rod.radius` is its bounding half size; another
@@ -41,10 +44,11 @@ class Surface(Value):
             beside = np.outer(breaks, (1 - _BESIDE, 1, 1 + _BESIDE)).ravel()
             probes = np.append(np.linspace(0, rod.length, 1025), beside)
             return cls(float(rod.radii(np.clip(probes, 0, rod.length)).max()), None, rod)
+        radius = float(rod.radii([0.0])[0])
         if (section is not None and section.kind == 'rectangular'
-                and rod.radius == max(section.half_n, section.half_b)):
-            return cls(rod.radius, (section.half_n, section.half_b))
-        return cls(rod.radius)
+                and radius == max(section.half_n, section.half_b)):
+            return cls(radius, (section.half_n, section.half_b))
+        return cls(radius)
 
     @property
     def bound(self) -> float:
@@ -56,7 +60,7 @@ class Surface(Value):
         """The smallest distance of the outside from the axis, m."""
         return self.radius if self.half is None else min(self.half)
 
-    def radii(self, s) -> np.ndarray:
+    def radii(self, s: Floats) -> Floats:
         """Return (N, 2) the radius in m at both ends of the N elements of a mesh `s` (N + 1,), m.
 
         They are those of balls inside the DLO: near an end face of a thicker part, a jump of the
@@ -64,7 +68,7 @@ class Surface(Value):
         """
         if self.rod is None:
             return np.zeros((0, 2))
-        outside = self._outside(s)
+        outside = self._outside(self.rod, s)
         radii = outside.copy()
         ends = np.column_stack([s[:-1], s[1:]])
         for node, way in self._faces(outside):
@@ -74,14 +78,14 @@ class Surface(Value):
             radii[near] = np.minimum(radii[near], np.maximum(away[near], thin))
         return radii
 
-    def rims(self, s) -> list:
+    def rims(self, s: Floats) -> list[tuple[float, tuple[int, int]]]:
         """Return [(radius in m, (first, last) node)] of the rims of end faces on a mesh `s`, m.
 
         A rim goes on along the DLO as far as balls inside it do not reach the outside.
         """
         if self.rod is None:
             return []
-        outside = self._outside(s)
+        outside = self._outside(self.rod, s)
         rims = []
         for node, way in self._faces(outside):
             radius = float(max(outside[node - 1, 1], outside[node, 0]))
@@ -92,11 +96,11 @@ class Surface(Value):
             rims.append((radius, (min(node, other), max(node, other))))
         return rims
 
-    def _outside(self, s):
+    def _outside(self, rod: Rod, s: Floats) -> Floats:
         beside = _BESIDE * np.diff(s)
-        return np.column_stack([self.rod.radii(s[:-1] + beside), self.rod.radii(s[1:] - beside)])
+        return np.column_stack([rod.radii(s[:-1] + beside), rod.radii(s[1:] - beside)])
 
-    def _faces(self, outside):
+    def _faces(self, outside: Floats) -> Iterator[tuple[int, int]]:
         """Yield node and way, 1 or -1, into the thicker part, of each jump of the radius."""
         for node in range(1, len(outside)):
             before, behind = outside[node - 1, 1], outside[node, 0]

@@ -6,8 +6,10 @@ All that users get or give is such a value. Its arrays are read-only, so that no
 computed from it can be changed through it.
 """
 
-from dataclasses import MISSING, FrozenInstanceError, fields, is_dataclass
+from collections.abc import Hashable, Sequence
+from dataclasses import MISSING, Field, FrozenInstanceError, fields, is_dataclass
 from math import isnan
+from typing import Any, NoReturn, Self
 
 import numpy as np
 
@@ -24,58 +26,60 @@ class Value:
     lists what is compared in `PARTS`, and makes itself with `put`.
     """
 
-    PARTS = REMEMBERED = ()
+    PARTS: tuple[str, ...] = ()
+    REMEMBERED: tuple[str, ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in self.__dict__:
             freeze(self.__dict__[name])
 
-    def __setattr__(self, name, value):
+    def __setattr__(self, name: str, value: object) -> None:
         raise FrozenInstanceError(f'{type(self).__name__}.{name} cannot be set: values do not '
                                   'change')
 
-    def __delattr__(self, name):
+    def __delattr__(self, name: str) -> None:
         raise FrozenInstanceError(f'{type(self).__name__}.{name} cannot be deleted: values do not '
                                   'change')
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         if self is other:
             return True
         if type(other) is not type(self):
             return NotImplemented
         return all(same(getattr(self, name), getattr(other, name)) for name in self._compared())
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         return hash((type(self).__name__, *(_hashable(getattr(self, name))
                                             for name in self._compared())))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         """Say what differs from the defaults."""
         said = []
-        for item in fields(self) if is_dataclass(self) else ():
+        items: tuple[Field[Any], ...] = fields(self) if is_dataclass(self) else ()
+        for item in items:
             content = getattr(self, item.name)
             if item.repr and not (item.default is not MISSING and same(content, item.default)):
                 said.append(f'{item.name}={figures(content)}')
         return brief(self, *said)
 
-    def __copy__(self):
+    def __copy__(self) -> Self:
         return self
 
-    def __deepcopy__(self, memo):
+    def __deepcopy__(self, memo: object) -> Self:
         return self
 
-    def __getstate__(self):
+    def __getstate__(self) -> dict[str, Any]:
         kept = {item.name for item in fields(self)} if is_dataclass(self) else set(self.PARTS)
         return {name: content for name, content in self.__dict__.items()
                 if name in kept or name in self.REMEMBERED}
 
-    def __setstate__(self, state):
+    def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         for content in state.values():
             freeze(content)
 
     @classmethod
-    def _compared(cls):
+    def _compared(cls) -> Sequence[str]:
         if is_dataclass(cls):
             return [item.name for item in fields(cls) if item.compare]
         return cls.PARTS
@@ -86,32 +90,34 @@ class Constant(Value):
 
     PARTS = ('content',)
 
-    def __init__(self, content):
+    content: Any
+
+    def __init__(self, content: object) -> None:
         put(self, content=content)
 
-    def __call__(self, *_):
+    def __call__(self, *_: object) -> Any:
         """Return it."""
         return self.content
 
 
-class FrozenDict(dict):
+class FrozenDict(dict[Any, Any]):
     """A dict that does not change."""
 
-    def _refuse(self, *_, **__):
+    def _refuse(self, *_: object, **__: object) -> NoReturn:
         raise TypeError('values do not change: expected dict(...) of it to be changed')
 
     __setitem__ = __delitem__ = __ior__ = update = pop = popitem = clear = setdefault = _refuse
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (dict(self),)
 
 
-def put(value, **contents):
+def put(value: Value, **contents: object) -> None:
     """Set fields of a value while it is made."""
     value.__dict__.update(contents)
 
 
-def brief(value, *parts):
+def brief(value: Value, *parts: str) -> str:
     """Return the repr of a value in a line: its class and what is to be said of it.
 
     Args:
@@ -121,7 +127,7 @@ def brief(value, *parts):
     return f'{type(value).__name__}({text if len(text) <= _LONGEST else text[:_LONGEST] + " ..."})'
 
 
-def figures(content):
+def figures(content: Any) -> str:
     """Return a content in a few characters: up to four numbers in six digits, else how many."""
     if isinstance(content, float):
         return f'{content:.6g}'
@@ -136,11 +142,11 @@ def figures(content):
             return ', '.join(f'{key}: {figures(part)}' for key, part in content.items())
         return '(' + ', '.join(map(figures, content)) + ')'
     if callable(content) and hasattr(content, '__name__'):
-        return content.__name__
+        return str(content.__name__)
     return repr(content)
 
 
-def freeze(content):
+def freeze(content: object) -> None:
     """Make arrays read-only, those in tuples, lists and dicts too."""
     if isinstance(content, np.ndarray):
         content.flags.writeable = False
@@ -152,7 +158,7 @@ def freeze(content):
             freeze(part)
 
 
-def same(one, other):
+def same(one: Any, other: Any) -> bool:
     """Whether two contents of fields are equal; nan equals nan."""
     if one is other:
         return True
@@ -170,7 +176,7 @@ def same(one, other):
     return bool(one == other) or _is_nan(one) and _is_nan(other)
 
 
-def _hashable(content):
+def _hashable(content: Any) -> Hashable:
     if isinstance(content, np.ndarray):
         # -0.0 equals 0.0, and 1 equals 1.0
         return content.shape, (content + 0.0 if content.dtype.kind in 'iuf' else content).tobytes()
@@ -181,5 +187,5 @@ def _hashable(content):
     return 'nan' if _is_nan(content) else content
 
 
-def _is_nan(content):
+def _is_nan(content: object) -> bool:
     return isinstance(content, float) and isnan(content)

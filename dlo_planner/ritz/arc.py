@@ -23,7 +23,7 @@ _SMALL, _TERMS = 1.0, 10
 _TINY = 4e-3  # of the usual element, a few degrees: five terms are enough
 
 
-def _series():
+def _series() -> list[tuple[float, ...]]:
     """Return 7 tuples of _TERMS coefficients of a^(2k), in c0, c1, c2, d1, d2, dd1, dd2."""
     k = range(_TERMS + 2)
     rows = [[(-1.0) ** n / factorial(2 * n + m) for n in k] for m in (1, 2, 3)]

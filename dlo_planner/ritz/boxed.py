@@ -3,6 +3,8 @@
 """Records as numba has them: pointers to structures that it lays out."""
 
 import sys
+from collections.abc import Iterable
+from typing import Any, ClassVar
 
 from numba import types
 from numba.experimental import structref
@@ -11,21 +13,23 @@ from numba.extending import overload
 from dlo_planner.kernels import kernel
 
 
-class Base(structref.StructRefProxy):
+class Base(structref.StructRefProxy):  # type: ignore[misc]  # numba is not annotated
     """What numba gives to Python for such a pointer."""
 
+    FIELDS: ClassVar[tuple[str, ...]]
+
     @classmethod
-    def __fingerprint__(cls):
+    def __fingerprint__(cls) -> tuple[Any, ...]:
         """Return what machine code that makes one depends on."""
         return cls.FIELDS, _RecordType.preprocess_fields.__code__.co_code
 
 
-class _RecordType(types.StructRef):
-    def preprocess_fields(self, fields):
+class _RecordType(types.StructRef):  # type: ignore[misc]
+    def preprocess_fields(self, fields: Iterable[tuple[str, Any]]) -> tuple[tuple[str, Any], ...]:
         return tuple((name, types.unliteral(kind)) for name, kind in fields)
 
 
-def declare(cls, fields):
+def declare(cls: type, fields: tuple[str, ...]) -> None:
     """Tell numba of a class of Records."""
     name = f'{cls.__name__}Type'
     kind = structref.register(type(name, (_RecordType,), {'__module__': cls.__module__}))
@@ -33,21 +37,21 @@ def declare(cls, fields):
     structref.define_proxy(cls, kind, fields)
 
 
-def _fields(record):
+def _fields(record: Any) -> Any:
     raise NotImplementedError('for kernels only')
 
 
-@overload(_fields)
-def _fields_of(record):
+@overload(_fields)  # type: ignore[untyped-decorator]
+def _fields_of(record: Any) -> Any:
     """Write the function that returns all fields of this kind of record."""
     names = [name for name, _ in record._fields]
-    scope = {}
+    scope: dict[str, Any] = {}
     exec('def read(record):\n    return (' + ''.join(f'record.{name}, ' for name in names) + ')',
          scope)
     return scope['read']
 
 
 @kernel
-def read(record):
+def read(record: Any) -> Any:
     """Return all fields of a Record, as a tuple."""
     return _fields(record)

@@ -13,6 +13,7 @@ element only.
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.ritz.arc import jacobians, rotation_and_chord, slope
 from dlo_planner.ritz.matrix3 import (
     applied,
@@ -49,23 +50,23 @@ class Attached(Record):
         tip_matrix: (6, 6) as `matrix`
     """
 
-    element: np.ndarray
-    fraction: np.ndarray
-    order: np.ndarray
-    force: np.ndarray
-    matrix: np.ndarray
-    spring: np.ndarray
-    sprung: np.ndarray
-    moment: np.ndarray
-    first: np.ndarray
-    own: np.ndarray
-    node_moment: np.ndarray
-    node_first: np.ndarray
-    node_matrix: np.ndarray
-    tip_force: np.ndarray
-    tip_moment: np.ndarray
-    tip_first: np.ndarray
-    tip_matrix: np.ndarray
+    element: Ints
+    fraction: Floats
+    order: Ints
+    force: Floats
+    matrix: Floats
+    spring: Floats
+    sprung: Bools
+    moment: Floats
+    first: Floats
+    own: Floats
+    node_moment: Floats
+    node_first: Floats
+    node_matrix: Floats
+    tip_force: Floats
+    tip_moment: Floats
+    tip_first: Floats
+    tip_matrix: Floats
 
 
 @kernel

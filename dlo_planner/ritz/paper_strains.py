@@ -10,10 +10,13 @@ components are what the simulators use.
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.model.arrays import Floats
 
-def from_components(strains):
+
+def from_components(strains: ArrayLike) -> Floats:
     """Return (n, 3) q_d in (-pi, pi], q_kappa >= 0, q_tau of component strains (n, 3).
 
     Without curvature q_d is 0.
@@ -24,7 +27,7 @@ def from_components(strains):
     return np.column_stack([direction, amount, torsion])
 
 
-def to_components(described):
+def to_components(described: ArrayLike) -> Floats:
     """Return (n, 3) torsion, curvature about n, about b of (q_d, q_kappa, q_tau) (n, 3).
 
     A negative q_kappa is curvature in the opposite direction.
@@ -33,7 +36,7 @@ def to_components(described):
     return np.column_stack([torsion, amount * np.cos(direction), amount * np.sin(direction)])
 
 
-def add(one, other):
+def add(one: ArrayLike, other: ArrayLike) -> Floats:
     """Return the sum (n, 3) of two deformations (n, 3), both (q_d, q_kappa, q_tau): Eq. 14."""
     d1, k1, t1 = np.asarray(one, dtype=float).T
     d2, k2, t2 = np.asarray(other, dtype=float).T
@@ -42,7 +45,7 @@ def add(one, other):
     return np.column_stack([np.where(amount > 0, direction, 0.0), amount, t1 + t2])   # Eq. 14a
 
 
-def element_rotation(described, length):
+def element_rotation(described: ArrayLike, length: float) -> Floats:
     """Return the rotation (3, 3) from the far end of a short element to its near end: Eq. 16.
 
     R(t, q_d) R(n, q_kappa ds) R(t, -q_d) R(t, q_tau ds): bending first, then torsion. For
@@ -52,14 +55,16 @@ def element_rotation(described, length):
         described: (3,) q_d, q_kappa, q_tau
         length: ds, m
     """
-    direction, amount, torsion = described
+    direction, amount, torsion = np.asarray(described, dtype=float)
     return (_about_t(direction) @ _about_n(amount * length) @ _about_t(-direction)
             @ _about_t(torsion * length))
 
 
-def _about_t(angle):
-    return Rotation.from_rotvec([angle, 0.0, 0.0]).as_matrix()
+def _about_t(angle: float) -> Floats:
+    result: Floats = Rotation.from_rotvec([angle, 0.0, 0.0]).as_matrix()
+    return result
 
 
-def _about_n(angle):
-    return Rotation.from_rotvec([0.0, angle, 0.0]).as_matrix()
+def _about_n(angle: float) -> Floats:
+    result: Floats = Rotation.from_rotvec([0.0, angle, 0.0]).as_matrix()
+    return result

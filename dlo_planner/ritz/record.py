@@ -8,12 +8,15 @@ Record is one pointer (numba's structref, see `boxed`). Its fields never change,
 contents may. Where kernels are plain Python, so is a Record.
 """
 
+from collections.abc import Callable
+from typing import Any, ClassVar, Self
+
 from dlo_planner.kernels import COMPILED
 
 if COMPILED:
     from dlo_planner.ritz.boxed import Base, declare, read
 else:
-    Base = object
+    Base = object  # type: ignore[assignment, misc]
 
 
 class Record(Base):
@@ -23,49 +26,50 @@ class Record(Base):
     named by `makes`.
     """
 
-    FIELDS = ()
-    _make = None
+    FIELDS: ClassVar[tuple[str, ...]] = ()
+    _make: ClassVar[Callable[..., Any]]
 
-    def __init_subclass__(cls):
+    def __init_subclass__(cls) -> None:
         cls.FIELDS = tuple(cls.__annotations__)
         if COMPILED:
             declare(cls, cls.FIELDS)
 
-    def __new__(cls, *values):
+    def __new__(cls, *values: Any) -> Self:
         """Return the record of all fields in order."""
         made = cls._make(*values) if COMPILED else super().__new__(cls)
         made.__dict__.update(zip(cls.FIELDS, values, strict=True))
-        return made
+        result: Self = made
+        return result
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         """Read the fields of a record that comes from a kernel, once."""
         if name not in self.FIELDS or not COMPILED:
             raise AttributeError(name)
         self.__dict__.update(zip(self.FIELDS, read(self), strict=True))
         return self.__dict__[name]
 
-    def __setattr__(self, name, value):
+    def __setattr__(self, name: str, value: object) -> None:
         """Refuse to set a field: the kernels would not see it."""
         if name in self.FIELDS:
             raise AttributeError(f'{type(self).__name__}.{name} cannot be set: use _replace')
         super().__setattr__(name, value)
 
-    def _replace(self, **changes):
+    def _replace(self, **changes: Any) -> Self:
         """Return the same record with other values of some fields."""
         getattr(self, self.FIELDS[0])  # all are read with the first one
         known = {**self.__dict__, **changes}
         return type(self)(*[known[name] for name in self.FIELDS])
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return type(self), tuple(getattr(self, name) for name in self.FIELDS)
 
 
-def makes(kind):
+def makes(kind: type[Record]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Decorate the kernel that makes the Record `kind` of its fields for Python.
 
     Its parameters are written out: numba looks at the types in a tuple slowly.
     """
-    def take(kernel):
+    def take(kernel: Callable[..., Any]) -> Callable[..., Any]:
         kind._make = staticmethod(kernel)
         return kernel
     return take

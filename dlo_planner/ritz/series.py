@@ -9,16 +9,18 @@ series spans is the paper's, what the minimizer sees is well conditioned.
 
 import numpy as np
 
+from dlo_planner.model.arrays import Floats
+
 BASES = ('chebyshev', 'fourier', 'fourier_polynomial', 'local')
 _DEGREE = 4  # of the polynomials beside Fourier's terms
 
 
-def chebyshev(x, n_terms):
+def chebyshev(x: Floats, n_terms: int) -> Floats:
     """Return T_j(x) = cos(j arccos x), j < n_terms, at x (m,) in [-1, 1], as (m, n_terms)."""
     return np.cos(np.arccos(np.clip(x, -1.0, 1.0))[:, None] * np.arange(n_terms))
 
 
-def fourier(x, n_terms):
+def fourier(x: Floats, n_terms: int) -> Floats:
     """Return 1, cos y, sin y, cos 2y, ... with y = pi x, at x (m,) in [-1, 1], (m, n_terms)."""
     order = (np.arange(n_terms) + 1) // 2
     phase = np.pi * np.asarray(x)[:, None] * order
@@ -26,7 +28,7 @@ def fourier(x, n_terms):
                                                                          np.sin(phase)))
 
 
-def fourier_polynomial(x, n_terms):
+def fourier_polynomial(x: Floats, n_terms: int) -> Floats:
     """Return 1, polynomials to degree 4, then cos y, sin y, ... at x (m,), as (m, n_terms).
 
     A Fourier series continues a strain with period L, with a jump where the ends do not fit, so its
@@ -40,12 +42,12 @@ def fourier_polynomial(x, n_terms):
 _FUNCTIONS = {'chebyshev': chebyshev, 'fourier': fourier, 'fourier_polynomial': fourier_polynomial}
 
 
-def converging(basis):
+def converging(basis: str) -> str:
     """Return the basis that takes the place of `basis` where an accuracy has to be reached."""
     return 'fourier_polynomial' if basis == 'fourier' else basis
 
 
-def orthonormal_basis(basis, n_terms, s):
+def orthonormal_basis(basis: str, n_terms: int, s: Floats) -> Floats:
     """Return (N, m): the basis at the middle of the elements, orthonormal with weight h.
 
     N strains are all that N elements can have, so m is n_terms or N, whichever is less: further
