@@ -30,14 +30,14 @@ def random_way(arm, rng):
         parts = np.linspace(0, 1, 9)[:, None]
         ways = begin + parts * first + parts**2 * second
         within = (ways > lower).all() and (ways < upper).all()
-        clear = within and all(arm._collision.distances(one).min() > 0.01 for one in ways)
+        clear = within and all(arm.collision.distances(one).min() > 0.01 for one in ways)
         if clear and all(_stiffness(arm, one) > 0.05 for one in ways):
             return ways
 
 
 def _stiffness(arm, positions):
     """Return the smallest singular value of the Jacobian: 0 where the arm is stretched out."""
-    return np.linalg.svd(arm._chain.off(positions, *arm._chain.placement(positions))[1],
+    return np.linalg.svd(arm.chain.off(positions, *arm.chain.placement(positions))[1],
                          compute_uv=False)[-1]
 
 

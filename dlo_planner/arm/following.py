@@ -55,7 +55,7 @@ def followed(arm: Arm, targets: Sequence[Target], times: Floats, start: Floats, 
     Raises:
         Lost: out of reach, beyond a joint's limits, or only with a jump
     """
-    chain, out, ways = arm._chain, [start], ways_between(targets)
+    chain, out, ways = arm.chain, [start], ways_between(targets)
     for k in range(1, len(targets)):
         check()
         if not ways[k]:

@@ -3,8 +3,9 @@
 """A gripper's trajectory as the joint trajectory of an arm, with its proof."""
 
 from collections.abc import Callable, Sequence
-from copy import copy
+from dataclasses import dataclass, field, replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -67,19 +68,29 @@ def joint_trajectory(trajectory: TimedPath, arm: Arm, tool: Pose | None = None, 
     instance('arm', arm, Arm)
     instance('tool', tool, Pose, optional=True)
     current = None if current is None else arm.checked('current', current)
-    course = _Course(trajectory, arm, (tool or Pose.identity()).inverse())
+    course = _Course.of(trajectory, arm, (tool or Pose.identity()).inverse())
     rolls = _rolls() if flag('free_roll', free_roll) else [0.0]
-    check, best = Progress(None, deadline).check, None
+    check = Progress(None, deadline).check
+    best: Lost | None = None
     for rolled in map(course.rolled, rolls):
         found, best = _first(rolled, current, check, best)
         if found is not None:
             return found
+    assert best is not None  # nothing was found, so something was lost
     if best.attempt is not None:  # what is known of it comes from coarse steps
         try:
-            return _proved(*best.attempt, check)
+            return _proved(best.attempt, check)
         except Lost as lost:
             best = lost if lost.time <= best.time or lost.constraint == best.constraint else best
     raise _refusal(trajectory, best, len(rolls) > 1)
+
+
+class _Attempt(NamedTuple):
+    """A configuration (m,) in which to begin a course, and how strongly joints are centered."""
+
+    course: '_Course'
+    start: Floats
+    centering: float
 
 
 def _first(course: '_Course', current: Floats | None, check: Callable[[], object],
@@ -90,76 +101,84 @@ def _first(course: '_Course', current: Floats | None, check: Callable[[], object
                        _ROLLED[1] if course.roll else _SEEDS)
     except Lost as lost:
         return None, _better(best, lost)
-    attempts = list(product([course], begin, choices(course.arm._chain)))
+    attempts = [_Attempt(course, *chosen) for chosen in product(begin, choices(course.arm.chain))]
     for attempt in attempts[:_ROLLED[0]] if course.roll else attempts:
         check()
         try:
-            _look_ahead(*attempt, check)
-            return _proved(*attempt, check), best
+            _look_ahead(attempt, check)
+            return _proved(attempt, check), best
         except Lost as lost:
             lost.attempt = attempt
             best = _better(best, lost)
     return None, best
 
 
+@dataclass(frozen=True, eq=False)
 class _Course:
-    """Where the tool link has to be.
+    """Where the tool link has to be; `of` makes one.
 
-    Args:
+    Attributes:
         trajectory: TimedPath; arm: Arm
         back: Pose of the tool link in the gripper frame
         roll: rad, by which the gripper is rolled
-
-    Attributes:
         times: (n,) s, of the points with which configurations are compared
+        seen: times -> positions and rotations of the gripper in the root link
     """
 
-    def __init__(self, trajectory: TimedPath, arm: Arm, back: Pose, roll: float = 0.0) -> None:
-        self._trajectory, self.arm, self._back, self.roll = trajectory, arm, back, roll
-        self._seen: dict[bytes, tuple[Floats, Floats]] = {}  # times -> positions and rotations of the gripper in the root link
-        dense = np.unique(np.concatenate(self.leg_times(_STEP)))
-        far = np.cumsum(ways_between(self.targets(dense)))
+    trajectory: TimedPath
+    arm: Arm
+    back: Pose
+    roll: float = 0.0
+    times: Floats = field(default_factory=lambda: np.zeros(0))
+    seen: dict[bytes, tuple[Floats, Floats]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, trajectory: TimedPath, arm: Arm, back: Pose) -> '_Course':
+        """Return the course of a gripper that is not rolled."""
+        course = cls(trajectory, arm, back)
+        dense = np.unique(np.concatenate(course.leg_times(_STEP)))
+        far = np.cumsum(ways_between(course.targets(dense)))
         marks = np.searchsorted(far, np.linspace(0, far[-1], 2 + int(far[-1] / _COARSE)))
-        self.times = dense[np.unique([0, *np.minimum(marks, dense.size - 1), dense.size - 1])]
+        return replace(course, times=dense[np.unique(
+            [0, *np.minimum(marks, dense.size - 1), dense.size - 1])])
 
     def rolled(self, roll: float) -> '_Course':
         """Return the same with the gripper rolled."""
-        other = copy(self)
         turn = Pose.from_rotation(np.zeros(3), Rotation.from_rotvec([roll, 0, 0]).as_matrix())
-        other._back, other.roll = turn.compose(self._back), roll
-        return other
+        return replace(self, back=turn.compose(self.back), roll=roll)
 
     def targets(self, times: ArrayLike) -> list[Target]:
         """Return positions (3,) and rotations (3, 3) of the tool in the arm's root link."""
         key = np.asarray(times, dtype=float).tobytes()
-        if key not in self._seen:
-            self._seen[key] = self._grippers(times)
-        places, turns = self._seen[key]
-        return list(zip(places + turns @ self._back.position, turns @ self._back.rotation,
+        if key not in self.seen:
+            self.seen[key] = self._grippers(times)
+        places, turns = self.seen[key]
+        return list(zip(places + turns @ self.back.position, turns @ self.back.rotation,
                         strict=True))
 
     def _grippers(self, times: ArrayLike) -> tuple[Floats, Floats]:
-        grippers, root = self._trajectory.at(times)[0], self.arm.base
+        grippers, root = self.trajectory.at(times)[0], self.arm.base
         places, turns = (np.array([getattr(gripper, name) for gripper in grippers])
                          for name in ('position', 'rotation'))
         return (places - root.position) @ root.rotation, root.rotation.T @ turns
 
     def leg_times(self, step: float) -> list[Floats]:
         """Return for each leg the times (k,) of its points, its beginning and end among them."""
-        starts = self._trajectory.starts
+        starts = self.trajectory.starts
         most = _MOST // (len(starts) - 1)
         return [np.linspace(begin, end, 1 + int(np.clip(np.ceil((end - begin) / step),
                                                         _LEAST, max(most - 1, _LEAST))))
                 for begin, end in zip(starts, starts[1:], strict=False)]
 
 
-def _proved(course: _Course, start: Floats, centering: float,
-            check: Callable[[], object]) -> JointTrajectory:
+def _proved(attempt: _Attempt, check: Callable[[], object]) -> JointTrajectory:
     """Return the JointTrajectory that begins in a configuration (m,), or raise Lost."""
+    course = attempt.course
     for halvings in range(_HALVINGS):
         legs = course.leg_times(_STEP / 2**halvings)
         times = np.unique(np.concatenate(legs))
-        positions = followed(course.arm, course.targets(times), times, start, centering, check)
+        positions = followed(course.arm, course.targets(times), times, attempt.start,
+                             attempt.centering, check)
         points = times, positions, *_derivatives(legs, times, positions)
         curve = quintic(*points)
         between = 0.5 * (times[1:] + times[:-1])
@@ -177,14 +196,14 @@ def _proved(course: _Course, start: Floats, centering: float,
                                      0.5 * (times[:-1] + between)]))
     off = tool_errors(course.arm, curve, course.targets(probes), probes).max(axis=0)
     return JointTrajectory(course.arm.joints, *points, float(off[0]), float(off[1]), distance,
-                           course.roll, course.arm._collision.missing)
+                           course.roll, course.arm.collision.missing)
 
 
-def _look_ahead(course: _Course, start: Floats, centering: float,
-                check: Callable[[], object]) -> None:
+def _look_ahead(attempt: _Attempt, check: Callable[[], object]) -> None:
     """Raise Lost if a configuration cannot be followed in coarse steps already."""
-    times = course.times
-    positions = followed(course.arm, course.targets(times), times, start, centering, check)
+    course, times = attempt.course, attempt.course.times
+    positions = followed(course.arm, course.targets(times), times, attempt.start,
+                             attempt.centering, check)
     judge_steps(course.arm, positions, times)
     for one, time in zip(positions, times, strict=True):
         judge_self_collision(course.arm, one, time)

@@ -23,7 +23,7 @@ def tool_errors(arm: Arm, curve: PPoly, targets: Sequence[Target], times: Floats
     """Return (n, 2) by how many m and rad the tool is off its targets at `times` (n,)."""
     out = []
     for positions, (place, turn) in zip(curve(times), targets, strict=True):
-        here, axes = arm._chain.placement(positions)
+        here, axes = arm.chain.placement(positions)
         out.append((np.linalg.norm(here - place), angle_between(axes, turn)))
     return np.array(out)
 
@@ -58,7 +58,7 @@ def smallest_distance(arm: Arm, curve: PPoly, check: Callable[[], object]) -> fl
     Raises:
         Lost: links come nearer than the arm's clearance
     """
-    collision = arm._collision
+    collision = arm.collision
     if not collision.pairs:
         return np.nan if collision.missing else np.inf
     spot = _Spots(arm, curve)

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.arm.chain import Chain, chain_of
@@ -59,7 +58,7 @@ class Arm(Value):
             self_clearance=number('self_clearance', self.self_clearance, minimum=0),
             fixed=FrozenDict((name, number(f'fixed[{shown(name)}]', value))
                              for name, value in self.fixed.items()))
-        put(self, joints=self._chain.names)  # builds it, which judges the rest
+        put(self, joints=self.chain.names)  # builds it, which judges the rest
         super().__post_init__()
 
     def __repr__(self) -> str:
@@ -68,27 +67,27 @@ class Arm(Value):
     @property
     def lower(self) -> Floats:
         """(m,) lower limits of the joints, rad or m; -inf for one that turns for ever."""
-        return self._chain.lower
+        return self.chain.lower
 
     @property
     def upper(self) -> Floats:
         """(m,) upper limits of the joints, rad or m; inf for one that turns for ever."""
-        return self._chain.upper
+        return self.chain.upper
 
     @property
     def speeds(self) -> Floats:
         """(m,) largest speeds of the joints, rad/s or m/s."""
-        return self._chain.speeds
+        return self.chain.speeds
 
     @property
     def carriers(self) -> tuple[str, ...]:
         """Joints that move the tool too, but are not the arm's: they stand as `fixed` says."""
-        return self._chain.carriers
+        return self.chain.carriers
 
     @property
     def units(self) -> list[str]:
         """M units of the joints' positions, 'rad' or 'm'."""
-        return ['rad' if turning else 'm' for turning in self._chain.turning]
+        return ['rad' if turning else 'm' for turning in self.chain.turning]
 
     def pose(self, positions: ArrayLike) -> Pose:
         """Return the Pose of the tool link in the world at joint positions (m,), rad or m.
@@ -96,7 +95,7 @@ class Arm(Value):
         Raises:
             InvalidTask: not m finite numbers
         """
-        place, turn = self._chain.placement(self.checked('positions', positions))
+        place, turn = self.chain.placement(self.checked('positions', positions))
         return self.base.compose(Pose.from_rotation(place, turn))
 
     def checked(self, name: str, positions: ArrayLike) -> Floats:
@@ -105,9 +104,11 @@ class Arm(Value):
         return row(name, positions, least=count, most=count, minimum=-1e6, maximum=1e6)
 
     @cached_property
-    def _chain(self) -> Chain:
+    def chain(self) -> Chain:
+        """The joints' kinematics."""
         return chain_of(self.urdf, self.tool_link, self.joints, self.fixed)
 
     @cached_property
-    def _collision(self) -> SelfCollision:
-        return SelfCollision(self._chain, self.urdf, self.packages, self.srdf, self.self_clearance)
+    def collision(self) -> SelfCollision:
+        """The pairs of links that have to stay clear of each other."""
+        return SelfCollision(self.chain, self.urdf, self.packages, self.srdf, self.self_clearance)

@@ -16,11 +16,9 @@ _ALIKE = 1e-2     # rad or m: configurations that are one
 _HERE = 0.02, 0.1  # m, rad: so near to the first target the tool is where it should be
 
 
-def is_there(arm: Arm, target: Target, current: Floats | None) -> bool:
-    """Whether the tool is at its first target at the arm's present joint positions, or None."""
-    if current is None:
-        return False
-    off = arm._chain.off(current, *target)[0]
+def is_there(arm: Arm, target: Target, current: Floats) -> bool:
+    """Whether the tool is at its first target at the arm's present joint positions."""
+    off = arm.chain.off(current, *target)[0]
     return bool(np.linalg.norm(off[:3]) <= _HERE[0] and np.linalg.norm(off[3:]) <= _HERE[1])
 
 
@@ -40,8 +38,8 @@ def starts(arm: Arm, target: Target, current: Floats | None, number: int) -> lis
     Raises:
         Lost: there is none
     """
-    chain = arm._chain
-    if is_there(arm, target, current):
+    chain = arm.chain
+    if current is not None and is_there(arm, target, current):
         found = solve(chain, current, target, _ITERATIONS)
         judge_all(arm, found, 0.0)
         return [found.positions]
@@ -62,7 +60,7 @@ def starts(arm: Arm, target: Target, current: Floats | None, number: int) -> lis
                 continue
             if all(np.abs(nearest.positions - other).max() > _ALIKE for other in good):
                 good.append(nearest.positions)
-    if not good:
+    if not good and best is not None:
         raise best
     # without present positions a joint is as far from its middle as it is near to a limit
     size = 1.0 if current is not None else 0.5 * (chain.upper - chain.lower)
@@ -78,12 +76,12 @@ def judge_all(arm: Arm, found: Solved, time: float) -> None:
 
 def judge_self_collision(arm: Arm, positions: Floats, time: float) -> float:
     """Return the smallest distance between links, m; raise Lost if it is too small."""
-    distances = arm._collision.distances(positions)
+    distances = arm.collision.distances(positions)
     if not distances.size:
         return np.inf
     pair = int(np.argmin(distances))
     if distances[pair] <= arm.self_clearance:
-        one, other = arm._collision.pairs[pair]
+        one, other = arm.collision.pairs[pair]
         wanted = f'at least {arm.self_clearance:g} m' if arm.self_clearance else 'more than 0 m'
         raise Lost(f'{one} and {other} come together: their distance is {distances[pair]:.4g} m, '
                    f'expected {wanted}', time, 'self_collision',

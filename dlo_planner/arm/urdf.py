@@ -44,8 +44,9 @@ def mimics(root: ElementTree.Element) -> dict[str, tuple[str, float, float]]:
     for joint in root.findall('joint'):
         mimic = joint.find('mimic')
         if mimic is not None:
-            found[joint.get('name', '')] = (mimic.get('joint', ''), float(mimic.get('multiplier', 1)),
-                                        float(mimic.get('offset', 0)))
+            found[joint.get('name', '')] = (
+                mimic.get('joint', ''), float(mimic.get('multiplier', 1)),
+                float(mimic.get('offset', 0)))
     return found
 
 

@@ -4,6 +4,8 @@
 
 from dataclasses import dataclass, fields
 
+from typing import Any
+
 import numpy as np
 
 from dlo_planner.cell.plant import Plant
@@ -62,8 +64,8 @@ class Camera(Value):
     sees_hole: bool = False
 
     def __post_init__(self) -> None:
-        limits = {'rate': {'above': 0}, 'outliers': {'minimum': 0, 'maximum': 1},
-                  'hidden': {'minimum': 0, 'maximum': 2 / 3}, 'stamp_error': {}}
+        limits: dict[str, Any] = {'rate': {'above': 0}, 'outliers': {'minimum': 0, 'maximum': 1},
+                                  'hidden': {'minimum': 0, 'maximum': 2 / 3}, 'stamp_error': {}}
         for item in fields(self):
             if item.type is float:
                 put(self, **{item.name: number(f'Camera.{item.name}', getattr(self, item.name),

@@ -74,11 +74,13 @@ def chain_of(rod: Rod, truth: Truth, cells: int) -> Chain:
     ends = np.append(joints[1:], length)
     masses, centers, inertias = _masses(rod, truth, joints, ends)
     section = rod.section
-    flat = section is not None and section.kind == 'rectangular'
+    box = None
+    if section is not None and section.kind == 'rectangular':
+        box = section.half_n, section.half_b
     return Chain(length, stiffness / cell, _means(truth.natural_strains(rod, inside), cells) * cell,
                  masses, centers, inertias,
                  rod.radii(np.minimum(0.5 * (joints + ends), rod.length)),
-                 (section.half_n, section.half_b) if flat else None)
+                 box)
 
 
 def _means(values: Floats, cells: int) -> Floats:
@@ -104,7 +106,8 @@ def _masses(rod: Rod, truth: Truth, joints: Floats, ends: Floats) -> tuple[Float
         across = 0.25 * mass * rod.radii(np.array([min(center, rod.length)]))[0] ** 2
         across = max(across, _THIN * mass * (end - begin) ** 2)
         found.append((mass, center - begin, (2 * across, along + across, along + across)))
-    return map(np.array, zip(*found, strict=True))
+    masses, centers, inertias = map(np.array, zip(*found, strict=True))
+    return masses, centers, inertias
 
 
 def add_gripper(spec: mujoco.MjSpec, chain: Chain) -> mujoco.MjsBody:
@@ -152,9 +155,9 @@ def _add_geom(body: Any, chain: Chain, k: int, length: float) -> None:
     if chain.box is None:
         if not chain.radii[k]:
             return  # a thin line touches nothing
-        shape, size = mujoco.mjtGeom.mjGEOM_CAPSULE, (chain.radii[k], half, 0)
-        turn = (np.sqrt(0.5), 0, np.sqrt(0.5), 0)  # its axis from z to x
+        shape, size = mujoco.mjtGeom.mjGEOM_CAPSULE, (chain.radii[k], half, 0.0)
+        turn = (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0)  # its axis from z to x
     else:
-        shape, size, turn = mujoco.mjtGeom.mjGEOM_BOX, (half, *chain.box), (1, 0, 0, 0)
+        shape, size, turn = mujoco.mjtGeom.mjGEOM_BOX, (half, *chain.box), (1.0, 0.0, 0.0, 0.0)
     body.add_geom(type=shape, size=size, quat=turn, pos=(half, 0, 0), contype=DLO,
                   conaffinity=SCENE)

@@ -93,7 +93,7 @@ class Plant:
         NotConverged: the DLO does not come to rest
     """
 
-    def __init__(self, rod: Rod, gripper: Pose, obstacles: Iterable = (), *,
+    def __init__(self, rod: Rod, gripper: Pose, obstacles: Iterable[Obstacle] = (), *,
                  truth: Truth | None = None, cells: int = 40, step: float = 1e-3,
                  damping: float = 0.005, gravity: ArrayLike = _GRAVITY) -> None:
         instance('rod', rod, Rod)

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sheets and obstacles as bodies of the physics engine."""
 
+from collections.abc import Sequence
+
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.cell.chain import DLO, SCENE
@@ -16,7 +17,7 @@ _SIDES = 24         # of the polygon around a round hole, which is up to 0.9 % w
 _THINNEST = 1e-3    # m: a thinner sheet could be tunnelled through
 _HALF_PLANE = 10.0  # m
 
-Part = tuple[str, ArrayLike, Floats, Floats]  # kind, size (3,), center (3,), rotation (3, 3)
+Part = tuple[str, Sequence[float] | Floats, Floats, Floats]  # kind, size, center, rotation
 
 
 def add_obstacle(spec: mujoco.MjSpec, obstacle: Plane | Sphere | Capsule | Box | Sheet,
@@ -42,7 +43,7 @@ def _parts(obstacle: Obstacle) -> list[Part]:
         return [('SPHERE', (obstacle.radius, 0, 0), obstacle.center, np.eye(3))]
     if isinstance(obstacle, Capsule):
         axis = obstacle.end - obstacle.start
-        return [('CAPSULE', (obstacle.radius, 0.5 * np.linalg.norm(axis), 0),
+        return [('CAPSULE', (obstacle.radius, 0.5 * float(np.linalg.norm(axis)), 0),
                  0.5 * (obstacle.start + obstacle.end), _z_along(axis))]
     if isinstance(obstacle, Box):
         return [('BOX', 0.5 * obstacle.size, obstacle.pose.position, np.array(
@@ -68,7 +69,7 @@ def _around_hole(sheet: Sheet) -> list[Part]:
     else:
         y, z = 0.5 * hole.width, 0.5 * hole.height
         sides = [(0, y, reach), (np.pi / 2, z, y), (np.pi, y, reach), (1.5 * np.pi, z, y)]
-    parts = []
+    parts: list[Part] = []
     for angle, inner, wide in sides:
         turned = rotation @ Rotation.from_euler('x', angle).as_matrix()
         center = hole.center + 0.5 * (inner + reach) * turned[:, 1]

@@ -41,11 +41,11 @@ class Truth(Value):
     torsional_stiffness: float = 1.0
     mass: float = 1.0
     mass_gradient: float = 0.0
-    natural_curvature: Floats = ((0.0,), (0.0,))
+    natural_curvature: Floats = ((0.0,), (0.0,))  # type: ignore[assignment]
     length: float = 0.0
-    gripper_shift: Floats = (0.0, 0.0, 0.0)
-    gripper_turn: Floats = (0.0, 0.0, 0.0)
-    hole_shift: Floats = (0.0, 0.0, 0.0)
+    gripper_shift: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    gripper_turn: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    hole_shift: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         for name in ('bending_stiffness', 'torsional_stiffness', 'mass'):
@@ -98,7 +98,7 @@ class Unknowns(Value):
     stiffness: float = 0.0
     mass: float = 0.0
     mass_gradient: float = 0.0
-    natural_curvature: Floats = (0.0,)
+    natural_curvature: Floats = (0.0,)  # type: ignore[assignment]
     length: float = 0.0
     gripper_position: float = 0.0
     gripper_rotation: float = 0.0
@@ -127,6 +127,6 @@ class Unknowns(Value):
 _TILT = np.radians(0.2)
 NOTHING_UNKNOWN = Unknowns()
 # `--unknown much` and `--unknown more`
-UNCERTAIN = Unknowns(0.05, 0.02, natural_curvature=(0.05,), gripper_position=0.5e-3,
+UNCERTAIN = Unknowns(0.05, 0.02, natural_curvature=np.array([0.05]), gripper_position=0.5e-3,
                      gripper_rotation=_TILT)
-VERY_UNCERTAIN = Unknowns(0.05, 0.02, 0.03, (0.05, 0.03, 0.03), 1e-3, 0.5e-3, _TILT, 0.5e-3)
+VERY_UNCERTAIN = Unknowns(0.05, 0.02, 0.03, np.array([0.05, 0.03, 0.03]), 1e-3, 0.5e-3, _TILT, 0.5e-3)

@@ -28,7 +28,8 @@ class PoseType(click.ParamType):
                 ctx: click.Context | None) -> object:
         """Return the Pose."""
         try:
-            return pose_of_numbers(param.name, [float(one) for one in str(value).split(',')])
+            name = param.name if param is not None else None
+            return pose_of_numbers(name or 'pose', [float(one) for one in str(value).split(',')])
         except DloPlannerError as error:
             self.fail(str(error), param, ctx)
         except ValueError:

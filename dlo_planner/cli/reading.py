@@ -3,7 +3,7 @@
 """Poses, obstacles and observations from files and options."""
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,14 +27,14 @@ def pose_of_numbers(name: str, numbers: Sequence[float]) -> Pose:
     Raises:
         InvalidTask: another count, or no pose
     """
-    numbers = row(name, numbers)
-    if numbers.size == 3:
-        return Pose(numbers, _LEVEL)
-    if numbers.size == 6:
-        return Pose.looking_along(numbers[:3], numbers[3:])
-    if numbers.size == 7:
-        return Pose(numbers[:3], numbers[3:])
-    raise InvalidTask(f'{name} = {shown(numbers.tolist())}: expected 3, 6 or 7 numbers: a place, '
+    given = row(name, numbers)
+    if given.size == 3:
+        return Pose(given, _LEVEL)
+    if given.size == 6:
+        return Pose.looking_along(given[:3], given[3:])
+    if given.size == 7:
+        return Pose(given[:3], given[3:])
+    raise InvalidTask(f'{name} = {shown(given.tolist())}: expected 3, 6 or 7 numbers: a place, '
                       'and a direction or a quaternion')
 
 
@@ -143,7 +143,7 @@ def _obstacle(name: str, content: object) -> Box | Capsule | Plane | Sphere:
         raise InvalidTask(f'{name}: {error}') from None
 
 
-_KINDS = {
+_KINDS: dict[str, Callable[[str, Any], Box | Capsule | Plane | Sphere]] = {
     'box': lambda name, said: Box(pose_of(f'{name}.pose', said['pose']), said['size'],
                                   said.get('friction', 0.0)),
     'sphere': lambda _, said: Sphere(said['center'], said['radius'], said.get('friction', 0.0)),

@@ -14,7 +14,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.settings.building import inverse_of, limits_of, tolerance_of
-from dlo_planner.settings.threading import Wanted, way_through
+from dlo_planner.settings.threading import Present, Wanted, way_through
 from dlo_planner.verify.replay import replay
 
 _ENDINGS = (*PICTURES, *FILMS, *VALUES, '.csv', *POSES)
@@ -57,7 +57,7 @@ def command(dlo: Described, holes: tuple[Pose, ...], radius: float | None, start
     inverse = inverse_of(values, direct)
     cutouts = [CutOut(pose, radius=radius or values['cutouts.radius'] or None) for pose in holes]
     with Bar('waypoints') as bar:
-        plan = way_through(inverse, cutouts, Wanted.of(values), start=start, progress=bar,
+        plan = way_through(inverse, cutouts, Wanted.of(values), Present(start), progress=bar,
                            deadline=deadline or values['threading.planning_deadline'])
     click.echo(plan.summary())
     write(plan, outputs, obstacles=direct.obstacles)

@@ -35,7 +35,7 @@ class DloPlanner:
         except PackageNotFoundError:
             return 'from source'
 
-    def settings(self, scenario: Scenario, *, n_elements: int, n_frames: int) -> dict:
+    def settings(self, scenario: Scenario, *, n_elements: int, n_frames: int) -> dict[str, object]:
         """Return what was chosen for a scenario."""
         if scenario.quasi_static:
             return {'method': 'Newton on arcs of constant strain; stretch and contact by turns',
@@ -54,7 +54,7 @@ class DloPlanner:
         cords = [cord_of(rod, scenario, n_elements) for rod in scenario.rods]
         times = np.linspace(0, scenario.duration, n_frames)
         if scenario.quasi_static:
-            found = pressed(tuple(cords)) if len(cords) > 1 else [settled(cords[0])]
+            found = pressed((cords[0], cords[1])) if len(cords) > 1 else [settled(cords[0])]
             ends = [recorded(cord, *rest) for cord, rest in zip(cords, found, strict=True)]
             frames = [tuple(np.stack([first] + [last] * (n_frames - 1)) for first, last in
                             zip((cord.nodes, cord.directors), end, strict=True))

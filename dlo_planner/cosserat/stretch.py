@@ -57,11 +57,11 @@ class Stretch:
 
     def to_stretched(self, s: ArrayLike) -> Floats:
         """Return stretched arc lengths of unstretched ones, m."""
-        return np.interp(s, self.free, self.stretched)
+        return np.interp(np.asarray(s, dtype=float), self.free, self.stretched)
 
     def to_free(self, s: ArrayLike) -> Floats:
         """Return unstretched arc lengths of stretched ones, m."""
-        return np.interp(s, self.stretched, self.free)
+        return np.interp(np.asarray(s, dtype=float), self.stretched, self.free)
 
     def change(self, other: 'Stretch') -> float:
         """Return the largest difference of strain to another one."""

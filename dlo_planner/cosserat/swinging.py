@@ -66,11 +66,11 @@ def _simulated(cord: Cord, mesh: Floats, values: Mapping[str, Any], gripper: Pos
     bent = Rod(mesh[-1], parts['mass'], parts['bend'], parts['twist'], radius=cord.radius,
                natural_curvature=Stepwise(mesh, strains[:, 1:]),
                natural_twist=Stepwise(mesh, strains[:, 0]))
-    options = {'basis': 'local', 'n_elements': len(mesh) - 1}
+    options: dict[str, Any] = {'basis': 'local', 'n_elements': len(mesh) - 1}
     start = DirectSimulator(bent, gravity=(0, 0, 0), **options).solve(gripper)
     simulator = DirectSimulator(rod, gravity=cord.gravity, **options)
     frames, span = len(times) - 1, float(times[-1] - times[0])
-    longest = 2.6 * np.sqrt(cord.length / max(np.linalg.norm(cord.gravity), 1e-3)) / _STEPS
+    longest = 2.6 * np.sqrt(cord.length / max(float(np.linalg.norm(cord.gravity)), 1e-3)) / _STEPS
     finer = max(1, int(np.ceil(span / frames / longest)))
     motion = simulator.simulate([gripper] * (frames * finer + 1), span / (frames * finer),
                                 initial=start, tolerance=np.inf)
@@ -97,7 +97,7 @@ def _begin(cord: Cord) -> tuple[Pose, Floats]:
     return Pose.from_rotation(cord.nodes[0], frames[0]), np.array(strains)
 
 
-def _on(value: Stepwise, mesh: Floats) -> Floats:
+def _on(value: Any, mesh: Floats) -> Floats:
     """Return what a number or a function of s is on the elements of a mesh (n,)."""
     middles = 0.5 * (mesh[1:] + mesh[:-1])
     return np.array([value(s) if callable(value) else np.ravel(value)[0] for s in middles])

@@ -14,6 +14,7 @@ from scipy.optimize import brentq, least_squares, root
 
 from dlo_planner.cosserat.cord import Cord, at_rest, settled
 from dlo_planner.cosserat.stretch import Stretch
+from dlo_planner.direct.shape import Shape
 from dlo_planner.model.arrays import Floats
 
 _FIRST = 0.02    # of the weight: the first trial of the force
@@ -38,7 +39,7 @@ class Contact:
     def __init__(self, cords: tuple[Cord, Cord]) -> None:
         self.cords = cords
         self.stretches = [Stretch.none(cord.length) for cord in cords]
-        self.shapes = [None, None]
+        self.shapes: list[Shape] = []
         lines = [_line(cord) for cord in cords]
         away = np.linalg.norm(lines[0][:, None] - lines[1][None], axis=2)
         nearest = np.unravel_index(away.argmin(), away.shape)
@@ -50,9 +51,10 @@ class Contact:
 
     def rest(self, force: float) -> float:
         """Let both come to rest pressed by `force` in N; return the gap between them in m."""
-        for k, sign in enumerate((-1.0, 1.0)):
-            loads = [(self.places[k], sign * force * self.normal)]
-            self.shapes[k] = at_rest(self.cords[k], self._rods[k], self.stretches[k], loads)
+        self.shapes = [
+            at_rest(self.cords[k], self._rods[k], self.stretches[k],
+                    [(self.places[k], sign * force * self.normal)])
+            for k, sign in enumerate((-1.0, 1.0))]
         points = self._points(self.crossed())
         return float((points[1] - points[0]) @ self.normal) - sum(c.radius for c in self.cords)
 
@@ -102,7 +104,7 @@ class Contact:
                 for shape, stretch, s in zip(self.shapes, self.stretches, places, strict=True)]
 
 
-def pressed(cords: tuple[Cord, Cord]) -> list:
+def pressed(cords: tuple[Cord, Cord]) -> list[tuple[Shape, Stretch]]:
     """Return of each cord the Shape in which it rests and its Stretch.
 
     Raises:
@@ -110,7 +112,7 @@ def pressed(cords: tuple[Cord, Cord]) -> list:
     """
     contact = Contact(cords)
     contact.take(contact.stretches)
-    weight = sum(cord.density * cord.area * cord.length * np.linalg.norm(cord.gravity)
+    weight = sum(cord.density * cord.area * cord.length * float(np.linalg.norm(cord.gravity))
                  for cord in cords)
     force = _force(contact, _FIRST * weight, _MOST * weight)
     if not force:

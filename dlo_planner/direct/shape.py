@@ -252,6 +252,16 @@ class Shape(Pictured):
         return None if self._discretization is None else self._discretization.rod
 
     @property
+    def mesh(self) -> Discretization | None:
+        """The Discretization it was computed on; None for a shape from a file."""
+        return self._discretization
+
+    @property
+    def history(self) -> History | None:
+        """What the DLO carries to the next step: its permanent set and its contacts."""
+        return self._history
+
+    @property
     def pinned(self) -> bool:
         """Whether its beginning is pinned by the gripper, not clamped (a simulator's `grip`)."""
         return self._discretization is not None and self._discretization.surroundings.pinned

@@ -30,6 +30,7 @@ from dlo_planner.direct.described import STRAINS
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.dynamics import simulate
 from dlo_planner.direct.grips import ends_of, moving_grips, poses
+from dlo_planner.direct.history import History
 from dlo_planner.direct.integrator import INTEGRATORS
 from dlo_planner.direct.mesh import even_mesh, with_breaks
 from dlo_planner.direct.motion import Motion
@@ -153,6 +154,16 @@ class DirectSimulator(Value):
         return self.surroundings.rod
 
     @property
+    def mesh(self) -> Discretization:
+        """The Discretization that shapes are computed on, at first."""
+        return self._discretization
+
+    @property
+    def history(self) -> History | None:
+        """The permanent set that it starts from, see `with_set`; None: none."""
+        return self._history
+
+    @property
     def gravity(self) -> np.ndarray:
         """(3,) m/s^2."""
         return self.surroundings.gravity
@@ -235,7 +246,7 @@ class DirectSimulator(Value):
         far_end = FarEnd.of(far_end)
         self._check(gripper, initial, far_end)
         shape, kicks = self._equilibrium(gripper, initial, far_end)
-        if initial is None or not self._made(initial):
+        if initial is None or not self.made(initial):
             return shape
         jumped = shape.jumped or leapt(self._equilibrium, initial, shape, kicks)
         return replace(shape, jumped=True) if jumped and not shape.jumped else shape
@@ -311,11 +322,11 @@ class DirectSimulator(Value):
         Where the motion cannot go on it ends: `Motion.converged` is False then, and `status` and
         `message` say why, and when.
         """
-        return self._motion(Stepper, grippers, dt, initial, far_ends, velocity, tolerance,
+        return self.motion_by(Stepper, grippers, dt, initial, far_ends, velocity, tolerance,
                             integrator, Progress(progress, deadline))
 
-    def _motion(self, make, grippers, dt, initial, far_ends, velocity, tolerance, integrator,
-                steps):
+    def motion_by(self, make, grippers, dt, initial, far_ends, velocity, tolerance,
+                  integrator, steps):
         """Return what `simulate` does; `make` makes the Stepper."""
         grippers = poses(grippers, 1)
         dt = number('dt', dt, above=0)
@@ -360,7 +371,7 @@ class DirectSimulator(Value):
         self._check(gripper, shape)
         if self.accuracy is None:
             return self._discretization
-        if (shape is not None and self._made(shape)
+        if (shape is not None and self.made(shape)
                 and shape._discretization.basis in (self.basis, self._fine)
                 and within(shape, self.accuracy)):
             return shape._discretization
@@ -379,14 +390,14 @@ class DirectSimulator(Value):
         if far_end is not None and self.method != 'newton':
             raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with a far end')
 
-    def _made(self, shape):
+    def made(self, shape: Shape) -> bool:
         """Whether a Shape is of this DLO, with all that acts on it here."""
         known = shape._discretization
         return known is not None and same(known.surroundings, self.surroundings)
 
     def _settled(self, shape):
         """Return what a Shape or None, made anywhere, becomes here in its grippers; or None."""
-        if shape is None or self._made(shape):
+        if shape is None or self.made(shape):
             return shape
         found, _ = self._equilibrium(shape.gripper, shape, shape.far_end)
         return found if found.converged else None

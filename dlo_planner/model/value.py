@@ -46,11 +46,11 @@ class Value:
             return True
         if type(other) is not type(self):
             return NotImplemented
-        return all(same(getattr(self, name), getattr(other, name)) for name in self._compared())
+        return all(same(getattr(self, name), getattr(other, name)) for name in self.compared())
 
     def __hash__(self) -> int:
         return hash((type(self).__name__, *(_hashable(getattr(self, name))
-                                            for name in self._compared())))
+                                            for name in self.compared())))
 
     def __repr__(self) -> str:
         """Say what differs from the defaults."""
@@ -79,7 +79,7 @@ class Value:
             freeze(content)
 
     @classmethod
-    def _compared(cls) -> Sequence[str]:
+    def compared(cls) -> Sequence[str]:
         if is_dataclass(cls):
             return [item.name for item in fields(cls) if item.compare]
         return cls.PARTS

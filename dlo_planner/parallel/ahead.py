@@ -72,7 +72,7 @@ def look(task: Moving | Resting) -> Guess:
     else:
         simulator = task.simulator.content
         method, rounding = simulator.method, 0.0
-        system = simulator._discretization.system(task.rotation, history=task.history)
+        system = simulator.mesh.system(task.rotation, history=task.history)
     q = np.empty((system.basis.shape[1] or system.lengths.size, 3))
     unknowns_of(system, np.array(task.strains), q)
     return Guess(*near(system, q, method, TOLERANCE + rounding, task.most))

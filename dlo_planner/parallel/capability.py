@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import instance, integer, items, number, results, shown
+from dlo_planner.model.checks import instance, integer, items, number, results, row, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.parallel.cell_grid import CellGrid
@@ -32,6 +32,7 @@ from dlo_planner.parallel.workers import Crew, Workers, checked
 from dlo_planner.progress import OnProgress, Progress
 
 _AT_ONCE = 32      # cut-outs in one piece of work
+_MOST = 10_000     # depths
 _PATIENCE = 30.0   # s
 _NUMBERS = ('amount', 'fraction', 'clearance', 'stability', 'roll', 'seconds')
 
@@ -136,11 +137,12 @@ def capability_map(inverse: InverseSimulator, grid: CellGrid, executor: Workers 
     """
     instance('inverse', inverse, InverseSimulator)
     instance('grid', grid, CellGrid)
-    starts = items('starts', starts, Pose)
-    depths = None if depths is None else inverse._checked(depths)
+    if depths is not None:
+        depths = _growing(row('depths', depths, most=_MOST, minimum=0,
+                              maximum=inverse.simulator.rod.length))
     checked(executor)
     chunk = integer('chunk', chunk, minimum=1, maximum=1_000_000)
-    question = Question(inverse, grid, starts, depths,
+    question = Question(inverse, grid, items('starts', starts, Pose), depths,
                         number('patience', patience, above=0))
     steps = Progress(progress, deadline)
     shared = Shared(question)
@@ -182,14 +184,23 @@ def _joined(grid: CellGrid, chunk: int,
     arrays = {name: np.full((len(grid), *size), *_EMPTY[name], dtype=kind)
               for name, (kind, size) in COLUMNS.items()}
     for k, part in parts.items():
-        for name in COLUMNS if part is not None else ():
-            arrays[name][k * chunk:(k + 1) * chunk] = part[name]
+        if part is not None:
+            for name in COLUMNS:
+                arrays[name][k * chunk:(k + 1) * chunk] = part[name]
     return CapabilityMap(grid, **{name: values.reshape(*grid.shape, *values.shape[1:])
                                   for name, values in arrays.items()})
 
 
-_EMPTY = {name: (-1,) if name == 'start' else ('',) if name == 'outcome' else (np.nan,)
+_EMPTY: dict[str, tuple[Any]] = {name: (-1,) if name == 'start' else ('',) if name == 'outcome' else (np.nan,)
           for name in COLUMNS}
+
+
+def _growing(depths: Floats) -> Floats:
+    falling = np.diff(depths) < 0
+    if falling.any():
+        bad = int(np.argmax(falling)) + 1
+        raise InvalidTask(f'depths[{bad}] = {depths[bad]}: expected not less than the one before')
+    return depths
 
 
 def _plain(name: str, value: object, shape: tuple[int, ...], kind: str) -> NDArray[Any]:

@@ -97,7 +97,7 @@ class Following:
             else:
                 yield self._piece(k, range(part.start - 1, part.stop), dropped=1, ends=True)
 
-    def _after(self, k: int, start: Shape) -> Piece:
+    def _after(self, k: int, start: Shape | None) -> Piece:
         """Return the Piece of a part that goes on from the Shape `start`."""
         return self._piece(k, self._jobs[k][1], start=start, ends=True)
 
@@ -118,7 +118,7 @@ def _found(crew: Crew, pieces: Iterable[Piece],
             yield piece
 
     results = crew.run(found, noted(), finished)
-    return [result if piece.dropped else result._replace(first=piece.start)
+    return [result if piece.dropped else Found(result.rows, piece.start, result.last)
             for piece, result in zip(given, results, strict=True)]
 
 
@@ -132,7 +132,7 @@ def _meet(before: Found, after: Found) -> bool:
     if not np.array_equal(last.gripper.position, first.gripper.position):
         return False  # the last shapes of the part before have failed
     if not np.array_equal(last.s, first.s):
-        first, _ = step(last._discretization, last.gripper, first, None, None)
+        first, _ = step(last.mesh, last.gripper, first, None, None)
     return bool(first.converged
                 and np.abs(last.positions - first.positions).max() <= _SAME * last.s[-1]
                 and np.abs(last.frames - first.frames).max() <= _SAME)

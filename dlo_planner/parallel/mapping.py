@@ -63,9 +63,9 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     chunk = integer('chunk', chunk, minimum=1, maximum=_MOST)
     steps = Progress(progress, deadline)
     with Crew(executor, steps.check) as crew:
-        if chains is None:
-            return _alone(simulator, grippers, crew, chunk, steps)
-        return _followed(simulator, chains, crew, chunk, steps)
+        if chains is not None:
+            return _followed(simulator, chains, crew, chunk, steps)
+        return _alone(simulator, grippers, crew, chunk, steps)
 
 
 def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose], *, progress: OnProgress = None,
@@ -80,11 +80,13 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose], *, progress
     Raises:
         InvalidTask: an argument makes no sense; the message names it
     """
-    return map(simulator, items('grippers', grippers, Pose), progress=progress, deadline=deadline)
+    found_ = map(simulator, items('grippers', grippers, Pose), progress=progress, deadline=deadline)
+    assert isinstance(found_, Shapes)  # there are no motions in it
+    return found_
 
 
-def _poses(work: Iterable[Any]) -> tuple[tuple[Pose, ...] | None, list[tuple[Pose, ...]] | None]:
-    """Return (Poses, None), or (None, motions), each a tuple of Poses."""
+def _poses(work: Iterable[Any]) -> tuple[tuple[Pose, ...], list[tuple[Pose, ...]] | None]:
+    """Return (Poses, None), or ((), motions), each a tuple of Poses."""
     work = items('work', work, object)
     if all(isinstance(one, Pose) for one in work):
         return work, None
@@ -92,7 +94,7 @@ def _poses(work: Iterable[Any]) -> tuple[tuple[Pose, ...] | None, list[tuple[Pos
         if isinstance(one, Pose) != isinstance(work[0], Pose):
             raise InvalidTask(f'work[{k}] = {shown(one)}: expected all of it to be Pose, or '
                               'sequences of Pose')
-    return None, [items(f'work[{k}]', one, Pose, least=1) for k, one in enumerate(work)]
+    return (), [items(f'work[{k}]', one, Pose, least=1) for k, one in enumerate(work)]
 
 
 def _alone(simulator: DirectSimulator, grippers: Sequence[Pose], crew: Crew, chunk: int,
@@ -129,9 +131,9 @@ class _Count:
 
 def _shapes(simulator: DirectSimulator, grippers: Sequence[Pose],
             rows: Sequence[Columns]) -> Shapes:
-    s = simulator._discretization.s
+    s = simulator.mesh.s
     found_ = stacked(rows or [columns([], s)])
     if simulator.surroundings.pinned:
         grippers = [Pose.from_rotation(gripper.position, np.array(frames[0]))
                     for gripper, frames in zip(grippers, found_['frames'], strict=True)]
-    return Shapes(grippers, s, **found_)
+    return Shapes(tuple(grippers), s, **found_)

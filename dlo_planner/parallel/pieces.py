@@ -25,7 +25,7 @@ class Shared:
 
     def __init__(self, content: Any) -> None:
         self.content = content
-        self._packed = None
+        self._packed: bytes | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self._packed is None:
@@ -94,7 +94,7 @@ def found(piece: Piece) -> Found:
     for begin, end in zip(starts, [*starts[1:], len(grippers)], strict=True):
         shapes += simulator.track(grippers[begin:end], deadline=piece.seconds,
                                   initial=None if begin in piece.anew else piece.start)
-    rows = columns(shapes[piece.dropped:], simulator._discretization.s)
+    rows = columns(shapes[piece.dropped:], simulator.mesh.s)
     if not piece.ends:
         return Found(rows)
     good = [shape for shape in shapes if shape.converged or shape.nearly]
@@ -107,10 +107,10 @@ def _each_alone(simulator: DirectSimulator, piece: Piece) -> Columns | None:
     if hanging is None:
         return None
     rows, good = hanging
-    rows['contact_table'] = columns([], simulator._discretization.s)['contact_table']
+    rows['contact_table'] = columns([], simulator.mesh.s)['contact_table']
     for k in np.flatnonzero(~good):
         shape = simulator.solve(_pose(piece.positions[k], piece.rotations[k]))
-        for name, values in columns([shape], simulator._discretization.s).items():
+        for name, values in columns([shape], simulator.mesh.s).items():
             if name != 'contact_table':
                 rows[name][k] = values[0]
     return rows

@@ -105,8 +105,9 @@ class Shapes(Value):
 
     def __getitem__(self, index: int | slice) -> 'Shape | Shapes':
         """Return one Shape, or the Shapes of a slice."""
-        chosen = range(len(self))[index]
-        return self._chosen(chosen) if isinstance(index, slice) else self._shape(chosen)
+        if isinstance(index, slice):
+            return self._chosen(range(len(self))[index])
+        return self._shape(range(len(self))[index])
 
     def _chosen(self, chosen: Sequence[int]) -> 'Shapes':
         order, of = np.array(chosen, dtype=int), self.contact_table[:, 0]
@@ -119,13 +120,13 @@ class Shapes(Value):
 
     def _shape(self, k: int) -> Shape:
         contacts = self.contact_table[self.contact_table[:, 0] == k]
-        return Shape(
-            self.grippers[k], self.s, contacts=tuple(map(_contact, contacts)),
-            iterations=int(self.iterations[k]),
+        named: dict[str, Any] = {
             **{name: getattr(self, name)[k] for name in (
                 'positions', 'frames', 'element_strains', 'gripper_wrench')},
             **{name: float(getattr(self, name)[k]) for name in _FIGURES},
-            **{name: bool(getattr(self, name)[k]) for name in _FLAGS})
+            **{name: bool(getattr(self, name)[k]) for name in _FLAGS}}
+        return Shape(self.grippers[k], self.s, contacts=tuple(map(_contact, contacts)),
+                     iterations=int(self.iterations[k]), **named)
 
     @property
     def tangents(self) -> Floats:
@@ -152,7 +153,7 @@ class Shapes(Value):
             if abs(shape.s[-1] - s[-1]) > _SAME * s[-1]:
                 raise InvalidTask(f'shapes[{k}] = {shape!r}: expected the length of s, '
                                   f'{s[-1]:g} m')
-        return cls([shape.gripper for shape in shapes], s, **columns(shapes, s))
+        return cls(tuple(shape.gripper for shape in shapes), s, **columns(shapes, s))
 
     @classmethod
     def joined(cls, parts: Iterable['Shapes']) -> 'Shapes':
@@ -165,7 +166,7 @@ class Shapes(Value):
         for k, part in enumerate(parts):
             if not np.array_equal(part.s, parts[0].s):
                 raise InvalidTask(f'parts[{k}] = {part!r}: expected the nodes of the first')
-        return cls([gripper for part in parts for gripper in part.grippers], parts[0].s,
+        return cls(tuple(gripper for part in parts for gripper in part.grippers), parts[0].s,
                    **stacked([{name: getattr(part, name) for name in (
                        *_PER_SHAPE, 'contact_table')} for part in parts]))
 
@@ -221,7 +222,7 @@ def _contact(line: Floats) -> Contact:
     return Contact(int(line[1]), line[2], line[3:6], line[6:9], line[9], line[10:13], line[13])
 
 
-def _length(value: object) -> int:
+def _length(value: Any) -> int:
     """Return how many items a value has; 1 where it has no length, so that it is looked at."""
     try:
         return len(value)

@@ -41,12 +41,13 @@ from dlo_planner.parallel.workers import Crew, Workers, checked
 from dlo_planner.progress import OnProgress, Progress
 
 _MOST_TASKS = 1024
+Task = Moving | Resting  # of a look ahead
 _NO_MATTER = ('obstacles', 'pinned', 'has_moments')  # of Surroundings: without them only
 
 
 def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float | None = None,
                 executor: Workers = None, *, tasks: int | None = None,
-                initial: Shape | Motion | None = None, velocity: ArrayLike | Callable | None = None,
+                initial: Shape | Motion | None = None, velocity: ArrayLike | Callable[[float], ArrayLike] | None = None,
                 tolerance: float | None = None, integrator: str = 'generalized_alpha',
                 progress: OnProgress = None, deadline: float | None = None) -> Motion | list[Shape]:
     """Return a Motion, or the shapes of a slow one, each step begun with what was seen ahead of it.
@@ -96,7 +97,7 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
         rounds = Rounds(crew, tasks)
         if dt is None:
             return Tracker(simulator, rounds).track(grippers, initial, steps)
-        return simulator._motion(partial(AheadStepper, rounds, len(grippers) - 1), grippers, dt,
+        return simulator.motion_by(partial(AheadStepper, rounds, len(grippers) - 1), grippers, dt,
                                  initial, None, velocity, tolerance, integrator, steps)
 
 
@@ -115,6 +116,20 @@ class Round(NamedTuple):
     judging: int
     guess: str
     ahead: tuple[int, ...]
+
+
+class Stepped(NamedTuple):
+    """What a true step gave.
+
+    Attributes:
+        result: of the step
+        work, judging, guess: as in Round
+    """
+
+    result: Any
+    work: int
+    judging: int
+    guess: str
 
 
 class Rounds:
@@ -138,29 +153,29 @@ class Rounds:
         """Return the strains (N, 3) seen at a place, None if none were."""
         return self._seen.get(place)
 
-    def make(self, place: float, ahead: Callable[..., Any],
-             step: Callable[..., Any]) -> Instant | Shape:
+    def make(self, place: float, ahead: Callable[[int], dict[float, Task]],
+             step: Callable[[Floats | None], Stepped]) -> Any:
         """Return what a step at `place` gives, while others are looked at.
 
         Args:
             ahead: tasks by place, made as ahead(most)
-            step: called as step(strains or None); returns result, work, Newton steps of judging,
-                and what became of the strains: 'used', 'refused', 'none'
+            step: called as step(strains or None); returns a Stepped
         """
         tasks = ahead(self._most)
         futures = self._crew.begin(look, tasks.values())
         try:
-            result, *told = step(self.seen(place))
+            stepped = step(self.seen(place))
             guesses = self._crew.gathered(futures)
         finally:
             for future in futures:
                 future.cancel()
         self._seen = {there: guess.strains for there, guess in zip(tasks, guesses, strict=False)
                       if guess is not None}
-        done = Round(place, *told, tuple(0 if one is None else one.work for one in guesses))
+        done = Round(place, stepped.work, stepped.judging, stepped.guess,
+                     tuple(0 if one is None else one.work for one in guesses))
         self._most = max(done.work, 1)
         self.made.append(done)
-        return result
+        return stepped.result
 
 
 def _work(shape: Shape) -> int:
@@ -184,10 +199,10 @@ class AheadStepper(Stepper):
     def _step(self, before: Instant, place: float, scheme: Scheme, patience: int) -> Instant:
         usual = self.guess(before, scheme.dt)
 
-        def ahead(most: int) -> dict[float, Moving]:
+        def ahead(most: int) -> dict[float, Task]:
             return self._ahead(before, place, scheme, usual, most)
 
-        def step(seen: Floats | None) -> tuple[Instant, int, int, str]:
+        def step(seen: Floats | None) -> Stepped:
             vain = judging = 0
             if seen is not None:
                 system = self._system(before, place, scheme)
@@ -197,18 +212,19 @@ class AheadStepper(Stepper):
                     end, vain = _unknowns(system, after.shape.element_strains), _work(after.shape)
                     same, judging, _ = leads_to(system, start, end)
                     if after.shape.converged and same:
-                        return after, vain, judging, 'used'
+                        return Stepped(after, vain, judging, 'used')
             after = self.step_from(before, place, scheme, usual, patience)
-            return (after, vain + _work(after.shape), judging,
-                    'none' if seen is None else 'refused')
+            return Stepped(after, vain + _work(after.shape), judging,
+                           'none' if seen is None else 'refused')
 
         return self._rounds.make(place, ahead, step)
 
     def _ahead(self, before: Instant, place: float, scheme: Scheme, usual: Floats,
-               most: int) -> dict[float, Moving]:
+               most: int) -> dict[float, Task]:
         """Return Moving tasks by place."""
-        size, tasks, strains = scheme.dt / self.dt, {}, usual
-        history = replace(before.shape._history, of=None)  # which is long, and not needed
+        size, strains = scheme.dt / self.dt, usual
+        tasks: dict[float, Task] = {}
+        history = replace(before.shape.history, of=None)  # which is long, and not needed
         for k in range(1, self._rounds.tasks):
             there = place + k * size
             if there > self._last:
@@ -220,7 +236,7 @@ class AheadStepper(Stepper):
         return tasks
 
     def _system(self, before: Instant, place: float, scheme: Scheme) -> System:
-        return self.moving(before.nodes, before.bends, before.shape._history, place, scheme)[0]
+        return self.moving(before.nodes, before.bends, before.shape.history, place, scheme)[0]
 
 
 def _unknowns(system: Any, strains: Floats) -> Floats:
@@ -240,7 +256,8 @@ class Tracker:
     def __init__(self, simulator: DirectSimulator, rounds: Rounds) -> None:
         self._simulator, self._rounds, self._shared = simulator, rounds, Shared(simulator)
 
-    def track(self, grippers: tuple[Pose, ...], initial: Shape | None, steps: Progress) -> list[Shape]:
+    def track(self, grippers: tuple[Pose, ...], initial: Shape | None,
+              steps: Progress) -> list[Shape]:
         """Return what `DirectSimulator.track` does."""
         shapes, before = [], initial
         for place, gripper in enumerate(grippers):
@@ -258,16 +275,17 @@ class Tracker:
         """Whether steps after the Shape `before` can be looked at."""
         simulator = self._simulator
         return (simulator.accuracy is None and simulator.strains == 'components'
-                and simulator._made(before) and before.far_end is None and before.parts is None)
+                and simulator.made(before) and before.far_end is None and before.parts is None)
 
     def _step(self, grippers: tuple[Pose, ...], place: int, before: Shape,
               steps: Progress) -> Shape:
-        mesh, gripper = self._simulator._discretization, grippers[place]
-        history = past_of(mesh, before, self._simulator._history)
+        mesh, gripper = self._simulator.mesh, grippers[place]
+        history = past_of(mesh, before, self._simulator.history)
         usual = mesh.strains_from(before.s, before.element_strains)
 
-        def ahead(most: int) -> dict[int, Resting]:
-            tasks, strains = {}, usual
+        def ahead(most: int) -> dict[float, Task]:
+            tasks: dict[float, Task] = {}
+            strains = usual
             for there in range(place + 1, min(place + self._rounds.tasks, len(grippers))):
                 seen = self._rounds.seen(there)
                 strains = strains if seen is None else seen
@@ -275,7 +293,7 @@ class Tracker:
                                        replace(history, of=None), strains, most)
             return tasks
 
-        def step(seen: Floats | None) -> tuple[Shape, int, int, str]:
+        def step(seen: Floats | None) -> Stepped:
             vain = judging = 0
             turn = angle_between(before.gripper.rotation, gripper.rotation)
             if seen is not None and turn <= LONGEST_TURN:
@@ -288,9 +306,9 @@ class Tracker:
                     same, judging, leant = leads_to(system, start, end)
                     # an unstable shape on the way: the serial step is cut into smaller ones
                     if same and shape.converged and not (leant or kicks or fell(before, shape)):
-                        return shape, vain, judging, 'used'
+                        return Stepped(shape, vain, judging, 'used')
             shape, = self._simulator.track([gripper], initial=before, deadline=steps.left())
-            return (shape, vain + _work(shape), judging,
-                    'none' if seen is None else 'refused')
+            return Stepped(shape, vain + _work(shape), judging,
+                           'none' if seen is None else 'refused')
 
         return self._rounds.make(place, ahead, step)

@@ -38,7 +38,8 @@ class Store:
         InvalidTask: the folder belongs to another task, or cannot be written
     """
 
-    def __init__(self, folder: str | os.PathLike[str], name: str, task: dict[str, NDArray[Any]]) -> None:
+    def __init__(self, folder: str | os.PathLike[str], name: str,
+                 task: dict[str, NDArray[Any]]) -> None:
         self.folder = Path(instance('folder', folder, (str, os.PathLike)))
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -92,7 +93,7 @@ def _written(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     handle, name = tempfile.mkstemp(dir=path.parent, prefix='.', suffix='.npz')
     try:
         with os.fdopen(handle, 'wb') as file:
-            np.savez_compressed(file, **arrays)
+            np.savez_compressed(file, **dict[str, Any](arrays))
             file.flush()
             os.fsync(file.fileno())
         os.replace(name, path)
@@ -122,7 +123,7 @@ def _parts(content: Any) -> Iterator[bytes]:
     elif isinstance(content, dict):
         yield from _parts(sorted(content.items(), key=lambda item: str(item[0])))
     elif isinstance(content, Value):
-        for name in content._compared():
+        for name in content.compared():
             yield from _parts(getattr(content, name))
     elif is_dataclass(content) and not isinstance(content, type):
         for item in fields(content):

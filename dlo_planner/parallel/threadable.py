@@ -21,9 +21,10 @@ from dlo_planner.plan.plan import Plan
 THREADED, UNDECIDED = 'threaded', 'undecided'
 LONGEST = 32      # characters of an outcome
 _BETTER = 1e-6    # of stability: a start that is better by less is not preferred to one before it
-COLUMNS = {'outcome': (f'<U{LONGEST}', ()), 'amount': (float, ()), 'fraction': (float, ()),
-           'clearance': (float, ()), 'stability': (float, ()), 'roll': (float, ()),
-           'start': (int, ()), 'gripper': (float, (7,)), 'seconds': (float, ())}
+COLUMNS: dict[str, tuple[Any, tuple[int, ...]]] = {
+    'outcome': (f'<U{LONGEST}', ()), 'amount': (float, ()), 'fraction': (float, ()),
+    'clearance': (float, ()), 'stability': (float, ()), 'roll': (float, ()), 'start': (int, ()),
+    'gripper': (float, (7,)), 'seconds': (float, ())}
 
 
 class Question(NamedTuple):
@@ -80,7 +81,7 @@ def _rank(line: Mapping[str, Any]) -> float:
 
 def _from(question: Question, cutout: CutOut, index: int, start: Pose | None) -> dict[str, Any]:
     """Return the line of one start (a Pose or None)."""
-    line = {'outcome': THREADED, 'amount': 0.0, 'fraction': 0.0, 'clearance': np.nan,
+    line: dict[str, Any] = {'outcome': THREADED, 'amount': 0.0, 'fraction': 0.0, 'clearance': np.nan,
             'stability': np.nan, 'roll': np.nan, 'start': -1 if start is None else index,
             'gripper': np.full(7, np.nan)}
     inverse, patience, prefix = question.inverse, question.patience, ''

@@ -168,13 +168,19 @@ class Crew:
         if self._make is not None:
             self._executor = _made(self._make)
         elif isinstance(broken, ProcessPoolExecutor):
-            self._executor = ProcessPoolExecutor(
-                broken._max_workers, broken._mp_context, broken._initializer, broken._initargs)
+            self._executor = _like(broken)
         else:
-            raise error
+            raise error or BrokenExecutor('the executor broke')
         if self._own:
             broken.shutdown(wait=False)
         self._own = True
+
+
+def _like(pool: Any) -> ProcessPoolExecutor:
+    """Return a new pool that is made as another one was; pools do not say it in public."""
+    made = {name: getattr(pool, f'_{name}') for name in (
+        'max_workers', 'mp_context', 'initializer', 'initargs')}
+    return ProcessPoolExecutor(**made)
 
 
 def _made(make: Callable[[], Executor]) -> Executor:

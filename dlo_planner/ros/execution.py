@@ -147,10 +147,10 @@ class Execution:
         step = min(waited + self.owed, self.period)
         timed = replace(self, last=now, owed=min(waited + self.owed - step, self.period),
                         heard=heard, silent=self._silence(heard, now, min(waited, self.period)))
-        fault = timed._fault()
-        return (timed.stop(*fault) if fault else timed)._advanced(step)
+        fault = timed.fault()
+        return (timed.stop(*fault) if fault else timed).advanced(step)
 
-    def _advanced(self, step):
+    def advanced(self, step):
         """Return the execution `step` s later."""
         if self.phase == 'stopping':
             since = self.since + step
@@ -158,7 +158,7 @@ class Execution:
             phase = 'stopped' if since >= self.deceleration.length else 'stopping'
             return replace(self, done=done, since=since, phase=phase, command=self._pose(done))
         if self.phase == 'settling':
-            return replace(self, since=self.since + step)._settled()
+            return replace(self, since=self.since + step).settled()
         if self.phase != 'running':
             return self
         done = self.done + (step if self.command is not None else 0.0)
@@ -166,9 +166,9 @@ class Execution:
             return replace(self, done=done, command=self._pose(done))
         end = self.way.duration
         return replace(self, done=end, command=self._pose(end), phase='settling',
-                       since=done - end)._settled()
+                       since=done - end).settled()
 
-    def _settled(self):
+    def settled(self):
         """Return the execution at the end of its way: succeeded, too late, or still waiting."""
         guards = self.guards
         if not (guards.goal_position or guards.goal_angle):
@@ -195,7 +195,7 @@ class Execution:
             return heard.age + min(max(now - heard.arrived, 0.0), self.period)
         return self.silent + step
 
-    def _fault(self):
+    def fault(self):
         """Return the cause and the reason to stop, or None."""
         guards, heard, age = self.guards, self.heard, self.silent
         limit = guards.incoming_command_timeout

@@ -11,7 +11,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.scene import Scene
-from dlo_planner.settings.threading import way_through
+from dlo_planner.settings.threading import Present, way_through
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,5 @@ def make_plan(scene, poses, start, shape):
     cutouts = [CutOut(pose, radius=scene.cutout_radius) for pose in poses]
     here = (shape is not None and start is not None and scene.standoff
             and np.allclose(shape.gripper.matrix, start.matrix, atol=1e-9))
-    plan = way_through(scene.inverse, cutouts, scene, start=start,
-                       initial=shape if here else None)
+    plan = way_through(scene.inverse, cutouts, scene, Present(start, shape if here else None))
     return plan, cutouts, shape if here else None

@@ -103,16 +103,17 @@ def rod_of(values: Values) -> Rod:
     more['natural_curvature'] = _natural_curvature(values)
     more['section_model'] = values['rod.section_model'] or None
     more['max_bend_curvature'] = values['rod.max_bend_curvature'] or None
-    stress = {'yield_stress': values['rod.yield_stress'] or None}
-    material = [values[f'rod.{name}'] for name in ('density', 'youngs_modulus', 'poisson_ratio')]
+    material = {name: values[f'rod.{name}'] for name in (
+        'density', 'youngs_modulus', 'poisson_ratio')}
+    material['yield_stress'] = values['rod.yield_stress'] or None
     length, diameter = values['rod.length'], values['rod.diameter']
     if section == 'round':
-        return Rod.circular(length, diameter, *material, **stress, **more)
+        return Rod.circular(length, diameter, **material, **more)
     if section == 'tube':
-        return Rod.tube(length, diameter, values['rod.inner_diameter'], *material, **stress, **more)
+        return Rod.tube(length, diameter, values['rod.inner_diameter'], **material, **more)
     if section == 'rectangular':
-        return Rod.rectangular(length, values['rod.width'], values['rod.thickness'], *material,
-                               **stress, **more)
+        return Rod.rectangular(length, values['rod.width'], values['rod.thickness'], **material,
+                               **more)
     if section == 'stiffness':
         return Rod(length, values['rod.mass_per_length'], tuple(values['rod.bending_stiffness']),
                    values['rod.torsional_stiffness'], radius=diameter / 2,
@@ -134,6 +135,7 @@ def _natural_curvature(values: Values) -> Expanded | list[float]:
     return Expanded(tuple(vector('rod.natural_curvature', even, 2)), rows, values['rod.length'])
 
 
-def _limits(curvatures: Sequence[float]) -> tuple[float, ...] | None:
+def _limits(curvatures: Sequence[float]) -> tuple[float, float] | None:
     """Return the pair for `Rod.yield_curvature`; None if both are 0, which means never."""
-    return tuple(value or 1e12 for value in curvatures) if any(curvatures) else None
+    about_n, about_b = curvatures
+    return (about_n or 1e12, about_b or 1e12) if any(curvatures) else None

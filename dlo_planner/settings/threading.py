@@ -36,25 +36,40 @@ class Wanted:
             'gripper_clearance')))
 
 
-def way_through(inverse: InverseSimulator, cutouts: Sequence[CutOut], wanted: Wanted, *,
-                start: Pose | None = None, initial: Shape | None = None,
-                progress: OnProgress = None, deadline: float | None = None) -> Plan:
+@dataclass(frozen=True)
+class Present:
+    """Where the gripper and the DLO are now; None where that is not known.
+
+    Attributes:
+        gripper: Pose of the gripper
+        shape: Shape of the DLO, which matters where the plan begins at the gripper's pose
+    """
+
+    gripper: Pose | None = None
+    shape: Shape | None = None
+
+
+def way_through(inverse: InverseSimulator, cutouts: Sequence[CutOut], wanted: Wanted,
+                present: Present = Present(), *, progress: OnProgress = None,  # noqa: B008 - frozen
+                deadline: float | None = None) -> Plan:
     """Return the Plan through cut-outs; with a standoff, it begins at the gripper's present pose.
 
     Args:
         inverse: InverseSimulator
         cutouts: one, two, or more, in the order in which they are passed
         wanted: Wanted, or what has its attributes
-        start: Pose of the gripper now; None: the threading begins where it is best
-        initial: Shape of the DLO now, or None; it counts where the plan begins at `start`
+        present: where gripper and DLO are now; without a gripper, the threading begins where it
+            is best
         progress, deadline: as for `InverseSimulator.thread`
 
     Raises:
         DloPlannerError: refused, with the reason
     """
+    start = present.gripper
     depths = np.linspace(0.0, wanted.deepest * inverse.simulator.rod.length, wanted.waypoints)
-    options: dict[str, Any] = {'linear_speed': wanted.linear_speed, 'angular_speed': wanted.angular_speed,
-                               'progress': progress, 'deadline': deadline}
+    options: dict[str, Any] = {
+        'linear_speed': wanted.linear_speed, 'angular_speed': wanted.angular_speed,
+        'progress': progress, 'deadline': deadline}
     if len(cutouts) == 1:
         plan = inverse.thread(cutouts[0], start=start, depths=depths, **options)
     elif len(cutouts) == 2:
@@ -65,6 +80,6 @@ def way_through(inverse: InverseSimulator, cutouts: Sequence[CutOut], wanted: Wa
         plan = inverse.check(kept_before(plan, cutouts[0], wanted.gripper_clearance, True))
     if not wanted.standoff or start is None:
         return plan
-    way = inverse.start_phase(cutouts[0], plan, start, standoff=wanted.standoff, initial=initial,
+    way = inverse.start_phase(cutouts[0], plan, start, standoff=wanted.standoff, initial=present.shape,
                               **options)
     return inverse.check(joined(way, plan))

@@ -19,7 +19,8 @@ __all__ = ['view']
 
 
 def view(plan: Plan, inverse: InverseSimulator | None = None, *,
-         obstacles: Iterable[Obstacle] | None = None, color: str = 'curvature', host: str = LOCAL, port: int = PORT) -> PlanPage:
+         obstacles: Iterable[Obstacle] | None = None, color: str = 'curvature',
+         host: str = LOCAL, port: int = PORT) -> PlanPage:
     """Open a page in the browser that shows a plan: `view(plan).wait()`.
 
     The plan can be looked at over time. Where it goes through one cut-out, gripper and cut-out can
@@ -46,7 +47,7 @@ def view(plan: Plan, inverse: InverseSimulator | None = None, *,
     instance('inverse', inverse, InverseSimulator, optional=True)
     choice('color', color, COLORINGS)
     try:
-        replanner = Replanner.of(plan, inverse)
+        replanner: Replanner | str = Replanner.of(plan, inverse)
     except InvalidTask as error:
         replanner = str(error)
     if obstacles is None:

@@ -29,11 +29,11 @@ class Canvas:
     def __init__(self, scene: Any, least_radius: float = 0.0) -> None:
         self._scene = scene
         self.least_radius = least_radius
-        self._shown: dict[str, Item] = {}    # name -> Item
-        self._handles: dict[str, Any] = {}  # name -> handle in the scene
+        self._shown: dict[tuple[str, int], Item] = {}    # name -> Item
+        self._handles: dict[tuple[str, int], Any] = {}  # name -> handle in the scene
 
     @property
-    def items(self) -> dict[str, Item]:
+    def items(self) -> dict[tuple[str, int], Item]:
         """The Items that are shown, by name."""
         return dict(self._shown)
 
@@ -56,8 +56,8 @@ class Canvas:
     @property
     def bounds(self) -> tuple[Floats, Floats] | None:
         """Lowest and highest corner (3,) m of what is shown; None if there is nothing."""
-        corners = [item.corners for item in self._shown.values() if item.kind != 'text']
-        corners = np.concatenate([*corners, np.zeros((0, 3))])
+        corners = np.concatenate([np.zeros((0, 3)), *(
+            item.corners for item in self._shown.values() if item.kind != 'text')])
         return (corners.min(axis=0), corners.max(axis=0)) if len(corners) else None
 
     def _draw(self, item: Item, before: Item | None) -> None:

@@ -3,6 +3,7 @@
 """Pictures of a DLO: itself, what it touches, what was seen of it; and of frames."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,7 +35,7 @@ def dlo_items(shape: Shape, radius: float | None = None, color: str = 'curvature
     """
     painted = coloring(shape, color)
     above = shape.gripper.position + (0.0, 0.0, 2 * _LETTER * shape.s[-1])
-    return [_tube('dlo', 0, shape, radius, GRAY, colors=painted.colors),
+    return [replace(_tube('dlo', 0, shape, radius, GRAY), colors=painted.colors),
             _text('scale', 0, above, painted.caption, shape)]
 
 
@@ -92,11 +93,10 @@ def axes_items(group: str, pose: Pose, length: float = _AXIS) -> list[Item]:
 
 
 def _tube(group: str, index: int, shape: Shape, radius: float | None,
-          color: tuple[float, float, float], colors: Floats | None = None,
-          alpha: float = 1.0) -> Item:
+          color: tuple[float, float, float], alpha: float = 1.0) -> Item:
     instance('shape', shape, Shape)
     radius = None if radius is None else number('radius', radius, minimum=0)
-    return Item(group, index, 'line', color, alpha, shape.positions, colors,
+    return Item(group, index, 'line', color, alpha, shape.positions,
                 size=(2 * (radius or _THIN), 0.0, 0.0))
 
 

@@ -4,7 +4,10 @@
 
 from dataclasses import dataclass, field
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, choice, instance, integer, number, vector
@@ -56,6 +59,11 @@ class Item(Value):
     pose: Pose = _WORLD
     size: Floats = field(default_factory=lambda: np.zeros(3))
     text: str = ''
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, group: str, index: int, kind: str, color: ArrayLike, alpha: float = 1.0,
+                     points: ArrayLike = ..., colors: ArrayLike | None = None, pose: Pose = ...,
+                     size: ArrayLike = ..., text: str = '') -> None: ...
 
     def __post_init__(self) -> None:
         instance('Item.group', self.group, str)

@@ -53,7 +53,7 @@ class Latest:
                 self._busy = False
                 self._changed.notify_all()
                 self._changed.wait_for(lambda: self._next is not None or self._closed)
-                if self._closed:
+                if self._closed or self._next is None:
                     return
                 job, self._next, self._busy = self._next, None, True
             try:

@@ -163,7 +163,7 @@ def _server(host: str, port: int, title: str) -> Any:
         raise InvalidTask(f'host = {host!r}: expected a name or address of this machine '
                           f'({error})') from error
 
-    class LocalServer(viser.ViserServer):
+    class LocalServer(viser.ViserServer):  # type: ignore[name-defined, misc]
         def request_share_url(self, verbose: bool = True) -> None:
             return None
 

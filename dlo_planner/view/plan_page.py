@@ -45,7 +45,7 @@ class PlanPage:
         self._replanner = None if isinstance(replanner, str) else replanner
         self._cutouts = cutouts_of(plan)
         self._obstacles = obstacle_items(obstacles)
-        self._loose = None  # Shape at the dragged gripper, while it is shown
+        self._loose: Shape | None = None  # Shape at the dragged gripper, while it is shown
         self._lock = RLock()
         self._worker = Latest(self._refused)
         self._build(color)
@@ -131,18 +131,20 @@ class PlanPage:
         if self.whole.value:
             self._cutout_dragged()
             return
-        pose = pose_of(self.gripper)
-        self._worker.submit(lambda: self._follow(pose))
+        replanner, pose = self._replanner, pose_of(self.gripper)
+        if replanner is not None:
+            self._worker.submit(lambda: self._follow(replanner, pose))
 
     def _cutout_dragged(self) -> None:
-        if self._replanner is not None:
+        replanner = self._replanner
+        if replanner is not None:
             poses = pose_of(self.cutout), pose_of(self.gripper)
-            self._worker.submit(lambda: self._plan_anew(*poses, self.whole.value))
+            self._worker.submit(lambda: self._plan_anew(replanner, *poses, self.whole.value))
 
     # ---- the work, in the worker's thread -------------------------------------------------------
 
-    def _follow(self, pose: Pose) -> None:
-        shape = self._replanner.shape(pose, self._loose or self.plan.shapes[self.index])
+    def _follow(self, replanner: Replanner, pose: Pose) -> None:
+        shape = replanner.shape(pose, self._loose or self.plan.shapes[self.index])
         with self._lock:
             self._loose = shape
             self._say('the DLO jumped into another shape on the way' if shape.jumped else
@@ -150,11 +152,11 @@ class PlanPage:
                       int(shape.jumped))
             self._draw()
 
-    def _plan_anew(self, pose: Pose, gripper: Pose, whole: bool) -> None:
+    def _plan_anew(self, replanner: Replanner, pose: Pose, gripper: Pose, whole: bool) -> None:
         begun = monotonic()
         known = self._cutouts[0]
         cutout = CutOut(pose, known.radius, known.width, known.height)
-        plan = self._replanner.plan(cutout, gripper, whole, self._worker.check)
+        plan = replanner.plan(cutout, gripper, whole, self._worker.check)
         with self._lock:
             share = self.time.value / self.time.max
             self.plan, self._cutouts, self._loose = plan, [cutout], None

@@ -5,7 +5,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from dlo_planner.model.arrays import Floats
 from dlo_planner.view.item import Item
@@ -35,7 +34,9 @@ class Primitives(NamedTuple):
 
 def primitives(item: Item) -> Primitives:
     """Return the Primitives of an Item; of a text none."""
-    lines, faces, dots = [], [], np.zeros((0, 3))
+    lines: list[Floats] = []
+    faces: list[Floats] = []
+    dots = np.zeros((0, 3))
     if item.kind == 'line':
         lines = [item.points]
     elif item.kind == 'segments':
@@ -97,9 +98,9 @@ def cut_box(point: Floats, normal: Floats, low: Floats, high: Floats) -> Floats:
     """
     corners = low + (_CORNERS + 0.5) * (high - low)
     height = (corners - point) @ normal
-    cut = [corners[a] + height[a] / (height[a] - height[b]) * (corners[b] - corners[a])
-           for a, b in _EDGES if height[a] * height[b] < 0]
-    cut = np.array([*cut, *corners[height == 0]]).reshape(-1, 3)
+    crossed = [corners[a] + height[a] / (height[a] - height[b]) * (corners[b] - corners[a])
+               for a, b in _EDGES if height[a] * height[b] < 0]
+    cut = np.array([*crossed, *corners[height == 0]]).reshape(-1, 3)
     if len(cut) < 3:
         return np.zeros((0, 3))
     aside = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])

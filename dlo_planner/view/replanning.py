@@ -37,9 +37,9 @@ def cutouts_of(plan: Plan) -> list[CutOut]:
 
 def simulator_of(shape: Shape) -> DirectSimulator | None:
     """Return a DirectSimulator of a Shape's rod and surroundings; None if it knows none."""
-    if shape.rod is None:
+    if shape.mesh is None:
         return None
-    around = shape._discretization.surroundings
+    around = shape.mesh.surroundings
     return DirectSimulator(around.rod, gravity=around.gravity, load=around.load, grip=around.grip,
                            obstacles=around.obstacles, point_loads=around.point_loads)
 

@@ -23,10 +23,11 @@ _UNITS = {
 
 def rows_of(value: Shape | Plan | Motion | Report) -> list[Row]:
     """Return the rows of a value: (quantity, value, unit), all of them texts."""
-    for kind, rows in ((Shape, _of_shape), (Plan, _of_plan), (Motion, _of_motion)):
-        if isinstance(value, kind):
-            return rows(value)
-    return _of_report(value)
+    if isinstance(value, Shape):
+        return _of_shape(value)
+    if isinstance(value, Plan):
+        return _of_plan(value)
+    return _of_motion(value) if isinstance(value, Motion) else _of_report(value)
 
 
 def text_table(head: str, rows: Sequence[Row]) -> str:

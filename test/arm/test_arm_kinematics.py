@@ -66,7 +66,7 @@ def test_a_joint_that_follows_a_fixed_one_stands_where_it_says(rng):
 @pytest.mark.parametrize('name', ARMS)
 def test_the_jacobian_is_the_derivative(name, rng):
     arm, step = ARMS[name](), 1e-6
-    chain, positions = arm._chain, positions_in(arm, rng)
+    chain, positions = arm.chain, positions_in(arm, rng)
     target = chain.placement(positions_in(arm, rng))
     jacobian = chain.off(positions, *chain.placement(positions))[1]
     here = chain.placement(positions)
@@ -81,9 +81,9 @@ def test_the_jacobian_is_the_derivative(name, rng):
 def test_newton_finds_back(name, rng):
     arm = ARMS[name]()
     for _ in range(10):
-        positions = 0.8 * positions_in(arm, rng) + 0.2 * arm._chain.middle
-        found = solve(arm._chain, positions + rng.uniform(-0.05, 0.05, positions.size),
-                      arm._chain.placement(positions), 30)
+        positions = 0.8 * positions_in(arm, rng) + 0.2 * arm.chain.middle
+        found = solve(arm.chain, positions + rng.uniform(-0.05, 0.05, positions.size),
+                      arm.chain.placement(positions), 30)
         assert found.reached
         by_hand = placed_by_hand(arm.urdf, arm.tool_link,
                                  dict(zip(arm.joints, found.positions, strict=True)))
@@ -111,7 +111,7 @@ def test_distances_between_links_are_those_of_their_hulls(rng):
         for link, points in corners.items():
             matrix = placed_by_hand(arm.urdf, link, known)
             placed[link] = points @ matrix[:3, :3].T + matrix[:3, 3]
-        for pair, distance in zip(arm._collision.pairs, arm._collision.distances(positions),
+        for pair, distance in zip(arm.collision.pairs, arm.collision.distances(positions),
                                   strict=True):
             by_hand = hull_distance(*(placed[link] for link in pair))
             assert max(distance, 0.0) == pytest.approx(by_hand, abs=2e-4)
@@ -122,12 +122,12 @@ def test_a_distance_changes_no_more_than_its_bound(rng):
         for _ in range(20):
             one = positions_in(arm, rng)
             other = one + rng.uniform(-0.1, 0.1, one.size)
-            change = np.abs(arm._collision.distances(one) - arm._collision.distances(other)).max()
-            assert change <= arm._collision.way(np.abs(other - one))
+            change = np.abs(arm.collision.distances(one) - arm.collision.distances(other)).max()
+            assert change <= arm.collision.way(np.abs(other - one))
 
 
 def test_which_pairs_are_looked_at():
-    pairs = set(map(frozenset, ur5()._collision.pairs))
+    pairs = set(map(frozenset, ur5().collision.pairs))
     links = ['base_link', 'shoulder_link', 'upper_arm_link', 'forearm_link', 'wrist_1_link',
              'wrist_2_link', 'wrist_3_link']
     adjacent = {frozenset(pair) for pair in zip(links, links[1:], strict=False)}
@@ -135,7 +135,7 @@ def test_which_pairs_are_looked_at():
     assert frozenset(('base_link', 'wrist_3_link')) in pairs
     srdf = '<robot name="ur5"><disable_collisions link1="wrist_3_link" link2="base_link"/></robot>'
     less = set(map(frozenset, Arm(ur5().urdf, 'tool0', packages=PACKAGES,
-                                  srdf=srdf)._collision.pairs))
+                                  srdf=srdf).collision.pairs))
     every = {frozenset(pair) for pair in combinations([*links, 'ee_link'], 2)}
     # links of one body never move against each other
     assert less == every - {frozenset(('wrist_3_link', 'base_link')),
@@ -144,13 +144,13 @@ def test_which_pairs_are_looked_at():
 
 def test_meshes_that_are_not_there_are_named():
     arm = Arm(ur5().urdf, 'tool0')
-    assert [text.split()[0] for text in arm._collision.missing] == [
+    assert [text.split()[0] for text in arm.collision.missing] == [
         'base_link', 'shoulder_link', 'upper_arm_link', 'forearm_link', 'wrist_1_link',
         'wrist_2_link', 'wrist_3_link']
     bare = '''<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="revolute">
         <parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
         <limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>'''
-    assert Arm(bare, 'b')._collision.missing == ('no collision elements in the URDF',)
+    assert Arm(bare, 'b').collision.missing == ('no collision elements in the URDF',)
 
 
 SLIDER = '''<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
@@ -224,4 +224,4 @@ def test_without_pinocchio_the_extra_is_named(monkeypatch):
 
 def test_ready_poses_are_free_of_collisions():
     for arm, positions in ((panda(), PANDA_READY), (ur5(), UR5_READY)):
-        assert arm._collision.distances(positions).min() > 0.01
+        assert arm.collision.distances(positions).min() > 0.01

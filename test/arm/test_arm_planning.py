@@ -52,7 +52,7 @@ def check(made, trajectory, arm, tool=None, limit=1e-4):
         np.testing.assert_allclose(mine, curve(times, order), atol=1e-6 * 100.0**order)
     assert made.duration == pytest.approx(trajectory.duration)
     assert not made.velocities[[0, -1]].any()
-    distances = [arm._collision.distances(one).min() for one in positions[::3]]
+    distances = [arm.collision.distances(one).min() for one in positions[::3]]
     assert min(distances) >= 0.99 * made.self_clearance > 0
 
 
@@ -121,7 +121,7 @@ def test_out_of_reach_is_refused_with_the_waypoint(arm, positions, free):
     arm = arm()
     poses = way(arm.pose(positions), (3.0, 0.0, 0.0), number=13)
     # stretched out, no arm is longer than all its links
-    far = arm._chain.placement(np.clip(np.zeros(positions.size), arm.lower, arm.upper))[0]
+    far = arm.chain.placement(np.clip(np.zeros(positions.size), arm.lower, arm.upper))[0]
     most = np.linalg.norm(far) + 0.5
     unreachable = next(k for k, pose in enumerate(poses) if np.linalg.norm(pose.position) > most)
     with pytest.raises(Infeasible, match=r'arm, on the way to waypoint \d+, after') as refused:
@@ -195,13 +195,13 @@ def test_links_that_come_together_are_named():
     # the elbow closes until the wrist is in the upper arm
     bends = [UR5_READY + part * np.array([0, 0, 1.25, -1.2, 0, 0]) for part in np.linspace(0, 1, 9)]
     trajectory = timed([arm.pose(one) for one in bends])
-    assert arm._collision.distances(bends[0]).min() > 0
-    assert arm._collision.distances(bends[-1]).min() < 0
+    assert arm.collision.distances(bends[0]).min() > 0
+    assert arm.collision.distances(bends[-1]).min() < 0
     with pytest.raises(Infeasible, match='_link and .*_link come together: their distance is'
                        ) as refused:
         joint_trajectory(trajectory, arm, current=UR5_READY)
     assert refused.value.constraint == 'self_collision'
-    first = next(k for k, one in enumerate(bends) if arm._collision.distances(one).min() < 0)
+    first = next(k for k, one in enumerate(bends) if arm.collision.distances(one).min() < 0)
     assert abs(refused.value.waypoint - first) <= 1
     # the same way with no shapes to be looked at is made, and says so
     blind = Arm(arm.urdf, 'tool0')
@@ -226,7 +226,7 @@ def test_seven_joints_stay_off_their_limits_where_the_least_motion_does_not():
                            1.0 * arm.pose(positions).rotation[:, 2], 21))
     plain = positions
     for target in trajectory.at(np.linspace(0, trajectory.duration, 400))[0]:
-        off, jacobian = arm._chain.off(plain, target.position, target.rotation)
+        off, jacobian = arm.chain.off(plain, target.position, target.rotation)
         plain = plain + np.linalg.pinv(jacobian) @ off
     assert (plain > arm.upper).any() or (plain < arm.lower).any()
     check(joint_trajectory(trajectory, arm, current=positions), trajectory, arm)
