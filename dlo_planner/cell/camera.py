@@ -3,7 +3,6 @@
 """A camera that sees some points on the DLO, late and with errors."""
 
 from dataclasses import dataclass, fields
-
 from typing import Any
 
 import numpy as np

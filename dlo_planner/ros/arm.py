@@ -3,9 +3,12 @@
 """The joint trajectory of a proved plan, for the arm that robot_description describes."""
 
 import os
+from collections.abc import Mapping
 from time import monotonic
+from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -15,7 +18,9 @@ from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 from dlo_planner.arm import Arm, JointTrajectory, joint_trajectory
 from dlo_planner.arm.urdf import parsed, single_joints
 from dlo_planner.errors import DloPlannerError, InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.settings.entries import ARM
 from msg_helpers.joints import joint_trajectory_msg, positions_from_joint_state
 
@@ -34,16 +39,16 @@ class ArmOutput:
         node: rclpy Node, whose parameters `arm.*` are declared; they count for the next plan
     """
 
-    def __init__(self, node):
+    def __init__(self, node: Any) -> None:
         self._node = node
         self._description = self._semantic = None
-        self._positions = {}  # name -> (rad or m, when it was received)
+        self._positions: dict[str, tuple[float, float]] = {}  # name -> (rad or m, when it was received)
         for name, (default, description) in ARM.items():
             if not node.has_parameter(name):
                 _declare(node, name, default, description)
         self._out = node.create_publisher(JointTrajectoryMsg, '~/joint_trajectory', _LATCHED)
 
-    def subscribe(self, callback_group=None):
+    def subscribe(self, callback_group: Any = None) -> None:
         """Listen to robot_description, robot_description_semantic and joint_states."""
         for kind, topic, callback, qos in (
                 (String, 'robot_description', self._on_description, _LATCHED),
@@ -52,7 +57,8 @@ class ArmOutput:
             self._node.create_subscription(kind, topic, callback, qos,
                                            callback_group=callback_group)
 
-    def on_proof(self, trajectory, tool, stamp, free_roll=False) -> JointTrajectory | None:
+    def on_proof(self, trajectory: TimedPath | None, tool: Pose, stamp: Time,
+                 free_roll: bool = False) -> JointTrajectory | None:
         """Return and publish the arm's JointTrajectory; None where no arm is asked for.
 
         Args:
@@ -74,7 +80,7 @@ class ArmOutput:
         self._say(made, current, stamp, monotonic() - started)
         return made
 
-    def _arm(self, known):
+    def _arm(self, known: Mapping[str, float]) -> Arm:
         if self._description is None:
             raise InvalidTask('robot_description was not received: expected the URDF that '
                               'robot_state_publisher latches')
@@ -92,7 +98,7 @@ class ArmOutput:
         except DloPlannerError as error:
             raise InvalidTask(f'parameters arm.*, robot_description: {error}') from None
 
-    def _say(self, made, current, stamp, seconds):
+    def _say(self, made: JointTrajectory, current: Floats, stamp: Time, seconds: float) -> None:
         log = self._node.get_logger()
         rolled = f', gripper rolled by {np.rad2deg(made.roll):.0f} deg' if made.roll else ''
         log.info(f'joint trajectory of plan {stamp.sec}.{stamp.nanosec:09d}: {len(made)} points, '
@@ -108,16 +114,16 @@ class ArmOutput:
                         f'{made.positions[0, joint]:.4g} there, {current[joint]:.4g} now; bring '
                         'the arm there first')
 
-    def _value(self, name):
+    def _value(self, name: str) -> Any:
         return self._node.get_parameter(name).value
 
-    def _on_description(self, msg):
+    def _on_description(self, msg: String) -> None:
         self._description = msg.data
 
-    def _on_semantic(self, msg):
+    def _on_semantic(self, msg: String) -> None:
         self._semantic = msg.data
 
-    def _on_joint_state(self, msg):
+    def _on_joint_state(self, msg: JointState) -> None:
         try:
             positions = positions_from_joint_state(msg)
         except DloPlannerError as error:
@@ -131,7 +137,7 @@ class ArmOutput:
         self._positions = dict(newest)
 
 
-def _current(arm, known, now):
+def _current(arm: Arm, known: Mapping[str, tuple[float, float]], now: float) -> Floats:
     """Return the arm's joint positions (m,) out of those of the whole robot by name.
 
     Args:
@@ -146,7 +152,7 @@ def _current(arm, known, now):
     return np.array([known[name][0] for name in arm.joints])
 
 
-def _declare(node, name, default, description):
+def _declare(node: Any, name: str, default: object, description: str) -> None:
     """Declare a parameter; a list that is given as empty, or in whole numbers, is understood."""
     value = node.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True)).value
     node.undeclare_parameter(name)
@@ -157,7 +163,7 @@ def _declare(node, name, default, description):
         raise InvalidTask(f'parameter {name} = {value!r}: expected as in {default!r}') from None
 
 
-def _typed(value, default):
+def _typed(value: Any, default: Any) -> Any:
     """Return a parameter's value in the type of its default, or raise TypeError or ValueError."""
     if isinstance(default, list):
         kind = type(default[0])

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.steering import Change, Steered
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.motion.periods import slowest_period
 from dlo_planner.plan.motion.timed_path import TimedPath
@@ -42,7 +43,7 @@ def from_where_it_is(way: TimedPath, here: Pose, shape: Shape) -> TimedPath | St
                                      Change(0.0, [0.0], -away[None])))
 
 
-def blending_as(steered: Steered, windows: np.ndarray, time: float) -> Steered | None:
+def blending_as(steered: Steered, windows: Floats, time: float) -> Steered | None:
     """Return a Steered that blends further changes in over other windows.
 
     None as long as one of its changes is still being blended in: the motion would leap.

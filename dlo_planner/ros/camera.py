@@ -6,9 +6,12 @@ It corrects what is executed, and by `~/identify` the parameters.
 """
 
 from collections import deque
+from collections.abc import Callable
 from threading import Lock
+from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
@@ -17,16 +20,20 @@ from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.identify.correction import correct
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.steering import Steered
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.beginning import blending_as
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.door import named
 from dlo_planner.ros.doubts import doubts, kept_out, unexplained
 from dlo_planner.ros.frames import OneFrame
+from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.identifying import identified, told
 from dlo_planner.ros.observing import Observing, deviation
+from dlo_planner.ros.parts import Parts
 from dlo_planner.ros.qos import LATEST
 from dlo_planner.ros.scene import Scene
+from dlo_planner.ros.state import State
 from msg_helpers.clouds import points_from_cloud
 from msg_helpers.markers import estimate_markers
 
@@ -43,7 +50,8 @@ class Camera:
         set_parameters: takes rclpy Parameters, sets all or none, returns a SetParametersResult
     """
 
-    def __init__(self, node, parts, group, set_parameters):
+    def __init__(self, node: Gate, parts: Parts, group: Any,
+                 set_parameters: Callable[..., Any]) -> None:
         self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
         self._reporter, self._picture, self._frames = parts.reporter, parts.picture, parts.frames
         self._set, self._lock = set_parameters, Lock()
@@ -56,7 +64,7 @@ class Camera:
                                  callback_group=group)
         node.create_service(Trigger, '~/identify', self._on_identify, callback_group=group)
 
-    def gripper(self, pose: Pose, stamp) -> float:
+    def gripper(self, pose: Pose, stamp: Time) -> float:
         """Take in a Pose of the tool frame; return how far the DLO is off its plan, m, or nan.
 
         Args:
@@ -71,7 +79,7 @@ class Camera:
 
     # ---- looks ------------------------------------------------------------------------------
 
-    def _on_points(self, msg):
+    def _on_points(self, msg: PointCloud2) -> None:
         with self._reporter.answering('observed_points', counter='clouds refused', told=False):
             self._health.count('clouds received')
             state, stamp = self._store.state, _seconds(msg.header.stamp)
@@ -86,13 +94,13 @@ class Camera:
                 self._compare(state, stamp, points)
                 self._correct(state, stamp, observing, estimate)
 
-    def _look(self, observing, stamp, points):
+    def _look(self, observing: Observing, stamp: float, points: Floats) -> Estimate | None:
         try:
             return observing.look(stamp, points)
         except InvalidTask as error:
             raise Refused(Cause.INVALID_POINTS, str(error)) from None
 
-    def _draw(self, state, estimate, points, stamp):
+    def _draw(self, state: State, estimate: Estimate, points: Floats, stamp: Time) -> None:
         """Show the DLO as it is estimated."""
         if state.gripper is not None:
             shape, scene = estimate.shape(state.gripper), state.scene
@@ -100,7 +108,7 @@ class Camera:
                 self._picture.show('estimate', lambda: (estimate_markers(
                     shape, scene.direct.rod.radius, points, scene.frame_id, stamp),))
 
-    def _observing_of(self, state):
+    def _observing_of(self, state: State) -> Observing | None:
         """Return the Observing of the DLO as it is stated; None where nothing is uncertain."""
         scene = state.scene
         with self._lock:
@@ -114,7 +122,7 @@ class Camera:
             self._at = scene, observing, state.resets
             return observing
 
-    def _compare(self, state, stamp, points):
+    def _compare(self, state: State, stamp: float, points: Floats) -> None:
         """Remember how far the DLO is from its plan."""
         running, execution = state.running, state.execution
         if execution.phase == 'running':
@@ -123,7 +131,8 @@ class Camera:
 
     # ---- corrections ------------------------------------------------------------------------
 
-    def _correct(self, state, stamp, observing, estimate):
+    def _correct(self, state: State, stamp: float, observing: Observing,
+                 estimate: Estimate) -> None:
         """Aim the rest of what is executed anew, if that is wanted, due and sure."""
         scene, execution, made = state.scene, state.execution, state.running
         plan, (running, when, before) = made.plan, self._corrected
@@ -158,7 +167,7 @@ class Camera:
 
     # ---- identification ---------------------------------------------------------------------
 
-    def _on_identify(self, _, response):
+    def _on_identify(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._reporter.answering('identify', answer=response) as outcome:
             state = self._store.state
             if state.executing:
@@ -201,7 +210,7 @@ def observing_of(scene: Scene, grippers: list, known: Estimate | None) -> Observ
     return made
 
 
-def points_in(scene: Scene, msg: PointCloud2, name: str, frames: OneFrame) -> np.ndarray:
+def points_in(scene: Scene, msg: PointCloud2, name: str, frames: OneFrame) -> Floats:
     """Return the points (n, 3), m, of a PointCloud2 in the scene's frame.
 
     Raises:
@@ -217,5 +226,5 @@ def points_in(scene: Scene, msg: PointCloud2, name: str, frames: OneFrame) -> np
     return points[np.linalg.norm(points, axis=1) <= scene.reach]
 
 
-def _seconds(stamp) -> float:
+def _seconds(stamp: Time) -> float:
     return stamp.sec + 1e-9 * stamp.nanosec

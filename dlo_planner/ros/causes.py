@@ -116,7 +116,7 @@ MEANINGS = {
 class Refused(DloPlannerError):
     """A request that the node refuses; `cause` is the number of the reason."""
 
-    def __init__(self, cause: Cause, message: str):
+    def __init__(self, cause: Cause, message: str) -> None:
         super().__init__(message)
         self.cause = cause
 

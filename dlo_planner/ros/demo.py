@@ -6,19 +6,24 @@ import argparse
 import os
 import sys
 import tempfile
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from subprocess import Popen
 from time import monotonic, sleep
 
 import numpy as np
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.minimize.newton import residual_of
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
@@ -62,12 +67,12 @@ class Row:
     held: bool
 
 
-def wire(diameter):
+def wire(diameter: float) -> Rod:
     """Return the paper's copper wire, 1 m, with another diameter in m."""
     return Rod.circular(1.0, diameter, 8960.0, 110e9, 0.34)
 
 
-def planner_process(domain, directory):
+def planner_process(domain: int, directory: str) -> AbstractContextManager[Popen[bytes]]:
     """Return a context in which the planner node runs in a ROS domain of its own: its Popen."""
     environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain), 'ROS_LOG_DIR': str(directory)}
     return child('dlo_planner.ros.planner_node', '--ros-args', '-p',
@@ -75,7 +80,7 @@ def planner_process(domain, directory):
                  env=environment)
 
 
-def received_residual(simulator, gripper, poses):
+def received_residual(simulator: DirectSimulator, gripper: Pose, poses: Sequence[Pose]) -> float:
     """Return the scaled gradient of the potential at a shape that came as a message.
 
     The strains are taken from the received orientations alone, so this judges what a user gets.
@@ -90,13 +95,13 @@ def received_residual(simulator, gripper, poses):
     return float(residual_of(system, state))
 
 
-def gripper_at(degrees):
+def gripper_at(degrees: float) -> Pose:
     """Return the gripper of benchmark C, turned up from level by an angle."""
     turn = Rotation.from_euler('y', -degrees, degrees=True)
     return Pose((0.0, 0.0, 1.0), turn.as_quat())
 
 
-def turn_gripper(client, folder):
+def turn_gripper(client: PlannerClient, folder: Path) -> Row:
     """Benchmark C: return its Row, having saved its picture."""
     here = DirectSimulator(wire(1e-3))
     reference = DirectSimulator(wire(1e-3), basis='local', n_elements=512)
@@ -122,7 +127,7 @@ def turn_gripper(client, folder):
                f'off {1e3 * max(errors):.2f} mm at most, jumps at {jumps} deg', held)
 
 
-def thread_wire(client, folder, diameter):
+def thread_wire(client: PlannerClient, folder: Path, diameter: float) -> Row:
     """Fig. 13 for one rigidity: return its Row, having saved its picture."""
     rod = wire(diameter)
     results = client.set_parameters(rod__diameter=diameter)
@@ -154,7 +159,7 @@ def thread_wire(client, folder, diameter):
                f'miss {max(misses):.0e} m, {max(angles):.0e} rad', held)
 
 
-def thread_two(client, folder):
+def thread_two(client: PlannerClient, folder: Path) -> Row:
     """Fig. 14: return its Row, having saved its picture; with what the node's own proof says."""
     rod = wire(TWO_DIAMETER)
     client.set_parameters(rod__diameter=TWO_DIAMETER)
@@ -182,7 +187,7 @@ def thread_two(client, folder):
                held)
 
 
-def move_calmly(client, folder):
+def move_calmly(client: PlannerClient, folder: Path) -> Row:
     """From a pose of the gripper's own to the hole and through it, executed: return its Row.
 
     What was commanded is simulated here: the node's promise is compared with where the wire goes.
@@ -216,7 +221,7 @@ def move_calmly(client, folder):
                'simulated', held)
 
 
-def thread_in_cell(client, folder):
+def thread_in_cell(client: PlannerClient, folder: Path) -> Row:
     """Have a wire that is not as stated threaded in a cell with a camera: return its Row."""
     came = close_the_loop(client, folder, progress)
     return Row('closed loop in a cell', f'hole of {1e3 * RADIUS:.0f} mm, unknown wire',
@@ -225,7 +230,7 @@ def thread_in_cell(client, folder):
                f'force {came.force:.2g} N', bool(came.threaded and came.force < TOUCH))
 
 
-def times_and_poses(timed):
+def times_and_poses(timed: MultiDOFJointTrajectory) -> tuple[Floats, list[Pose]]:
     """Return times (n,) s and Poses (list) of a timed trajectory."""
     times = [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec
              for point in timed.points]
@@ -235,7 +240,7 @@ def times_and_poses(timed):
         [getattr(way.rotation, axis) for axis in 'xyzw']) for way in ways]
 
 
-def executed(client, seconds, first):
+def executed(client: PlannerClient, seconds: float, first: Pose) -> list[Pose]:
     """Have the last plan executed by a robot; return the Poses that were commanded.
 
     Args:
@@ -260,7 +265,7 @@ def executed(client, seconds, first):
     return [pose_from_msg(msg.pose) for msg in drained(client.commands)]
 
 
-def away_from(commands, grippers):
+def away_from(commands: Iterable[Pose], grippers: Sequence[Pose]) -> Iterator[float]:
     """Return how far each commanded Pose is from the way through Poses, m."""
     way = np.array([pose.position for pose in grippers])
     steps = np.diff(way, axis=0)
@@ -270,7 +275,7 @@ def away_from(commands, grippers):
         yield np.linalg.norm(way[:-1] + along[:, None] * steps - command.position, axis=1).min()
 
 
-def missed(shape):
+def missed(shape: Shape) -> float:
     """Return by how much a Shape passes beside the center of GOAL, m; nan before it gets there."""
     depth = (shape.positions - GOAL.position) @ GOAL.direction
     if depth[-1] < 0:
@@ -281,7 +286,7 @@ def missed(shape):
     return float(np.linalg.norm(shape.positions_at([s])[0] - GOAL.position))
 
 
-def refuse_soft_wire(client):
+def refuse_soft_wire(client: PlannerClient) -> Row:
     """Ask for what cannot be: a wire so soft that it falls sideways; return its Row."""
     client.set_parameters(rod__diameter=TOO_SOFT)
     path, seconds = client.plan_threading(Pose.looking_along((-1.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
@@ -292,14 +297,14 @@ def refuse_soft_wire(client):
                float('nan'), 'reason: see the warning above', not path.poses)
 
 
-def progress(what, done, total):
+def progress(what: str, done: int, total: int) -> None:
     """Show on one line how far a task is."""
     end = '\n' if done == total else '\r'
     if sys.stdout.isatty() or done == total:
         print(f'  {what}: {done}/{total}', end=end, flush=True)
 
 
-def print_table(rows):
+def print_table(rows: Sequence[Row]) -> None:
     """Print what was asked, what came, latency and residual of every task."""
     head = ('task', 'asked', 'came', 'latency', 'residual', 'figures', 'held')
     lines = [(row.task, row.asked, row.came, f'{1e3 * row.latency:.1f} ms',
@@ -310,7 +315,7 @@ def print_table(rows):
         print('  '.join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)))
 
 
-def main(args=None):
+def main(args: Sequence[str] | None = None) -> int:
     """Run the demo; return 0 if everything held."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--output', type=Path, default=Path('demo_output'),

@@ -8,18 +8,24 @@ planner. The node sees the wire, identifies it, plans, and corrects what it exec
 
 import os
 import queue
-from contextlib import suppress
+from collections.abc import Callable
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
+from pathlib import Path
+from subprocess import Popen
 from time import monotonic, sleep
+from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Path
+from nav_msgs.msg import Path as PathMsg
 from rclpy.qos import qos_profile_sensor_data
 
+from dlo_planner.model.pose import Pose
 from dlo_planner.ros.child import child
+from dlo_planner.ros.client import PlannerClient
 from dlo_planner.ros.demo_figures import save_cell
 from dlo_planner.ros.execution import ACTIVE
 from dlo_planner.ros.qos import LATCHED
@@ -68,7 +74,8 @@ def installed() -> bool:
     return find_spec('mujoco') is not None
 
 
-def close_the_loop(client, folder, progress) -> Outcome:
+def close_the_loop(client: PlannerClient, folder: Path,
+                   progress: Callable[[str, int, int], object]) -> Outcome:
     """Have the wire of a cell threaded that the planner does not know; save a picture.
 
     Args:
@@ -84,7 +91,7 @@ def close_the_loop(client, folder, progress) -> Outcome:
                           incoming_command_timeout=0.5)
     client.trigger('reset')
     heard = {name: queue.Queue() for name in ('shape', 'outcome', 'cutout', 'pose')}
-    for kind, topic, qos in ((Path, 'shape', LATCHED), (DiagnosticStatus, 'outcome', LATCHED),
+    for kind, topic, qos in ((PathMsg, 'shape', LATCHED), (DiagnosticStatus, 'outcome', LATCHED),
                              (PoseStamped, 'cutout', LATCHED)):
         client.node.create_subscription(kind, f'/dlo_cell/{topic}', heard[topic].put, qos)
     client.node.create_subscription(PoseStamped, f'{client.planner}/gripper_pose',
@@ -114,20 +121,21 @@ def close_the_loop(client, folder, progress) -> Outcome:
                    float(outcome['largest force [N]']), missed, corrections)
 
 
-def cell_process():
+def cell_process() -> AbstractContextManager[Popen[bytes]]:
     """Return a context in which the cell runs, in the ROS domain of this process."""
     return child('dlo_planner.cell.node', '--ros-args', '-p', f'task:={_TASK}',
                  '-p', f'seed:={_SEED}', '-p', f'radius:={RADIUS}', env=os.environ)
 
 
-def _missed(client, path, goal):
+def _missed(client: PlannerClient, path: PathMsg, goal: Pose) -> float:
     """Return how far from the hole a wire as identified comes there, on a plan made before, m."""
     entry = poses_from_path(path)[len(path.poses) - _WAYPOINTS]
     tip = poses_from_path(client.predict_shape(entry)[0])[-1].position
     return float(np.linalg.norm(np.cross(tip - goal.position, goal.direction)))
 
 
-def _executed(client, seconds, progress):
+def _executed(client: PlannerClient, seconds: float,
+              progress: Callable[[str, int, int], object]) -> int:
     """Have the plan executed to its end; return how often it was corrected."""
     _drained(client.executions)
     answer = client.trigger('execute')
@@ -144,14 +152,14 @@ def _executed(client, seconds, progress):
     return int(values['corrections'])
 
 
-def _next(messages):
+def _next(messages: queue.Queue[Any]) -> Any:
     try:
         return messages.get(timeout=30.0)
     except queue.Empty:
         raise TimeoutError('the cell did not come up') from None
 
 
-def _drained(messages):
+def _drained(messages: queue.Queue[Any]) -> list[Any]:
     taken = []
     with suppress(queue.Empty):
         while True:

@@ -6,14 +6,21 @@ import matplotlib
 import numpy as np
 
 matplotlib.use('Agg')
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
 from matplotlib import pyplot as plt  # noqa: E402  the backend has to be chosen first
+
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.pose import Pose
 
 _TICK = 0.05  # m
 _SHOWN = 9    # wires drawn in a threading
 _LEFT, _RIGHT, _HEIGHT = (-1.05, 1.0), (-1.05, 0.1), (0.35, 1.2)  # m
 
 
-def save_turning(path, angles, shapes):
+def save_turning(path: Path, angles: Sequence[float], shapes: Sequence[Floats]) -> None:
     """Save benchmark C: the wire for every gripper angle, on the way there and on the way back.
 
     Args:
@@ -39,7 +46,8 @@ def save_turning(path, angles, shapes):
     plt.close(figure)
 
 
-def save_threading(path, stiffness, goal, grippers, shapes, inserting):
+def save_threading(path: Path, stiffness: float, goal: Pose, grippers: Sequence[Pose],
+                   shapes: Sequence[Floats], inserting: Sequence[Pose]) -> None:
     """Save one row of Fig. 13: left the wire while it is threaded, right the gripper's way.
 
     Args:
@@ -79,7 +87,8 @@ def save_threading(path, stiffness, goal, grippers, shapes, inserting):
     plt.close(figure)
 
 
-def save_two(path, goals, grippers, shapes):
+def save_two(path: Path, goals: Sequence[Pose], grippers: Sequence[Pose],
+             shapes: Sequence[Floats]) -> None:
     """Save Fig. 14: the wire while it is threaded through two cut-outs, and the gripper's way.
 
     Args:
@@ -142,7 +151,7 @@ def save_moving(path, times, grippers, goal, shapes, misses, tolerance):
     plt.close(figure)
 
 
-def save_cell(path, goal, radius, shapes, way):
+def save_cell(path: Path, goal: Pose, radius: float, shapes: Sequence[Floats], way: Floats) -> None:
     """Save what a wire did in the cell: from the side, from above, and in the plane of the hole.
 
     Args:
@@ -185,7 +194,7 @@ def save_cell(path, goal, radius, shapes, way):
     plt.close(figure)
 
 
-def _pierced(points, goal):
+def _pierced(points: Floats, goal: Pose) -> Floats | None:
     """Return where a DLO passes the plane of a cut-out, (2,) m in its axes, or None."""
     depth = (points - goal.position) @ goal.direction
     if depth[-1] <= 0 or depth.min() >= 0:
@@ -196,7 +205,7 @@ def _pierced(points, goal):
     return place @ goal.rotation[:, 1:]
 
 
-def _draw_sheet(axis, goal):
+def _draw_sheet(axis: Any, goal: Pose) -> None:
     """Draw the sheet as a line across the normal with a gap where the cut-out is."""
     along = np.array([-goal.direction[2], goal.direction[0]])
     center = goal.position[[0, 2]]
@@ -205,7 +214,7 @@ def _draw_sheet(axis, goal):
         axis.plot(ends[:, 0], ends[:, 1], color='k', lw=3)
 
 
-def _finish(axis, title):
+def _finish(axis: Any, title: str) -> None:
     axis.set_aspect('equal')
     axis.set_xlabel('x [m]')
     axis.set_ylabel('z [m]')

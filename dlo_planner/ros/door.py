@@ -3,14 +3,16 @@
 """What comes in from outside: poses are judged here, and obstacles called by their names."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, Quaternion
 from nav_msgs.msg import Goals
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.frames import OneFrame
@@ -50,8 +52,8 @@ def pose_in(scene: Scene, msg: PoseStamped, name: str, frames: OneFrame = _ONE) 
     return there
 
 
-def bodies_in(scene: Scene, known: Mapping, msg: MarkerArray, name: str,
-              frames: OneFrame = _ONE) -> dict:
+def bodies_in(scene: Scene, known: Mapping[tuple[str, int], Any], msg: MarkerArray, name: str,
+              frames: OneFrame = _ONE) -> dict[tuple[str, int], Any]:
     """Return the obstacles, by (namespace, id), after a visualization_msgs/MarkerArray.
 
     Args:
@@ -83,21 +85,21 @@ def bodies_in(scene: Scene, known: Mapping, msg: MarkerArray, name: str,
     return bodies
 
 
-def _judge_orientation(q, name, cause=Cause.INVALID_POSE):
+def _judge_orientation(q: Quaternion, name: str, cause: Cause = Cause.INVALID_POSE) -> None:
     quaternion = [q.x, q.y, q.z, q.w]
     if abs(np.linalg.norm(quaternion) - 1) > _UNIT:
         raise Refused(cause, f'{name}.orientation = {quaternion}: expected a quaternion x, y, z, w '
                       f'of length 1, within {_UNIT:g}')
 
 
-def _judge_distance(position, scene, name, cause=Cause.OUT_OF_REACH):
+def _judge_distance(position: Sequence[float] | Floats, scene: Scene, name: str,
+                    cause: Cause = Cause.OUT_OF_REACH) -> None:
     if np.linalg.norm(position) > scene.reach:
         raise Refused(cause, f'{name}.position = {[float(x) for x in position]}: expected at most '
                       f'workspace.reach = {scene.reach:g} m from the origin of {scene.frame_id}')
 
 
-def goals_in(scene: Scene, msg: Goals, name: str,
-             frames: OneFrame = _ONE) -> tuple[Pose, ...]:
+def goals_in(scene: Scene, msg: Goals, name: str, frames: OneFrame = _ONE) -> tuple[Pose, ...]:
     """Return the Poses of a nav_msgs/Goals, one or two; an empty header is that of the message."""
     if not 1 <= len(msg.goals) <= _MOST_GOALS:
         raise Refused(Cause.INVALID_GOALS, f'{name}.goals has {len(msg.goals)} poses: expected one '
@@ -117,7 +119,7 @@ def markers_in(scene: Scene, msg: MarkerArray, name: str, frames: OneFrame) -> M
                                 for index, marker in enumerate(msg.markers)])
 
 
-def _marker_in(scene, marker, name, frames):
+def _marker_in(scene: Scene, marker: Marker, name: str, frames: OneFrame) -> Marker:
     if marker.action != Marker.ADD:
         return marker
     origin = frames.origin(marker.header, scene.frame_id, name)
@@ -132,7 +134,7 @@ def _marker_in(scene, marker, name, frames):
                   type=marker.type, action=marker.action, pose=pose, scale=marker.scale)
 
 
-def named(text: str, bodies: Mapping) -> str:
+def named(text: str, bodies: Mapping[tuple[str, int], Any]) -> str:
     """Return a text in which obstacles are called as in RViz, 'cell/3', not by their index.
 
     Args:
@@ -141,19 +143,19 @@ def named(text: str, bodies: Mapping) -> str:
     """
     names = [body_name(key) for key in bodies]
 
-    def name(found):
+    def name(found: re.Match[str]) -> str:
         index = int(found[1] or found[2])
         return f'obstacle {names[index]}' if index < len(names) else found[0]
 
     return _OBSTACLE.sub(name, text)
 
 
-def body_name(key: tuple) -> str:
+def body_name(key: tuple[str, int]) -> str:
     """Return how an obstacle is called, of its (namespace, id)."""
     return f'{key[0]}/{key[1]}'
 
 
-def inside_of(scene: Scene, bodies: Mapping, gripper: Pose, name: str) -> str:
+def inside_of(scene: Scene, bodies: Mapping[tuple[str, int], Any], gripper: Pose, name: str) -> str:
     """Return in words in which obstacle a gripper is, '' if in none."""
     if not bodies:
         return ''

@@ -61,7 +61,7 @@ def doubts(correction: Correction, observing: Observing, scene: Scene) -> str:
     return _leaves(correction, scene)
 
 
-def _leaves(correction, scene):
+def _leaves(correction: Correction, scene: Scene) -> str:
     """Return in words what the gripper or the DLO would run into."""
     rooms = [scene.inverse.workspace.least_room(pose) for pose in correction.grippers]
     name, room = min(rooms, key=lambda one: one[1])

@@ -3,14 +3,19 @@
 """The last plan is executed: streamed in real time, watched, and ended with a reason."""
 
 from time import monotonic
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from std_srvs.srv import Trigger
 
+from dlo_planner.model.pose import Pose
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.execution import Execution
+from dlo_planner.ros.gate import Gate
+from dlo_planner.ros.parts import Parts
 from dlo_planner.ros.qos import LATCHED, REQUEST
+from dlo_planner.ros.requests import Planning
 from dlo_planner.ros.state import State
 from msg_helpers.diagnostics import OK, WARN, status_msg
 from msg_helpers.markers import command_markers
@@ -29,7 +34,8 @@ class Drive:
         clock: steady Clock; group: callback group
     """
 
-    def __init__(self, node, parts, planning, clock, group):
+    def __init__(self, node: Gate, parts: Parts, planning: Planning, clock: Any,
+                 group: Any) -> None:
         self._node, self._store, self._planning = node, parts.store, planning
         self._reporter, self._health = parts.reporter, parts.health
         self._picture = parts.picture
@@ -42,11 +48,11 @@ class Drive:
         node.create_timer(parts.store.state.scene.period, self._command, callback_group=group,
                           clock=clock)
 
-    def announce(self):
+    def announce(self) -> None:
         """Publish how the execution stands: the node begins to act."""
         self._tell(self._store.state.execution)
 
-    def stop(self, cause: Cause, reason: str):
+    def stop(self, cause: Cause, reason: str) -> None:
         """Let what is executed come to rest, if anything is."""
         self._store.change(lambda state: state.stopped(cause, reason))
 
@@ -55,7 +61,7 @@ class Drive:
         """Whether nothing is executed, and the end of what was is told."""
         return self._finished
 
-    def _on_execute(self, _, response):
+    def _on_execute(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         stamp = self._node.get_clock().now().to_msg()
         with self._reporter.answering('execute', stamp=stamp, answer=response) as outcome:
             state = self._store.change(lambda state: state.started(monotonic()))
@@ -70,7 +76,7 @@ class Drive:
                                     f'threading.linear_speed = {speed:g} m/s')
         return response
 
-    def _on_cancel(self, _, response):
+    def _on_cancel(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._reporter.answering('cancel', answer=response) as outcome:
             planning = self._planning.cancel('canceled')
             before = self._store.state
@@ -83,7 +89,7 @@ class Drive:
                 + ['the proof ends'] * proving)
         return response
 
-    def _command(self):
+    def _command(self) -> None:
         with self._reporter.answering('command', told=False):
             if self._finished:
                 return
@@ -96,13 +102,13 @@ class Drive:
             if not execution.active:
                 self._end(execution)
 
-    def _send(self, command, frame_id):
+    def _send(self, command: Pose, frame_id: str) -> None:
         stamp, tool = self._node.get_clock().now().to_msg(), self._store.state.scene.tool
         self._command_out.publish(pose_stamped_msg(command, frame_id, stamp))
         self._picture.show('command', lambda: (command_markers(command.compose(tool), frame_id,
                                                                stamp),))
 
-    def _end(self, execution):
+    def _end(self, execution: Execution) -> None:
         self._finished = True
         self._picture.show('command')
         if execution.cause == Cause.DONE:
@@ -116,7 +122,7 @@ class Drive:
         self._reporter.tell('execute', execution.cause, reason, self._stamp,
                             progress(execution))
 
-    def _tell(self, execution):
+    def _tell(self, execution: Execution | None) -> None:
         self._told = monotonic()
         name = f'{self._node.get_name()}: execution'
         level, message, values = described(execution)
@@ -133,7 +139,7 @@ def described(execution: Execution | None) -> tuple[bytes, str, dict]:
         'reason': execution.reason or 'none', **progress(execution)})
 
 
-def progress(execution: Execution) -> dict:
+def progress(execution: Execution) -> dict[str, Any]:
     """Return how far an Execution has come."""
     duration = execution.way.duration
     return {'done [s]': execution.done, 'duration [s]': duration,

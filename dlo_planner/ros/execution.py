@@ -150,10 +150,11 @@ class Execution:
         fault = timed.fault()
         return (timed.stop(*fault) if fault else timed).advanced(step)
 
-    def advanced(self, step):
+    def advanced(self, step: float) -> 'Execution':
         """Return the execution `step` s later."""
         if self.phase == 'stopping':
             since = self.since + step
+            assert self.deceleration is not None  # `stop` made it
             done = float(self.deceleration.at(since))
             phase = 'stopped' if since >= self.deceleration.length else 'stopping'
             return replace(self, done=done, since=since, phase=phase, command=self._pose(done))
@@ -168,7 +169,7 @@ class Execution:
         return replace(self, done=end, command=self._pose(end), phase='settling',
                        since=done - end).settled()
 
-    def settled(self):
+    def settled(self) -> 'Execution':
         """Return the execution at the end of its way: succeeded, too late, or still waiting."""
         guards = self.guards
         if not (guards.goal_position or guards.goal_angle):
@@ -181,10 +182,10 @@ class Execution:
             return replace(self, phase='stopped', cause=Cause.GOAL_TOLERANCE, reason=late)
         return self
 
-    def _pose(self, done):
+    def _pose(self, done: float) -> Pose:
         return self.way.at([done])[0][0].compose(self.back)
 
-    def _silence(self, heard, now, step):
+    def _silence(self, heard: Heard | None, now: float, step: float) -> float:
         """Return the age of a gripper pose, s.
 
         Where this machine is late, poses may be as late to be heard: a tick adds a period at most.
@@ -195,7 +196,7 @@ class Execution:
             return heard.age + min(max(now - heard.arrived, 0.0), self.period)
         return self.silent + step
 
-    def fault(self):
+    def fault(self) -> tuple[Cause, str] | None:
         """Return the cause and the reason to stop, or None."""
         guards, heard, age = self.guards, self.heard, self.silent
         limit = guards.incoming_command_timeout
@@ -213,10 +214,10 @@ class Execution:
                     f'expected constraints.path.shape = {guards.path_shape:g} m at most')
         return None
 
-    def _off(self, position, angle, name):
+    def _off(self, position: float, angle: float, name: str) -> str | None:
         """Return in words how the gripper is off the command; None: it is within tolerances."""
         heard = self.heard
-        if heard is None:
+        if heard is None or self.command is None:
             return None
         away = float(np.linalg.norm(heard.pose.position - self.command.position))
         if position and away > position:

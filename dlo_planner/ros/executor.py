@@ -19,11 +19,11 @@ class PatientExecutor(MultiThreadedExecutor):
     its shape, and a plan that is made meanwhile takes 3 s instead of 18 s.
     """
 
-    def spin_once(self, timeout_sec=None):
+    def spin_once(self, timeout_sec: float | None = None) -> None:
         """Submit one callback that is ready, then give it the time to start."""
         super().spin_once(timeout_sec)
         sleep(_PAUSE)
 
-    def wait_for_callbacks(self):
+    def wait_for_callbacks(self) -> None:
         """Wait until those that run have ended; nothing may spin any more."""
         self._executor.shutdown(wait=True, cancel_futures=True)

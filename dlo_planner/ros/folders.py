@@ -10,7 +10,7 @@ _IN_MEMORY = Path('/dev/shm')  # a container has it though all else is read-only
 _NO_FILE = ['--ros-args', '--disable-external-lib-logs']
 
 
-def find_temporary():
+def find_temporary() -> None:
     """Take the folder in memory for temporary files, where there is no other one.
 
     Child processes take it as well. Libraries write there what they keep from one start to the

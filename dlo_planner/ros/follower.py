@@ -29,7 +29,7 @@ class Follower:
     """
 
     def __init__(self, node: Node, planner: str, pose: Pose, lag: float = 0.05,
-                 rate: float = 50.0):
+                 rate: float = 50.0) -> None:
         self._node, self._lag, self._lock = node, lag, Lock()
         self._pose, self._frame_id, self._coming = pose, 'world', deque(maxlen=_KEPT)
         self._out = node.create_publisher(PoseStamped, f'{planner}/gripper_pose',
@@ -39,24 +39,24 @@ class Follower:
         self._timer = node.create_timer(1 / rate, self._publish,
                                         clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def put(self, pose: Pose):
+    def put(self, pose: Pose) -> None:
         """Move to a Pose at once, and follow from there."""
         with self._lock:
             self._pose = pose
             self._coming.clear()
 
-    def close(self):
+    def close(self) -> None:
         """Stop publishing."""
         self._node.destroy_timer(self._timer)
         self._node.destroy_subscription(self._in)
         self._node.destroy_publisher(self._out)
 
-    def _on_command(self, msg):
+    def _on_command(self, msg: PoseStamped) -> None:
         with self._lock:
             self._frame_id = msg.header.frame_id
             self._coming.append((monotonic(), pose_from_msg(msg.pose)))
 
-    def _publish(self):
+    def _publish(self) -> None:
         with self._lock:
             while self._coming and self._coming[0][0] <= monotonic() - self._lag:
                 self._pose = self._coming.popleft()[1]

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Poses in other frames: through tf2 if it is installed, refused by name if not."""
 
+from typing import Any
+
 from std_msgs.msg import Header
 
 from dlo_planner.model.pose import Pose
@@ -28,7 +30,7 @@ class OneFrame:
             return None
         raise _refused(header, frame_id, name, 'tf2_ros is not installed')
 
-    def close(self):
+    def close(self) -> None:
         """Listen no more."""
 
 
@@ -40,7 +42,7 @@ class TfFrames(OneFrame):
         tf2: module tf2_ros
     """
 
-    def __init__(self, node, tf2):
+    def __init__(self, node: Any, tf2: Any) -> None:
         from rclpy.duration import Duration  # noqa: PLC0415
         from rclpy.time import Time  # noqa: PLC0415
         self._tf2, self._time, self._patience = tf2, Time, Duration(seconds=_PATIENCE)
@@ -61,12 +63,12 @@ class TfFrames(OneFrame):
         at, turn = found.transform.translation, found.transform.rotation
         return Pose((at.x, at.y, at.z), (turn.x, turn.y, turn.z, turn.w))
 
-    def close(self):
+    def close(self) -> None:
         """Listen no more."""
         self._listener.unregister()
 
 
-def frames_of(node) -> OneFrame:
+def frames_of(node: Any) -> OneFrame:
     """Return the Frames of a Node: TfFrames where tf2_ros is installed."""
     try:
         import tf2_ros  # noqa: PLC0415
@@ -75,6 +77,6 @@ def frames_of(node) -> OneFrame:
     return TfFrames(node, tf2_ros)
 
 
-def _refused(header, frame_id, name, why):
+def _refused(header: Header, frame_id: str, name: str, why: str) -> Refused:
     return Refused(Cause.INVALID_FRAME, f'{name}.header.frame_id = {header.frame_id!r}: expected '
                    f'{frame_id!r}, or a frame that tf can transform to it ({why})')

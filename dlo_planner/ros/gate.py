@@ -5,6 +5,7 @@
 from collections.abc import Callable
 from functools import wraps
 from threading import Condition
+from typing import Any
 
 from rclpy.lifecycle import LifecycleNodeMixin
 
@@ -22,21 +23,32 @@ class Gate:
         node: LifecycleNodeMixin and Node
     """
 
-    def __init__(self, node: LifecycleNodeMixin):
+    get_clock: Callable[..., Any]
+    get_logger: Callable[..., Any]
+    get_name: Callable[..., Any]
+    get_parameter: Callable[..., Any]
+    has_parameter: Callable[..., Any]
+    add_on_set_parameters_callback: Callable[..., Any]
+    add_post_set_parameters_callback: Callable[..., Any]
+    remove_on_set_parameters_callback: Callable[..., Any]
+    remove_post_set_parameters_callback: Callable[..., Any]
+
+    def __init__(self, node: LifecycleNodeMixin) -> None:
         self._node = node
-        self._entities = []
+        self._entities: list[tuple[Callable[[Any], object], Any]] = []
         self._open, self._calls, self._changed = False, 0, Condition()
         for name in ('get_clock', 'get_logger', 'get_name', 'get_parameter', 'has_parameter',
                      'add_on_set_parameters_callback', 'add_post_set_parameters_callback',
                      'remove_on_set_parameters_callback', 'remove_post_set_parameters_callback'):
             setattr(self, name, getattr(node, name))
 
-    def create_publisher(self, kind, topic, qos, **options):
+    def create_publisher(self, kind: Any, topic: str, qos: Any, **options: Any) -> Any:
         """Return a lifecycle publisher: the node's transitions switch it."""
         made = self._node.create_lifecycle_publisher(kind, topic, qos, **options)
         return self._keep(self._node.destroy_lifecycle_publisher, made)
 
-    def create_subscription(self, kind, topic, callback, qos, *, always=False, **options):
+    def create_subscription(self, kind: Any, topic: str, callback: Callable[..., Any], qos: Any, *,
+                            always: bool = False, **options: Any) -> Any:
         """Return a subscription.
 
         Args:
@@ -47,18 +59,19 @@ class Gate:
             kind, topic, self._counted(callback, always), qos, **options)
         return self._keep(self._node.destroy_subscription, made)
 
-    def create_timer(self, period, callback, **options):
+    def create_timer(self, period: float, callback: Callable[..., Any], **options: Any) -> Any:
         """Return a timer."""
         made = self._node.create_timer(period, self._counted(callback), **options)
         return self._keep(self._node.destroy_timer, made)
 
-    def create_service(self, kind, name, callback, **options):
+    def create_service(self, kind: Any, name: str, callback: Callable[..., Any],
+                       **options: Any) -> Any:
         """Return a service."""
         made = self._node.create_service(
             kind, name, self._counted(callback, refusal=_refused), **options)
         return self._keep(self._node.destroy_service, made)
 
-    def open(self):
+    def open(self) -> None:
         """Let everything act."""
         with self._changed:
             self._open = True
@@ -73,19 +86,20 @@ class Gate:
             self._open = False
             return self._changed.wait_for(lambda: self._calls == 0, patience)
 
-    def destroy(self):
+    def destroy(self) -> None:
         """Destroy all that was made."""
         while self._entities:
             destroy, made = self._entities.pop()
             destroy(made)
 
-    def _keep(self, destroy, made):
+    def _keep(self, destroy: Callable[[Any], object], made: Any) -> Any:
         self._entities.append((destroy, made))
         return made
 
-    def _counted(self, callback: Callable, always=False, refusal=None) -> Callable:
+    def _counted(self, callback: Callable[..., Any], always: bool = False,
+                 refusal: Callable[..., Any] | None = None) -> Callable[..., Any]:
         @wraps(callback)  # rclpy looks at the signature
-        def call(*args):
+        def call(*args: Any) -> Any:
             with self._changed:
                 if not self._open and not always:
                     return refusal and refusal(*args)
@@ -99,7 +113,7 @@ class Gate:
         return call
 
 
-def _refused(_, response):
+def _refused(_: Any, response: Any) -> Any:
     if hasattr(response, 'message'):
         response.message = _INACTIVE
     return response

@@ -5,9 +5,16 @@
 from collections import deque
 from threading import Lock
 from time import monotonic
+from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Time
 
+from dlo_planner.direct.shape import Shape
+from dlo_planner.identify.correction import Correction
+from dlo_planner.identify.estimate import Estimate
+from dlo_planner.plan.plan import Plan
+from dlo_planner.ros.proof import Proof
 from msg_helpers.diagnostics import ERROR, OK, WARN
 
 _RECENT = 50      # shapes over which rates and latencies are averaged
@@ -29,7 +36,7 @@ _REPORTED = {  # figures of a Report
     'mode_margin': 'frequency margin', 'duration': 'duration [s]'}
 
 
-def stamp_text(stamp):
+def stamp_text(stamp: Time | None) -> str:
     """Return a builtin_interfaces/Time as seconds with nine digits."""
     return f'{stamp.sec}.{stamp.nanosec:09d}'
 
@@ -37,7 +44,7 @@ def stamp_text(stamp):
 class Health:
     """Counters, rates, latencies and the last error; safe to use from several threads."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._lock = Lock()
         self._counts = {'poses received': 0, 'shapes published': 0, 'poses refused': 0,
                         'plans made': 0, 'plans refused': 0, 'jumps': 0,
@@ -48,14 +55,14 @@ class Health:
         self._error = None
         self._error_time = -np.inf
 
-    def count(self, name):
+    def count(self, name: str) -> None:
         """Add one to the counter `name`."""
         with self._lock:
             self._counts[name] += 1
             if name == 'poses received':
                 self._arrivals.append(monotonic())
 
-    def shape_done(self, shape, seconds):
+    def shape_done(self, shape: Shape, seconds: float) -> None:
         """Take the figures of a published Shape that took `seconds`."""
         with self._lock:
             self._counts['shapes published'] += 1
@@ -66,7 +73,7 @@ class Health:
                                  'shape error estimate [m]': shape.error_estimate,
                                  'shape iterations': shape.iterations})
 
-    def plan_done(self, plan, seconds, stamp):
+    def plan_done(self, plan: Plan, seconds: float, stamp: Time) -> None:
         """Take the figures of a Plan that took `seconds` and is published with a Time `stamp`."""
         with self._lock:
             self._counts['plans made'] += 1
@@ -78,7 +85,7 @@ class Health:
                                  'plan largest residual': float(plan.residual.max()),
                                  'plan smallest stability': float(plan.stability.min())})
 
-    def plan_proved(self, proof):
+    def plan_proved(self, proof: Proof) -> None:
         """Take what a Proof says of the last plan."""
         report = proof.report
         with self._lock:
@@ -89,19 +96,19 @@ class Health:
             for name, text in _REPORTED.items():
                 self._values[f'report {text}'] = float(getattr(report, name, np.nan))
 
-    def plan_void(self, reason):
+    def plan_void(self, reason: str) -> None:
         """Take why the last plan must not be executed any more."""
         with self._lock:
             self._values |= {'report': 'void', 'report reason': reason}
 
-    def estimated(self, estimate):
+    def estimated(self, estimate: Estimate) -> None:
         """Take the figures of an Estimate."""
         with self._lock:
             self._values |= {'estimate looks': estimate.looks,
                              'estimate misfit [m]': float(estimate.misfit),
                              'estimate outliers': float(estimate.outliers)}
 
-    def corrected(self, correction, reason):
+    def corrected(self, correction: Correction, reason: str) -> None:
         """Take a Correction, and why it is not executed or ''."""
         bound = float(correction.miss.bound.max(initial=0.0))
         with self._lock:
@@ -109,16 +116,16 @@ class Health:
             self._values |= {'correction': reason or 'executed',
                              'correction miss bound [m]': bound}
 
-    def failed(self, reason):
+    def failed(self, reason: str) -> None:
         """Take the reason of a refusal or failure."""
         with self._lock:
             self._error = reason
             self._error_time = monotonic()
 
-    def report(self):
+    def report(self) -> tuple[bytes, str, dict[str, Any]]:
         """Return level, message and values for `msg_helpers.diagnostics.diagnostics_msg`."""
         with self._lock:
-            values = dict(self._counts)
+            values: dict[str, Any] = dict(self._counts)
             if len(self._arrivals) > 1:
                 span = self._arrivals[-1] - self._arrivals[0]
                 values['pose rate [Hz]'] = (len(self._arrivals) - 1) / max(span, 1e-9)

@@ -2,9 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """An Estimate as the node's parameters: what is identified counts from then on, and is saved."""
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import numpy as np
 
 from dlo_planner.identify.estimate import Estimate
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 
 _MOST_POISSON = 0.5
@@ -12,7 +16,7 @@ _SECTIONS = 'youngs_modulus', 'density'
 _STIFFNESSES = 'bending_stiffness', 'mass_per_length'
 
 
-def identified(estimate: Estimate, values: dict) -> dict:
+def identified(estimate: Estimate, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters (name -> value) that change by an Estimate.
 
     Torsion of a section is told by Poisson's ratio, which is 0.5 at most.
@@ -53,12 +57,12 @@ def told(estimate: Estimate) -> str:
             f'{estimate.outliers:.0%} of them outliers: {", ".join(said) or "nothing told"}')
 
 
-def _times(value, factor):
+def _times(value: Any, factor: float) -> Any:
     return [float(factor * part) for part in value] if isinstance(value, list) else float(
         factor * value)
 
 
-def _sum(known, terms):
+def _sum(known: Sequence[float], terms: Floats) -> list[float]:
     """Return the sum of pairs that follow each other and of rows (n, 2), as pairs in a row."""
     known = np.asarray(known, dtype=float).reshape(-1, 2)
     out = np.zeros((max(len(known), len(terms)), 2))

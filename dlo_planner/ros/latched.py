@@ -3,10 +3,13 @@
 """Hearing latched messages and ordinary ones on one topic."""
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from dlo_planner.ros.gate import Gate
 
 _REMEMBERED = 4096  # messages; the copy of one comes at most two queues later
 
@@ -20,10 +23,10 @@ class Once:
         callback: called with the message
     """
 
-    def __init__(self, callback: Callable):
+    def __init__(self, callback: Callable[..., Any]) -> None:
         self._callback, self._seen = callback, OrderedDict()
 
-    def __call__(self, msg, info):
+    def __call__(self, msg: Any, info: Mapping[str, Any]) -> None:
         """Take a message and what rclpy says of it."""
         key = info['source_timestamp'], info.get('publication_sequence_number')
         if key[0] and key in self._seen:
@@ -34,7 +37,8 @@ class Once:
         self._callback(msg)
 
 
-def hear_latched(node, kind, topic: str, callback: Callable, qos: QoSProfile, group):
+def hear_latched(node: Gate, kind: Any, topic: str, callback: Callable[..., Any], qos: QoSProfile,
+                 group: Any) -> None:
     """Subscribe twice, so that latched and volatile publishers are heard.
 
     A volatile subscription hears no history, and a latched one no volatile publisher.

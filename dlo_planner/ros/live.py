@@ -2,9 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gripper poses in, shapes out: live on topics, and by service."""
 
+from collections.abc import Callable
 from threading import Condition, Thread
 from time import monotonic
+from typing import Any
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
@@ -15,6 +18,8 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.door import inside_of, pose_in
 from dlo_planner.ros.execution import Heard
+from dlo_planner.ros.gate import Gate
+from dlo_planner.ros.parts import Parts
 from dlo_planner.ros.picture import markers_of_shape
 from dlo_planner.ros.qos import LATCHED, LATEST
 from dlo_planner.ros.state import State
@@ -52,7 +57,8 @@ class LiveShapes:
             its plan, m, or nan
     """
 
-    def __init__(self, node, parts, hearing, asking, follows):
+    def __init__(self, node: Gate, parts: Parts, hearing: Any, asking: Any,
+                 follows: Callable[[Pose, Time], float]) -> None:
         self._follows = follows
         self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
         self._reporter, self._picture = parts.reporter, parts.picture
@@ -67,14 +73,14 @@ class LiveShapes:
         self._thread = Thread(target=self._work, name='shapes', daemon=True)
         self._thread.start()
 
-    def close(self):
+    def close(self) -> None:
         """End the thread."""
         with self._waiting:
             self._closed = True
             self._waiting.notify()
         self._thread.join(timeout=1.0)
 
-    def _on_pose(self, msg):
+    def _on_pose(self, msg: PoseStamped) -> None:
         with self._reporter.answering('gripper_pose', counter='poses refused', told=False):
             self._health.count('poses received')
             arrived = monotonic()
@@ -87,7 +93,7 @@ class LiveShapes:
                 self._newest = pose.compose(state.scene.tool), stamp, arrived
                 self._waiting.notify()
 
-    def _work(self):
+    def _work(self) -> None:
         while True:
             with self._waiting:
                 while self._newest is None and not self._closed:
@@ -98,7 +104,7 @@ class LiveShapes:
             with self._reporter.answering('gripper_pose', counter='poses refused', told=False):
                 self._predict(*newest)
 
-    def _predict(self, gripper, stamp, arrived):
+    def _predict(self, gripper: Pose, stamp: Time, arrived: float) -> None:
         before = self._store.state
         shape = predicted(before, gripper, 'gripper_pose', before.shape)
         if self._closed:
@@ -112,7 +118,8 @@ class LiveShapes:
         radius, color = before.scene.direct.rod.radius, before.scene.color
         self._picture.show('shape', lambda: markers_of_shape(shape, radius, frame_id, stamp, color))
 
-    def _on_predict_shape(self, request, response):
+    def _on_predict_shape(self, request: GetPlan.Request,
+                          response: GetPlan.Response) -> GetPlan.Response:
         stamp = request.start.header.stamp
         with self._reporter.answering('predict_shape', stamp=stamp) as outcome:
             state, name = self._store.state, 'predict_shape.start'
@@ -123,7 +130,7 @@ class LiveShapes:
             outcome.message = f'{len(response.plan.poses)} nodes'
         return response
 
-    def _on_reset(self, _, response):
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._reporter.answering('reset', answer=response) as outcome:
             self._store.change(State.reset)
             outcome.message = 'the next pose starts from the natural shape'

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from queue import SimpleQueue
 from threading import Event, Thread
 from threading import enumerate as enumerate_threads
+from typing import Any
 
 from dlo_planner.ros.folders import find_temporary, log_arguments
 
@@ -35,7 +36,7 @@ def main(args: list[str] | None = None) -> int:
     return Process(_planner, sys.argv if args is None else args).run()
 
 
-def _planner() -> tuple:
+def _planner() -> tuple[Any, Any]:
     from dlo_planner.ros.executor import PatientExecutor  # noqa: PLC0415
     from dlo_planner.ros.planner_node import THREADS, PlannerNode  # noqa: PLC0415
     return PlannerNode(), PatientExecutor(num_threads=THREADS)
@@ -55,12 +56,13 @@ class Process:
         args: of the command line
     """
 
-    def __init__(self, make: Callable[[], tuple], args: list[str]):
+    def __init__(self, make: Callable[[], tuple[Any, Any]], args: list[str]) -> None:
         self._make, self._args = make, args
-        self._news = SimpleQueue()  # signals, and the end of the worker; safe in a signal handler
+        self._news: SimpleQueue[Any] = SimpleQueue()  # signals, and the end of the worker; safe in a signal handler
         self._worker = Thread(target=self._work, daemon=True)
         self._stopped = Event()
-        self._node = self._executor = self._error = None
+        self._node = self._executor = None
+        self._error: BaseException | None = None
 
     def run(self) -> int:
         """Run until a signal or an error; call it in the main thread."""
@@ -78,7 +80,7 @@ class Process:
             os._exit(status)  # the interpreter would wait for that thread, or abort in its midst
         return status
 
-    def _work(self):
+    def _work(self) -> None:
         try:
             find_temporary()
             import rclpy  # noqa: PLC0415
@@ -101,7 +103,7 @@ class Process:
         closer.join(_GRACE)
         return not closer.is_alive()
 
-    def _close(self):
+    def _close(self) -> None:
         try:
             if self._executor is not None and self._error is None:
                 self._node.end()

@@ -6,6 +6,7 @@ import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from functools import wraps
+from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -31,12 +32,12 @@ class ManagedNode(LifecycleNodeMixin, Node):
         name: of the node; options: of rclpy's Node
     """
 
-    def __init__(self, name: str, **options):
+    def __init__(self, name: str, **options: Any) -> None:
         Node.__init__(self, name, start_parameter_services=False,
                       automatically_declare_parameters_from_overrides=True, **options)
         self.lifecycle_state = 'starting'
 
-    def show(self):
+    def show(self) -> None:
         """Make the services of parameters and of the lifecycle."""
         self._parameters_shown = ParameterService(self)
         # not with the parameters' services: a transition may take long
@@ -45,31 +46,31 @@ class ManagedNode(LifecycleNodeMixin, Node):
             service.callback = self._surviving(service.callback, service.srv_name)
         self.lifecycle_state = 'unconfigured'
 
-    def start_up(self):
+    def start_up(self) -> None:
         """Go on to active; raise DloPlannerError if that is refused."""
         for transition in (self.trigger_configure, self.trigger_activate):
             if transition() != TransitionCallbackReturn.SUCCESS:
                 raise DloPlannerError(self._failure)
 
-    def end(self):
+    def end(self) -> None:
         """Finalize the node, whatever its state is; return when nothing moves any more."""
         with suppress(rclpy_implementation.RCLError):  # it is final already, or changes just now
             self.trigger_shutdown()
 
-    def destroy_node(self):
+    def destroy_node(self) -> None:
         """Leave, with the lifecycle's publisher, which rclpy leaves to the garbage collector."""
         if self.lifecycle_state != 'starting':
             self._state_machine.destroy_when_not_in_use()
         super().destroy_node()
 
-    def _surviving(self, callback, name):
+    def _surviving(self, callback: Callable[..., Any], name: str) -> Callable[..., Any]:
         """Return a callback of a service that cannot end the node, whatever it is asked.
 
         Those of rclpy raise for some requests: a transition, or a type of parameter, that does not
         exist.
         """
         @wraps(callback)
-        def answer(request, response):
+        def answer(request: Any, response: Any) -> Any:
             try:
                 return callback(request, response)
             except Exception as error:
@@ -80,16 +81,16 @@ class ManagedNode(LifecycleNodeMixin, Node):
 
     # ---- what a node does -----------------------------------------------------------------------
 
-    def configure(self):
+    def configure(self) -> None:
         """Read parameters, make what is offered; it does not act yet."""
 
-    def activate(self):
+    def activate(self) -> None:
         """Begin to act."""
 
-    def deactivate(self):
+    def deactivate(self) -> None:
         """Let motion come to rest, cease to act."""
 
-    def clean_up(self):
+    def clean_up(self) -> None:
         """Take back what `configure` did."""
 
     # ---- transitions, called by rclpy -----------------------------------------------------------
@@ -122,7 +123,8 @@ class ManagedNode(LifecycleNodeMixin, Node):
         return self._passed(state, LifecycleNodeMixin.on_error, 'unconfigured', self.deactivate,
                             self.clean_up)
 
-    def _passed(self, state, after, label, *steps: Callable) -> TransitionCallbackReturn:
+    def _passed(self, state: Any, after: Callable[[], object] | None, label: str,
+                *steps: Callable[..., Any]) -> TransitionCallbackReturn:
         try:
             for step in steps:
                 step()
@@ -138,7 +140,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
         return TransitionCallbackReturn.SUCCESS if after is None else after(self, state)
 
 
-def _refused(request, response, reason):
+def _refused(request: Any, response: Any, reason: str) -> Any:
     """Return a response that says so, where it can; what was done before stays answered."""
     refusal = SetParametersResult(successful=False, reason=reason)
     if hasattr(response, 'results'):

@@ -7,6 +7,7 @@ gripper was at its stamp; the faster the gripper moved then, the less it counts.
 """
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from threading import Condition
 
@@ -19,6 +20,7 @@ from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.stamped import gripper_at
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.motion.periods import slowest_period
 from dlo_planner.plan.plan import Plan
@@ -78,7 +80,8 @@ class Observing:
         InvalidTask: the DLO cannot be observed, or nothing of it is uncertain
     """
 
-    def __init__(self, simulator: DirectSimulator, seeing: Seeing, known: Estimate | None = None):
+    def __init__(self, simulator: DirectSimulator, seeing: Seeing,
+                 known: Estimate | None = None) -> None:
         self.seeing = seeing
         self._observer = Observer(simulator, seeing.spread, noise=seeing.noise, bias=seeing.bias,
                                   cutout=seeing.cutout, outliers=seeing.outliers,
@@ -87,7 +90,7 @@ class Observing:
         if known is not None and known.names == self._first.names:
             self._first = replace(self._first, covariance=known.covariance)
         self._lock = Condition()
-        self._grippers = deque(maxlen=_REMEMBERED)  # (stamp, Pose)
+        self._grippers: deque[tuple[float, Pose]] = deque(maxlen=_REMEMBERED)  # (stamp, Pose)
         self.reset()
 
     @property
@@ -122,7 +125,7 @@ class Observing:
         """Return whether a cloud of this stamp (s) should be looked at."""
         return abs(stamp - self._last) >= self.seeing.period
 
-    def look(self, stamp: float, points: np.ndarray) -> Estimate:
+    def look(self, stamp: float, points: Floats) -> Estimate:
         """Return the Estimate after one more cloud.
 
         Args:
@@ -163,21 +166,22 @@ class Observing:
             raise InvalidTask('observed_points: no equilibrium of the DLO explains them')
         return after
 
-    def _off_it(self, estimate, seen):
+    def _off_it(self, estimate: Estimate, seen: Observation) -> float:
         shape = estimate.shape(seen.gripper)
         if not shape.converged:
             return np.inf
         nodes = shape.positions_at(np.linspace(0, 1, _SAMPLED) * shape.s[-1])
         return _median_distance(seen.points - estimate.camera_bias, nodes)
 
-    def _moving(self, stamps, poses, stamp):
+    def _moving(self, stamps: Sequence[float], poses: Sequence[Pose],
+                stamp: float) -> tuple[float, float]:
         """Return the speed, m/s, and the largest acceleration during the last swing, m/s^2."""
         rod = self._observer.uncertain.simulator.rod
         times = np.arange(stamp, stamp - min(slowest_period(rod), _LONGEST_SWING), -_ABOUT)
         found = [motion_at(stamps, poses, time, rod.length) for time in times]
         return found[0][0], max(acceleration for _, acceleration in found)
 
-    def _weighed(self, count, speed, acceleration):
+    def _weighed(self, count: int, speed: float, acceleration: float) -> tuple[float, float]:
         """Return noise and sway (m) of a look: more of both in motion."""
         seeing, length = self.seeing, self._observer.uncertain.simulator.rod.length
         late = np.sqrt(count) * seeing.stamps * max(speed - _STILL, 0.0)
@@ -185,19 +189,19 @@ class Observing:
         return float(np.hypot(seeing.noise, late)), float(np.hypot(seeing.sway, bent))
 
 
-def _judge_gap(stamps, poses, stamp):
+def _judge_gap(stamps: Sequence[float], poses: Sequence[Pose], stamp: float) -> None:
     """Raise InvalidTask where the gripper moved at a stamp (s), and it is not known how."""
     after = max(int(np.searchsorted(stamps, stamp)), 1)
     if len(stamps) == 1 or stamps[after] - stamps[after - 1] <= _GAP:
         return
     off = poses[after - 1].inverse().compose(poses[after])
-    if max(np.linalg.norm(off.position), angle_between(off.rotation, np.eye(3))) > _SAME:
+    if max(float(np.linalg.norm(off.position)), angle_between(off.rotation, np.eye(3))) > _SAME:
         raise InvalidTask(f'observed_points.header.stamp = {stamp:.3f} s: expected gripper poses '
                           f'at most {_GAP:g} s apart then, not '
                           f'{stamps[after] - stamps[after - 1]:.3g} s')
 
 
-def deviation(plan: Plan, time: float, points: np.ndarray) -> float:
+def deviation(plan: Plan, time: float, points: Floats) -> float:
     """Return the median distance of points (n, 3), m, from the DLO as planned at a time.
 
     Between two waypoints the nodes are taken to go straight; the median does not mind outliers.
@@ -211,12 +215,11 @@ def deviation(plan: Plan, time: float, points: np.ndarray) -> float:
     span = times[min(k + 1, len(plan) - 1)] - times[k]
     share = float(np.clip((time - times[k]) / span, 0, 1)) if span > 0 else 0.0
     samples = np.linspace(0, 1, _SAMPLED)
-    return _median_distance(points, sum(
-        part * shape.positions_at(samples * shape.s[-1])
-        for part, shape in zip((1 - share, share), shapes, strict=True)))
+    one, other = (shape.positions_at(samples * shape.s[-1]) for shape in shapes)
+    return _median_distance(points, (1 - share) * one + share * other)
 
 
-def _median_distance(points, nodes):
+def _median_distance(points: Floats, nodes: Floats) -> float:
     """Return the median distance of points (n, 3) from the line through nodes (k, 3)."""
     ahead = np.diff(nodes, axis=0)
     off = points[:, None] - nodes[:-1]
@@ -225,7 +228,8 @@ def _median_distance(points, nodes):
     return float(np.median(np.linalg.norm(near, axis=2).min(axis=1)))
 
 
-def motion_at(stamps, poses, stamp, length) -> tuple[float, float]:
+def motion_at(stamps: Sequence[float] | Floats, poses: Sequence[Pose], stamp: float,
+              length: float) -> tuple[float, float]:
     """Return about how fast a body moves, m/s, and with what acceleration, m/s^2.
 
     A parabola is laid through what is known near that time; the far end of a DLO of this `length`

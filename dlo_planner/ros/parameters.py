@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node's parameters: how those of the table are declared."""
 
+from typing import Any
+
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.parameter import Parameter
 
@@ -24,7 +26,7 @@ def descriptor(entry: Entry) -> ParameterDescriptor:
     return made
 
 
-def declare(node):
+def declare(node: Any) -> None:
     """Declare all parameters with the values given at the start; warn of those that do not exist.
 
     Whole numbers in YAML are taken for doubles where doubles are due.

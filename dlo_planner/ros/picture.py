@@ -32,12 +32,14 @@ class Picture:
         publish: takes a MarkerArray
     """
 
-    def __init__(self, publish: Callable[[MarkerArray], object]):
+    def __init__(self, publish: Callable[[MarkerArray], object]) -> None:
         self._publish = publish
         self._telling, self._flushing = Lock(), Lock()
-        self._told = {}   # part -> function that makes its MarkerArrays; not made yet
-        self._parts = {}  # part -> list of Markers
-        self._ever = {}   # (namespace, id) -> (frame_id, stamp) when it was last shown
+        # part -> function that makes its MarkerArrays; not made yet
+        self._told: dict[str, Callable[[], Iterable[MarkerArray]]] = {}
+        self._parts: dict[str, list[Marker]] = {}
+        # (namespace, id) -> (frame_id, stamp) when it was last shown
+        self._ever: dict[tuple[str, int], tuple[str, Time]] = {}
 
     def show(self, part: str, make: Callable[[], Iterable[MarkerArray]] = tuple) -> None:
         """Replace one part by the MarkerArrays that `make` returns; by default nothing is left."""
@@ -65,25 +67,26 @@ class Picture:
             raise problems[0]
         return bool(told)
 
-    def _message(self):
+    def _message(self) -> MarkerArray:
         shown = [marker for markers in self._parts.values() for marker in markers]
         names = {(marker.ns, marker.id) for marker in shown}
-        gone = [deleting_marker(*name, frame_id, stamp)
-                for name, (frame_id, stamp) in self._ever.items() if name not in names]
+        gone = [deleting_marker(group, index, frame_id, stamp)
+                for (group, index), (frame_id, stamp) in self._ever.items()
+                if (group, index) not in names]
         self._ever |= {(marker.ns, marker.id): (marker.header.frame_id, marker.header.stamp)
                        for marker in shown}
         return MarkerArray(markers=[*gone, *shown])
 
 
 def markers_of_shape(shape: Shape, radius: float | None, frame_id: str, stamp: Time,
-                     color: str) -> tuple:
+                     color: str) -> tuple[MarkerArray, ...]:
     """Return the MarkerArrays of a live Shape: DLO, gripper, contact forces."""
     return (shape_markers(shape, radius, frame_id, stamp, color),
             contact_markers(shape, frame_id, stamp))
 
 
 def markers_of_plan(plan: Plan, cutouts: Iterable[CutOut], radius: float | None, frame_id: str,
-                    stamp: Time) -> tuple:
+                    stamp: Time) -> tuple[MarkerArray, ...]:
     """Return the MarkerArrays of a Plan: cut-outs, the gripper's way, margins, ghost shapes."""
     return (plan_markers(cutouts, plan.grippers, frame_id, stamp),
             margin_markers(plan, cutouts, radius, frame_id, stamp),

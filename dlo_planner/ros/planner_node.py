@@ -8,10 +8,11 @@ if __name__ == '__main__':  # before all imports, which are deaf to signals
     from dlo_planner.ros.main import main
     sys.exit(main())
 
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from threading import Event, Thread
 from time import monotonic, sleep
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -28,7 +29,8 @@ from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.health import Health
 from dlo_planner.ros.live import LiveShapes
 from dlo_planner.ros.managed import ManagedNode
-from dlo_planner.ros.parameters import ENTRIES, as_declared, declare
+from dlo_planner.ros.parameters import as_declared, declare
+from dlo_planner.ros.parts import Parts
 from dlo_planner.ros.picture import Picture
 from dlo_planner.ros.proving import Prover
 from dlo_planner.ros.qos import LATCHED, REQUEST
@@ -39,6 +41,7 @@ from dlo_planner.ros.state import State, Store
 from dlo_planner.ros.surroundings import Surroundings
 from dlo_planner.ros.verification import Verification
 from dlo_planner.ros.warm_up import warm_up, warm_up_proofs
+from dlo_planner.settings.entries import ENTRIES
 from msg_helpers.diagnostics import WARN, diagnostics_msg, status_msg
 
 __all__ = ['LATCHED', 'REQUEST', 'THREADS', 'PlannerNode']
@@ -51,17 +54,6 @@ _PICTURE = 0.03  # s between pictures, if something has changed
 _LOOK = 0.02    # s between looks whether it has
 
 
-@dataclass(frozen=True)
-class Parts:
-    """What the parts of the node share: Store, Health, Reporter, Picture, Frames."""
-
-    store: Store
-    health: Health
-    reporter: Reporter
-    picture: Picture
-    frames: object
-
-
 class PlannerNode(ManagedNode):
     """Predicts the DLO's shape live and plans the gripper's trajectory; see docs/ros_interface.md.
 
@@ -72,7 +64,7 @@ class PlannerNode(ManagedNode):
         DloPlannerError, rclpy.exceptions.ParameterException: a parameter makes no sense
     """
 
-    def __init__(self, **options):
+    def __init__(self, **options: Any) -> None:
         super().__init__('dlo_planner', **options)
         declare(self)
         build_scene(self._values())  # what makes no sense is said at once
@@ -95,10 +87,10 @@ class PlannerNode(ManagedNode):
             self._prover.close()
             raise
 
-    def _values(self):
+    def _values(self) -> dict[str, Any]:
         return {name: self.get_parameter(name).value for name in ENTRIES}
 
-    def _warm_up(self):
+    def _warm_up(self) -> None:
         self.get_logger().info('loading the solver (minutes, if it was not compiled at '
                                'installation and this is the first start)')
         started = monotonic()
@@ -107,13 +99,13 @@ class PlannerNode(ManagedNode):
         Thread(target=self._warm_up_proofs, daemon=True).start()
         self.get_logger().info(f'the solver is loaded, after {monotonic() - started:.1f} s')
 
-    def _warm_up_proofs(self):
+    def _warm_up_proofs(self) -> None:
         with suppress(DloPlannerError):  # the process is started again for the first plan
             warm_up_proofs(self._prover)
 
     # ---- lifecycle ------------------------------------------------------------------------------
 
-    def configure(self):
+    def configure(self) -> None:
         """Read the parameters, build the scene, make all topics and services."""
         values = self._values()
         store = Store(State(build_scene(values), values))
@@ -134,7 +126,7 @@ class PlannerNode(ManagedNode):
                           callback_group=drawing)
         self._gate, self._parts, self._store, self._health = gate, parts, store, health
 
-    def activate(self):
+    def activate(self) -> None:
         """Answer, and hear the gripper."""
         self._planning.allow()
         self._gate.open()
@@ -142,7 +134,7 @@ class PlannerNode(ManagedNode):
         scene = self._parts.store.state.scene
         self.get_logger().info(f'ready: {scene.name}, {scene.direct.rod.length:g} m')
 
-    def deactivate(self):
+    def deactivate(self) -> None:
         """Let the motion come to rest and the planning end; answer no more."""
         if self._gate is None:
             return
@@ -154,7 +146,7 @@ class PlannerNode(ManagedNode):
             sleep(_LOOK)
         self._gate.shut(_ENDING)
 
-    def clean_up(self):
+    def clean_up(self) -> None:
         """Take all topics and services back; forget shape, plan and obstacles."""
         if self._gate is None:
             return
@@ -165,24 +157,24 @@ class PlannerNode(ManagedNode):
         self._gate.destroy()
         self._gate = self._parts = None
 
-    def destroy_node(self):
+    def destroy_node(self) -> None:
         """End the process that proves plans, and the thread that predicts shapes, as well."""
         self._prover.close()
         self.clean_up()
         super().destroy_node()
 
-    def _show_picture(self):
+    def _show_picture(self) -> None:
         with self._parts.reporter.answering('markers', told=False):
             self._parts.picture.flush()
 
     # ---- diagnostics ----------------------------------------------------------------------------
 
     @contextmanager
-    def _telling(self, period):
+    def _telling(self, period: float) -> Iterator[None]:
         """Publish diagnostics all the time, though nothing spins yet."""
         over = Event()
 
-        def tell():
+        def tell() -> None:
             self._publish_health()
             while not over.wait(period):
                 self._publish_health()
@@ -195,10 +187,10 @@ class PlannerNode(ManagedNode):
             over.set()
             thread.join()
 
-    def _publish_health(self):
+    def _publish_health(self) -> None:
         self._health_out.publish(self._diagnostics())
 
-    def _diagnostics(self):
+    def _diagnostics(self) -> DiagnosticArray:
         parts, name, stamp = self._parts, self.get_name(), self.get_clock().now().to_msg()
         if parts is None or self.lifecycle_state != 'active':
             text = {'starting': 'starting: the solver is being loaded'}.get(

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the node plans: cut-outs in, the whole way of the gripper out."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from builtin_interfaces.msg import Time
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.threading import Present, way_through
@@ -30,7 +32,8 @@ class Made:
     stamp: Time
 
 
-def make_plan(scene, poses, start, shape):
+def make_plan(scene: Scene, poses: Sequence[Pose], start: Pose | None,
+              shape: Shape | None) -> tuple[Plan, list[CutOut], Shape | None]:
     """Return the Plan through one or two cut-outs, these, and the Shape it begins with or None.
 
     Args:

@@ -2,13 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The proof of a plan, step by step: slowly, which is known quickly, then as it is executed."""
 
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
+from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError
 from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.proving import ProcessLost
+from dlo_planner.ros.scene import Scene
 from dlo_planner.verify.replay import Report
 
 DONE = ('held', 'refused')  # states of a proof that has no step left
@@ -48,7 +52,8 @@ class Proof:
         return 'not ready' if self.report is None else 'held slowly'
 
 
-def proofs(replayed, scene, plan, before):
+def proofs(replayed: Callable[..., Report | None], scene: Scene, plan: Plan,
+           before: Shape | None) -> Iterator[Proof]:
     """Yield the Proof of a Plan after each step; the last one is `done`.
 
     Args:
@@ -85,12 +90,14 @@ def proofs(replayed, scene, plan, before):
         if not report.converged:
             yield Proof(plan, report, _lost(report), True, Cause.NOT_FOLLOWED)
             return
-        last = step is moving
-        yield Proof(plan, report, *((report.reason, True, Cause.NOT_CALM if report.reason else
-                                     Cause.DONE) if last else (_MOVED,)))
+        if step is moving:
+            yield Proof(plan, report, report.reason, True,
+                        Cause.NOT_CALM if report.reason else Cause.DONE)
+        else:
+            yield Proof(plan, report, _MOVED)
 
 
-def _persistent(replayed, arguments):
+def _persistent(replayed: Callable[..., Report | None], arguments: Any) -> Report | None:
     """Return the Report of `replayed`, after some attempts if its process ends."""
     for _ in range(_ATTEMPTS - 1):
         with suppress(ProcessLost):
@@ -98,7 +105,7 @@ def _persistent(replayed, arguments):
     return replayed(**arguments)
 
 
-def _lost(report):
+def _lost(report: Report) -> str:
     return ('replayed slowly, the DLO does not follow the plan: largest miss '
             f'{report.miss:.3g} m, largest deviation {report.deviation:.3g} m, smallest stability '
             f'{report.stability:.3g}')

@@ -10,12 +10,15 @@ import os
 import pickle
 import subprocess
 import sys
+from collections.abc import Callable, Mapping
 from select import select
+from subprocess import Popen
 from threading import Lock, Thread
 from time import monotonic, sleep
+from typing import Any
 
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError
-from dlo_planner.verify.replay import replay
+from dlo_planner.verify.replay import Report, replay
 
 _LOOK = 0.1      # s between looks whether an answer is still wanted
 _WATCH = 0.5     # s between looks whether the node still runs
@@ -29,12 +32,12 @@ class ProcessLost(DloPlannerError):
 class Prover:
     """Starts the process when it is first needed, and again if it has died."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._lock, self._asking = Lock(), Lock()
-        self._process = None
+        self._process: Popen[bytes] | None = None
         self._closed = False
 
-    def report(self, wanted=lambda: True, **arguments):
+    def report(self, wanted: Callable[[], bool] = lambda: True, **arguments: Any) -> Report | None:
         """Return the Report of `replay(**arguments)`; blocks, but not the interpreter.
 
         None if the Prover is closed meanwhile, or the Report is not `wanted()` any more: a search
@@ -55,9 +58,9 @@ class Prover:
         finally:
             self._asking.release()
 
-    def _answer(self, wanted, arguments):
+    def _answer(self, wanted: Callable[[], bool], arguments: Mapping[str, Any]) -> Report | None:
         process = self._running()
-        if process is None:
+        if process is None or process.stdin is None or process.stdout is None:
             return None
         end = monotonic() + _PATIENCE + (arguments.get('deadline') or 0.0)
         try:
@@ -70,6 +73,7 @@ class Prover:
                 if monotonic() > end:
                     self._end(process)
                     raise ProcessLost('the process that proves plans does not answer')
+            report: Report | None
             report, error = pickle.load(process.stdout)
         except (OSError, EOFError, pickle.UnpicklingError) as lost:
             if self._closed:
@@ -83,7 +87,7 @@ class Prover:
             raise DloPlannerError(f'the plan could not be replayed: {error}')
         return report
 
-    def _running(self):
+    def _running(self) -> Popen[bytes] | None:
         with self._lock:
             if self._closed:
                 return None
@@ -96,19 +100,19 @@ class Prover:
                          'OMP_NUM_THREADS': '1'})  # the other cores are the node's
             return self._process
 
-    def close(self):
+    def close(self) -> None:
         """End the process, whatever it does."""
         with self._lock:
             self._closed = True
         if self._process is not None:
             self._end(self._process)
 
-    def _end(self, process):
+    def _end(self, process: Popen[bytes]) -> None:
         process.kill()
         process.wait()
 
 
-def main():
+def main() -> None:
     """Answer until the input ends, or the process that asks."""
     Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     answers = os.fdopen(os.dup(sys.stdout.fileno()), 'wb')
@@ -119,7 +123,7 @@ def main():
         except EOFError:
             return
         try:
-            answer = replay(**arguments), None
+            answer: tuple[Report | None, object] = replay(**arguments), None
         except DeadlineExceeded as error:
             answer = None, error
         except Exception as error:  # it has to be answered in any case
@@ -131,7 +135,7 @@ def main():
             return
 
 
-def _end_with(parent):
+def _end_with(parent: int) -> None:
     """End when the parent has ended, whatever is computed: nobody waits for it any more."""
     while os.getppid() == parent:
         sleep(_WATCH)

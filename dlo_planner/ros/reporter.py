@@ -3,18 +3,23 @@
 """How requests end, said in one place: status topic, answers, log and diagnostics."""
 
 import traceback
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from threading import Lock
 from time import monotonic
+from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from dlo_planner.errors import DloPlannerError
 from dlo_planner.ros.causes import Cause, cause_of
 from dlo_planner.ros.door import named
-from dlo_planner.ros.health import stamp_text
+from dlo_planner.ros.gate import Gate
+from dlo_planner.ros.health import Health, stamp_text
 from dlo_planner.ros.qos import LATCHED
+from dlo_planner.ros.state import Store
 from msg_helpers.diagnostics import ERROR, OK, WARN, status_msg
 
 _QUIET = 1.0  # s between lines of the log about the same thing
@@ -23,7 +28,7 @@ _QUIET = 1.0  # s between lines of the log about the same thing
 class Throttle:
     """Lets one line in a second through, of each kind; safe to use from several threads."""
 
-    def __init__(self, quiet: float = _QUIET):
+    def __init__(self, quiet: float = _QUIET) -> None:
         self._quiet, self._lock, self._last = quiet, Lock(), {}
 
     def passes(self, key: object, now: float) -> bool:
@@ -43,7 +48,7 @@ class Outcome:
         values: dict of what else there is to say
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.message, self.values = 'done', {}
 
 
@@ -54,13 +59,14 @@ class Reporter:
         node: rclpy Node; store: Store; health: Health
     """
 
-    def __init__(self, node, store, health):
+    def __init__(self, node: Gate, store: Store, health: Health) -> None:
         self._node, self._store, self._health = node, store, health
         self._log, self._throttle, self._seen = node.get_logger(), Throttle(), set()
         self._out = node.create_publisher(DiagnosticStatus, '~/status', LATCHED)
 
     @contextmanager
-    def answering(self, what, *, stamp=None, answer=None, counter=None, told=True):
+    def answering(self, what: str, *, stamp: Time | None = None, answer: Any = None,
+                  counter: str | None = None, told: bool = True) -> Iterator[Outcome]:
         """Let no exception out of a callback: refuse with a reason, keep the last good output.
 
         Yields:
@@ -91,7 +97,7 @@ class Reporter:
         if answer is not None:
             answer.success, answer.message = cause == Cause.DONE, reason
 
-    def _refusal(self, what, error):
+    def _refusal(self, what: str, error: Exception) -> tuple[Cause, str]:
         """Return Cause and reason of an exception; an unknown one is traced once."""
         cause = cause_of(error)
         if isinstance(error, DloPlannerError):
@@ -103,7 +109,8 @@ class Reporter:
             self._log.error(''.join(traceback.format_exception(error)))
         return cause, f'{what} failed: {type(error).__name__}: {error}'
 
-    def tell(self, what, cause, message, stamp, values=None):
+    def tell(self, what: str, cause: Cause, message: str, stamp: Time | None,
+             values: Mapping[str, object] | None = None) -> None:
         """Publish the outcome of a request on ~/status.
 
         Args:
@@ -117,16 +124,16 @@ class Reporter:
             {'request': what, 'stamp': stamp_text(stamp), 'code': int(cause), 'cause': cause.name,
              **(values or {})}))
 
-    def failed(self, what, cause, reason):
+    def failed(self, what: str, cause: Cause, reason: str) -> None:
         """Take a refusal or failure to diagnostics and, at most once a second, to the log."""
         self._health.failed(reason)
         self.warn((what, cause), reason)
 
-    def warn(self, key, text):
+    def warn(self, key: object, text: str) -> None:
         """Write a warning, at most once a second of each kind."""
         if self._throttle.passes(key, monotonic()):
             self._log.warning(' '.join(text.split()))
 
-    def info(self, text):
+    def info(self, text: str) -> None:
         """Write a line."""
         self._log.info(' '.join(text.split()))

@@ -2,21 +2,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cut-outs in, gripper trajectories out: one plan at a time is made, and can be canceled."""
 
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from threading import Lock
 from time import monotonic
+from typing import Any
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Goals, Path
 from nav_msgs.srv import GetPlan
 from std_srvs.srv import Trigger
 
+from dlo_planner.direct.shape import Shape
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose
+from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import interrupted_by
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.door import goals_in, pose_in
+from dlo_planner.ros.gate import Gate
+from dlo_planner.ros.parts import Parts
 from dlo_planner.ros.picture import markers_of_plan
 from dlo_planner.ros.planning import Made, make_plan
 from dlo_planner.ros.proof import Proof
 from dlo_planner.ros.qos import LATCHED, REQUEST
+from dlo_planner.ros.reporter import Outcome
+from dlo_planner.ros.state import State
 from msg_helpers.paths import plan_path
 
 
@@ -28,15 +40,15 @@ class Run:
         now: function that returns s, steady
     """
 
-    def __init__(self, deadline: float, now=monotonic):
+    def __init__(self, deadline: float, now: Callable[[], float] = monotonic) -> None:
         self._now, self._begun, self._deadline = now, now(), deadline
         self._reason = ''
 
-    def cancel(self, reason: str):
+    def cancel(self, reason: str) -> None:
         """Let the next `check` end it."""
         self._reason = reason
 
-    def check(self):
+    def check(self) -> None:
         """Raise Refused if it is not wanted any more, or takes too long."""
         if self._reason:
             raise Refused(Cause.PLANNING_CANCELED, self._reason)
@@ -54,7 +66,7 @@ class Planning:
         group: callback group
     """
 
-    def __init__(self, node, parts, group):
+    def __init__(self, node: Gate, parts: Parts, group: Any) -> None:
         self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
         self._reporter, self._picture = parts.reporter, parts.picture
         self._frames = parts.frames
@@ -82,26 +94,27 @@ class Planning:
             self._run.cancel(reason)
             return True
 
-    def allow(self):
+    def allow(self) -> None:
         """Let plans begin again."""
         with self._lock:
             self._ended = ''
 
     # ---- requests ---------------------------------------------------------------------------
 
-    def _on_goal(self, msg):
+    def _on_goal(self, msg: PoseStamped) -> None:
         with self._answering('task_goal', msg.header.stamp) as outcome:
             state = self._store.state
             self._plan(outcome, state, (self._pose(state, msg, 'task_goal'),),
                        state.gripper)
 
-    def _on_goals(self, msg):
+    def _on_goals(self, msg: Goals) -> None:
         with self._answering('task_goals', msg.header.stamp) as outcome:
             state = self._store.state
             self._plan(outcome, state, goals_in(state.scene, msg, 'task_goals', self._frames),
                        state.gripper)
 
-    def _on_plan_threading(self, request, response):
+    def _on_plan_threading(self, request: GetPlan.Request,
+                           response: GetPlan.Response) -> GetPlan.Response:
         with self._answering('plan_threading', request.goal.header.stamp) as outcome:
             state = self._store.state
             start = self._pose(state, request.start, 'plan_threading.start')
@@ -109,7 +122,8 @@ class Planning:
             response.plan = self._plan(outcome, state, (goal,), start.compose(state.scene.tool))
         return response
 
-    def _on_plan_two_cutouts(self, request, response):
+    def _on_plan_two_cutouts(self, request: GetPlan.Request,
+                             response: GetPlan.Response) -> GetPlan.Response:
         with self._answering('plan_two_cutouts', request.start.header.stamp) as outcome:
             state = self._store.state
             goals = tuple(self._pose(state, msg, f'plan_two_cutouts.{name}') for name, msg in (
@@ -117,7 +131,7 @@ class Planning:
             response.plan = self._plan(outcome, state, goals, state.gripper)
         return response
 
-    def _on_replan(self, _, response):
+    def _on_replan(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._answering('replan', answer=response) as outcome:
             state = self._store.state
             if not state.goals:
@@ -125,15 +139,17 @@ class Planning:
             self._plan(outcome, state, state.goals, state.gripper)
         return response
 
-    def _answering(self, what, stamp=None, answer=None):
+    def _answering(self, what: str, stamp: Time | None = None,
+                   answer: Any = None) -> AbstractContextManager[Outcome]:
         return self._reporter.answering(what, stamp=stamp, answer=answer, counter='plans refused')
 
-    def _pose(self, state, msg, name):
+    def _pose(self, state: State, msg: PoseStamped, name: str) -> Pose:
         return pose_in(state.scene, msg, name, self._frames)
 
     # ---- the plan ---------------------------------------------------------------------------
 
-    def _plan(self, outcome, state, goals, start):
+    def _plan(self, outcome: Outcome, state: State, goals: Sequence[Pose],
+              start: Pose | None) -> Path:
         """Plan, publish and return the trajectory of the tool frame as a Path.
 
         Args:
@@ -164,7 +180,8 @@ class Planning:
                             f'smallest stability {plan.stability.min():.2f}')
         return path
 
-    def _made(self, state, goals, start):
+    def _made(self, state: State, goals: Sequence[Pose],
+              start: Pose | None) -> tuple[Plan, list[CutOut], Shape | None]:
         run = Run(state.scene.planning_deadline)
         with self._lock:
             if self._ended:

@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the node works on, made of the values of its parameters and the obstacles around."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Any
 
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.checks import choice
+from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.workspace import Workspace
@@ -67,7 +70,7 @@ class Scene:
             'frame_id', 'direct', 'inverse', 'tool', 'limits', 'cutout_radius'))
 
 
-def build_scene(values, obstacles=()):
+def build_scene(values: Mapping[str, Any], obstacles: Sequence[Obstacle] = ()) -> Scene:
     """Return the Scene of parameter values.
 
     Args:
@@ -94,13 +97,13 @@ def build_scene(values, obstacles=()):
                  values['markers.color'])
 
 
-def _judge(values):
+def _judge(values: Mapping[str, Any]) -> None:
     """Refuse what makes no sense to the node alone."""
     choice('parameter markers.color', values['markers.color'], COLORINGS)
     bounded('tool.position', values['tool.position'], values['workspace.reach'], 'm')
 
 
-def _guards(values):
+def _guards(values: Mapping[str, Any]) -> Guards:
     path, goal = 'constraints.path.', 'constraints.goal.'
     return Guards(values[path + 'position'], values[path + 'angle'], values[path + 'shape'],
                   values[goal + 'position'], values[goal + 'angle'],
@@ -109,7 +112,7 @@ def _guards(values):
                   values['execute.longest_pause'])
 
 
-def _seeing(values):
+def _seeing(values: Mapping[str, Any]) -> Seeing:
     return Seeing(spread_of(values), **{
         item.name: values[f'observe.{item.name}'] for item in fields(Seeing)
         if item.name != 'spread'})

@@ -5,11 +5,14 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from threading import Lock
+from typing import Any
 
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.identify.steering import Steered
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.ros.beginning import from_where_it_is
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.execution import Execution, Heard
@@ -38,8 +41,8 @@ class State:
     """
 
     scene: Scene
-    values: Mapping
-    bodies: Mapping = field(default_factory=dict)
+    values: Mapping[str, Any]
+    bodies: Mapping[tuple[str, int], Any] = field(default_factory=dict)
     shape: Shape | None = None
     resets: int = 0
     pose: Pose | None = None
@@ -63,7 +66,7 @@ class State:
 
     # ---- scene ------------------------------------------------------------------------------
 
-    def in_scene(self, scene: Scene, cause: Cause, reason: str, **parts) -> 'State':
+    def in_scene(self, scene: Scene, cause: Cause, reason: str, **parts: Any) -> 'State':
         """Return the State in another Scene, in which is kept what can be kept.
 
         Args:
@@ -125,17 +128,22 @@ class State:
         Raises:
             Refused: naming what is missing, or why it must not be executed
         """
-        way, scene = ready(self, now), self.made.scene
-        way = from_where_it_is(way, self.heard.pose.compose(scene.tool), self.made.plan.shapes[0])
+        proved = ready(self, now)
+        assert self.made is not None and self.heard is not None  # `ready` looks at both
+        scene = self.made.scene
+        way = from_where_it_is(proved, self.heard.pose.compose(scene.tool),
+                               self.made.plan.shapes[0])
         execution = Execution(way, scene.tool.inverse(), scene.frame_id, self.scene.guards,
                               scene.period)
         return replace(self, execution=execution, running=self.made)
 
     def ticked(self, now: float) -> 'State':
         """Return the State with the next command, at `now` s."""
+        if self.execution is None:
+            return self
         return self._with_execution(self.execution.tick(now, self.heard))
 
-    def steered(self, way, corrected: Callable) -> 'State':
+    def steered(self, way: Steered, corrected: Callable[[float], Steered]) -> 'State':
         """Return the State in which the rest of what is executed is corrected.
 
         Args:
@@ -155,7 +163,7 @@ class State:
 
     def canceled(self) -> 'State':
         """Return the State after `cancel`: what is executed comes to rest, or the proof ends."""
-        if self.executing:
+        if self.execution is not None and self.executing:
             return self._with_execution(self.execution.canceled())
         if self.proving:
             return self.without_plan(Cause.CANCELED, 'canceled while the plan was proved')
@@ -163,7 +171,9 @@ class State:
 
     def stopped(self, cause: Cause, reason: str) -> 'State':
         """Return the State in which what is executed comes to rest, if anything is."""
-        return self._with_execution(self.execution.stop(cause, reason)) if self.executing else self
+        if self.execution is None or not self.executing:
+            return self
+        return self._with_execution(self.execution.stop(cause, reason))
 
     def detailed(self, cause: Cause, reason: str) -> 'State':
         """Return the State that says more of why the plan is void, if that is the cause."""
@@ -173,7 +183,7 @@ class State:
         return replace(self, execution=replace(execution, reason=reason),
                        void=reason if self.made is None else self.void)
 
-    def _with_execution(self, execution):
+    def _with_execution(self, execution: Execution) -> 'State':
         """Return the State with another Execution; a plan that was not finished is void."""
         state = replace(self, execution=execution)
         if execution.phase in ('stopping', 'stopped') and self.made is self.running:
@@ -196,7 +206,7 @@ def carried(shape: Shape | None, before: Scene, after: Scene) -> Shape | None:
     return replace(shape, _history=None)
 
 
-def ready(state: State, now: float):
+def ready(state: State, now: float) -> TimedPath:
     """Return the Trajectory to be executed: the one that was proved.
 
     Args:
@@ -209,10 +219,14 @@ def ready(state: State, now: float):
         raise Refused(Cause.EXECUTING, 'a plan is being executed: expected its end, or ~/cancel')
     if state.made is None:
         raise Refused(Cause.NO_PLAN, f'there is no plan: {state.void}')
-    if not state.proof.safe:
-        raise Refused(state.proof.cause, state.proof.reason)
+    proof = state.proof
+    assert proof is not None  # every plan has one
+    if not proof.safe:
+        raise Refused(proof.cause, proof.reason)
     _heard_lately(state, now)
-    way, scene = state.proof.report.trajectory, state.scene
+    assert proof.report is not None and state.heard is not None
+    way, scene = proof.report.trajectory, state.scene
+    assert way is not None  # what is safe has one
     first = way.at([0.0])[0][0].compose(state.made.scene.tool.inverse())
     here = state.heard.pose
     away = float(np.linalg.norm(here.position - first.position))
@@ -228,7 +242,7 @@ def ready(state: State, now: float):
     return way
 
 
-def _heard_lately(state, now):
+def _heard_lately(state: State, now: float) -> None:
     if state.pose is None:
         raise Refused(Cause.NO_GRIPPER_POSE, 'no gripper pose is known: send ~/gripper_pose')
     limit = state.scene.guards.incoming_command_timeout
@@ -245,7 +259,7 @@ def _heard_lately(state, now):
 class Store:
     """Holds the State; every change of it goes through one lock."""
 
-    def __init__(self, state: State):
+    def __init__(self, state: State) -> None:
         self._lock = Lock()
         self._state = state
         # Scenes take long to build. Whoever replaces it holds this one from reading to writing:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dlo_planner.model.arrays import Floats
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.timed_path import TimedPath
 
@@ -33,7 +34,7 @@ class Deceleration:
     start: float
     length: float
 
-    def at(self, since: float | np.ndarray) -> float | np.ndarray:
+    def at(self, since: float | Floats) -> float | Floats:
         """Return s along the path, `since` s after the beginning."""
         x = np.clip(np.asarray(since) / self.length, 0, 1)
         return self.start + self.length * (x - 2.5 * x**4 + 3 * x**5 - x**6)
@@ -56,7 +57,7 @@ def decelerate(way: TimedPath, start: float, shortest: float) -> Deceleration:
     return Deceleration(start, length)
 
 
-def _used(way, deceleration):
+def _used(way: TimedPath, deceleration: Deceleration) -> float:
     """Return the largest part that a Deceleration uses of what it may."""
     limits: Limits = way.limits
     length = deceleration.length

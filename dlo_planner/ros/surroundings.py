@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What changes the scene: parameters, and obstacles as RViz shows them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.parameter import Parameter
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError
@@ -14,11 +16,13 @@ from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.door import bodies_in, body_name
+from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.latched import hear_latched
-from dlo_planner.ros.parameters import ENTRIES
+from dlo_planner.ros.parts import Parts
 from dlo_planner.ros.qos import CHANGES
-from dlo_planner.ros.scene import build_scene
+from dlo_planner.ros.scene import Scene, build_scene
 from dlo_planner.ros.state import State
+from dlo_planner.settings.entries import ENTRIES
 from msg_helpers.markers import obstacle_markers
 
 _LOOKS = 60       # poses of the gripper on the rest of its way that are looked at
@@ -34,7 +38,7 @@ class Surroundings:
         group: callback group
     """
 
-    def __init__(self, node, parts, group):
+    def __init__(self, node: Gate, parts: Parts, group: Any) -> None:
         self._node, self._store, self._health = node, parts.store, parts.health
         self._reporter, self._picture = parts.reporter, parts.picture
         self._frames = parts.frames
@@ -42,12 +46,12 @@ class Surroundings:
         node.add_post_set_parameters_callback(self._apply)
         hear_latched(node, MarkerArray, '~/obstacles', self._on_obstacles, CHANGES, group)
 
-    def close(self):
+    def close(self) -> None:
         """Judge and apply parameters no more."""
         self._node.remove_post_set_parameters_callback(self._apply)
         self._node.remove_on_set_parameters_callback(self._judge)
 
-    def _judge(self, parameters):
+    def _judge(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         changed = {one.name: one.value for one in parameters if one.name in ENTRIES}
         state = self._store.state
         try:
@@ -58,7 +62,7 @@ class Surroundings:
             return SetParametersResult(successful=False, reason=f'{type(error).__name__}: {error}')
         return SetParametersResult(successful=True)
 
-    def _apply(self, parameters):
+    def _apply(self, parameters: Sequence[Parameter]) -> None:
         with self._reporter.answering('parameters', told=False), self._store.rebuilding:
             state = self._store.state
             changed = {one.name: one.value for one in parameters if one.name in ENTRIES}
@@ -69,7 +73,7 @@ class Surroundings:
             self._change(scene, Cause.PARAMETERS_CHANGED,
                          f'parameters changed ({names})', values=values)
 
-    def _on_obstacles(self, msg):
+    def _on_obstacles(self, msg: MarkerArray) -> None:
         with self._reporter.answering('obstacles', told=False):
             with self._store.rebuilding:
                 before, changed, reason = self._rebuilt(msg)
@@ -79,7 +83,7 @@ class Surroundings:
                 self._store.change(lambda now: now.detailed(Cause.OBSTACLES_CHANGED,
                                                             f'{reason}: {said}'))
 
-    def _rebuilt(self, msg):
+    def _rebuilt(self, msg: MarkerArray) -> tuple[State, dict[tuple[str, int], Any], str]:
         """Change the obstacles; return the State before, what is new, what has changed or ''."""
         before = self._store.state
         bodies = bodies_in(before.scene, before.bodies, msg, 'obstacles', self._frames)
@@ -95,7 +99,7 @@ class Surroundings:
             tuple(bodies.values()), 0, scene.frame_id, stamp),))
         return before, {key: bodies[key] for key in changed if key in bodies}, reason
 
-    def _change(self, scene, cause, reason, **parts):
+    def _change(self, scene: Scene, cause: Cause, reason: str, **parts: Any) -> None:
         before = self._store.state
         state = self._store.change(lambda now: now.in_scene(scene, cause, reason, **parts))
         if before.made is not None and state.made is None:
@@ -110,7 +114,7 @@ def listed(keys: list) -> str:
     return ', '.join(names) + (f' and {more} more' if more > 0 else '')
 
 
-def in_the_way(state: State, bodies: Mapping) -> str:
+def in_the_way(state: State, bodies: Mapping[str, Any]) -> str:
     """Return in words which obstacles are in the way of what is still to be executed.
 
     The gripper is looked at along the rest of its way, the DLO in the planned shapes that are

@@ -3,13 +3,22 @@
 """The last plan is proved, and its motion published when it may be executed."""
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from dlo_planner.arm import rolls_freely
-from dlo_planner.ros.proof import proofs
+from dlo_planner.plan.motion.trajectory import Trajectory
+from dlo_planner.ros.arm import ArmOutput
+from dlo_planner.ros.gate import Gate
+from dlo_planner.ros.parts import Parts
+from dlo_planner.ros.planning import Made
+from dlo_planner.ros.proof import Proof, proofs
+from dlo_planner.ros.proving import Prover
 from dlo_planner.ros.qos import LATCHED
+from dlo_planner.ros.state import State
+from dlo_planner.verify.replay import Report
 from msg_helpers.trajectories import timed_trajectory
 
 _LOOK = 0.1   # s between looks whether there is a plan to be proved
@@ -26,7 +35,8 @@ class Verification:
         clock: steady Clock; group: callback group
     """
 
-    def __init__(self, node, parts, prover, arm, clock, group):
+    def __init__(self, node: Gate, parts: Parts, prover: Prover, arm: ArmOutput, clock: Any,
+                 group: Any) -> None:
         self._arm = arm
         self._store, self._health, self._reporter = parts.store, parts.health, parts.reporter
         self._prover, self._begun = prover, None  # Made whose proof has begun
@@ -34,38 +44,43 @@ class Verification:
                                           LATCHED)
         node.create_timer(_LOOK, self._prove, callback_group=group, clock=clock)
 
-    def _prove(self):
+    def _prove(self) -> None:
         with self._reporter.answering('report', told=False):
             made = self._store.state.made
             if made is None or made is self._begun:
                 return
             self._begun = made
 
-            def wanted():
+            def wanted() -> bool:
                 return self._store.state.made is made
 
             replayed = partial(self._prover.report, wanted)
             for proof in proofs(replayed, made.scene, made.plan, made.before):
-                state = self._store.change(lambda now, proof=proof: now.proved(proof))
+                state = self._store.change(partial(_proved, proof))
                 if state.proof is not proof:
                     return
-                if proof.safe:
-                    self._publish(made, proof.report)
-                    self._move_arm(made, proof.report)
+                report = proof.report
+                if proof.safe and report is not None and report.trajectory is not None:
+                    self._publish(made, report, report.trajectory)
+                    self._move_arm(made, report)
                 self._health.plan_proved(proof)
                 if proof.done and not proof.safe:
                     self._reporter.failed('report', proof.cause,
                                           f'the plan is not safe: {proof.reason}')
 
-    def _publish(self, made, report):
-        scene, way = made.scene, report.trajectory
+    def _publish(self, made: Made, report: Report, way: Trajectory) -> None:
+        scene = made.scene
         number = 1 + int(np.clip(np.ceil(way.duration / _TIMED_STEP), 1, _TIMED_MOST))
         self._out.publish(timed_trajectory(way, number, scene.tool, scene.frame_id, made.stamp))
         self._reporter.info(f'the plan is safe: {way.duration:.1f} s, largest miss in motion '
                             f'{report.dynamic_miss:.1e} m, at most {way.tolerance:.1e} m')
 
-    def _move_arm(self, made, report):
+    def _move_arm(self, made: Made, report: Report) -> None:
         """Publish the motion of the robot's joints, where an arm is described."""
         with self._reporter.answering('joint_trajectory', told=False):
             self._arm.on_proof(report.trajectory, made.scene.tool, made.stamp,
                                rolls_freely(made.scene.direct, made.plan))
+
+
+def _proved(proof: Proof, state: State) -> State:
+    return state.proved(proof)

@@ -3,8 +3,10 @@
 """A page in the browser that shows a running planner: `ros2 run dlo_planner viewer`."""
 
 import sys
+from collections.abc import Sequence
 from contextlib import suppress
 from threading import Lock
+from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -22,6 +24,7 @@ from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError
+from dlo_planner.model.pose import Pose
 from dlo_planner.view.live_page import Actions, LivePage
 from dlo_planner.view.page import LOCAL, PORT, Page
 from dlo_planner.view.tables import margin_values
@@ -45,7 +48,7 @@ class Viewer(Node):
     plans; `rate`: pictures per second at most.
     """
 
-    def __init__(self, **options):
+    def __init__(self, **options: Any) -> None:
         super().__init__('dlo_viewer', **options)
         for name, default in _PARAMETERS.items():
             self.declare_parameter(name, default)
@@ -68,7 +71,7 @@ class Viewer(Node):
         self.create_timer(_SENT, self._send_gripper)
         self.get_logger().info(f'{self._planner} is shown at {self.page.page.url}')
 
-    def _subscribe(self):
+    def _subscribe(self) -> None:
         self.create_subscription(MarkerArray, self._topic('markers'), self._on_markers, _LATCHED)
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, _RELIABLE)
         self.create_subscription(PoseStamped, self._topic('gripper_pose'), self._on_pose,
@@ -77,18 +80,18 @@ class Viewer(Node):
             self.create_subscription(DiagnosticStatus, self._topic(name),
                                      lambda msg, name=name: self._on_state(name, msg), _LATCHED)
 
-    def _topic(self, name):
+    def _topic(self, name: str) -> str:
         return f'{self._planner}/{name}'
 
     # ---- what is heard --------------------------------------------------------------------------
 
-    def _on_markers(self, msg):
+    def _on_markers(self, msg: MarkerArray) -> None:
         with self._lock:
             self._items, self._changed = items_after(self._items, msg), True
             self._frame = next((marker.header.frame_id for marker in msg.markers
                                 if marker.header.frame_id), self._frame)
 
-    def _on_diagnostics(self, msg):
+    def _on_diagnostics(self, msg: DiagnosticArray) -> None:
         full = self._planner.lstrip('/')
         own = {f'{name}: solver' for name in (full, full.rsplit('/', 1)[-1])}
         for status in msg.status:
@@ -100,15 +103,15 @@ class Viewer(Node):
                                         f'{values["report"]} ({values.get("report reason")})')
                 self.page.put_margins(margin_values(values))
 
-    def _on_state(self, name, msg):
+    def _on_state(self, name: str, msg: DiagnosticStatus) -> None:
         self.page.put_state(name, _level(msg), msg.message)
 
-    def _on_pose(self, msg):
+    def _on_pose(self, msg: PoseStamped) -> None:
         self._heard = msg.pose
 
     # ---- what the page does ---------------------------------------------------------------------
 
-    def _draw(self):
+    def _draw(self) -> None:
         with self._lock:
             changed, self._changed = self._changed, False
             items = list(self._items.values())
@@ -122,7 +125,7 @@ class Viewer(Node):
             with suppress(DloPlannerError):  # the planner says what is wrong with it
                 self.page.put_gripper(pose_from_msg(heard))
 
-    def _send_gripper(self):
+    def _send_gripper(self) -> None:
         pose = self.page.dragged
         if pose is None:
             return
@@ -132,18 +135,18 @@ class Viewer(Node):
             return
         self._pose_out.publish(self._stamped(pose))
 
-    def _send_goal(self, pose):
+    def _send_goal(self, pose: Pose) -> None:
         self._goal_out.publish(self._stamped(pose))
         self.page.say(f'goal sent on {self._topic("task_goal")}')
 
-    def _stamped(self, pose):
+    def _stamped(self, pose: Pose) -> PoseStamped:
         return pose_stamped_msg(pose, self._frame, self.get_clock().now().to_msg())
 
-    def _execute(self):
+    def _execute(self) -> None:
         if self._allow_execute:
             self._trigger('execute')
 
-    def _trigger(self, name):
+    def _trigger(self, name: str) -> None:
         client = self._triggers[name]
         if not client.service_is_ready():
             self.page.say(f'{name}: there is no service {self._topic(name)}', 2)
@@ -152,20 +155,20 @@ class Viewer(Node):
         client.call_async(Trigger.Request()).add_done_callback(
             lambda future: self._answered(name, future.result()))
 
-    def _answered(self, name, answer):
+    def _answered(self, name: str, answer: Trigger.Response) -> None:
         self.page.say(f'{name}: {answer.message}', 0 if answer.success else 2)
 
-    def destroy_node(self):
+    def destroy_node(self) -> None:
         """End the page as well."""
         self.page.page.close()
         super().destroy_node()
 
 
-def _level(status):
+def _level(status: DiagnosticStatus) -> int:
     return int.from_bytes(status.level, 'little')
 
 
-def main(args=None):
+def main(args: Sequence[str] | None = None) -> int:
     """Run the viewer until SIGINT or SIGTERM; return the exit status."""
     rclpy.init(args=args)
     node = None

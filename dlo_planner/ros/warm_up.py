@@ -14,11 +14,12 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.workspace import Workspace
+from dlo_planner.ros.proving import Prover
 
 _ROD = Rod(1.0, 0.01, 1.0, 1.0, radius=1e-3)
 
 
-def warm_up():
+def warm_up() -> None:
     """Use every kernel that an answer of the node may need."""
     rod = _ROD
     floor = Plane((0, 0, -0.001), (0, 0, 1))
@@ -39,7 +40,7 @@ def warm_up():
     DirectSimulator(yielding, n_elements=16, n_terms=4).solve(level)
 
 
-def warm_up_proofs(prover):
+def warm_up_proofs(prover: Prover) -> None:
     """Have a Prover start its process and use every kernel that a proof may need."""
     for basis in ('local', 'chebyshev'):
         direct = DirectSimulator(_ROD, basis=basis, n_elements=16, n_terms=4)
@@ -47,5 +48,5 @@ def warm_up_proofs(prover):
         prover.report(simulator=direct, plan=plan, limits=Limits())
 
 
-def _hole(x):
+def _hole(x: float) -> CutOut:
     return CutOut(Pose.looking_along((x, 0, 0), (1, 0, 0)), radius=0.1)

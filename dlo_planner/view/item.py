@@ -3,7 +3,6 @@
 """One thing that is drawn: by RViz as a marker, by the page in the browser as a mesh."""
 
 from dataclasses import dataclass, field
-
 from typing import TYPE_CHECKING
 
 import numpy as np
