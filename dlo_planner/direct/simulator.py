@@ -30,6 +30,7 @@ from dlo_planner.direct.described import STRAINS
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.dynamics import simulate
 from dlo_planner.direct.grips import ends_of, moving_grips, poses
+from dlo_planner.direct.history import History
 from dlo_planner.direct.integrator import INTEGRATORS
 from dlo_planner.direct.mesh import even_mesh, with_breaks
 from dlo_planner.direct.motion import Motion
@@ -90,6 +91,14 @@ class DirectSimulator(Value):
 
     PARTS = ('surroundings', 'method', 'strains', 'accuracy', 'basis', '_fine', '_history',
              '_discretization')
+
+    surroundings: Surroundings
+    method: str
+    strains: str
+    basis: str
+    accuracy: float | None
+    _history: History | None
+    _discretization: Discretization
 
     def __init__(self, rod: Rod, *, n_elements: int | None = None, n_terms: int | None = None,
                  basis: str | None = None, method: str = 'newton', strains: str = 'components',
