@@ -9,6 +9,7 @@ import numpy as np
 
 from dlo_planner.direct.history import History, mapped
 from dlo_planner.direct.mesh import with_breaks
+from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import Contacts
 from dlo_planner.energy.distance import build_scene
 from dlo_planner.energy.hold import Hold
@@ -16,6 +17,7 @@ from dlo_planner.energy.loads import node_forces, node_masses, node_moments
 from dlo_planner.energy.plastic import set_strains
 from dlo_planner.energy.potential import System
 from dlo_planner.energy.yielding import yielding_layers
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import Value, freeze, put, same
 from dlo_planner.ritz.series import orthonormal_basis
@@ -39,6 +41,12 @@ class Discretization(Value):
     """
 
     PARTS = ('surroundings', 's', 'basis', 'n_terms')
+
+    surroundings: Surroundings
+    s: Floats
+    basis: str
+    n_terms: int
+    spring: float
 
     def __init__(self, surroundings, s, basis, n_terms):
         put(self, surroundings=surroundings, s=s, basis=basis, n_terms=n_terms)

@@ -28,6 +28,10 @@ class Guide(Value):
 
     PARTS = ('poses', 'dt', 'at_rest')
 
+    poses: tuple[Pose, ...]
+    dt: float
+    at_rest: bool
+
     def __init__(self, poses: Sequence[Pose], dt: float, at_rest: bool = True):
         put(self, poses=tuple(poses), dt=dt, at_rest=at_rest, _spline=None)
         first = self.poses[0]

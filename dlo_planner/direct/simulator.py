@@ -92,6 +92,14 @@ class DirectSimulator(Value):
     PARTS = ('surroundings', 'method', 'strains', 'accuracy', 'basis', '_fine', '_history',
              '_discretization')
 
+    surroundings: Surroundings
+    method: str
+    strains: str
+    basis: str
+    accuracy: float | None
+    _history: History | None
+    _discretization: Discretization
+
     def __init__(self, rod: Rod, *, n_elements: int | None = None, n_terms: int | None = None,
                  basis: str | None = None, method: str = 'newton', strains: str = 'components',
                  accuracy: float | None = None, gravity: ArrayLike = STANDARD_GRAVITY,

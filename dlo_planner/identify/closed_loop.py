@@ -27,7 +27,7 @@ class Phase(Enum):
     STOP = 'stop'    # stand still: the predicted miss is not inside the room with 95 %
 
     @classmethod
-    def _missing_(cls, value):
+    def _missing_(cls, value: object) -> None:
         choice('Phase', value, [one.value for one in cls])
 
 
@@ -64,7 +64,7 @@ class ClosedLoop(Value):
     looks: int = 0
     at_standoff: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         put(self, room=number('ClosedLoop.room', self.room, above=0),
             look=number('ClosedLoop.look', self.look, minimum=0),
             period=number('ClosedLoop.period', self.period, above=0),
@@ -107,7 +107,7 @@ class ClosedLoop(Value):
             bound = number('bound', bound, minimum=0)
         here = self if self.since is not None else replace(self, since=time)
         if here.phase is Phase.LOOK:
-            over = time - here.since >= here.look
+            over = here.since is not None and time - here.since >= here.look
             return here._to(Phase.PLAN, time) if over else here
         if not finished or here.phase in (Phase.DONE, Phase.STOP):
             return here
@@ -120,11 +120,11 @@ class ClosedLoop(Value):
                               f'{here.phase.value!r}')
         return replace(here, at_standoff=True)._at_standoff(time, bound)
 
-    def _at_standoff(self, time, bound):
+    def _at_standoff(self, time: float, bound: float) -> 'ClosedLoop':
         if bound > self.share * self.room and self.looks < self.most_looks and (
                 self.looks == 0 or bound > self.room):
             return replace(self, looks=self.looks + 1)._to(Phase.LOOK, time)
         return self._to(Phase.ENTER if bound <= self.room else Phase.STOP, time)
 
-    def _to(self, phase, time):
+    def _to(self, phase: Phase, time: float) -> 'ClosedLoop':
         return replace(self, phase=phase, since=time)

@@ -7,17 +7,21 @@ the gripper's rotation together, as planning does (`inverse.solvers.aligned`), s
 shape known there. The estimated offset of the gripper is then taken off the poses.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.predicted_miss import PredictedMiss, judged_plan, miss_of
+from dlo_planner.identify.uncertain import mesh_of
 from dlo_planner.inverse.solvers.one_point import aligned_on
 from dlo_planner.minimize.newton import NEUTRAL
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import flag, instance, integer, items, results
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.value import Value, brief, put
@@ -44,12 +48,12 @@ class Correction(Value):
 
     first: int
     grippers: tuple[Pose, ...]
-    offsets: np.ndarray
+    offsets: Floats
     miss: PredictedMiss
     converged: bool
     shapes: tuple[Shape, ...]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         grippers = items('Correction.grippers', self.grippers, Pose)
         shapes = items('Correction.shapes', self.shapes, Shape)
         if len(shapes) != len(grippers):
@@ -62,7 +66,7 @@ class Correction(Value):
             converged=flag('Correction.converged', self.converged))
         super().__post_init__()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         moved = np.linalg.norm(self.offsets[:, 3:], axis=1).max(initial=0.0)
         return brief(self, f'{len(self.grippers)} waypoints from {self.first} on',
                      '' if self.converged else 'not converged', f'moved up to {moved:.2g} m',
@@ -96,16 +100,20 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0,
     known = _known(plan, instance('before', before, Correction, optional=True))
     rest = range(first, len(plan))
     aim = _Aim(estimate)
-    shapes = {k: aim.shape(plan, k, known[k]) for k in rest if plan.passes[k]}
-    if any(shape is None for shape in shapes.values()):
-        return _as_planned(estimate, plan, rest)
+    shapes: dict[int, Shape] = {}
+    for k in rest:
+        if plan.passes[k]:
+            shape = aim.shape(plan, k, known[k])
+            if shape is None:
+                return _as_planned(estimate, plan, rest)
+            shapes[k] = shape
     grippers = {k: aim.commanded(shape.gripper) for k, shape in shapes.items()}
-    known = dict(zip(grippers, _offsets([plan.grippers[k] for k in grippers],
+    moved = dict(zip(grippers, _offsets([plan.grippers[k] for k in grippers],
                                         list(grippers.values())), strict=True))
     offsets = np.zeros((len(rest), 6))
     for k in rest:  # a waypoint before those that pass the center moves like the first of them
-        source = next((j for j in known if j >= k), None)
-        offsets[k - first] = 0.0 if source is None else known[source]
+        source = next((j for j in moved if j >= k), None)
+        offsets[k - first] = 0.0 if source is None else moved[source]
         if k not in grippers:
             grippers[k] = displaced(plan.grippers[k], offsets[k - first])
     looked = _some([k for k in rest if k in shapes])
@@ -114,7 +122,7 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0,
                       tuple(shapes.get(k, plan.shapes[k]) for k in rest))
 
 
-def _known(plan, before):
+def _known(plan: Plan, before: Correction | None) -> list[Shape]:
     """Return the Shape for each waypoint of the plan from which the search begins."""
     shapes = list(plan.shapes)
     if before is not None:
@@ -127,28 +135,29 @@ def _known(plan, before):
 class _Aim:
     """Aims the DLO of an Estimate at a center."""
 
-    def __init__(self, estimate):
+    def __init__(self, estimate: Estimate) -> None:
         self._estimate, self._offset = estimate, estimate.gripper_offset
-        self._meshes = {}
+        self._meshes: dict[int, Discretization] = {}
 
-    def shape(self, plan, index, guess):
+    def shape(self, plan: Plan, index: int, guess: Shape) -> Shape | None:
         """Return the Shape that passes the center at a waypoint, or None."""
         center, s, normal = plan.passes[index][0]
-        mesh = self._mesh(plan.shapes[index]._discretization)
+        mesh = self._mesh(mesh_of(plan.shapes[index]))
         inside = min(s, float(mesh.s[-1]))
         shape = aligned_on(mesh, guess, inside, normal, plan.grippers[index].rotation)
         if shape is None or shape.stability < -NEUTRAL:
             return None
         axes, position = shape.frame_at(inside)
         position = position + (s - inside) * axes[:, 0]
-        return shape.moved(self._estimate.center(center) - position)
+        result: Shape | None = shape.moved(self._estimate.center(center) - position)
+        return result
 
-    def commanded(self, gripper):
+    def commanded(self, gripper: Pose) -> Pose:
         """Return `Estimate.commanded`, quickly."""
         rotation = gripper.rotation @ self._offset.rotation.T
         return Pose.from_rotation(gripper.position - rotation @ self._offset.position, rotation)
 
-    def _mesh(self, planned):
+    def _mesh(self, planned: Discretization) -> Discretization:
         """Return the Discretization of the estimated DLO on the mesh of a planned one."""
         if id(planned) not in self._meshes:  # waypoints share them
             varied = self._estimate.uncertain.varied(planned)
@@ -156,14 +165,14 @@ class _Aim:
         return self._meshes[id(planned)]
 
 
-def _as_planned(estimate, plan, rest):
+def _as_planned(estimate: Estimate, plan: Plan, rest: Sequence[int]) -> Correction:
     looked = _some([k for k in rest if plan.passes[k]])
     return Correction(rest[0], tuple(plan.grippers[k] for k in rest), np.zeros((len(rest), 6)),
                       miss_of(estimate, plan, looked), False,
                       tuple(plan.shapes[k] for k in rest))
 
 
-def _offsets(planned, grippers):
+def _offsets(planned: Sequence[Pose], grippers: Sequence[Pose]) -> Floats:
     """Return (k, 6) the rotation vectors and displacements from k Poses to others."""
     if not grippers:
         return np.zeros((0, 6))
@@ -173,7 +182,7 @@ def _offsets(planned, grippers):
         planned, grippers, strict=True)]])
 
 
-def _some(indices):
+def _some(indices: Sequence[int]) -> list[int]:
     """Return a few of these indices, the first and the last among them."""
     few = np.unique(np.linspace(0, len(indices) - 1, min(len(indices), _LOOKED_AT)).astype(int))
     return [indices[k] for k in few] if indices else []

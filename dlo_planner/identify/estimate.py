@@ -3,6 +3,7 @@
 """What is known of a DLO and of its gripper after some looks: a mean and a covariance."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +20,7 @@ from dlo_planner.identify.predicted_miss import (
 )
 from dlo_planner.identify.settling import settled
 from dlo_planner.identify.uncertain import Uncertain
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, flag, instance, integer, results, vector
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
@@ -43,16 +45,16 @@ class Estimate(Value):
     """
 
     uncertain: Uncertain
-    mean: np.ndarray
-    covariance: np.ndarray
+    mean: Floats
+    covariance: Floats
     looks: int = 0
     converged: bool = True
     misfit: float = np.nan
     outliers: float = np.nan
     _shape: Shape | None = field(default=None, compare=False)
-    _memory: object = field(default=None, compare=False)  # of the looks, see `identify.smoothing`
+    _memory: Any = field(default=None, compare=False)  # of the looks, see `identify.smoothing`
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         n = instance('Estimate.uncertain', self.uncertain, Uncertain).size
         put(self, mean=results('Estimate.mean', self.mean, (n,)),
             covariance=results('Estimate.covariance', self.covariance, (n, n)),
@@ -65,7 +67,7 @@ class Estimate(Value):
         instance('Estimate._shape', self._shape, Shape, optional=True)
         super().__post_init__()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, f'{self.looks} looks',
                      '' if self.converged else 'last one not converged',
                      f'misfit {self.misfit:.2g} m' if self.looks else '',
@@ -102,21 +104,23 @@ class Estimate(Value):
         return self.uncertain.offset(self.mean)
 
     @property
-    def camera_bias(self) -> np.ndarray:
+    def camera_bias(self) -> Floats:
         """(3,) estimated bias of the camera, seen minus true, m, world axes."""
         return self.uncertain.camera(self.mean)
 
     def actual(self, gripper: Pose) -> Pose:
         """Return the estimated true Pose of the gripper that is commanded to `gripper`."""
-        return instance('gripper', gripper, Pose).compose(self.gripper_offset)
+        result: Pose = instance('gripper', gripper, Pose).compose(self.gripper_offset)
+        return result
 
     def commanded(self, gripper: Pose) -> Pose:
         """Return the Pose to command so that the gripper truly goes to `gripper`."""
-        return instance('gripper', gripper, Pose).compose(self.gripper_offset.inverse())
+        result: Pose = instance('gripper', gripper, Pose).compose(self.gripper_offset.inverse())
+        return result
 
     centre = renamed('centre', 'center')
 
-    def center(self, center: ArrayLike) -> np.ndarray:
+    def center(self, center: ArrayLike) -> Floats:
         """Return the estimated true center (3,) of a cut-out that is stated at `center` (3,), m."""
         return vector('center', center, 3) + self.uncertain.shifted(self.mean)
 

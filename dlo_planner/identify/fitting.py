@@ -9,18 +9,22 @@ squares, the noise (unless it is known) from what is left, by the number of resi
 was fitted to. To first order, deviations are then those of repeated experiments.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import OptimizeResult
 
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, known_options
 from dlo_planner.errors import InvalidTask, NotConverged
-from dlo_planner.identify.likelihood import LOSSES, Errors
+from dlo_planner.identify.likelihood import LOSSES, Errors, Statistics
 from dlo_planner.identify.observation import Observation, ObservedMotion
 from dlo_planner.identify.observed import Observed
 from dlo_planner.identify.unknowns import Unknowns
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, figure, flag, instance, items, number, results
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
@@ -28,6 +32,7 @@ from dlo_planner.model.value import FrozenDict, Value, brief, figures, put
 from dlo_planner.progress import OnProgress, Progress
 from dlo_planner.verify.robustness import Spread
 
+_Seen: TypeAlias = tuple[tuple[Observation, ...], tuple[ObservedMotion, ...]]
 _STARTS = (0.0, -0.7, 0.7)  # logarithms of stiffness from which the search begins
 _MESHES = ({'n_elements': 64, 'n_terms': 10}, {'basis': 'local', 'n_elements': 128},
            {'basis': 'local', 'n_elements': 256}, {'basis': 'local', 'n_elements': 512})
@@ -53,15 +58,15 @@ class Fit(Value):
     """
 
     rod: Rod
-    values: dict
-    deviations: dict
+    values: dict[str, Any]
+    deviations: dict[str, Any]
     misfit: float
     converged: bool
     noise: float = np.nan
-    grippers: tuple = ()
-    correlations: np.ndarray | None = None
+    grippers: tuple[Pose, ...] = ()
+    correlations: Floats | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         instance('Fit.rod', self.rod, Rod)
         for name in ('values', 'deviations'):
             put(self, **{name: FrozenDict(instance(f'Fit.{name}', getattr(self, name), dict))})
@@ -72,7 +77,7 @@ class Fit(Value):
             put(self, correlations=results('Fit.correlations', self.correlations, (None, None)))
         super().__post_init__()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         open_ = [name for name, value in self.deviations.items()
                  if not np.isfinite(np.array(value, dtype=float)).all()]
         return brief(self, 'converged' if self.converged else 'not converged',
@@ -90,7 +95,7 @@ class Fit(Value):
         return tuple(out)
 
     @property
-    def covariance(self) -> np.ndarray:
+    def covariance(self) -> Floats:
         """(n, n) of the numbers in `values`, SI units, in the order of `names`.
 
         Raises:
@@ -111,7 +116,7 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
             noise: float | None = None, gripper_position: float | None = None,
             gripper_rotation: float | None = None, prior: Spread | None = None,
             loss: str = 'linear', loss_scale: float = 1.5, progress: OnProgress = None,
-            deadline: float | None = None, **options) -> Fit:
+            deadline: float | None = None, **options: Any) -> Fit:
     """Return the Fit of a rod's properties to observed shapes and motions (least squares).
 
     Shapes and motions stay the same if all stiffnesses and masses grow alike, so they tell
@@ -160,7 +165,7 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
                             ('gripper_rotation', gripper_rotation)))
     pose = np.diag([rotation] * 3 + [position] * 3)
     pose = pose[pose.any(axis=1)]
-    loss = LOSSES[choice('loss', loss, tuple(LOSSES))]
+    rho = LOSSES[choice('loss', loss, tuple(LOSSES))]
     scale = number('loss_scale', loss_scale, above=0)
     steps = Progress(progress, deadline)
     meshes = _MESHES if not {'n_elements', 'n_terms', 'accuracy'} & {*options} else ({},)
@@ -168,14 +173,16 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
     for mesh in meshes[_first_mesh(rod, observations, motions, options, meshes):]:
         observed = Observed(unknowns, observations, motions, pose, {**mesh, **options}, steps)
         observed.choose_steps(np.append(unknowns.begin, np.zeros(observed.size - unknowns.size)))
-        errors = Errors(observed, unknowns.prior(prior), noise, loss, scale)
+        errors = Errors(observed, unknowns.prior(prior), noise, rho, scale)
         found, statistics = _found(observed, errors, steps, begin)
-        if _exact(observed.at(found.x).shapes[:len(observations)], rod) or mesh is meshes[-1]:
-            return _fit(observed, statistics, found)
+        if _exact(observed.at(found.x).shapes[:len(observations)], rod):
+            break
         begin = found.x
+    return _fit(observed, statistics, found)
 
 
-def _found(observed, errors, steps, begin):
+def _found(observed: Observed, errors: Errors, steps: Progress,
+           begin: Floats | None) -> tuple[OptimizeResult, Statistics]:
     """Return SciPy's result and the Statistics; from `begin` (n,), or None: several starts."""
     unknowns = observed.unknowns
     poses = np.zeros(observed.size - unknowns.size)
@@ -193,27 +200,31 @@ def _found(observed, errors, steps, begin):
     return found, statistics
 
 
-def _first_mesh(rod, observations, motions, options, meshes):
+def _first_mesh(rod: Rod, observations: Sequence[Observation], motions: Sequence[ObservedMotion],
+                options: Mapping[str, Any], meshes: Sequence[Mapping[str, Any]]) -> int:
     """Return the index of the first mesh that is fine enough for the first guess."""
     for index in range(len(meshes) - 1):
         direct = DirectSimulator(rod, **{**meshes[index], **options})
         shapes = [direct.solve(one.gripper, far_end=one.far_end) for one in observations]
-        shapes += [direct.solve(one.grippers[0]) for one in motions]
+        shapes += [direct.solve(next(iter(one.grippers))) for one in motions]
         if _exact(shapes, rod):
             return index
     return len(meshes) - 1
 
 
-def _exact(shapes, rod):
+def _exact(shapes: Iterable[Shape], rod: Rod) -> bool:
     """Whether what has been solved is exact enough."""
     return all(shape.error_estimate <= _EXACT * rod.length for shape in shapes if shape.converged)
 
 
-def _judged(rod, observations, motions, options):
+def _judged(rod: Rod, observations: Iterable[Observation], motions: Iterable[ObservedMotion],
+            options: Mapping[str, Any]) -> _Seen:
     """Return observations and motions as tuples; raise InvalidTask naming what is wrong."""
     motions = items('motions', motions, ObservedMotion)
     observations = items('observations', observations, Observation, least=0 if motions else 1)
-    for kind, seen in (('observations', observations), ('motions', motions)):
+    both: dict[str, tuple[Observation | ObservedMotion, ...]] = {
+        'observations': observations, 'motions': motions}
+    for kind, seen in both.items():
         for index, one in enumerate(seen):
             if one.s is not None and ((one.s < 0) | (one.s > rod.length)).any():
                 raise InvalidTask(f'{kind}[{index}].s: expected 0 to the length {rod.length:g} m')
@@ -223,7 +234,7 @@ def _judged(rod, observations, motions, options):
     return observations, motions
 
 
-def _judge_prior(prior, unknowns):
+def _judge_prior(prior: Spread, unknowns: Unknowns) -> None:
     sought = {*unknowns.names}
     for name, held in (('mass', not sought & {'mass_per_length', 'tip_mass'}), ('length', True)):
         if held and getattr(prior, name):
@@ -231,7 +242,7 @@ def _judge_prior(prior, unknowns):
                               'as known')
 
 
-def _fit(observed, statistics, found):
+def _fit(observed: Observed, statistics: Statistics, found: OptimizeResult) -> Fit:
     """Return the Fit of SciPy's result."""
     unknowns, x = observed.unknowns, found.x[:observed.n_parameters]
     correlations = statistics.correlations[np.ix_(unknowns.columns, unknowns.columns)]

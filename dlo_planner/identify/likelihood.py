@@ -2,10 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """How errors are distributed: what a fit minimizes, and what its minimum tells of them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
+
+from dlo_planner.identify.observed import Observed
+from dlo_planner.model.arrays import Floats
 
 _EVALUATIONS = 60
 _ROUNDS, _SETTLED = 30, 1e-3  # of the noise
@@ -13,7 +18,8 @@ _FIRST_NOISE, _NO_NOISE = 1e-2, 1e-10  # of the length: taken at first; what rou
 _MEDIAN = 0.6744897501960817  # of the size of a standard normal number
 
 # rho(z) of z = (distance / scale)^2 and its first two derivatives, as in SciPy's least_squares
-LOSSES = {
+Loss: TypeAlias = Callable[[Floats], tuple[Floats, Floats, Floats]]
+LOSSES: dict[str, Loss] = {
     'linear': lambda z: (z, np.ones_like(z), np.zeros_like(z)),
     'soft_l1': lambda z: (2 * (np.sqrt(1 + z) - 1), (1 + z) ** -0.5, -0.5 * (1 + z) ** -1.5),
     'huber': lambda z: (np.where(z <= 1, z, 2 * np.sqrt(z) - 1), np.maximum(z, 1) ** -0.5,
@@ -32,8 +38,8 @@ class Statistics:
         noise: m
     """
 
-    deviations: np.ndarray
-    correlations: np.ndarray
+    deviations: Floats
+    correlations: Floats
     noise: float
 
 
@@ -45,14 +51,15 @@ class Errors:
         noise: m, or None; loss: of LOSSES; scale: of it, in standard deviations of the noise
     """
 
-    def __init__(self, observed, prior, noise, loss, scale):
+    def __init__(self, observed: Observed, prior: Floats, noise: float | None, loss: Loss,
+                 scale: float) -> None:
         self._observed, self._given, self._loss, self._scale = observed, noise, loss, scale
         # errors of poses are unknowns in their own standard deviations
         self._prior = np.append(prior, np.ones(observed.size - prior.size))
         self._first = noise or _FIRST_NOISE * observed.rod.length
         self._weighed = bool(self._prior.any()) or loss is not LOSSES['linear']
 
-    def settled(self, found):
+    def settled(self, found: OptimizeResult) -> tuple[OptimizeResult, Statistics]:
         """Return SciPy's result and the Statistics where noise and unknowns fit each other."""
         length = self._observed.rod.length
         noise = self._first
@@ -64,16 +71,16 @@ class Errors:
             found = self.minimum(found.x, noise)
         return found, self._statistics(found.x, noise)
 
-    def minimum(self, x, noise=None):
+    def minimum(self, x: Floats, noise: float | None = None) -> OptimizeResult:
         """Return SciPy's result from x (n,) on, for a noise in m; None: the first guess."""
-        noise = noise or self._first
+        size = noise or self._first
         self._observed.begin()
-        return least_squares(lambda x: self._weighted(x, noise)[0], x,
-                             lambda x: self._weighted(x, noise)[1], x_scale='jac', xtol=1e-10,
+        return least_squares(lambda x: self._weighted(x, size)[0], x,
+                             lambda x: self._weighted(x, size)[1], x_scale='jac', xtol=1e-10,
                              ftol=1e-10, gtol=1e-12, max_nfev=_EVALUATIONS,
                              bounds=self._observed.bounds)
 
-    def _weighted(self, x, noise):
+    def _weighted(self, x: Floats, noise: float) -> tuple[Floats, Floats]:
         """Return residuals, whose squares add up to what is minimized, and their derivatives."""
         here, size = self._observed.at(x), noise * self._scale
         z = np.sum(here.away**2, axis=1) / size**2
@@ -84,7 +91,7 @@ class Errors:
         return (np.append(away.ravel(), self._prior * x),
                 np.vstack([slopes.reshape(-1, x.size), np.diag(self._prior)]))
 
-    def _information(self, x, noise):
+    def _information(self, x: Floats, noise: float) -> tuple[Floats, float, float, int]:
         """Return J^T J (n, n) of the points with weights, of the same squared, and its prior."""
         here = self._observed.at(x)
         z = np.sum(here.away**2, axis=1) / (noise * self._scale) ** 2
@@ -97,7 +104,7 @@ class Errors:
         force = np.sum(first**2 * np.sum(here.away**2, axis=1)) / noise**2
         return plain, stiff, force, counts.sum()
 
-    def _left(self, x, noise):
+    def _left(self, x: Floats, noise: float) -> float:
         """Return the noise (m) that the misfit tells, with what was fitted to it accounted for."""
         here = self._observed.at(x)
         plain, stiff, _, count = self._information(x, noise)
@@ -110,7 +117,7 @@ class Errors:
         distances = np.abs(here.away[here.counts])
         return float(np.median(distances) / _MEDIAN * np.sqrt(count / left))
 
-    def _statistics(self, x, noise):
+    def _statistics(self, x: Floats, noise: float) -> Statistics:
         if self._given is None and not self._weighed:
             noise = max(self._left(x, noise), _NO_NOISE * self._observed.rod.length)
         plain, stiff, force, count = self._information(x, noise)
@@ -121,11 +128,11 @@ class Errors:
         covariance = inverse @ (spread * plain + prior) @ inverse
         return Statistics(*_told(covariance, unknown), float(noise))
 
-    def _inverse(self, information):
+    def _inverse(self, information: Floats) -> tuple[Floats, Floats]:
         return _inverse(information, self._observed.precision**2)
 
 
-def _inverse(information, least):
+def _inverse(information: Floats, least: float) -> tuple[Floats, Floats]:
     """Return the inverse (n, n) where it is known, and a basis (n, j) of what nothing is known of.
 
     Args:
@@ -143,7 +150,7 @@ def _inverse(information, least):
     return inverse, unknown
 
 
-def _told(covariance, unknown):
+def _told(covariance: Floats, unknown: Floats) -> tuple[Floats, Floats]:
     """Return deviations (n,) and correlations (n, n), those of what is not known infinite."""
     nothing = unknown.any(axis=1)
     deviations = np.where(nothing, np.inf, np.sqrt(np.diag(covariance)))

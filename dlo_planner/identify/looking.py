@@ -9,6 +9,7 @@ from the median of the squared distances, which outliers hardly move.
 """
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from dlo_planner.identify.misfit import nearest
 from dlo_planner.identify.predicted_miss import at_arc_lengths
 from dlo_planner.identify.uncertain import Uncertain
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.kinematics import point_inside
 
 _ABOUT = 0.1  # of the length: half side of the cube about the DLO in which outliers lie
@@ -36,11 +38,11 @@ class Distances:
         square: (m,) squared lengths of `away`, m^2
     """
 
-    away: np.ndarray
-    axes: np.ndarray
-    frames: np.ndarray
-    s: np.ndarray
-    square: np.ndarray
+    away: Floats
+    axes: Floats
+    frames: Floats
+    s: Floats
+    square: Floats
 
     def cost(self, scale: float, outliers: float, sway: float, length: float) -> float:
         """Return minus the logarithm of the likelihood, up to a constant.
@@ -62,11 +64,12 @@ class Distances:
             np.sqrt(2 * np.pi) * scale / (2 * _ABOUT * length))
         return -float(np.logaddexp(own, none).sum()) + more
 
-    def swaying(self, length: float) -> np.ndarray:
+    def swaying(self, length: float) -> Floats:
         """Return (m, d, 3): derivatives by the free end's sway of the DLO along `axes`."""
         return self.axes * ((self.s / length) ** 2)[:, None, None]
 
-    def _without_sway(self, scale, outliers, sway, length):
+    def _without_sway(self, scale: float, outliers: float, sway: float,
+                      length: float) -> tuple[Floats, float]:
         """Return squared distances (m,) after the most likely sway, and the cost of that sway."""
         weights = _weights(self.square, self.away.shape[1], scale, outliers, length)
         rows = self.swaying(length)
@@ -86,8 +89,8 @@ class Look:
     """
 
     distances: Distances
-    slopes: np.ndarray
-    swaying: np.ndarray
+    slopes: Floats
+    swaying: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,14 +106,14 @@ class Told:
         scale: noise by which the points were weighed, m
     """
 
-    matrix: np.ndarray
-    vector: np.ndarray
+    matrix: Floats
+    vector: Floats
     misfit: float
     outliers: float
     scale: float
 
 
-def squares(shape: Shape, points: np.ndarray, s: np.ndarray | None) -> Distances:
+def squares(shape: Shape, points: Floats, s: Floats | None) -> Distances:
     """Return the Distances of points from a Shape.
 
     Args:
@@ -118,19 +121,20 @@ def squares(shape: Shape, points: np.ndarray, s: np.ndarray | None) -> Distances
         points: (m, 3) m, world axes, less the camera's bias
         s: (m,) their arc lengths, m; None: not known
     """
-    known, length = s is not None, shape.s[-1]
     nodes, kernels = np.array(shape.s), shape.for_kernels  # copies: see `Shape.for_kernels`
-    s = np.clip(s, 0.0, length) if known else nearest(nodes, *kernels, points)[0]
-    frames, places = _points_at(nodes, *kernels, s)
+    at: Floats = nearest(nodes, *kernels, points)[0] if s is None else np.clip(
+        s, 0.0, shape.s[-1])
+    frames, places = _points_at(nodes, *kernels, at)
     off = points - places
-    axes = np.tile(np.eye(3), (len(s), 1, 1)) if known else frames[:, :, 1:].transpose(0, 2, 1)
+    axes = frames[:, :, 1:].transpose(0, 2, 1) if s is None else np.tile(np.eye(3),
+                                                                         (at.size, 1, 1))
     # the distance along the DLO is left out beyond an end as well: the end itself is hardly ever
     # among the points
     away = np.einsum('mij,mj->mi', axes, off)
-    return Distances(away, axes, frames, s, np.sum(away**2, axis=1))
+    return Distances(away, axes, frames, at, np.sum(away**2, axis=1))
 
 
-def looked_at(uncertain: Uncertain, shape: Shape, slopes: np.ndarray, off: Distances,
+def looked_at(uncertain: Uncertain, shape: Shape, slopes: Floats, off: Distances,
               known: bool) -> Look:
     """Return the Look of Distances.
 
@@ -174,7 +178,7 @@ def told(look: Look, noise: float, outliers: float, sway: float, length: float) 
                 float(1 - weights.mean()), scale)
 
 
-def from_either_end(shape: Shape, points: np.ndarray, s: np.ndarray) -> np.ndarray:
+def from_either_end(shape: Shape, points: Floats, s: Floats) -> Floats:
     """Return the arc lengths (m,), from the other end if the points (m, 3) fit better so."""
     both = s, shape.s[-1] - s
     off = [np.median(np.linalg.norm(points - shape.positions_at(np.clip(
@@ -182,31 +186,34 @@ def from_either_end(shape: Shape, points: np.ndarray, s: np.ndarray) -> np.ndarr
     return both[int(off[1] < off[0])]
 
 
-def _scale(square, d, noise):
+def _scale(square: Floats, d: int, noise: float) -> float:
     """Return the noise (m) for the weights: as stated, or larger while the shape fits badly."""
     left = float(np.median(square)) / _MEDIAN[d]
     return noise if left <= _BADLY * noise**2 else float(np.sqrt(left))
 
 
-def _weights(square, d, scale, outliers, length):
+def _weights(square: Floats, d: int, scale: float, outliers: float, length: float) -> Floats:
     """Return (m,) probabilities that points at squared distances `square` belong to the DLO."""
     if outliers == 0:
         return np.ones(len(square))
     own = (1 - outliers) * np.exp(-0.5 * square / scale**2) / (
         2 * np.pi * scale**2) ** (0.5 * d)
-    return own / (own + outliers * (2 * _ABOUT * length) ** -d)
+    result: Floats = own / (own + outliers * (2 * _ABOUT * length) ** -d)
+    return result
 
 
-def _sway(swaying, away, weights, scale, sway):
+def _sway(swaying: Floats, away: Floats, weights: Floats, scale: float,
+          sway: float) -> tuple[Floats, Floats]:
     """Return the most likely sway (3,), m, and its covariance (3, 3)."""
     root = (np.sqrt(weights) / scale)[:, None]
     rows = (swaying * root[:, :, None]).reshape(-1, 3)
     inner = np.linalg.inv(rows.T @ rows + np.eye(3) / sway**2)
-    return inner @ (rows.T @ (away * root).ravel()), inner
+    return inner @ (rows.T @ (away * root).ravel()), cast(Floats, inner)
 
 
 @kernel
-def _points_at(nodes, lengths, strains, rotations, positions, s):
+def _points_at(nodes: Floats, lengths: Floats, strains: Floats, rotations: Floats,
+               positions: Floats, s: Floats) -> tuple[Floats, Floats]:
     """Return axes (m, 3, 3) and positions (m, 3) at arc lengths s (m,)."""
     m, n = s.size, lengths.size
     axes, places = np.empty((m, 3, 3)), np.empty((m, 3))

@@ -5,16 +5,27 @@
 At rest they come from the sensitivities of the equilibrium, in motion from differences of motions.
 """
 
-from collections.abc import Callable
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
+from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.shape import Shape
+from dlo_planner.identify.observation import Observation, ObservedMotion
 from dlo_planner.inverse.solvers.search import left_jacobian
 from dlo_planner.kernels import kernel
-from dlo_planner.model.pose import displaced
+from dlo_planner.model.arrays import Bools, Floats
+from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.ritz.kinematics import point_inside
+
+# Of a Shape: column, Discretizations ahead and back, of each unknown that the rod depends on.
+Nearby: TypeAlias = Callable[[Shape], Iterable[tuple[int, Discretization, Discretization]]]
 
 STEP = 1e-5  # of a unit: for differences of predicted shapes
 MOVED = 1e-3  # the same, for differences of motions
@@ -33,21 +44,21 @@ class Misfit:
         shape: the Shape, or the last one of the motion; converged: whether all is solved
     """
 
-    away: np.ndarray
-    counts: np.ndarray
-    slopes: Callable
-    shape: object
+    away: Floats
+    counts: Floats
+    slopes: Callable[[], Floats]
+    shape: Shape
     converged: bool
 
 
-def nowhere(points, length, size, shape):
+def nowhere(points: Floats, length: float, size: int, shape: Shape) -> Misfit:
     """Return what stands for points (m, 3) of a DLO that was not solved."""
     m = len(points)
     return Misfit(np.full((m, 3), length), np.ones((m, 3), dtype=bool),
                   lambda: np.zeros((m, 3, size)), shape, False)
 
 
-def at_rest(one, shape, nearby, errors):
+def at_rest(one: Observation, shape: Shape, nearby: Nearby, errors: PoseErrors) -> Misfit:
     """Return the Misfit of an Observation from its Shape.
 
     Args:
@@ -67,7 +78,7 @@ def at_rest(one, shape, nearby, errors):
         axes = np.tile(np.eye(3), (m, 1, 1))
     away = np.einsum('mji,mj->mi', axes, one.points - positions)
 
-    def slopes():
+    def slopes() -> Floats:
         out = np.zeros((m, 3, errors.size))
         sensitivity = Sensitivity(shape)
         for k, *sides in nearby(shape):
@@ -78,12 +89,15 @@ def at_rest(one, shape, nearby, errors):
             by_twist = np.array([sensitivity.at(value)[3:] for value in s])
             by_twist[:, :, :3] = by_twist[:, :, :3] @ left_jacobian(errors.twist[:3])
             out[:, :, errors.where] = -by_twist @ errors.deviations.T
-        return np.einsum('mji,mjk->mik', axes, out) * counts[:, :, None]
+        result: Floats = np.einsum('mji,mjk->mik', axes, out) * counts[:, :, None]
+        return result
 
     return Misfit(away * counts, counts, slopes, shape, True)
 
 
-def in_motion(one, x, positions_at, columns, size, length):
+def in_motion(one: ObservedMotion, x: Floats,
+              positions_at: Callable[[Floats], tuple[Floats | None, Shape]],
+              columns: Sequence[tuple[int, bool]], size: int, length: float) -> Misfit:
     """Return the Misfit of an ObservedMotion at unknowns x (n,).
 
     Args:
@@ -95,7 +109,7 @@ def in_motion(one, x, positions_at, columns, size, length):
     if positions is None:
         return nowhere(points, length, size, shape)
 
-    def slopes():
+    def slopes() -> Floats:
         out = np.zeros((len(points), 3, size))
         for k, both in columns:
             step = np.zeros_like(x)
@@ -111,7 +125,7 @@ def in_motion(one, x, positions_at, columns, size, length):
                   shape, True)
 
 
-def seen_in(motion, times, s):
+def seen_in(motion: Motion, times: Floats, s: Floats) -> Floats:
     """Return positions (k, m, 3) of the points at arc lengths `s` (m,) in a Motion at `times` (k,).
 
     Between the instants of the motion they go on cubics with its velocities.
@@ -127,7 +141,7 @@ def seen_in(motion, times, s):
     return out
 
 
-def _moving(motion, index, s):
+def _moving(motion: Motion, index: int, s: Floats) -> tuple[Floats, Floats]:
     """Return positions (m, 3) and velocities (m, 3) at arc lengths s (m,) at an instant."""
     shape, velocities = motion.shapes[index], motion.velocities[index]
     return shape.positions_at(s), np.column_stack([np.interp(s, shape.s, velocities[:, i])
@@ -143,18 +157,19 @@ class PoseErrors:
         x: (n,)
     """
 
-    def __init__(self, deviations, where, x):
+    def __init__(self, deviations: Floats, where: slice, x: Floats) -> None:
         self.deviations, self.where, self.count, self.size = (deviations, where, len(deviations),
                                                               x.size)
         self.twist = x[where] @ deviations
 
-    def applied(self, pose):
+    def applied(self, pose: Pose) -> Pose:
         """Return the Pose with this error."""
         return displaced(pose, self.twist)
 
 
 @kernel
-def nearest(s, lengths, strains, rotations, positions, points):
+def nearest(s: Floats, lengths: Floats, strains: Floats, rotations: Floats, positions: Floats,
+            points: Floats) -> tuple[Floats, Bools]:
     """Return arc lengths (m,) of the DLO's nearest points, and whether each is beyond an end.
 
     Chords tell the element, Newton's method finds the point on its arc and those beside it.
@@ -183,7 +198,7 @@ def nearest(s, lengths, strains, rotations, positions, points):
             if distance < best:
                 best, place = distance, s[e] + share * lengths[e]
         for _ in range(_ITERATIONS):
-            e = min(max(np.searchsorted(s, place, side='right') - 1, 0), n - 1)
+            e = min(max(np.searchsorted(s, place, side='right') - 1, 0), n - 1)  # type: ignore[assignment]
             point_inside(lengths, strains, rotations, positions, e, (place - s[e]) / lengths[e],
                          frame, x)
             slope, bend = 0.0, 1.0

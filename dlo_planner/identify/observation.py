@@ -5,12 +5,12 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.grips import poses
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, instance, number, row, shown, vector
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
@@ -35,11 +35,11 @@ class Observation(Value):
     """
 
     gripper: Pose
-    points: np.ndarray
-    s: np.ndarray | None = None
+    points: Floats
+    s: Floats | None = None
     far_end: FarEnd | Pose | ArrayLike | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         instance('Observation.gripper', self.gripper, Pose)
         put(self, points=array('Observation.points', self.points, (None, 3)),
             far_end=FarEnd.of(self.far_end))
@@ -66,12 +66,12 @@ class ObservedMotion(Value):
 
     grippers: Iterable[Pose]
     dt: float
-    times: np.ndarray
-    points: np.ndarray
-    s: np.ndarray
+    times: Floats
+    points: Floats
+    s: Floats
     initial: Shape | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         grippers = tuple(poses(self.grippers, 2))
         dt = number('ObservedMotion.dt', self.dt, above=0)
         duration = (len(grippers) - 1) * dt

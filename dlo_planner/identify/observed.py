@@ -2,22 +2,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """Observations as a function of what is unknown: properties of the rod, errors of the poses."""
 
+from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.guide import Guide
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.identify.misfit import (
     MOVED,
     STEP,
+    Misfit,
     PoseErrors,
     at_rest,
     in_motion,
     nowhere,
     seen_in,
 )
+from dlo_planner.identify.observation import Observation, ObservedMotion
+from dlo_planner.identify.uncertain import mesh_of
+from dlo_planner.identify.unknowns import Unknowns
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
+from dlo_planner.progress import Progress
 
 _AT_REST, _IN_MOTION = 1e-6, 1e-4  # relative errors of the derivatives
 _STEPPED, _MOST_PARTS = 1e-4, 16  # of the length; of a motion's dt
@@ -32,7 +43,7 @@ class Misfits:
         shapes: of the observations; converged: whether all are solved, and any: whether one is
     """
 
-    def __init__(self, parts):
+    def __init__(self, parts: Sequence[Misfit]) -> None:
         self._parts = parts
         self.away, self.counts = (np.concatenate([getattr(part, name) for part in parts])
                                   for name in ('away', 'counts'))
@@ -41,7 +52,7 @@ class Misfits:
         self.any = any(part.converged for part in parts)
 
     @cached_property
-    def slopes(self) -> np.ndarray:
+    def slopes(self) -> Floats:
         """(m, 3, n) derivatives of `away` by the unknowns; computed when first read."""
         return np.concatenate([part.slopes() for part in self._parts])
 
@@ -59,7 +70,9 @@ class Observed:
         progress: Progress
     """
 
-    def __init__(self, unknowns, observations, motions, pose, options, progress):
+    def __init__(self, unknowns: Unknowns, observations: Sequence[Observation],
+                 motions: Sequence[ObservedMotion], pose: Floats, options: Mapping[str, Any],
+                 progress: Progress) -> None:
         self.unknowns, self.rod = unknowns, unknowns.rod
         self.observations, self.motions = observations, motions
         self._pose, self._options, self._progress = pose, options, progress
@@ -71,7 +84,7 @@ class Observed:
         self._parts = [1] * len(motions)  # steps in each dt
         self.begin()
 
-    def choose_steps(self, x: np.ndarray) -> None:
+    def choose_steps(self, x: Floats) -> None:
         """Halve the steps of the motions until that changed little at x (n,).
 
         They then stay the same: steps that follow an error would make derivatives noisy.
@@ -89,26 +102,27 @@ class Observed:
 
     def begin(self) -> None:
         """Forget the shapes from which the search for the next ones begins."""
-        self._known, self._held = {}, {}
+        self._known: dict[bytes, Misfits] = {}
+        self._held: dict[int, Shape] = {}
 
-    def at(self, x: np.ndarray) -> Misfits:
+    def at(self, x: Floats) -> Misfits:
         """Return the Misfits at unknowns x (n,)."""
         key = x.tobytes()
         if key not in self._known:
             self._known = {**dict(list(self._known.items())[1 - _KEPT:]), key: self._at(x)}
         return self._known[key]
 
-    def errors(self, index: int, x: np.ndarray) -> PoseErrors:
+    def errors(self, index: int, x: Floats) -> PoseErrors:
         """Return the PoseErrors of an observation (motions come after what is at rest)."""
         begin = self.n_parameters + len(self._pose) * index
         return PoseErrors(self._pose, slice(begin, begin + len(self._pose)), x)
 
-    def grippers(self, x: np.ndarray) -> tuple[Pose, ...]:
+    def grippers(self, x: Floats) -> tuple[Pose, ...]:
         """Return the Poses of the observations at rest, corrected."""
         return tuple(self.errors(k, x).applied(one.gripper)
                      for k, one in enumerate(self.observations))
 
-    def _at(self, x):
+    def _at(self, x: Floats) -> Misfits:
         direct = self._simulator(x)
         nearby = _Nearby(self.unknowns, x)
         parts = []
@@ -121,10 +135,11 @@ class Observed:
         parts += [self._motion(index, one, x) for index, one in enumerate(self.motions)]
         return Misfits(parts)
 
-    def _simulator(self, x):
+    def _simulator(self, x: Floats) -> DirectSimulator:
         return DirectSimulator(self.unknowns.of(x[:self.n_parameters]), **self._options)
 
-    def _shape(self, direct, index, one, errors):
+    def _shape(self, direct: DirectSimulator, index: int, one: Observation,
+               errors: PoseErrors) -> Shape:
         """Return the Shape of an observation.
 
         It is set down in its natural shape each time: from another shape it may come to a third.
@@ -139,7 +154,7 @@ class Observed:
             self._held[index] = shape
         return shape
 
-    def _motion(self, index, one, x):
+    def _motion(self, index: int, one: ObservedMotion, x: Floats) -> Misfit:
         where = self.errors(len(self.observations) + index, x).where
         lower = self.bounds[0]
         columns = [(k, x[k] - MOVED >= lower[k]) for k in range(x.size)
@@ -147,7 +162,7 @@ class Observed:
         return in_motion(one, x, partial(self._seen, index, one), columns, x.size,
                          self.rod.length)
 
-    def _seen(self, index, one, x):
+    def _seen(self, index: int, one: ObservedMotion, x: Floats) -> tuple[Floats | None, Shape]:
         """Return where the points of a motion are at x, (k, m, 3) or None; and its last Shape."""
         parts, errors = self._parts[index], self.errors(len(self.observations) + index, x)
         grippers = [errors.applied(pose) for pose in one.grippers]
@@ -164,21 +179,23 @@ class Observed:
 class _Nearby:
     """Rods that differ a little, each on a mesh once for all shapes on that mesh."""
 
-    def __init__(self, unknowns, x):
+    def __init__(self, unknowns: Unknowns, x: Floats) -> None:
         self._unknowns, self._x = unknowns, x[:unknowns.size]
-        self._base, self._on_base = None, ()
+        self._base: Discretization | None = None
+        self._on_base: tuple[tuple[int, Discretization, Discretization], ...] = ()
 
     @cached_property
-    def _rods(self):
-        columns = np.flatnonzero(self._unknowns.at_rest)
+    def _rods(self) -> list[tuple[int, Rod, Rod]]:
+        columns = np.flatnonzero(self._unknowns.at_rest).tolist()
         steps = STEP * np.eye(self._x.size)[columns]
         return [(k, self._unknowns.of(self._x + step), self._unknowns.of(self._x - step))
                 for k, step in zip(columns, steps, strict=True)]
 
-    def on(self, shape):
+    def on(self, shape: Shape) -> tuple[tuple[int, Discretization, Discretization], ...]:
         """Return (column, Discretization ahead, back) with the elements of a Shape."""
-        if shape._discretization is not self._base:
-            self._base = shape._discretization
-            self._on_base = tuple((k, self._base.of(ahead), self._base.of(back))
+        mesh = mesh_of(shape)
+        if mesh is not self._base:
+            self._base = mesh
+            self._on_base = tuple((k, mesh.of(ahead), mesh.of(back))
                                   for k, ahead, back in self._rods)
         return self._on_base

@@ -52,9 +52,15 @@ class Observer(Value):
 
     PARTS = ('uncertain', 'noise', 'outliers', 'sway', 'drift')
 
-    def __init__(self, simulator: DirectSimulator | Rod, spread: Spread, *, noise: float = 1e-3,
+    uncertain: Uncertain
+    noise: float
+    outliers: float
+    sway: float
+    drift: float
+
+    def __init__(self, simulator: DirectSimulator | Rod, spread: Spread, *, noise: float = 0.001,
                  bias: float = 0.0, cutout: float = 0.0, outliers: float = 0.1, sway: float = 0.0,
-                 drift: float = 0.0, n_terms: int = 6):
+                 drift: float = 0.0, n_terms: int = 6) -> None:
         if isinstance(simulator, Rod):
             simulator = DirectSimulator(simulator)
         simulator = clamping('simulator', simulator)
@@ -143,6 +149,6 @@ class Observer(Value):
                        covariance=symmetric(covariance - gain @ rows @ covariance),
                        _memory=memory)
 
-    def _own(self, estimate):
+    def _own(self, estimate: Estimate) -> None:
         if instance('estimate', estimate, Estimate).uncertain != self.uncertain:
             raise InvalidTask('estimate: expected one of this observer')

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """By how much an estimated DLO will miss the centers of a plan, and how certain that is."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -13,6 +15,8 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.response import node_slopes
 from dlo_planner.identify.settling import settled
+from dlo_planner.identify.uncertain import mesh_of
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number, results, row, shown
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.plan import Plan
@@ -43,12 +47,12 @@ class PredictedMiss(Value):
             m; infinite where no shape was found
     """
 
-    waypoints: np.ndarray
-    off: np.ndarray
-    covariance: np.ndarray
-    bound: np.ndarray
+    waypoints: Floats
+    off: Floats
+    covariance: Floats
+    bound: Floats
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         waypoints = row('PredictedMiss.waypoints', self.waypoints, least=0, minimum=0,
                         maximum=_MOST)
         parts = {name: results(f'PredictedMiss.{name}', getattr(self, name), (None, *shape))
@@ -60,16 +64,17 @@ class PredictedMiss(Value):
         put(self, waypoints=waypoints.astype(int), **parts)
         super().__post_init__()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         worst = self.bound.max(initial=0.0)
         return brief(self, f'{self.waypoints.size} waypoints',
                      f'most likely up to {self.distance.max(initial=0.0):.2g} m',
                      f'with 95 % up to {worst:.2g} m')
 
     @property
-    def distance(self) -> np.ndarray:
+    def distance(self) -> Floats:
         """(k,) most likely distances from the centers, m."""
-        return np.linalg.norm(self.off, axis=1)
+        result: Floats = np.linalg.norm(self.off, axis=1)
+        return result
 
     def inside(self, room: float) -> bool:
         """Return whether every bound is at most `room` (m)."""
@@ -77,7 +82,7 @@ class PredictedMiss(Value):
         return bool((self.bound <= room).all())
 
 
-def miss_of(estimate: 'Estimate', plan: Plan, waypoints: Sequence[int],
+def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
             shapes: Sequence[Shape] | None = None) -> PredictedMiss:
     """Return the PredictedMiss of an Estimate at some waypoints of a Plan.
 
@@ -92,7 +97,7 @@ def miss_of(estimate: 'Estimate', plan: Plan, waypoints: Sequence[int],
         shape = predicted_shape(estimate, plan, index) if shapes is None else shapes[k]
         if not shape.converged:
             continue
-        varied = estimate.uncertain.varied(plan.shapes[index]._discretization)
+        varied = estimate.uncertain.varied(mesh_of(plan.shapes[index]))
         slopes = node_slopes(varied, estimate.mean, shape)
         off[k], covariance[k], bound[k] = max(
             (_miss_at(estimate, slopes, shape, *one) for one in plan.passes[index]),
@@ -100,10 +105,10 @@ def miss_of(estimate: 'Estimate', plan: Plan, waypoints: Sequence[int],
     return PredictedMiss(np.array(waypoints, dtype=float), off, covariance, bound)
 
 
-def predicted_shape(estimate: 'Estimate', plan: Plan, index: int) -> Shape:
+def predicted_shape(estimate: Estimate, plan: Plan, index: int) -> Shape:
     """Return the Shape of the estimated DLO at a waypoint, in the estimated pose of the gripper."""
     planned = plan.shapes[index]
-    varied = estimate.uncertain.varied(planned._discretization)
+    varied = estimate.uncertain.varied(mesh_of(planned))
     return settled(varied, estimate.mean, estimate.actual(plan.grippers[index]), planned, False)
 
 
@@ -112,7 +117,7 @@ def passing(plan: Plan) -> list[int]:
     return [k for k, passes in enumerate(plan.passes) if passes]
 
 
-def judged_plan(estimate: 'Estimate', plan: Plan) -> Plan:
+def judged_plan(estimate: Estimate, plan: Plan) -> Plan:
     """Return a Plan of the estimated DLO; raise InvalidTask if it is none."""
     length = estimate.uncertain.simulator.rod.length
     for shape in instance('plan', plan, Plan).shapes:
@@ -137,7 +142,8 @@ def judged_waypoints(plan: Plan, waypoints: ArrayLike | None) -> list[int]:
     return [int(k) for k in chosen]
 
 
-def _miss_at(estimate, slopes, shape, center, s, normal):
+def _miss_at(estimate: Estimate, slopes: Floats, shape: Shape, center: Floats, s: float,
+             normal: Floats | None) -> tuple[Floats, Floats, float]:
     """Return the miss (3,) of one entry of `Plan.passes`, its covariance (3, 3) and bound, m.
 
     Args:
@@ -153,8 +159,8 @@ def _miss_at(estimate, slopes, shape, center, s, normal):
     return off, covariance, _bound(across @ off, across @ covariance @ across.T)
 
 
-def crossing(shape: Shape, center: np.ndarray, normal: np.ndarray | None,
-             s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+def crossing(shape: Shape, center: Floats, normal: Floats | None,
+             s: float) -> tuple[Floats, Floats, Floats, float]:
     """Return where a Shape, extended straight on at its end, crosses a plane near `s` (m).
 
     Args:
@@ -177,21 +183,21 @@ def crossing(shape: Shape, center: np.ndarray, normal: np.ndarray | None,
     return position - center, np.array(across), tangent, inside
 
 
-def at_arc_lengths(nodes: np.ndarray, s: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def at_arc_lengths(nodes: Floats, s: Floats, wanted: Floats) -> Floats:
     """Return (m, 3, n) at arc lengths `wanted` (m,): linear between `nodes` (N + 1, 3, n)."""
     element = np.clip(np.searchsorted(s, wanted, side='right') - 1, 0, s.size - 2)
     share = ((wanted - s[element]) / (s[element + 1] - s[element]))[:, None, None]
     return (1 - share) * nodes[element] + share * nodes[element + 1]
 
 
-def _bound(off, covariance):
+def _bound(off: Floats, covariance: Floats) -> float:
     """Return the radius about the center that holds 95 % of a normal distribution in a plane."""
     values, vectors = np.linalg.eigh(covariance)
     points = off + _PLANE * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
     return float(np.quantile(np.linalg.norm(points, axis=1), _SHARE))
 
 
-def _plane():
+def _plane() -> Floats:
     """Return points (k, 2), equally likely, of a standard normal distribution in a plane.
 
     On a spiral in steps of the golden angle: radii and directions are evenly likely.
@@ -199,7 +205,8 @@ def _plane():
     k = np.arange(_POINTS)
     radii = np.sqrt(-2 * np.log1p(-(k + 0.5) / _POINTS))
     angles = np.pi * (3 - np.sqrt(5)) * k
-    return radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    result: Floats = radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return result
 
 
 _PLANE = _plane()

@@ -11,15 +11,16 @@ import numpy as np
 
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
-from dlo_planner.identify.uncertain import Varied
+from dlo_planner.identify.uncertain import Uncertain, Varied, mesh_of
 from dlo_planner.inverse.solvers.search import left_jacobian
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.kinematics import part_of_element
 
 _LONGER = 1e-5  # of the length: step of the difference quotients by the length
 
 
-def node_slopes(varied: Varied, z: np.ndarray, shape: Shape) -> np.ndarray:
+def node_slopes(varied: Varied, z: Floats, shape: Shape) -> Floats:
     """Return (N + 1, 3, n): derivatives of the nodes' positions (m) by the state.
 
     Args:
@@ -37,9 +38,10 @@ def node_slopes(varied: Varied, z: np.ndarray, shape: Shape) -> np.ndarray:
     return out
 
 
-def _by_rod(varied, z, shape, sensitivity, strains, out):
+def _by_rod(varied: Varied, z: Floats, shape: Shape, sensitivity: Sensitivity, strains: Floats,
+            out: Floats) -> None:
     """Set the strains (n, N, 3) due to the rod; add to `out` the motion at constant strains."""
-    uncertain, system = varied.uncertain, shape._discretization.static
+    uncertain, system = varied.uncertain, mesh_of(shape).static
     give = np.diff(shape.s)[:, None] * system.stiffness
     moment = give * (shape.element_strains - system.natural)
     slopes = np.zeros_like(strains)
@@ -63,7 +65,8 @@ def _by_rod(varied, z, shape, sensitivity, strains, out):
     strains[acts] = sensitivity.strains_by(slopes[acts])
 
 
-def _by_gripper(uncertain, z, shape, sensitivity, strains, out):
+def _by_gripper(uncertain: Uncertain, z: Floats, shape: Shape, sensitivity: Sensitivity,
+                strains: Floats, out: Floats) -> None:
     """Set the strains (n, N, 3) due to the gripper's error; add to `out` its rigid motion."""
     said = shape.gripper.rotation @ uncertain.offset(z).rotation.T
     columns, numbers = uncertain.columns('gripper_rotation')
@@ -77,7 +80,8 @@ def _by_gripper(uncertain, z, shape, sensitivity, strains, out):
 
 
 @kernel
-def _moved(lengths, strains, rotations, positions, changes):
+def _moved(lengths: Floats, strains: Floats, rotations: Floats, positions: Floats,
+           changes: Floats) -> Floats:
     """Return (N + 1, 3, k): motions of the nodes by changes (k, N, 3) of the strains."""
     count, n = changes.shape[0], lengths.size
     out = np.zeros((n + 1, 3, count))

@@ -2,16 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The equilibrium of a DLO at a given state of an estimate."""
 
-import numpy as np
+from typing import Any
 
 from dlo_planner.direct.continuation import follow
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.identify.uncertain import Varied
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 
 
-def settled(varied: Varied, z: np.ndarray, gripper: Pose, before: Shape | None = None,
+def settled(varied: Varied, z: Floats, gripper: Pose, before: Shape | None = None,
             followed: bool = True) -> Shape:
     """Return the Shape at a state z (n,), `converged` or not.
 
@@ -25,15 +27,16 @@ def settled(varied: Varied, z: np.ndarray, gripper: Pose, before: Shape | None =
     """
     mesh = varied.at(z)
 
-    def found(gripper, initial, _far_end=None, _most=None):
-        if initial is None:
-            return equilibrium(mesh, gripper, mesh.natural)
-        strains = initial.element_strains
-        if len(strains) != mesh.s.size - 1:
+    def found(gripper: Pose, initial: Shape | None, _far_end: FarEnd | None = None,
+              _most: int | None = None) -> tuple[Shape, Any]:
+        strains = mesh.natural if initial is None else initial.element_strains
+        if initial is not None and len(strains) != mesh.s.size - 1:
             strains = mesh.strains_from(initial.s * (mesh.s[-1] / initial.s[-1]), strains)
-        return equilibrium(mesh, gripper, strains)
+        result: tuple[Shape, Any] = equilibrium(mesh, gripper, strains)
+        return result
 
     if before is None or not followed:
         return found(gripper, before)[0]
     # first the equilibrium at z in the gripper's pose of `before`: following starts from one
-    return follow(found, found(before.gripper, before)[0], gripper)
+    result: Shape = follow(found, found(before.gripper, before)[0], gripper)
+    return result

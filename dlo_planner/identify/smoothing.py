@@ -9,19 +9,27 @@ shows, such as stiffness against weight. So the looks from the last few poses of
 remembered and searched together (a smoother with a fixed lag); older ones stay linearized.
 """
 
-from collections.abc import Iterator
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
 from dlo_planner.direct.indicator import surely_within
 from dlo_planner.direct.shape import Shape
 from dlo_planner.identify.estimate import Estimate
-from dlo_planner.identify.looking import from_either_end, looked_at, squares, told
+from dlo_planner.identify.looking import Distances, Told, from_either_end, looked_at, squares, told
+from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.response import node_slopes
 from dlo_planner.identify.settling import settled
+from dlo_planner.identify.uncertain import mesh_of
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
+
+if TYPE_CHECKING:
+    from dlo_planner.identify.observer import Observer
 
 _ITERATIONS = 30
 _HALVINGS = 8
@@ -46,16 +54,16 @@ class Group:
     """
 
     gripper: Pose
-    looks: tuple
+    looks: tuple[tuple[Floats, Floats | None], ...]
     shape: Shape
     noise: float
     sway: float
 
-    def takes(self, other: 'Group') -> bool:
+    def takes(self, other: Group) -> bool:
         """Return whether looks of another Group can be added to this one."""
         return (self.gripper, self.noise, self.sway) == (other.gripper, other.noise, other.sway)
 
-    def stacked(self) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
+    def stacked(self) -> Iterator[tuple[Floats, np.ndarray | None]]:
         """Yield points (m, 3) and arc lengths (m,) or None, look by look only if they sway."""
         if self.sway:
             yield from self.looks
@@ -76,17 +84,17 @@ class Memory:
         groups: tuple of Group
     """
 
-    x: np.ndarray
-    matrix: np.ndarray
-    groups: tuple
+    x: Floats
+    matrix: Floats
+    groups: tuple[Group, ...]
 
-    def with_linear(self, rows: np.ndarray, right: np.ndarray) -> 'Memory':
+    def with_linear(self, rows: Floats, right: Floats) -> Memory:
         """Return the Memory with k measurements of unit variance: rows (k, n) @ x = right (k,)."""
         matrix = self.matrix + rows.T @ rows
         return replace(self, matrix=matrix,
-                       x=np.linalg.solve(matrix, self.matrix @ self.x + rows.T @ right))
+                       x=solved(matrix, self.matrix @ self.x + rows.T @ right))
 
-    def with_look(self, new: Group) -> tuple['Memory', Group | None]:
+    def with_look(self, new: Group) -> tuple[Memory, Group | None]:
         """Return the Memory with a Group of one new look, and the Group to be forgotten or None.
 
         Looks at the same pose, with the same noise and sway, are joined in one Group.
@@ -105,12 +113,17 @@ class Memory:
         return replace(self, groups=groups[1:]), groups[0]
 
 
+def solved(matrix: Floats, right: Floats) -> Floats:
+    """Return x (n,) with matrix (n, n) @ x = right (n,)."""
+    return cast(Floats, np.linalg.solve(matrix, right))
+
+
 class Evaluated(NamedTuple):
     """A state x (n,), the Shape of each group there, and the Distances of its points from it."""
 
-    x: np.ndarray
-    shapes: list
-    distances: list
+    x: Floats
+    shapes: list[Shape]
+    distances: list[list[tuple[Distances, bool]]]
 
 
 class Search:
@@ -122,15 +135,16 @@ class Search:
         noise, sway: m, of this look
     """
 
-    def __init__(self, observer, estimate, observation, wandered, noise, sway):
+    def __init__(self, observer: Observer, estimate: Estimate, observation: Observation,
+                 wandered: float, noise: float, sway: float) -> None:
         self._noise, self._sway = noise, sway if sway > _STILL * noise else 0.0
         self._observer, self._estimate, self._seen = observer, estimate, observation
         self._uncertain, self._unit = observer.uncertain, observer.uncertain.deviations
-        memory = estimate._memory
+        memory: Memory | None = estimate._memory
         if memory is None or wandered:
             covariance = estimate.covariance / np.outer(self._unit, self._unit)
-            memory = Memory(estimate.mean / self._unit,
-                            np.linalg.inv(covariance + wandered * np.eye(self._unit.size)), ())
+            information = np.linalg.inv(covariance + wandered * np.eye(self._unit.size))
+            memory = Memory(estimate.mean / self._unit, cast(Floats, information), ())
         self._memory = memory
 
     def found(self) -> Estimate | None:
@@ -145,16 +159,17 @@ class Search:
         memory, forgotten = self._memory.with_look(
             Group(self._seen.gripper, ((points, s),), shape, self._noise, self._sway))
         if forgotten is not None:
-            memory = self._folded(memory, forgotten, x)
-            if memory is None:
+            folded = self._folded(memory, forgotten, x)
+            if folded is None:
                 return None
+            memory = folded
         self._memory = memory
         here = self._at(x, [group.shape for group in memory.groups])
         for _ in range(_ITERATIONS):
             if here is None:
                 return None
             matrix, down, scales, seen = self._told(here)
-            step = np.linalg.solve(matrix, down)
+            step = solved(matrix, down)
             slope = float(step @ down)
             steady = last <= _STEADY * scales[-1] or scales[-1] == self._noise
             if slope < _SETTLED * step.size and steady:
@@ -162,22 +177,24 @@ class Search:
             here, last = self._moved(here, step, slope, scales), scales[-1]
         return None
 
-    def _first(self):
+    def _first(self) -> Shape:
         """Return the Shape at the gripper's pose of this look, with the state before it."""
         estimate = self._estimate
         simulator, known = self._uncertain.simulator, estimate._shape
         groups = self._memory.groups
-        if groups and groups[-1].gripper == self._seen.gripper:
-            self._varied = self._uncertain.varied(known._discretization)
+        if known is not None and groups and groups[-1].gripper == self._seen.gripper:
+            self._varied = self._uncertain.varied(mesh_of(known))
             return known
         gripper = estimate.actual(self._seen.gripper)
-        good = known is not None and (simulator.accuracy is None
-                                      or surely_within(known, simulator.accuracy))
-        mesh = known._discretization if good else simulator.discretization(gripper, None)
+        if known is not None and (simulator.accuracy is None
+                                  or surely_within(known, simulator.accuracy)):
+            mesh = mesh_of(known)
+        else:
+            mesh = simulator.discretization(gripper, None)
         self._varied = self._uncertain.varied(mesh)
         return settled(self._varied, estimate.mean, gripper, known)
 
-    def _at(self, x, before):
+    def _at(self, x: Floats, before: Sequence[Shape]) -> Evaluated | None:
         """Return the Evaluated at x, searched from Shapes `before`; None: not converged."""
         z, shapes, distances = x * self._unit, [], []
         offset, bias = self._uncertain.offset(z), self._uncertain.camera(z)
@@ -189,12 +206,12 @@ class Search:
             distances.append(self._distances(group, shape, bias))
         return Evaluated(x, shapes, distances)
 
-    def _distances(self, group, shape, bias):
+    def _distances(self, group: Group, shape: Shape, bias: Floats) -> list[tuple[Distances, bool]]:
         """Return [(Distances, whether arc lengths were seen)] of a group's looks."""
         return [(squares(shape, points - bias, s), s is not None)
                 for points, s in group.stacked()]
 
-    def _told(self, here):
+    def _told(self, here: Evaluated) -> tuple[Floats, Floats, list[float], tuple[float, float]]:
         """Return the information matrix (n, n), minus the gradient (n,), scales and fit.
 
         The scales, m, are the noise with which each group is weighed. The fit is the misfit, m, and
@@ -209,7 +226,8 @@ class Search:
             scales.append(one.scale)
         return matrix, down, scales, (one.misfit, one.outliers)
 
-    def _told_by(self, x, group, shape, distances):
+    def _told_by(self, x: Floats, group: Group, shape: Shape,
+                 distances: Sequence[tuple[Distances, bool]]) -> Iterator[Told]:
         """Yield the Told of a group's looks."""
         slopes = node_slopes(self._varied, x * self._unit, shape)
         for off, known in distances:
@@ -217,7 +235,8 @@ class Search:
             yield told(replace(look, slopes=look.slopes * self._unit), group.noise,
                        self._observer.outliers, group.sway, shape.s[-1])
 
-    def _moved(self, here, step, slope, scales):
+    def _moved(self, here: Evaluated, step: Floats, slope: float,
+               scales: Sequence[float]) -> Evaluated | None:
         """Return the Evaluated after a step, halved until it lowers the cost; None: never."""
         part, cost = 1.0, self._cost(here, scales)
         for _ in range(_HALVINGS):
@@ -228,11 +247,11 @@ class Search:
             part *= 0.5
         return None
 
-    def _near(self, shapes, trial):
+    def _near(self, shapes: Sequence[Shape], trial: Sequence[Shape]) -> bool:
         return all(np.abs(one.positions - other.positions).max() <= _FARTHEST * one.s[-1]
                    for one, other in zip(shapes, trial, strict=True))
 
-    def _cost(self, here, scales):
+    def _cost(self, here: Evaluated, scales: Sequence[float]) -> float:
         """Return minus the logarithm of the likelihood, up to a constant: what is minimized."""
         memory, outliers = self._memory, self._observer.outliers
         off = here.x - memory.x
@@ -243,7 +262,7 @@ class Search:
                         for one, _ in distances)
         return cost
 
-    def _folded(self, memory, group, x):
+    def _folded(self, memory: Memory, group: Group, x: Floats) -> Memory | None:
         """Return the Memory with a forgotten Group, linearized at x; None: no equilibrium."""
         offset = self._uncertain.offset(x * self._unit)
         shape = settled(self._varied, x * self._unit, group.gripper.compose(offset), group.shape,
@@ -255,9 +274,10 @@ class Search:
         for one in self._told_by(x, group, shape, self._distances(group, shape, bias)):
             matrix += one.matrix
             vector += one.matrix @ x + one.vector
-        return replace(memory, x=np.linalg.solve(matrix, vector), matrix=matrix)
+        return replace(memory, x=solved(matrix, vector), matrix=matrix)
 
-    def _result(self, here, step, matrix, seen):
+    def _result(self, here: Evaluated, step: Floats, matrix: Floats,
+                seen: tuple[float, float]) -> Estimate:
         covariance = np.linalg.inv(matrix) * np.outer(self._unit, self._unit)
         groups = tuple(replace(group, shape=shape)
                        for group, shape in zip(self._memory.groups, here.shapes, strict=True))
@@ -267,6 +287,6 @@ class Search:
                        _memory=replace(self._memory, groups=groups))
 
 
-def symmetric(matrix: np.ndarray) -> np.ndarray:
+def symmetric(matrix: Floats) -> Floats:
     """Return the symmetric part of a matrix (n, n)."""
     return 0.5 * (matrix + matrix.T)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.continuation import between
-from dlo_planner.direct.simulator import poses
+from dlo_planner.direct.grips import poses
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import number, row, shown
 from dlo_planner.model.pose import Pose
@@ -41,4 +41,5 @@ def gripper_at(stamps: ArrayLike, grippers: Iterable[Pose], stamp: float) -> Pos
     if after == 0:
         return grippers[0]
     share = (stamp - stamps[after - 1]) / (stamps[after] - stamps[after - 1])
-    return between(grippers[after - 1], grippers[after], float(share))
+    result: Pose = between(grippers[after - 1], grippers[after], float(share))
+    return result

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.correction import Correction
+from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.checks import array, instance, items, number, row, shown
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.value import Value, brief, put
@@ -50,10 +51,10 @@ class Change(Value):
     """
 
     since: float
-    times: np.ndarray
-    offsets: np.ndarray
+    times: Floats
+    offsets: Floats
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         put(self, since=number('Change.since', self.since),
             times=row('Change.times', self.times, most=_MOST))
         put(self, offsets=array('Change.offsets', self.offsets, (self.times.size, 6)))
@@ -62,7 +63,7 @@ class Change(Value):
                               'ascending order')
         super().__post_init__()
 
-    def at(self, times: np.ndarray, order: int = 0) -> np.ndarray:
+    def at(self, times: Floats, order: int = 0) -> Floats:
         """Return (n, 6) the unblended change at times (n,) s, or its derivative of `order` by time.
 
         A cubic spline between the waypoints, constant before the first and after the last.
@@ -74,10 +75,11 @@ class Change(Value):
         out = self._spline(inside, order)
         if order:
             out[times != inside] = 0.0
-        return out
+        result: Floats = out
+        return result
 
     @cached_property
-    def _spline(self):
+    def _spline(self) -> CubicSpline | None:
         """CubicSpline of the offsets; None where all waypoints are reached at once."""
         kept = _apart(self.times)  # a dwell reaches two at once
         if kept.sum() == 1:
@@ -105,11 +107,11 @@ class Steered(Value):
     """
 
     trajectory: TimedPath
-    windows: np.ndarray
+    windows: Floats
     changes: tuple[Change, ...] = ()
     tool: Pose = Pose.identity()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         instance('Steered.trajectory', self.trajectory, TimedPath)
         instance('Steered.tool', self.tool, Pose)
         put(self, windows=row('Steered.windows', self.windows, minimum=_SHORT, maximum=_LONG),
@@ -119,7 +121,7 @@ class Steered(Value):
                               'at least, or the jerk is not bounded')
         super().__post_init__()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, f'{self.duration:.4g} s', f'{len(self.changes)} changes')
 
     @classmethod
@@ -154,7 +156,7 @@ class Steered(Value):
         """Limits of the trajectory alone; corrections come on top."""
         return self.trajectory.limits
 
-    def at(self, times: ArrayLike) -> tuple[list[Pose], np.ndarray, np.ndarray]:
+    def at(self, times: ArrayLike) -> tuple[list[Pose], Floats, Floats]:
         """Return Poses to command, velocities (n, 6) and accelerations (n, 6) at `times` (n,) s.
 
         In the axes and units of `Trajectory.at`. Angular velocities and accelerations have a
@@ -185,11 +187,11 @@ class Steered(Value):
         accelerations[:, :3] += shifted[2]
         return poses, speeds, accelerations
 
-    def progress(self, times: ArrayLike) -> np.ndarray:
+    def progress(self, times: ArrayLike) -> Floats:
         """Return the plan's own times (n,) that are reached at `times` s, as the trajectory's."""
         return self.trajectory.progress(times)
 
-    def _offsets(self, times):
+    def _offsets(self, times: Floats) -> Floats:
         """Return the sum of all changes and its first two derivatives, (3, n, 6)."""
         since = np.array([change.since for change in self.changes])
         step = [step_response(times[:, None] - since, self.windows, order) for order in range(3)]
@@ -202,7 +204,7 @@ class Steered(Value):
                              for factor, i, j in row_) for row_ in terms])
 
     @cached_property
-    def _whole(self):
+    def _whole(self) -> CubicHermiteSpline:
         """All changes at once, a function of (n,) s -> (n, k, 6): it is asked in each period.
 
         Each is cubic between its times, so its values and slopes at the times of all tell it.
@@ -215,7 +217,7 @@ class Steered(Value):
                           for order in range(2))
         return CubicHermiteSpline(knots, values, slopes)
 
-    def reached(self, plan_times: ArrayLike) -> np.ndarray:
+    def reached(self, plan_times: ArrayLike) -> Floats:
         """Return the times (n,) in s at which the trajectory reaches waypoints of its plan.
 
         Args:
@@ -256,12 +258,12 @@ class Steered(Value):
         return replace(self, changes=(*self.changes, change))
 
 
-def _apart(times):
+def _apart(times: Floats) -> Bools:
     """Return (n,) which of ascending times are not reached together with the one before."""
     return np.append(True, np.diff(times) > _AT_ONCE)
 
 
-def step_response(times: np.ndarray, windows: np.ndarray, order: int = 0) -> np.ndarray:
+def step_response(times: Floats, windows: Floats, order: int = 0) -> Floats:
     """Return (n,) a unit step at time 0 averaged over moving windows, or a derivative of that.
 
     In closed form: the Laplace transform of a step is 1 / s, and a window of width w multiplies it

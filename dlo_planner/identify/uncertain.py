@@ -15,17 +15,22 @@ Only numbers with a standard deviation above 0 are in it. Shapes show only the r
 weight; the priors divide it between both.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.polynomial.legendre import legint, legval
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.along import Expanded, scaled
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
@@ -51,12 +56,25 @@ class Uncertain(Value):
 
     PARTS = ('simulator', 'spread', 'n_terms', 'bias', 'cutout')
 
+    simulator: DirectSimulator
+    spread: Spread
+    n_terms: int
+    bias: float
+    cutout: float
+    deviations: Floats
+    names: tuple[str, ...]
+    _each: NDArray[np.str_]  # for each entry of the state: the quantity, and which number of it
+    _number: Ints
+    _columns: dict[str, tuple[Ints, Ints]]
+    _meshes: 'list[Varied]'
+
     def __init__(self, simulator: DirectSimulator, spread: Spread, n_terms: int, bias: float,
-                 cutout: float):
+                 cutout: float) -> None:
         put(self, simulator=simulator, spread=spread, n_terms=n_terms, bias=bias, cutout=cutout)
         terms = np.append(spread.natural_curvature,
                           spread.curvature_variation * variation_deviations(n_terms - 1))
-        every = {'bending_stiffness': [spread.bending_stiffness],
+        every: dict[str, Sequence[float] | Floats] = {
+                 'bending_stiffness': [spread.bending_stiffness],
                  'torsional_stiffness': [spread.torsional_stiffness], 'mass': [spread.mass],
                  'length': [spread.length], 'natural_curvature': np.repeat(terms, 2),
                  'gripper_rotation': [spread.gripper_rotation] * 3,
@@ -75,7 +93,7 @@ class Uncertain(Value):
                                    self._number[self._each == name]) for name in every})
         super().__post_init__()
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return type(self), tuple(getattr(self, name) for name in self.PARTS)
 
     @property
@@ -98,42 +116,42 @@ class Uncertain(Value):
                                                         like.basis, like.n_terms)))
         return self._meshes[-1]
 
-    def columns(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+    def columns(self, name: str) -> tuple[Ints, Ints]:
         """Return indices (k,) in the state, and (k,) in the quantity `name`, of its k numbers."""
         return self._columns[name]
 
-    def part(self, z: np.ndarray, name: str, size: int) -> np.ndarray:
+    def part(self, z: Floats, name: str, size: int) -> Floats:
         """Return the numbers (size,) of one quantity; 0 for those that are not in the state."""
         out = np.zeros(size)
         where, number = self.columns(name)
         out[number] = z[where]
         return out
 
-    def terms(self, z: np.ndarray) -> np.ndarray:
+    def terms(self, z: Floats) -> Floats:
         """Return (n_terms, 2) Legendre terms that are added to the natural curvature, 1/m."""
         return self.part(z, 'natural_curvature', 2 * self.n_terms).reshape(-1, 2)
 
-    def offset(self, z: np.ndarray) -> Pose:
+    def offset(self, z: Floats) -> Pose:
         """Return the true Pose of the gripper in the frame of the commanded one."""
         return Pose.from_rotation(
             self.part(z, 'gripper_position', 3),
             Rotation.from_rotvec(self.part(z, 'gripper_rotation', 3)).as_matrix())
 
-    def camera(self, z: np.ndarray) -> np.ndarray:
+    def camera(self, z: Floats) -> Floats:
         """Return (3,) the camera's bias, m."""
         return self.part(z, 'camera', 3)
 
-    def shifted(self, z: np.ndarray) -> np.ndarray:
+    def shifted(self, z: Floats) -> Floats:
         """Return (3,) the displacement of the cut-out, true minus stated, m, world axes."""
         return self.part(z, 'cutout', 3)
 
-    def factors(self, z: np.ndarray) -> tuple[np.ndarray, float]:
+    def factors(self, z: Floats) -> tuple[Floats, float]:
         """Return the factors (3,) of GJ, EI_n, EI_b, and the factor of all masses."""
         bend, twist, mass = (float(np.exp(self.part(z, name, 1)[0])) for name in (
             'bending_stiffness', 'torsional_stiffness', 'mass'))
         return np.array([twist, bend, bend]), mass
 
-    def rod(self, z: np.ndarray) -> Rod:
+    def rod(self, z: Floats) -> Rod:
         """Return the Rod at z (n,)."""
         rod = self.simulator.rod
         (twist, bend, _), mass = self.factors(z)
@@ -154,6 +172,12 @@ class Uncertain(Value):
             natural_curvature=natural)
 
 
+def mesh_of(shape: Shape) -> Discretization:
+    """Return the Discretization on which a simulator found a Shape."""
+    assert shape._discretization is not None  # only a shape that was loaded has none
+    return shape._discretization
+
+
 class Varied:
     """The Discretization of the DLO at a state z on one mesh, without computing it from the Rod.
 
@@ -168,7 +192,7 @@ class Varied:
         InvalidTask: the length is uncertain and something jumps along the DLO
     """
 
-    def __init__(self, uncertain: Uncertain, mesh: Discretization):
+    def __init__(self, uncertain: Uncertain, mesh: Discretization) -> None:
         self.uncertain, self.mesh = uncertain, mesh
         x = 2 * mesh.s / mesh.s[-1] - 1
         integrals = [legval(x, legint(unit)) for unit in np.eye(uncertain.n_terms)]
@@ -176,7 +200,7 @@ class Varied:
         self.weight = -node_masses(mesh.rod, mesh.s)[:, None] * mesh.surroundings.gravity
         self.by_length = self._by_length() if uncertain.columns('length')[0].size else {}
 
-    def at(self, z: np.ndarray) -> Discretization:
+    def at(self, z: Floats) -> Discretization:
         """Return the Discretization of the DLO at z (n,)."""
         uncertain, system = self.uncertain, self.mesh.static
         factors, mass = uncertain.factors(z)
@@ -185,12 +209,13 @@ class Varied:
                   for name, change in self.by_length.items()}
         natural = np.array(fields.get('natural', system.natural))
         natural[:, 1:] += self.legendre @ uncertain.terms(z)
-        return self.mesh.varied(**{
-            **fields, 'natural': natural,
-            'stiffness': factors * fields.get('stiffness', system.stiffness),
-            'pull': fields.get('pull', system.pull) + (mass - 1) * self.weight})
+        result: Discretization = self.mesh.varied(**{
+                              **fields, 'natural': natural,
+                              'stiffness': factors * fields.get('stiffness', system.stiffness),
+                              'pull': fields.get('pull', system.pull) + (mass - 1) * self.weight})
+        return result
 
-    def _by_length(self):
+    def _by_length(self) -> dict[str, Floats]:
         rod, length = self.mesh.rod, self.mesh.rod.length
         step = _PART * length
         back, ahead = (self.mesh.of(replace(rod, length=length + d, point_masses=tuple(

@@ -6,13 +6,20 @@ Stiffness and masses are sought by their logarithms, natural strains in units th
 DLO by 0.1 rad, damping in units of about 5 % of critical damping of the slowest vibration.
 """
 
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.along import Scaled, Table, scaled
+from dlo_planner.model.along import Along, Scaled, Table, scaled
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import choice, items, row
+from dlo_planner.model.rod import Rod
+from dlo_planner.model.section import Section
+from dlo_planner.verify.robustness import Spread
 
 _BENT = 0.1    # rad along the length: how far a natural strain is moved as one unit
 _DAMPED = 0.1  # twice the damping ratio that is one unit of damping
@@ -50,7 +57,7 @@ class Unknowns:
         InvalidTask: naming the argument
     """
 
-    def __init__(self, rod, names, knots=None):
+    def __init__(self, rod: Rod, names: Iterable[str], knots: ArrayLike | None = None) -> None:
         self.rod, self.names = rod, items('parameters', names, str, least=1)
         self.knots = None if knots is None else _checked_knots(knots, rod)
         for name in self.names:
@@ -71,7 +78,7 @@ class Unknowns:
             self.upper[damped] = np.inf
         self.begin = np.where(self.lower > -_OFF, self.lower + _OFF, 0.0)
 
-    def _judge(self):
+    def _judge(self) -> None:
         names, rod = self.names, self.rod
         if len(set(names)) < len(names):
             raise InvalidTask(f'parameters = {names!r}: expected each name once')
@@ -91,14 +98,14 @@ class Unknowns:
             raise InvalidTask(f'knots: expected natural_curvature or natural_twist among the '
                               f'parameters, got {names!r}')
 
-    def _size(self, name):
+    def _size(self, name: str) -> int:
         if name in _STRAINS:
             return _STRAINS[name] * (1 if self.knots is None else self.knots.size)
         return 2 if name == 'damping' else 1
 
-    def of(self, x):
+    def of(self, x: Floats) -> Rod:
         """Return the Rod at unknowns x (n,)."""
-        found = {}
+        found: dict[str, Any] = {}
         for name, where in self._slices.items():
             if name in _SCALES:
                 attribute, share = _SCALES[name]
@@ -111,7 +118,7 @@ class Unknowns:
                 found[name] = tuple(np.maximum(damping, 0.0))
         return replace(self.rod, section=self._section(x), **found)
 
-    def _section(self, x):
+    def _section(self, x: Floats) -> Section | None:
         """Return the Section whose material gives the stiffness at x; None without one."""
         section, moduli = self.rod.section, {}
         if section is None or {'bending_stiffness_n', 'bending_stiffness_b'} & {*self.names}:
@@ -122,20 +129,21 @@ class Unknowns:
                 moduli[modulus] = getattr(section, modulus) * np.exp(x[self._slices[name]][0])
         return replace(section, **moduli)
 
-    def _natural(self, name, x):
+    def _natural(self, name: str, x: Floats) -> Along:
         """Return what the Rod is given of a natural strain: numbers, or a Table."""
         values = self._first(name) + _BENT / self.rod.length * x.reshape(-1, _STRAINS[name])
         if len(values) == 1:
             return tuple(values[0]) if name == 'natural_curvature' else float(values[0, 0])
+        assert self.knots is not None  # without them there is one value
         return Table(self.knots, values if name == 'natural_curvature' else values[:, 0])
 
-    def _first(self, name):
+    def _first(self, name: str) -> Floats:
         """Return (k, components) of a natural strain in the first guess, 1/m."""
         at = np.zeros(1) if self.knots is None else self.knots
         strains = self.rod.natural_strains(at)
         return strains[:, 1:] if name == 'natural_curvature' else strains[:, :1]
 
-    def _damping_units(self):
+    def _damping_units(self) -> Floats:
         rod = self.rod
         mass = rod.node_masses(np.array([0, rod.length])).sum() + rod.tip_mass + sum(
             kg for _, kg in rod.point_masses)
@@ -145,7 +153,7 @@ class Unknowns:
         rate = _SLOWEST * np.sqrt(rod.stiffness[1:].min() / (mass * rod.length**3))
         return np.array([_DAMPED * rate, _DAMPED / rate])
 
-    def values(self, x):
+    def values(self, x: Floats) -> dict[str, Any]:
         """Return dict of the parameters' values at x, SI units."""
         rod, out = self.of(x), {}
         for name, where in self._slices.items():
@@ -158,16 +166,16 @@ class Unknowns:
             out[name] = self.shaped(name, numbers)
         return out
 
-    def shaped(self, name, numbers):
+    def shaped(self, name: str, numbers: Iterable[float]) -> Any:
         """Return the numbers of a parameter as its value is written: alone, as pair, per knot."""
-        numbers = [float(number) for number in numbers]
+        values = tuple(float(number) for number in numbers)
         if name in _STRAINS and self.knots is not None:
             width = _STRAINS[name]
-            return tuple(numbers) if width == 1 else tuple(
-                tuple(numbers[k:k + 2]) for k in range(0, len(numbers), 2))
-        return numbers[0] if len(numbers) == 1 else tuple(numbers)
+            return values if width == 1 else tuple(
+                values[k:k + 2] for k in range(0, len(values), 2))
+        return values[0] if len(values) == 1 else values
 
-    def deviations(self, x, spread):
+    def deviations(self, x: Floats, spread: Floats) -> dict[str, Any]:
         """Return dict of standard deviations of the values at x, those of x being `spread` (n,).
 
         What is known by its logarithm is log-normal: known badly, its deviation is larger yet.
@@ -186,15 +194,15 @@ class Unknowns:
         return out
 
     @property
-    def columns(self):
+    def columns(self) -> Ints:
         """(numbers of all values,) the unknown that tells each; a pair with a ratio has one."""
-        each = []
+        each: list[int] = []
         for name, where in self._slices.items():
             each += [where.start] * 2 if name == 'bending_stiffness' else range(where.start,
                                                                                 where.stop)
         return np.array(each)
 
-    def prior(self, spread):
+    def prior(self, spread: Spread) -> Floats:
         """Return (n,): 1 / standard deviation of each unknown in a Spread, 0 for none."""
         out = np.zeros(self.size)
         for name, where in self._slices.items():
@@ -204,17 +212,18 @@ class Unknowns:
         return out
 
 
-def _scaled(content, factors):
+def _scaled(content: Along, factors: Floats) -> Along:
     """Return a number, a pair or a function of s, times factors (1,) or (2,)."""
     if factors.size == 1:
         return scaled(content, float(factors[0]))
     return Scaled(content, factors) if callable(content) else tuple(content * factors)
 
 
-def _numbers(rod, name):
+def _numbers(rod: Rod, name: str) -> Floats:
     """Return the numbers (1,) or (2,) that tell a scaled property; means where it varies."""
     if name == 'mass_per_length':
-        return rod.node_masses(np.array([0.0, rod.length])).sum(keepdims=True) / rod.length
+        masses = rod.node_masses(np.array([0.0, rod.length]))
+        return np.array([masses.sum() / rod.length])
     if name == 'tip_mass':
         return np.array([rod.tip_mass])
     columns = {'torsional_stiffness': [0], 'bending_stiffness': [1, 2],
@@ -222,7 +231,7 @@ def _numbers(rod, name):
     return rod.stiffness[columns]
 
 
-def _checked_knots(knots, rod):
+def _checked_knots(knots: ArrayLike, rod: Rod) -> Floats:
     knots = row('knots', knots, least=1, minimum=0, maximum=rod.length)
     if (np.diff(knots) <= 0).any():
         raise InvalidTask(f'knots = {knots.tolist()!r}: expected arc lengths that grow')

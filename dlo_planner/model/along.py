@@ -164,10 +164,10 @@ class Extended(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scaled(Value):
-    """A function times a number."""
+    """A function times a number, or times one number for each component."""
 
     known: Callable[[float], Any]
-    factor: float
+    factor: float | Floats
 
     @property
     def breaks(self) -> Floats:

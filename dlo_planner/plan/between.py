@@ -20,16 +20,30 @@ that the DLO answers as it does between both ends: a jump in between is noticed 
 simulated, and the straight way is looked at by `plan.continuity`.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from dlo_planner.energy.distance import NODE_FACE, build_scene
+from dlo_planner.direct.shape import Shape
+from dlo_planner.energy.distance import NODE_FACE, Scene, build_scene
 from dlo_planner.energy.outline import node_gap, nodes_of, stretch, taper
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.clearance import clearance, room_in
+from dlo_planner.plan.path import GripperPath, Leg
 from dlo_planner.ritz.kinematics import point_inside
+
+if TYPE_CHECKING:
+    from dlo_planner.plan.draft import Brief
+
+SheetSide: TypeAlias = tuple[Sheet, Floats]      # and the normal (3,) from before it to behind it
+Violation: TypeAlias = tuple[str, float, str]    # constraint, by how much, in words
 
 _HALVINGS = 7   # of the way between two waypoints
 _CLOSER = 4     # looks for where the DLO is deepest in something
@@ -46,7 +60,8 @@ class Broken:
     why: str
 
 
-def broken_between(path, shapes, sheets, brief, known=None):
+def broken_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequence[SheetSide],
+                   brief: Brief, known: Sequence[float | None] | None = None) -> Broken | None:
     """Return what a plan breaks between its waypoints as a Broken, None if nothing.
 
     Args:
@@ -81,17 +96,17 @@ class _Look:
     """
 
     u: float
-    shape: object
-    arms: np.ndarray
-    levers: np.ndarray
-    rooms: np.ndarray
+    shape: Shape
+    arms: Floats
+    levers: Floats
+    rooms: Floats
     least: float
 
 
 class _Sweep:
     """Goes along a path and keeps what is around the DLO."""
 
-    def __init__(self, path, sheets, brief):
+    def __init__(self, path: GripperPath, sheets: Sequence[SheetSide], brief: Brief) -> None:
         self._path, self._sheets, self._brief = path, sheets, brief
         around = [sheet for sheet, _ in sheets]
         self._others = [obstacle for obstacle in brief.obstacles
@@ -99,7 +114,8 @@ class _Sweep:
         self._bodies = [*around, *self._others]
         self._scene = build_scene(self._bodies, brief.surface, sharp=True)
 
-    def broken(self, shapes, known, found):
+    def broken(self, shapes: Sequence[Shape], known: Sequence[float | None] | None,
+               found: Broken | None) -> Broken | None:
         """Return the first Broken on the way to n Shapes, before the one that is `found`."""
         known = [None] * len(shapes) if known is None else known
         for leg in self._path.legs:
@@ -121,7 +137,7 @@ class _Sweep:
                 before = after
         return None
 
-    def _look(self, u, shape, known=None):
+    def _look(self, u: float, shape: Shape, known: float | None = None) -> _Look:
         rooms = [room_in(*sheet, self._brief.surface, shape).min()
                  for sheet in self._sheets] if known is None else [known]
         if self._others:
@@ -134,7 +150,8 @@ class _Sweep:
         return _Look(u, shape, arms, np.sqrt(np.einsum('ij,ij->i', arms, arms)), _element_rooms(
             scene, *shape.for_kernels, least), least)
 
-    def _between(self, leg, one, other, bends, halvings):
+    def _between(self, leg: Leg, one: _Look, other: _Look, bends: Floats,
+                 halvings: int) -> Violation | None:
         """Return constraint, amount and words of what is broken between two Looks, or None.
 
         Args:
@@ -150,7 +167,7 @@ class _Sweep:
             return 'clearance', short, (f'on the way there {short:.3g} m are missing to show that '
                                         'the DLO touches nothing; closer waypoints may help')
         middle, jumped = self._middle(leg, one, other)
-        if jumped is not None:
+        if middle is None:
             return jumped
         if middle.least < 0:
             deepest = self._deepest(leg, one, middle, other)
@@ -159,8 +176,9 @@ class _Sweep:
         return (self._between(leg, one, middle, bends, halvings - 1)
                 or self._between(leg, middle, other, bends, halvings - 1))
 
-    def _middle(self, leg, one, other):
+    def _middle(self, leg: Leg, one: _Look, other: _Look) -> tuple[_Look | None, Violation | None]:
         """Return the Look half way between two, and None or what `_between` says of a jump."""
+        assert self._brief.simulator is not None  # else nothing is looked at between waypoints
         u = 0.5 * (one.u + other.u)
         (position,), (rotation,) = leg.poses(np.array([u]))
         shape = self._brief.simulator.track([Pose.from_rotation(position, rotation)],
@@ -171,18 +189,18 @@ class _Sweep:
         return None, ('continuity', away, 'on the way there the DLO falls into another shape: its '
                       f'free end comes {away:.3g} m away')
 
-    def _deepest(self, leg, before, deep, after):
+    def _deepest(self, leg: Leg, before: _Look, deep: _Look, after: _Look) -> float:
         """Return how deep (m) the DLO is in something near a Look where it is, at the worst."""
         for _ in range(_CLOSER):
-            looks = [before, self._middle(leg, before, deep)[0], deep,
-                     self._middle(leg, deep, after)[0], after]
-            looks = [look for look in looks if look is not None]
+            looks = [look for look in (before, self._middle(leg, before, deep)[0], deep,
+                                       self._middle(leg, deep, after)[0], after)
+                     if look is not None]
             k = min(range(1, len(looks) - 1), key=lambda k: looks[k].least)
             before, deep, after = looks[k - 1:k + 2]
         return -deep.least
 
 
-def _short(one, other, bends):
+def _short(one: _Look, other: _Look, bends: Floats) -> tuple[float, float]:
     """Return by how much (m) room is missing to prove that nothing is touched between two Looks.
 
     Also how far (m) the DLO moves, if that is more than a turn of the gripper can cause, or 0.
@@ -202,16 +220,18 @@ def _short(one, other, bends):
     return short, moved if moved > _LEAP * length * turn else 0.0
 
 
-def _curve_distances(this, that):
+def _curve_distances(this: Shape, that: Shape) -> Floats:
     """Return (N + 1,) distances in m of the nodes of a Shape from another, prolonged, as curves."""
     ends = this.positions[[0, -1]] - that.positions[[0, -1]]
     reach = float(np.sqrt((ends**2).sum(axis=1).max()))
-    return _distances(np.array(this.s), this.for_kernels[3], np.array(that.s),
-                      *that.for_kernels[1:], reach)
+    result: Floats = _distances(np.array(this.s), this.for_kernels[3], np.array(that.s),
+                                *that.for_kernels[1:], reach)
+    return result
 
 
 @kernel
-def _element_rooms(scene, lengths, strains, rotations, positions, least):
+def _element_rooms(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
+                   positions: Floats, least: float) -> Floats:
     """Return (N,) a lower bound in m of the room of each element, none below the `least` of all."""
     x, slope, bend, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
     rooms = np.full(lengths.size, np.inf)
@@ -227,11 +247,12 @@ def _element_rooms(scene, lengths, strains, rotations, positions, least):
                 reach = lengths[e] * stretch(scene, o, strains[e]) + abs(taper(scene, o, e))
                 rooms[e] = min(rooms[e], 0.5 * (gap + last - reach))
             last = gap
-    return np.maximum(rooms, least)
+    return np.maximum(rooms, least)  # type: ignore[no-any-return]
 
 
 @kernel
-def _distances(at, points, s, strains, rotations, positions, reach):
+def _distances(at: Floats, points: Floats, s: Floats, strains: Floats, rotations: Floats,
+               positions: Floats, reach: float) -> Floats:
     """Return distances (n,) in m, none too small, of points from a DLO prolonged by `reach`.
 
     The nearest place is sought on the chords of the elements whose arc length is within twice
@@ -275,7 +296,7 @@ def _distances(at, points, s, strains, rotations, positions, reach):
 
 
 @kernel
-def _from_ray(point, end, rotation, sign, reach):
+def _from_ray(point: Floats, end: Floats, rotation: Floats, sign: float, reach: float) -> float:
     """Return the squared distance of a point from where an end is prolonged to by `reach`."""
     along = away = 0.0
     for i in range(3):

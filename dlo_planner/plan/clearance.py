@@ -2,9 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """How much room a DLO has in its cut-outs, and beside obstacles."""
 
-import numpy as np
+from collections.abc import Iterable
+from typing import Any
 
-from dlo_planner.energy.distance import AXIS, FACE, NODE_FACE, build_scene, in_plane
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.energy.distance import AXIS, FACE, NODE_FACE, Scene, build_scene, in_plane
 from dlo_planner.energy.outline import (
     gap_at,
     node_gap,
@@ -16,8 +21,11 @@ from dlo_planner.energy.outline import (
 )
 from dlo_planner.energy.rolling import nearest_inside
 from dlo_planner.kernels import kernel
-from dlo_planner.model.obstacles import Sheet
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.obstacles import Obstacle, Sheet
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.surface import Surface
 from dlo_planner.ritz.arc import dot
 from dlo_planner.ritz.kinematics import point_inside
 
@@ -29,7 +37,7 @@ _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 _NARROW = 1e-7   # of an element: its smallest gap is known to the square of it
 
 
-def sheet_of(cutout, length, obstacles=()):
+def sheet_of(cutout: CutOut, length: float, obstacles: Iterable[Obstacle] = ()) -> Sheet | None:
     """Return the Sheet around a CutOut: one of the obstacles, or one without thickness or end.
 
     None for a cut-out without a size.
@@ -43,7 +51,7 @@ def sheet_of(cutout, length, obstacles=()):
     return Sheet(pose, _WIDE * length, _WIDE * length, 0.0, (cutout,))
 
 
-def clearance(obstacles, surface, shape):
+def clearance(obstacles: Iterable[Obstacle], surface: Surface | float, shape: Shape) -> float:
     """Return the smallest distance in m between a DLO's surface and obstacles (< 0: inside).
 
     Args:
@@ -55,7 +63,7 @@ def clearance(obstacles, surface, shape):
     return float(_smallest(scene, *shape.for_kernels, np.zeros(3), np.inf)[3])
 
 
-def room_in(sheet, normal, surface, shape):
+def room_in(sheet: Sheet, normal: ArrayLike, surface: Surface | float, shape: Shape) -> Floats:
     """Return the distances (3,) in m between a DLO's surface and a Sheet, by parts of the DLO.
 
     The first: of what is in the plate, to the rim; by as much the cut-out may be displaced in its
@@ -71,12 +79,14 @@ def room_in(sheet, normal, surface, shape):
     middle = np.array(sheet.pose.position)
     scene = build_scene([sheet], surface, shape.s, sharp=True)._replace(origin=middle)
     lengths, strains, frames, positions = shape.for_kernels
-    return _smallest(scene, lengths, strains, frames, positions - middle,
-                     np.array(normal, dtype=float), 0.5 * sheet.thickness)[:3]
+    result: Floats = _smallest(scene, lengths, strains, frames, positions - middle,
+                               np.array(normal, dtype=float), 0.5 * sheet.thickness)[:3]
+    return result
 
 
 @kernel
-def _smallest(scene, lengths, strains, rotations, positions, normal, half):
+def _smallest(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats, positions: Floats,
+              normal: Floats, half: float) -> Floats:
     """Return the smallest gaps (4,): in the plate, before it, behind it, of all.
 
     Each part is closed: where the DLO passes a face belongs to both sides of it.
@@ -138,14 +148,15 @@ def _smallest(scene, lengths, strains, rotations, positions, normal, half):
 
 
 @kernel
-def _place(scene, o, lengths, strains, rotations, positions, e, fraction, frame, x):
+def _place(scene: Scene, o: int, lengths: Floats, strains: Floats, rotations: Floats,
+           positions: Floats, e: int, fraction: float, frame: Floats, x: Floats) -> None:
     """Fill frame (3, 3) and place (3,), from the scene's origin, of the DLO's feature for `o`."""
     point_inside(lengths, strains, rotations, positions, e, fraction, frame, x)
     _shifted(scene, o, frame, x, x)
 
 
 @kernel
-def _shifted(scene, o, frame, axis, x):
+def _shifted(scene: Scene, o: int, frame: Floats, axis: Floats, x: Floats) -> None:
     """Fill x (3,) with the place of the DLO's feature for `o`, the axis at `axis` (3,)."""
     beside = scene.feature[o] != AXIS and scene.feature[o] < FACE
     for i in range(3):
@@ -155,7 +166,7 @@ def _shifted(scene, o, frame, axis, x):
 
 
 @kernel
-def _part(height, half, flush):
+def _part(height: float, half: float, flush: float) -> int:
     """Return in which part of a DLO a point lies: 0 in the plate, 1 before it, 2 behind it."""
     if abs(height) <= half + flush:
         return 0
@@ -163,7 +174,8 @@ def _part(height, half, flush):
 
 
 @kernel
-def _gap(scene, o, lengths, strains, rotations, positions, e, fraction, frame, x):
+def _gap(scene: Scene, o: int, lengths: Floats, strains: Floats, rotations: Floats,
+         positions: Floats, e: int, fraction: float, frame: Floats, x: Floats) -> Any:
     """Return the gap in m to the body `o` at a fraction of element e."""
     point_inside(lengths, strains, rotations, positions, e, fraction, frame, x)
     return gap_at(scene, o, frame, x, radius_at(scene, o, e, fraction), np.zeros(2), np.empty(3),
@@ -171,7 +183,8 @@ def _gap(scene, o, lengths, strains, rotations, positions, e, fraction, frame, x
 
 
 @kernel
-def _lowest(scene, o, lengths, strains, rotations, positions, e, low, high, frame, x):
+def _lowest(scene: Scene, o: int, lengths: Floats, strains: Floats, rotations: Floats,
+            positions: Floats, e: int, low: float, high: float, frame: Floats, x: Floats) -> Any:
     """Return the smallest gap of element e between two fractions of it: golden sections.
 
     They begin beside the smallest of some samples. Slopes are not asked for: they are undefined
@@ -201,7 +214,9 @@ def _lowest(scene, o, lengths, strains, rotations, positions, e, low, high, fram
 
 
 @kernel
-def _at_the_rim(scene, o, lengths, strains, rotations, positions, heights, normal, flush):
+def _at_the_rim(scene: Scene, o: int, lengths: Floats, strains: Floats, rotations: Floats,
+                positions: Floats, heights: Floats, normal: Floats,
+                flush: float) -> tuple[float, float]:
     """Return the smallest gap where the DLO meets the foil `o`, and that plane's height in m.
 
     It meets the plane where it passes from one side to the other, and with each node that is
@@ -229,7 +244,9 @@ def _at_the_rim(scene, o, lengths, strains, rotations, positions, heights, norma
 
 
 @kernel
-def _passage(scene, o, lengths, strains, rotations, positions, e, normal, plane, begin, frame, x):
+def _passage(scene: Scene, o: int, lengths: Floats, strains: Floats, rotations: Floats,
+             positions: Floats, e: int, normal: Floats, plane: float, begin: float, frame: Floats,
+             x: Floats) -> float:
     """Return the fraction of element e, which begins at the height `begin`, in a plane; fill x."""
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
@@ -243,7 +260,7 @@ def _passage(scene, o, lengths, strains, rotations, positions, e, normal, plane,
 
 
 @kernel
-def _room_in_plane(scene, o, x):
+def _room_in_plane(scene: Scene, o: int, x: Floats) -> Any:
     """Return how far (m) x (3,), from the scene's origin, is from the material in its own plane."""
     y = z = 0.0
     for i in range(3):
@@ -254,7 +271,7 @@ def _room_in_plane(scene, o, x):
     return gap
 
 
-def nearest(scene, shape):
+def nearest(scene: Scene, shape: Shape) -> list[tuple[float, float, Floats]]:
     """Return [(gap in m, arc length in m, unit normal (3,))] of the DLO's nearest points.
 
     Args:
@@ -265,7 +282,8 @@ def nearest(scene, shape):
 
 
 @kernel
-def _nearest(scene, o, s, lengths, strains, rotations, positions):
+def _nearest(scene: Scene, o: int, s: Floats, lengths: Floats, strains: Floats, rotations: Floats,
+             positions: Floats) -> tuple[float, float, Floats]:
     x, slope, bend, normal = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(3)
     offset, last = np.zeros(2), np.empty(3)
     smallest, where = np.inf, 0.0

@@ -5,7 +5,12 @@
 import numpy as np
 
 from dlo_planner.direct.continuation import shape_change
-from dlo_planner.model.pose import angle_between
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import Infeasible
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.plan.draft import Draft
 
 _QUIET = 0.1   # rad: a change of shape, besides the gripper's turn, that needs no second look
 _SAME = 1e-3   # of the length: farther apart, two shapes are not the same
@@ -15,17 +20,18 @@ _TURN, _TURN_RATE = 0.05, 10.0
 _SHIFT, _SHIFT_RATE = 0.02, 3.0
 
 
-def largest_turn(step):
+def largest_turn(step: float) -> float:
     """Return the turn of the gripper in rad that a step in depth (of the length) may cause."""
     return _TURN + _TURN_RATE * abs(step)
 
 
-def largest_shift(step):
+def largest_shift(step: float) -> float:
     """Return the same for the gripper's displacement, of the length."""
     return _SHIFT + _SHIFT_RATE * abs(step)
 
 
-def excess(one, other, step, length):
+def excess(one: tuple[Floats, Floats], other: tuple[Floats, Floats], step: float,
+           length: float) -> float:
     """Return by how much (m) the gripper turns or moves too far for a step; 0 if it does not.
 
     A turn counts as the way of a point at the DLO's length from the gripper.
@@ -36,11 +42,11 @@ def excess(one, other, step, length):
         length: of the DLO, m
     """
     turn = angle_between(one[0], other[0])
-    shift = np.linalg.norm(other[1] - one[1]) / length
+    shift = float(np.linalg.norm(other[1] - one[1])) / length
     return length * max(0.0, turn - largest_turn(step), shift - largest_shift(step))
 
 
-def leap(simulator, before, shape):
+def leap(simulator: DirectSimulator, before: Shape | None, shape: Shape) -> float:
     """Return how far (m) a DLO is from `shape` when the gripper goes there, 0 if it gets there.
 
     The direct simulation decides where the shape changes more than the gripper's turn causes.
@@ -60,15 +66,15 @@ def leap(simulator, before, shape):
         there = simulator.track([shape.gripper], initial=before)[0]
     if there.converged and not there.jumped and same(there, shape):
         return 0.0
-    return max(apart(there, shape), _SAME * shape.s[-1])
+    return float(max(apart(there, shape), _SAME * shape.s[-1]))
 
 
-def same(one, other):
+def same(one: Shape, other: Shape) -> bool:
     """Whether two Shapes in the same gripper, on any meshes, are the same."""
-    return apart(one, other) < _SAME * one.s[-1]
+    return bool(apart(one, other) < _SAME * one.s[-1])
 
 
-def apart(one, other):
+def apart(one: Shape, other: Shape) -> float:
     """Return the largest distance (m) between two Shapes, at the nodes of `one`.
 
     Where `other` is shorter, its end counts.
@@ -77,13 +83,13 @@ def apart(one, other):
     return float(np.linalg.norm(one.positions - there, axis=1).max())
 
 
-def gripper_motion(one, other, length):
+def gripper_motion(one: Pose, other: Pose, length: float) -> float:
     """Return the turn in rad plus the shift, in parts of the length (m), between two Poses."""
     shift = np.linalg.norm(other.position - one.position)
     return angle_between(one.rotation, other.rotation) + float(shift) / length
 
 
-def refusal_for_leap(simulator, draft, shape):
+def refusal_for_leap(simulator: DirectSimulator, draft: Draft, shape: Shape) -> Infeasible | None:
     """Return Infeasible if the next waypoint of a Draft cannot have this Shape, else None."""
     away = leap(simulator, draft.last, shape)
     if not away:

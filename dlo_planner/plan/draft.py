@@ -5,17 +5,23 @@
 Each waypoint is judged when it is added, the way between them when the plan is complete.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.surface import Surface
 from dlo_planner.plan.between import broken_between
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import PlanStatus, build_plan, first_part
+from dlo_planner.plan.plan import Plan, PlanStatus, Waypoint, build_plan, first_part
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import Progress
 
@@ -38,12 +44,12 @@ class Brief:
     speeds: tuple[float, float]
     progress: Progress = field(default_factory=Progress)
     workspace: Workspace | None = None
-    obstacles: tuple = ()
+    obstacles: tuple[Obstacle, ...] = ()
     surface: Surface = Surface()
-    yielding: np.ndarray | None = None
+    yielding: Floats | None = None
     simulator: DirectSimulator | None = None
 
-    def silent(self, simulator=None):
+    def silent(self, simulator: DirectSimulator | None = None) -> Brief:
         """Return the same demands for a search, whose steps are not reported.
 
         Args:
@@ -51,14 +57,14 @@ class Brief:
         """
         return replace(self, progress=self.progress.silent(), simulator=self._between(simulator))
 
-    def made_with(self, simulator):
+    def made_with(self, simulator: DirectSimulator | None) -> Brief:
         """Return the same demands, the shapes between waypoints from another simulator."""
         return replace(self, simulator=self._between(simulator))
 
-    def _between(self, simulator):
+    def _between(self, simulator: DirectSimulator | None) -> DirectSimulator | None:
         return self.simulator if self.simulator is None or simulator is None else simulator
 
-    def broken(self, waypoint):
+    def broken(self, waypoint: Waypoint) -> tuple[str, float, str] | None:
         """Return None, or the constraint that a Waypoint breaks, by how much, and in words."""
         shape = waypoint.shape
         if self.workspace is not None:
@@ -74,7 +80,7 @@ class Brief:
             if room < 0:
                 return ('clearance', -room,
                         f'the DLO is {-room:.3g} m in {type(obstacle).__name__} {index}')
-        if shape.bend_margin < 0:
+        if shape.rod is not None and shape.bend_margin < 0:
             return ('max_bend_curvature', -shape.bend_margin,
                     f'the DLO is bent by {-shape.bend_margin:.3g} 1/m more than '
                     f'max_bend_curvature = {shape.rod.max_bend_curvature:g} 1/m')
@@ -86,12 +92,12 @@ class Brief:
         return None
 
 
-def utilization(shape, yielding):
+def utilization(shape: Shape, yielding: Floats) -> float:
     """Return the largest of `yield_shares`."""
     return float(yield_shares(shape, yielding).max())
 
 
-def yield_shares(shape, yielding):
+def yield_shares(shape: Shape, yielding: Floats) -> Floats:
     """Return (N_L,) the strains since the stress-free shape as a part of what yields.
 
     Curvature counts by the ellipse of its two thresholds, that of a rectangle by what its corners
@@ -100,7 +106,8 @@ def yield_shares(shape, yielding):
     Args:
         yielding: (3,) thresholds of torsion and of both curvatures, 1/m
     """
-    part = np.abs(shape.bent) / yielding
+    assert shape.rod is not None  # `bent` needs it too
+    part: Floats = np.abs(shape.bent) / yielding
     cornered = shape.rod.section_outline[0] == 'rectangular'
     bend = part[:, 1] + part[:, 2] if cornered else np.hypot(part[:, 1], part[:, 2])
     return np.maximum(part[:, 0], bend)
@@ -117,22 +124,24 @@ class Draft:
         stops: indices of waypoints at which the gripper stops
     """
 
-    def __init__(self, depths, brief, what='waypoint', initial=None, stops=()):
-        self.waypoints, self._initial, self._stops = [], initial, stops
+    def __init__(self, depths: Floats, brief: Brief, what: str = 'waypoint',
+                 initial: Shape | None = None, stops: Iterable[int] = ()) -> None:
+        self.waypoints: list[Waypoint] = []
+        self._initial, self._stops = initial, stops
         self._depths, self._brief, self._what = depths, brief, what
 
     @property
-    def last(self):
+    def last(self) -> Shape | None:
         """The Shape of the last waypoint; before there is one, the initial Shape or None."""
         return self.waypoints[-1].shape if self.waypoints else self._initial
 
     @property
-    def step(self):
+    def step(self) -> float:
         """How much deeper the next waypoint is than the one before, m; 0 at the first."""
         index = len(self.waypoints)
         return float(self._depths[index] - self._depths[index - 1]) if index else 0.0
 
-    def add(self, waypoint):
+    def add(self, waypoint: Waypoint) -> None:
         """Take the next Waypoint; raises Infeasible if it breaks a demand."""
         broken = self._brief.broken(waypoint)
         if broken is not None:
@@ -140,27 +149,28 @@ class Draft:
         self.waypoints.append(waypoint)
         self._brief.progress.done(len(self.waypoints), len(self._depths))
 
-    def refusal(self, constraint, amount, why):
+    def refusal(self, constraint: str, amount: float, why: str) -> Infeasible:
         """Return Infeasible for the next waypoint, with the plan up to it as evidence."""
         return _refusal(self._what, len(self.waypoints), self._depths,
                         (constraint, float(amount), why), self.partial())
 
-    def finished(self):
+    def finished(self) -> Plan:
         """Return the Plan; raises Infeasible if it breaks a demand between two waypoints."""
         plan = self._plan(PlanStatus.COMPLETE)
         known = [room if np.isfinite(room) else None for room in plan.clearance]
         return kept_between(plan, self._brief, self._what, known)
 
-    def partial(self):
+    def partial(self) -> Plan:
         """Return the Plan so far, as evidence."""
         return self._plan(PlanStatus.PARTIAL)
 
-    def _plan(self, status):
+    def _plan(self, status: PlanStatus) -> Plan:
         stops = tuple(stop for stop in self._stops if stop < len(self.waypoints))
         return build_plan(self.waypoints, self._depths, self._brief.speeds, status, stops)
 
 
-def kept_between(plan, brief, what='waypoint', known=None):
+def kept_between(plan: Plan, brief: Brief, what: str = 'waypoint',
+                 known: Sequence[float | None] | None = None) -> Plan:
     """Return a Plan that keeps a Brief between its waypoints, on the path of its Trajectory.
 
     Args:
@@ -182,7 +192,8 @@ def kept_between(plan, brief, what='waypoint', known=None):
                    first_part(plan, broken.waypoint, PlanStatus.PARTIAL))
 
 
-def _refusal(what, index, depths, broken, plan):
+def _refusal(what: str, index: int, depths: Floats, broken: tuple[str, float, str],
+             plan: Plan) -> Infeasible:
     """Return Infeasible for the waypoint `index`; broken: constraint, amount and words."""
     constraint, amount, why = broken
     depth = f' (depth {depths[index]:g} m)' if np.any(depths) else ''

@@ -2,19 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """How far a DLO is from the centers that it has to pass, at and between a plan's waypoints."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.model.arrays import Floats
 
 if TYPE_CHECKING:
     from dlo_planner.plan.plan import Plan
 
 _NEWTON = 4           # steps to the point of the DLO that is nearest to a center
 
-Passes = Sequence[tuple[np.ndarray, float, np.ndarray | None]]  # an entry of `Plan.passes`
+# An entry of `Plan.passes`: center (3,), m; arc length, m; normal (3,) or None.
+Passes: TypeAlias = Sequence[tuple[Floats, float, Floats | None]]
 
 
 def worst_miss(shape: Shape, passes: Passes, later: Passes) -> float:
@@ -27,7 +31,7 @@ def worst_miss(shape: Shape, passes: Passes, later: Passes) -> float:
     return max(_misses(shape, passes, later), default=0.0)
 
 
-def _misses(shape, passes, later):
+def _misses(shape: Shape, passes: Passes, later: Passes) -> Iterator[float]:
     """Yield the distances in m of a Shape from the centers to be passed between two waypoints."""
     for center, s, _ in passes:
         then = arc_length_at(center, later)
@@ -42,12 +46,14 @@ def _misses(shape, passes, later):
                     yield away
 
 
-def arc_length_at(center: np.ndarray, passes: Passes) -> float | None:
+def arc_length_at(center: Floats | None, passes: Passes) -> float | None:
     """Return the arc length (m) at which the DLO has to pass a center, None if it has not."""
+    if center is None:
+        return None
     return next((s for other, s, _ in passes if np.array_equal(other, center)), None)
 
 
-def _distance(shape, center, low, high):
+def _distance(shape: Shape, center: Floats, low: float, high: float) -> tuple[float, float]:
     """Return the least distance of a DLO from a center between two arc lengths, and where; m."""
     best = np.inf, low
     for begin in (low, 0.5 * (low + high), high):
@@ -61,23 +67,23 @@ def _distance(shape, center, low, high):
     return best
 
 
-def first_center(passes):
+def first_center(passes: Iterable[Passes]) -> Floats | None:
     """Return the center (3,) that a plan's waypoints pass first, None if none does."""
     return next((one[0][0] for one in passes if one), None)
 
 
-def arc_lengths_at(center, passes):
+def arc_lengths_at(center: Floats | None, passes: Iterable[Passes]) -> Floats:
     """Return (n,) the arc lengths in m at which a center or None is passed, nan where it is not."""
     return np.array([np.nan if s is None else s
                      for s in (arc_length_at(center, one) for one in passes)])
 
 
-def holes_passed(plan: 'Plan', u: np.ndarray) -> np.ndarray:
+def holes_passed(plan: Plan, u: Floats) -> Floats:
     """Return (k, n) arc lengths (m) that pass the k centers of a Plan at parameters u (n,).
 
     nan before the first waypoint that passes a center, and after the last one.
     """
-    centers = []
+    centers: list[Floats] = []
     for passes in plan.passes:
         centers += [center for center, _, _ in passes
                     if not any(np.array_equal(center, one) for one in centers)]
@@ -91,12 +97,12 @@ def holes_passed(plan: 'Plan', u: np.ndarray) -> np.ndarray:
     return out
 
 
-def held_after(plan):
+def held_after(plan: Plan) -> int | None:
     """Return the index of the waypoint after which a bore holds the DLO of a Plan; None: none."""
     held = [shape.far_end is not None for shape in plan.shapes]
     return max(held.index(True) - 1, 0) if any(held) else None
 
 
-def means_to_touch(plan):
+def means_to_touch(plan: Plan) -> bool:
     """Whether a Plan has contacts, or a bore that holds the DLO."""
     return any(shape.contacts or shape.far_end is not None for shape in plan.shapes)

@@ -6,17 +6,26 @@ The parameter u of the path is the plan's own time. How fast the path is gone th
 time law (`plan.motion.trajectory`); what is checked of a plan (`plan.between`) is this path.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import array
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.passing import held_after
+
+if TYPE_CHECKING:
+    from dlo_planner.plan.plan import Plan
 
 _CORNER = 0.5     # cosine between directions: a sharper turn is a corner
 _SAME = 1e-9      # rad, and of the length: nearer poses are one
@@ -35,13 +44,13 @@ class Leg(Value):
         rotations: (m, 3, 3)
     """
 
-    knots: np.ndarray
-    positions: np.ndarray
-    rotations: np.ndarray
+    knots: Floats
+    positions: Floats
+    rotations: Floats
     _position: CubicSpline = field(init=False, repr=False, compare=False)
     _turn: RotationSpline = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         since = self.knots - self.knots[0]
         put(self, _position=CubicSpline(since, self.positions),
             _turn=RotationSpline(since, Rotation.from_matrix(self.rotations)))
@@ -53,12 +62,12 @@ class Leg(Value):
         return bool((self.positions == self.positions[0]).all()
                     and (self.rotations == self.rotations[0]).all())
 
-    def poses(self, u):
+    def poses(self, u: Floats) -> tuple[Floats, Floats]:
         """Return positions (n, 3) and rotations (n, 3, 3) at parameters `u` (n,)."""
         since = np.clip(u, *self.knots[[0, -1]]) - self.knots[0]
         return self._position(since), self._turn(since).as_matrix()
 
-    def at(self, u):
+    def at(self, u: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Return positions (n, 3), rotations (n, 3, 3), first and second derivatives (n, 6).
 
         Args:
@@ -69,15 +78,13 @@ class Leg(Value):
         """
         positions, rotations = self.poses(u)
         since = np.clip(u, *self.knots[[0, -1]]) - self.knots[0]
-        derivatives = []
-        for order in (1, 2):
-            # the rotation spline's own are in the gripper's axes; turned as they are, because the
-            # turning of those axes adds the cross product of the rate with itself
-            turning = np.einsum('nij,nj->ni', rotations, self._turn(since, order))
-            derivatives.append(np.hstack([self._position(since, order), turning]))
-        return positions, rotations, *derivatives
+        # the rotation spline's own are in the gripper's axes; turned as they are, because the
+        # turning of those axes adds the cross product of the rate with itself
+        first, second = (np.hstack([self._position(since, order), np.einsum(
+            'nij,nj->ni', rotations, self._turn(since, order))]) for order in (1, 2))
+        return positions, rotations, first, second
 
-    def control_points(self, a, b):
+    def control_points(self, a: Floats, b: Floats) -> Floats:
         """Return (n, 4, 3) m: the way of the origin from a to b is in the convex hull of the four.
 
         Args:
@@ -93,7 +100,7 @@ class Leg(Value):
         first, last = self._position(from_a), self._position(from_b)
         return np.stack([first, first + third * slopes[0], last - third * slopes[1], last], axis=1)
 
-    def bounds(self, a, b):
+    def bounds(self, a: Floats, b: Floats) -> Floats:
         """Return (n, 2, 3) bounds of derivatives by u between parameters a and b.
 
         Args:
@@ -114,19 +121,19 @@ class Leg(Value):
             first, second + 0.5 * first**2, third + 1.5 * first * second + first**3 / 3], axis=1)],
             axis=1)
 
-    def pieces(self, least=1):
+    def pieces(self, least: int = 1) -> tuple[Floats, Floats]:
         """Return parameters a, b (n,) of the pieces between knots, each cut in `least` parts."""
         edges = np.concatenate([np.linspace(one, other, least, endpoint=False) for one, other in
                                 zip(self.knots, self.knots[1:], strict=False)] + [self.knots[-1:]])
         return edges[:-1], edges[1:]
 
-    def _middle(self, a, b):
+    def _middle(self, a: Floats, b: Floats) -> Ints:
         """Return the indices (n,) of the pieces between knots in which [a, b] lie."""
         index = np.searchsorted(self.knots, 0.5 * (a + b), side='right') - 1
         return np.clip(index, 0, self.knots.size - 2)
 
 
-def _polynomial_bounds(c, a, b):
+def _polynomial_bounds(c: Floats, a: Floats, b: Floats) -> Floats:
     """Return (n, 3) bounds of the sizes of a cubic's first to third derivatives within [a, b].
 
     Args:
@@ -149,11 +156,11 @@ class GripperPath(Value):
         legs: Legs; each begins with the pose and the parameter with which the one before ends
     """
 
-    times: np.ndarray
+    times: Floats
     legs: tuple[Leg, ...]
 
     @classmethod
-    def of(cls, plan):
+    def of(cls, plan: Plan) -> GripperPath:
         """Return the path through the poses of a Plan, in its order.
 
         The gripper stops at corners and where a bore takes the DLO; where a pose comes again later
@@ -170,7 +177,8 @@ class GripperPath(Value):
                            stops)
 
     @classmethod
-    def through(cls, grippers, times, length, stops=()):
+    def through(cls, grippers: Sequence[Pose], times: ArrayLike, length: float,
+                stops: Iterable[int] = ()) -> GripperPath:
         """Return the path through n Poses at parameters `times` (n,).
 
         Args:
@@ -200,7 +208,7 @@ class GripperPath(Value):
                 knots = [k]
         return cls(times, tuple(legs + _between_corners(knots, grippers, times, length, stops)))
 
-    def at(self, u):
+    def at(self, u: ArrayLike) -> tuple[Floats, Floats]:
         """Return the Poses' positions (n, 3) and rotations (n, 3, 3) at parameters `u` (n,)."""
         u = np.atleast_1d(np.asarray(u, dtype=float))
         which = np.clip(np.searchsorted([leg.knots[0] for leg in self.legs], u, side='right') - 1,
@@ -211,12 +219,12 @@ class GripperPath(Value):
             positions[here], rotations[here] = self.legs[k].poses(u[here])
         return positions, rotations
 
-    def goal(self, u) -> int:
+    def goal(self, u: float) -> int:
         """Return the index of the waypoint to which the gripper is going at the parameter u."""
         return int(np.clip(np.searchsorted(self.times, u, side='left'), 1, self.times.size - 1))
 
 
-def pose_at_arc_length(plan, known, s):
+def pose_at_arc_length(plan: Plan, known: Floats, s: float) -> Pose:
     """Return the Pose on a Plan's path at which the arc length `s`, m, first passes a cut-out.
 
     Args:
@@ -238,7 +246,7 @@ def pose_at_arc_length(plan, known, s):
     return Pose.from_rotation(position[0], rotation[0])
 
 
-def _ways(grippers, length):
+def _ways(grippers: Sequence[Pose], length: float) -> Floats:
     """Return (n - 1, 6) the ways between n Poses in m, a turn of 1 rad counted as `length`."""
     positions = np.array([gripper.position for gripper in grippers])
     turns = Rotation.from_matrix([gripper.rotation for gripper in grippers])
@@ -246,7 +254,8 @@ def _ways(grippers, length):
                       length * (turns[1:] * turns[:-1].inv()).as_rotvec()])
 
 
-def _between_corners(knots, grippers, times, length, stopped):
+def _between_corners(knots: Sequence[int], grippers: Sequence[Pose], times: Floats, length: float,
+                     stopped: Iterable[int]) -> list[Leg]:
     """Return the Legs through those of n Poses with the indices `knots`, which all differ.
 
     Args:
@@ -263,6 +272,6 @@ def _between_corners(knots, grippers, times, length, stopped):
     return [_leg(times[a:b + 1], grippers[a:b + 1]) for a, b in zip(stops, stops[1:], strict=False)]
 
 
-def _leg(times, grippers):
+def _leg(times: Floats, grippers: Sequence[Pose]) -> Leg:
     return Leg(np.array(times), np.array([gripper.position for gripper in grippers]),
                np.array([gripper.rotation for gripper in grippers]))

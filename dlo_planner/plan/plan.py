@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The answer of the inverse simulation: gripper poses, the shapes they make, and their proof."""
 
-from collections.abc import Iterable, Iterator
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from os import PathLike
-from typing import NamedTuple
+from typing import NamedTuple, overload
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -14,12 +16,16 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Filmed
 from dlo_planner.plan.clearance import room_in
-from dlo_planner.plan.passing import arc_lengths_at, first_center
+from dlo_planner.plan.passing import Passes, arc_lengths_at, first_center
 from dlo_planner.plan.path import pose_at_arc_length
 from dlo_planner.plan.plan_storage import plan_arrays, plan_contents
 from dlo_planner.plan.timing import times_at_speed
@@ -36,7 +42,7 @@ class PlanStatus(Enum):
     PARTIAL = 'partial'  # only ever as the evidence inside `Infeasible`
 
     @classmethod
-    def _missing_(cls, value):
+    def _missing_(cls, value: object) -> None:
         choice('PlanStatus', value, [one.value for one in cls])
 
 
@@ -74,20 +80,20 @@ class Plan(Filmed):
         stops: indices of waypoints at which the gripper stops, besides sharp corners and dwells
     """
 
-    depths: np.ndarray
+    depths: Floats
     grippers: tuple[Pose, ...]
     shapes: tuple[Shape, ...]
-    misalignment: np.ndarray
-    miss: np.ndarray
-    times: np.ndarray
-    passes: tuple[tuple, ...]
-    clearances: np.ndarray
-    sheets: tuple
+    misalignment: Floats
+    miss: Floats
+    times: Floats
+    passes: tuple[Passes, ...]
+    clearances: Floats
+    sheets: tuple[tuple[Sheet, Floats], ...]
     fraction: float
     status: PlanStatus
     stops: tuple[int, ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         grippers = items('Plan.grippers', self.grippers, Pose)
         n = len(grippers)
         for name in _PER_WAYPOINT:
@@ -96,7 +102,7 @@ class Plan(Filmed):
                                   f'per gripper pose, {n}')
         put(self, grippers=grippers, shapes=items('Plan.shapes', self.shapes, Shape),
             passes=tuple(items('Plan.passes', one, tuple)
-                         for one in items('Plan.passes', self.passes, Iterable)),
+                         for one in items('Plan.passes', self.passes, (Iterable,))),
             clearances=results('Plan.clearances', self.clearances, (n, None, 3)),
             sheets=items('Plan.sheets', self.sheets, tuple),
             fraction=number('Plan.fraction', self.fraction, minimum=0, maximum=1),
@@ -107,19 +113,23 @@ class Plan(Filmed):
                for name in ('depths', 'misalignment', 'miss', 'times')})
         super().__post_init__()
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.grippers)
 
-    def __getitem__(self, index: int | slice) -> 'PlanPoint | tuple[PlanPoint, ...]':
+    @overload
+    def __getitem__(self, index: int) -> PlanPoint: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[PlanPoint, ...]: ...
+    def __getitem__(self, index: int | slice) -> PlanPoint | tuple[PlanPoint, ...]:
         """Return the PlanPoint of one waypoint, or several."""
         points = tuple(map(PlanPoint, self.times, self.depths, self.grippers, self.shapes,
                            self.miss, self.misalignment, self.clearance))
         return points[index]
 
-    def __iter__(self) -> Iterator['PlanPoint']:
+    def __iter__(self) -> Iterator[PlanPoint]:
         return iter(self[:])
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         n = len(self)
         return brief(self, f'{n} waypoints', self.status.value,
                      *([f'{self.times[-1]:.4g} s', f'miss {self.miss.max():.1g} m',
@@ -127,7 +137,7 @@ class Plan(Filmed):
                         f'clearance {self.clearance.min():.2g} m'
                         if np.isfinite(self.clearance).any() else ''] if n else []))
 
-    def save(self, path: str | PathLike) -> None:
+    def save(self, path: str | PathLike[str]) -> None:
         """Write the plan: everything but the rods of its shapes, and what surrounds them.
 
         As JSON where `path` ends with .json, else as npz; both keep every number exactly.
@@ -135,19 +145,21 @@ class Plan(Filmed):
         save(path, plan_arrays(self), 'Plan')
 
     @classmethod
-    def load(cls, path: str | PathLike) -> 'Plan':
+    def load(cls, path: str | PathLike[str]) -> Plan:
         """Return the Plan saved at `path`; its shapes know no rod, see `Shape.load`.
 
         Raises:
             InvalidTask: not such a file; the message names it
         """
-        return load(path, lambda arrays: cls(
-            **plan_contents(arrays), status=PlanStatus(str(arrays['status']))), 'Plan')
+        result: Plan = load(path, lambda arrays: cls(
+                    **plan_contents(arrays), status=PlanStatus(str(arrays['status']))), 'Plan')
+        return result
 
     @property
-    def clearance(self) -> np.ndarray:
+    def clearance(self) -> Floats:
         """(n,) smallest of the `clearances` of each waypoint, m."""
-        return self.clearances.min(axis=(1, 2), initial=np.inf)
+        result: Floats = self.clearances.min(axis=(1, 2), initial=np.inf)
+        return result
 
     @property
     def misses(self) -> list[list[float]]:
@@ -156,7 +168,7 @@ class Plan(Filmed):
                 for shape, passes in zip(self.shapes, self.passes, strict=True)]
 
     @property
-    def arc_lengths(self) -> np.ndarray:
+    def arc_lengths(self) -> Floats:
         """(n,) arc length that is to be in the first cut-out, or in contact, m; nan: none is."""
         return arc_lengths_at(first_center(self.passes), self.passes)
 
@@ -171,7 +183,7 @@ class Plan(Filmed):
         return pose_at_arc_length(self, self.arc_lengths, number('s', s))
 
     @property
-    def velocities(self) -> np.ndarray:
+    def velocities(self) -> Floats:
         """(n, 6) linear (m/s) and angular (rad/s) velocity of the gripper, world axes.
 
         Of the straight way to the next waypoint at even speed; zero at the end.
@@ -185,7 +197,7 @@ class Plan(Filmed):
         return velocities
 
     @property
-    def bore_moment(self) -> np.ndarray:
+    def bore_moment(self) -> Floats:
         """(n, 3) moment in N m, world axes, on the DLO at the mouth of the bore that holds it.
 
         It bends what is inside straight: (0, EI_n k_n, EI_b k_b) in the material frame, k the
@@ -194,17 +206,17 @@ class Plan(Filmed):
         return np.array([_straightening(shape) for shape in self.shapes]).reshape(-1, 3)
 
     @property
-    def bend_margin(self) -> np.ndarray:
+    def bend_margin(self) -> Floats:
         """(n,) `Shape.bend_margin` of each waypoint, 1/m."""
         return np.array([shape.bend_margin for shape in self.shapes])
 
     @property
-    def residual(self) -> np.ndarray:
+    def residual(self) -> Floats:
         """(n,) `Shape.residual` of each waypoint."""
         return np.array([shape.residual for shape in self.shapes])
 
     @property
-    def stability(self) -> np.ndarray:
+    def stability(self) -> Floats:
         """(n,) `Shape.stability` of each waypoint."""
         return np.array([shape.stability for shape in self.shapes])
 
@@ -216,22 +228,23 @@ class Waypoint:
     shape: Shape
     misalignment: float = 0.0
     miss: float = 0.0
-    passes: tuple = ()
-    clearances: tuple = ()
-    sheets: tuple = ()
+    passes: Passes = ()
+    clearances: tuple[Sequence[float] | Floats, ...] = ()
+    sheets: tuple[tuple[Sheet, Floats], ...] = ()
 
     @property
-    def clearance(self):
+    def clearance(self) -> float:
         """Smallest of the clearances, m."""
         return min((float(min(rooms)) for rooms in self.clearances), default=np.inf)
 
-    def also(self, center, s):
+    def also(self, center: Floats, s: float) -> Waypoint:
         """Return the same waypoint, its miss that of the worse of this and another center."""
         other = float(np.linalg.norm(self.shape.frame_at(s)[1] - center))
         return replace(self, miss=max(self.miss, other),
                        passes=(*self.passes, (center, s, None)))
 
-    def inside(self, cutouts, sheets, surface):
+    def inside(self, cutouts: Sequence[CutOut], sheets: Sequence[Sheet | None],
+               surface: Surface) -> Waypoint:
         """Return the same waypoint with its clearances in CutOuts.
 
         Args:
@@ -240,22 +253,24 @@ class Waypoint:
         """
         both = [(sheet, cutout.normal) for cutout, sheet in zip(cutouts, sheets, strict=True)]
         return replace(
-            self, sheets=tuple(one for one in both if one[0] is not None), clearances=tuple(
+            self, sheets=tuple((sheet, normal) for sheet, normal in both if sheet is not None),
+            clearances=tuple(
                 _FREE if sheet is None else room_in(sheet, normal, surface, self.shape)
                 for sheet, normal in both))
 
 
-def _straightening(shape):
+def _straightening(shape: Shape) -> Floats:
     """Return the moment (3,) in N m that makes a DLO go on straight beyond its held far end."""
     if shape.far_end is None or shape.rod is None:
         return np.full(3, np.nan)
     s = shape.s[-1:]
     moment = (shape.rod.stiffnesses(s) * shape.rod.natural_strains(s))[0]
     moment[0] = 0.0  # its twist is free
-    return shape.frames[-1] @ moment
+    result: Floats = shape.frames[-1] @ moment
+    return result
 
 
-def waypoint_of(shape, center, s, normal):
+def waypoint_of(shape: Shape, center: Floats, s: float, normal: Floats | None) -> Waypoint:
     """Return the Waypoint of a Shape carried so that it passes `center` at `s`: section 5.2.
 
     Args:
@@ -264,32 +279,33 @@ def waypoint_of(shape, center, s, normal):
     return waypoint_at(shape.moved(center - shape.frame_at(s)[1]), center, s, normal)
 
 
-def waypoint_at(shape, center, s, normal):
+def waypoint_at(shape: Shape, center: Floats, s: float, normal: Floats | None) -> Waypoint:
     """Return the Waypoint of a Shape that should pass `center` at `s`, where it is."""
     axes, position = shape.frame_at(s)
     angle = 0.0
     if normal is not None:
         along = axes[:, 0] @ normal
-        angle = np.arctan2(np.linalg.norm(axes[:, 0] - along * normal), along)
-    return Waypoint(shape, float(angle), float(np.linalg.norm(position - center)),
+        angle = float(np.arctan2(np.linalg.norm(axes[:, 0] - along * normal), along))
+    return Waypoint(shape, angle, float(np.linalg.norm(position - center)),
                     ((center, s, normal),))
 
 
-def build_plan(waypoints, depths, speeds, status, stops=()):
+def build_plan(waypoints: Sequence[Waypoint], depths: Floats, speeds: tuple[float, float],
+               status: PlanStatus, stops: tuple[int, ...] = ()) -> Plan:
     """Return the Plan of Waypoints at the first of the `depths`; speeds: m/s, rad/s."""
     grippers = [waypoint.shape.gripper for waypoint in waypoints]
-    return Plan(np.array(depths[:len(waypoints)]), grippers,
-                [waypoint.shape for waypoint in waypoints],
+    return Plan(np.array(depths[:len(waypoints)]), tuple(grippers),
+                tuple(waypoint.shape for waypoint in waypoints),
                 np.array([waypoint.misalignment for waypoint in waypoints]),
                 np.array([waypoint.miss for waypoint in waypoints]),
                 times_at_speed(grippers, *speeds),
-                [waypoint.passes for waypoint in waypoints],
+                tuple(waypoint.passes for waypoint in waypoints),
                 _padded([waypoint.clearances for waypoint in waypoints]),
                 waypoints[-1].sheets if waypoints else (),
                 len(waypoints) / len(depths), status, stops)
 
 
-def first_part(plan, count, status):
+def first_part(plan: Plan, count: int, status: PlanStatus) -> Plan:
     """Return the first `count` waypoints of a Plan, as a plan with another PlanStatus."""
     part = {name: getattr(plan, name)[:count] for name in _PER_WAYPOINT}
     return replace(plan, **part, fraction=1.0 if status is PlanStatus.COMPLETE
@@ -319,26 +335,27 @@ def joined(one: Plan, other: Plan) -> Plan:
     stops = [*one.stops, *(stop + end for stop in other.stops if stop)]
     if _turns(grippers[max(end - 1, 0):end + 2], shapes[0].s[-1]):
         stops.append(end)
-    return Plan(np.array(depths), grippers, shapes, np.array(misalignment), np.array(miss),
-                np.array(times), passes, _padded(clearances), other.sheets or one.sheets,
+    return Plan(np.array(depths), tuple(grippers), tuple(shapes), np.array(misalignment),
+                np.array(miss), np.array(times), tuple(passes), _padded(clearances),
+                other.sheets or one.sheets,
                 min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))))
 
 
-def _turns(grippers, length):
+def _turns(grippers: Sequence[Pose], length: float) -> bool:
     """Whether the way through three Poses bends; a turn by 1 rad counts as `length`."""
     ways = [np.concatenate([after.position - before.position, length * Rotation.from_matrix(
         after.rotation @ before.rotation.T).as_rotvec()])
         for before, after in zip(grippers, grippers[1:], strict=False)]
     sizes = [np.linalg.norm(way) for way in ways]
-    return len(ways) == 2 and min(sizes) > 0 and (
-        ways[0] @ ways[1] < _STRAIGHT * sizes[0] * sizes[1])
+    return len(ways) == 2 and bool(
+        min(sizes) > 0 and ways[0] @ ways[1] < _STRAIGHT * sizes[0] * sizes[1])
 
 
 _PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'miss', 'times', 'passes',
                  'clearances')
 
 
-def _padded(clearances):
+def _padded(clearances: Sequence[Sequence[Sequence[float] | Floats] | Floats]) -> Floats:
     """Return (n, k, 3) of n sequences of at most k entries; infinite where there is none."""
     most = max((len(rooms) for rooms in clearances), default=0)
     out = np.full((len(clearances), most, 3), np.inf)

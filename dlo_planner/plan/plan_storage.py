@@ -2,20 +2,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plans as arrays for files."""
 
+from __future__ import annotations
+
 import json
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.storage import pack, unpack
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose
 
+if TYPE_CHECKING:
+    from dlo_planner.plan.plan import Plan
+
 _ARRAYS = ('depths', 'misalignment', 'miss', 'times', 'clearances', 'stops')
 
 
-def plan_arrays(plan):
+def plan_arrays(plan: Plan) -> dict[str, NDArray[Any]]:
     """Return a dict of arrays that hold all of a Plan but the rods of its shapes."""
     arrays = {name: np.asarray(getattr(plan, name)) for name in _ARRAYS}
     arrays['grippers'] = np.array([_pose(gripper) for gripper in plan.grippers]).reshape(-1, 7)
@@ -30,10 +39,10 @@ def plan_arrays(plan):
     return arrays
 
 
-def plan_contents(arrays):
+def plan_contents(arrays: Mapping[str, Any]) -> dict[str, Any]:
     """Return a dict of what a Plan is made of, from the arrays of `plan_arrays`."""
     grippers = [_read_pose(row) for row in arrays['grippers']]
-    passes = [[] for _ in grippers]
+    passes: list[list[tuple[Floats, float, Floats | None]]] = [[] for _ in grippers]
     for k, *numbers in arrays['passes']:
         normal = np.array(numbers[4:])
         passes[int(k)].append((np.array(numbers[:3]), float(numbers[3]),
@@ -51,22 +60,22 @@ def plan_contents(arrays):
             'stops': tuple(int(stop) for stop in arrays['stops'])}
 
 
-def _pose(pose):
+def _pose(pose: Pose) -> list[float]:
     return [*map(float, pose.position), *map(float, pose.quaternion)]
 
 
-def _read_pose(numbers):
+def _read_pose(numbers: Sequence[float]) -> Pose:
     return Pose(numbers[:3], numbers[3:])
 
 
-def _sheet(sheet):
+def _sheet(sheet: Sheet) -> dict[str, Any]:
     return {'pose': _pose(sheet.pose), 'width': sheet.width, 'height': sheet.height,
             'thickness': sheet.thickness, 'friction': sheet.friction, 'cutouts': [
                 {'pose': _pose(one.pose), 'radius': one.radius, 'width': one.width,
                  'height': one.height} for one in sheet.cutouts]}
 
 
-def _read_sheet(known):
+def _read_sheet(known: Mapping[str, Any]) -> Sheet:
     cutouts = [CutOut(**{**one, 'pose': _read_pose(one['pose'])}) for one in known['cutouts']]
     return Sheet(_read_pose(known['pose']), cutouts=cutouts,
                  **{name: known[name] for name in ('width', 'height', 'thickness', 'friction')})

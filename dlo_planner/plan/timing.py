@@ -2,11 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """When the gripper is where: the shortest times under a linear and an angular speed limit."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.pose import Pose
 
-def times_at_speed(grippers, linear_speed, angular_speed):
+
+def times_at_speed(grippers: Sequence[Pose], linear_speed: float, angular_speed: float) -> Floats:
     """Return (n,) times in s: each leg takes as long as the slower of its two motions.
 
     Args:

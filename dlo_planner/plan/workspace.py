@@ -2,19 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the gripper may be: a cell is not empty."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dlo_planner.energy.distance import SHEET, build_scene, signed_distance
+from dlo_planner.energy.distance import SHEET, Scene, build_scene, signed_distance
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, instance, items, number
-from dlo_planner.model.obstacles import OBSTACLES
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
-from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.path import GripperPath, Leg
+
+# Rooms (n,) of places (n, 3), m, and their slopes (n, 3).
+Rooms: TypeAlias = Callable[[Floats], tuple[Floats, Floats]]
 
 _CLOSE = 1e-6        # of the way's extent: to within this the rooms on the way are known
 _CLOSE_SHEET = 1e-5  # the same beside sheets with holes, which take more looks
@@ -35,12 +42,16 @@ class Workspace(Value):
         InvalidTask: naming the argument
     """
 
-    lower: np.ndarray = (-np.inf,) * 3
-    upper: np.ndarray = (np.inf,) * 3
-    keep_out: tuple = ()
+    lower: Floats = (-np.inf,) * 3  # type: ignore[assignment]  # an array from then on
+    upper: Floats = (np.inf,) * 3  # type: ignore[assignment]
+    keep_out: tuple[Obstacle, ...] = ()
     gripper_radius: float = 0.0
 
-    def __post_init__(self):
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, lower: ArrayLike = ..., upper: ArrayLike = ...,
+                     keep_out: Iterable[Obstacle] = (), gripper_radius: float = 0.0) -> None: ...
+
+    def __post_init__(self) -> None:
         put(self, **{name: array(f'Workspace.{name}', getattr(self, name), (3,), finite=False)
                      for name in ('lower', 'upper')})
         if not (self.lower < self.upper).all():
@@ -50,14 +61,15 @@ class Workspace(Value):
             gripper_radius=number('Workspace.gripper_radius', self.gripper_radius, minimum=0))
         super().__post_init__()
 
-    def __getstate__(self):
+    def __getstate__(self) -> dict[str, Any]:
         return {item.name: getattr(self, item.name) for item in fields(self)}
 
     @cached_property
-    def _scene(self):
-        return build_scene(self.keep_out, self.gripper_radius)
+    def _scene(self) -> Scene:
+        result: Scene = build_scene(self.keep_out, self.gripper_radius)
+        return result
 
-    def _limits(self):
+    def _limits(self) -> list[tuple[str, Rooms, bool]]:
         """Return [(name, rooms, whether of a sheet)] of all limits.
 
         rooms: function of places (n, 3) -> (rooms (n,), slopes (n, 3))
@@ -107,7 +119,7 @@ class Workspace(Value):
         return None
 
 
-def _least_on(leg, rooms, sheet):
+def _least_on(leg: Leg, rooms: Rooms, sheet: bool) -> tuple[Floats, Floats]:
     """Return parameters (m,) within the pieces of a Leg, and the least room (m,) of each piece.
 
     Exact for pieces on which it is negative, else any room that is not; see `first_beyond`.
@@ -141,25 +153,25 @@ def _least_on(leg, rooms, sheet):
     return middles, least
 
 
-def _side(axis, sign, limit):
+def _side(axis: int, sign: float, limit: float) -> Rooms:
     """Return the rooms' function of one side of the box."""
     slope = sign * np.eye(3)[axis]
 
-    def rooms(places):
+    def rooms(places: Floats) -> tuple[Floats, Floats]:
         return sign * (places[:, axis] - limit), np.tile(slope, (len(places), 1))
     return rooms
 
 
-def _body(scene, o):
+def _body(scene: Scene, o: int) -> Rooms:
     """Return the rooms' function of a body of a Scene."""
-    def rooms(places):
+    def rooms(places: Floats) -> tuple[Floats, Floats]:
         distances, slopes = _distances(scene, o, np.array(places))
         return distances - scene.radius, slopes
     return rooms
 
 
 @kernel
-def _distances(scene, o, places):
+def _distances(scene: Scene, o: int, places: Floats) -> tuple[Floats, Floats]:
     """Return signed distances (n,) of places (n, 3) from the body `o`, and their slopes (n, 3)."""
     rooms, slopes = np.empty(places.shape[0]), np.empty(places.shape)
     bend = np.empty((3, 3))

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Proof with a plan: it is run through the direct simulator, slowly and as it is executed."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from os import PathLike
+from typing import Any
 
 import numpy as np
 
@@ -13,13 +14,13 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.model.checks import figure, flag, instance, items, shown
-from dlo_planner.model.obstacles import OBSTACLES
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.part import before
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Reported
 from dlo_planner.plan.continuity import apart
-from dlo_planner.plan.motion.in_motion import in_motion, least_clearance, watched
+from dlo_planner.plan.motion.in_motion import InMotion, in_motion, least_clearance, watched
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.passing import means_to_touch
@@ -86,7 +87,7 @@ class Report(Reported):
     reason: str = 'it was not looked at in motion'
     not_looked_at: tuple[str, ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         put(self, converged=flag('Report.converged', self.converged),
             **{item.name: figure(f'Report.{item.name}', getattr(self, item.name))
                for item in fields(self) if item.type is float or item.type == 'float'},
@@ -94,25 +95,26 @@ class Report(Reported):
             reason=instance('Report.reason', self.reason, str),
             not_looked_at=items('Report.not_looked_at', self.not_looked_at, str))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         said = {'miss': 'm', 'stability': '', 'clearance': 'm', 'deviation': 'm',
                 'dynamic_miss': 'm', 'swing': 'm', 'dynamic_clearance': 'm', 'duration': 's'}
         return brief(self, 'safe' if self.safe else f'not safe: {self.reason}', *(
             f'{name.replace("_", " ")} {getattr(self, name):.3g} {unit}'.rstrip()
             for name, unit in said.items() if np.isfinite(getattr(self, name))))
 
-    def save(self, path: str | PathLike) -> None:
+    def save(self, path: str | PathLike[str]) -> None:
         """Write the report and its trajectory, as npz or JSON (see `Plan.save`)."""
         save(path, report_arrays(self), 'Report')
 
     @classmethod
-    def load(cls, path: str | PathLike) -> 'Report':
+    def load(cls, path: str | PathLike[str]) -> 'Report':
         """Return the Report saved at `path`.
 
         Raises:
             InvalidTask: not such a file; the message names it
         """
-        return load(path, lambda arrays: cls(**report_contents(arrays)), 'Report')
+        result: Report = load(path, lambda arrays: cls(**report_contents(arrays)), 'Report')
+        return result
 
     @property
     def safe(self) -> bool:
@@ -120,7 +122,7 @@ class Report(Reported):
         return not self.reason
 
 
-def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
+def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstacle] = (),
            limits: Limits | None = None, tolerance: float | None = None,
            trajectory: Trajectory | None = None, workspace: Workspace | None = None,
            initial: Shape | None = None, progress: OnProgress = None,
@@ -194,7 +196,7 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable = (),
         name for name in _MAY_BE_LEFT_OUT if np.isnan(figures.get(name, np.nan))))
 
 
-def _reason(figures, motion, plan):
+def _reason(figures: Mapping[str, Any], motion: InMotion, plan: Plan) -> str:
     """Return why the motion of a Plan must not be executed, '' if it may be."""
     missed = plan.miss.max()  # as planned: more than two cut-outs are not hit exactly
     if not figures['converged']:
@@ -202,7 +204,7 @@ def _reason(figures, motion, plan):
     if not motion.converged:
         return 'the motion could not be simulated to its end'
     if 'reason' in figures:
-        return figures['reason']
+        return str(figures['reason'])
     if figures.get('workspace_margin', 0.0) < 0:
         return f'the gripper is {-figures["workspace_margin"]:.3g} m beyond its workspace'
     if motion.clearance < 0:
@@ -217,7 +219,7 @@ def _reason(figures, motion, plan):
     return ''
 
 
-def _parts(simulator, plan, progress):
+def _parts(simulator: DirectSimulator, plan: Plan, progress: Progress) -> list[Shape]:
     """Return the shapes of an insertion, of what is outside the bore."""
     shapes = []
     for shape in plan.shapes:
@@ -227,16 +229,17 @@ def _parts(simulator, plan, progress):
     return shapes
 
 
-def _at_rest(simulator, plan, shapes, obstacles):
+def _at_rest(simulator: DirectSimulator, plan: Plan, shapes: Sequence[Shape],
+             obstacles: Sequence[Obstacle]) -> dict[str, Any]:
     """Return the figures of the quasi-static replay."""
     misses, angles = [], []
     for shape, passes in zip(shapes, plan.passes, strict=True):
         for center, s, normal in passes:
             axes, position = shape.frame_at(s)
-            misses.append(np.linalg.norm(position - center))
+            misses.append(float(np.linalg.norm(position - center)))
             if normal is not None:
-                angles.append(np.arctan2(np.linalg.norm(np.cross(axes[:, 0], normal)),
-                                         axes[:, 0] @ normal))
+                angles.append(float(np.arctan2(np.linalg.norm(np.cross(axes[:, 0], normal)),
+                                               axes[:, 0] @ normal)))
     deviation = max(apart(*pair) for pair in zip(shapes, plan.shapes, strict=True))
     return {
         'converged': all(shape.converged and not shape.jumped for shape in shapes)
@@ -251,6 +254,6 @@ def _at_rest(simulator, plan, shapes, obstacles):
         'deviation': deviation}
 
 
-def _worst(values):
+def _worst(values: Iterable[float]) -> float:
     return float(max(values, default=np.nan))
 

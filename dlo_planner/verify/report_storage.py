@@ -2,23 +2,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reports as arrays for files, their Trajectories among them."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
 from dataclasses import fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlo_planner.plan.motion.in_motion import InMotion
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.shift import Shift
 from dlo_planner.plan.motion.time_law import TimeLaw
-from dlo_planner.plan.motion.trajectory import restored
+from dlo_planner.plan.motion.trajectory import Trajectory, restored
 from dlo_planner.plan.path import GripperPath, Leg
+
+if TYPE_CHECKING:
+    from dlo_planner.verify.replay import Report
 
 _LEG, _LAW = ('knots', 'positions', 'rotations'), ('parameters', 'rates', 'windows')
 _SHIFT = ('knots', 'coefficients')
 _OTHERS = ('trajectory', 'not_looked_at')  # fields of a Report that are no numbers or texts
 
 
-def report_arrays(report):
+def report_arrays(report: Report) -> dict[str, NDArray[Any]]:
     """Return a dict of arrays that hold all of a Report."""
     arrays = {item.name: getattr(report, item.name) for item in fields(report)
               if item.name not in _OTHERS}
@@ -29,7 +37,7 @@ def report_arrays(report):
     return {name: np.asarray(array) for name, array in arrays.items()}
 
 
-def report_contents(arrays):
+def report_contents(arrays: Mapping[str, Any]) -> dict[str, Any]:
     """Return a dict of what a Report is made of, from the arrays of `report_arrays`."""
     own = {name: array for name, array in arrays.items() if '/' not in name}
     contents = {name: array.item() for name, array in own.items() if name not in _OTHERS}
@@ -38,7 +46,7 @@ def report_contents(arrays):
     return contents | {'trajectory': _trajectory(inside) if inside else None}
 
 
-def _trajectory_arrays(way):
+def _trajectory_arrays(way: Trajectory) -> dict[str, Any]:
     arrays = {'times': way.path.times, 'limits': way.limits.sizes, 'tolerance': way.tolerance,
               'mode_margin': way.mode_margin, 'legs': len(way.laws)}
     if way.motion is not None:
@@ -53,7 +61,7 @@ def _trajectory_arrays(way):
     return arrays
 
 
-def _trajectory(arrays):
+def _trajectory(arrays: Mapping[str, Any]) -> Trajectory:
     legs, laws = [], []
     for k in range(int(arrays['legs'])):
         law, shift = _under(f'{k}/law', arrays), _under(f'{k}/shift', arrays)
@@ -68,7 +76,7 @@ def _trajectory(arrays):
         float(arrays['mode_margin']))
 
 
-def _under(mark, arrays):
+def _under(mark: str, arrays: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arrays whose names begin with `mark` and a slash, by what follows it."""
     mark += '/'
     return {name[len(mark):]: array for name, array in arrays.items() if name.startswith(mark)}

@@ -7,19 +7,25 @@ which needs no smallness. A miss is the distance of the DLO, extended straight o
 short to get there, from a center that it should pass.
 """
 
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields, replace
+from typing import TypeAlias
 
 import numpy as np
 
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.penalties import Through
-from dlo_planner.model.along import Expanded, Shifted, scaled
+from dlo_planner.model.along import Along, Expanded, Shifted, scaled
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
-from dlo_planner.model.pose import displaced
+from dlo_planner.model.pose import Pose, displaced
+from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, brief, put, same
+from dlo_planner.plan.passing import Passes
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import OnProgress, Progress
 
@@ -53,12 +59,13 @@ class Spread(Value):
     gripper_rotation: float = 0.0
     curvature_variation: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         put(self, **{name: number(f'Spread.{name}', getattr(self, name), minimum=0)
                      for name in CAUSES})
         super().__post_init__()
 
 
+_Work: TypeAlias = tuple[DirectSimulator, Sequence[Shape], Sequence[Passes], Spread, Floats]
 CAUSES = tuple(field.name for field in fields(Spread))
 # one number of a standard normal distribution for each, three or two for some
 _VARIATION = 5  # Legendre polynomials by which the natural curvature varies
@@ -67,7 +74,7 @@ _DRAWN = tuple(name for name in CAUSES for _ in range(
      'gripper_rotation': 3}.get(name, 1)))
 
 
-def variation_deviations(count: int) -> np.ndarray:
+def variation_deviations(count: int) -> Floats:
     """Return (count,): standard deviations of the coefficients of P_1 ... P_count.
 
     Of a variation whose mean square along the DLO is 1: P_j has the mean square 1 / (2 j + 1), and
@@ -90,13 +97,13 @@ class Robustness(Value):
             nan without samples or without a size of a cut-out
     """
 
-    causes: tuple
-    by_cause: np.ndarray
-    first_order: np.ndarray
-    sampled: np.ndarray
+    causes: tuple[str, ...]
+    by_cause: Floats
+    first_order: Floats
+    sampled: Floats
     success: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         causes = items('Robustness.causes', self.causes, str, least=1)
         first_order = results('Robustness.first_order', self.first_order, (None,))
         by_cause = results('Robustness.by_cause', self.by_cause, (None, len(causes)))
@@ -109,7 +116,7 @@ class Robustness(Value):
             success=figure('Robustness.success', self.success))
         super().__post_init__()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, f'{self.first_order.size} waypoints',
                      f'first order {self.first_order.max(initial=0):.2g} m',
                      f'worst {self.worst}' if self.first_order.any() else '',
@@ -121,7 +128,7 @@ class Robustness(Value):
         """Name of the cause that hurts most: whose miss is the largest of all waypoints."""
         return self.causes[int(np.argmax(self.by_cause.max(axis=0)))]
 
-    def quantile(self, part: float) -> np.ndarray:
+    def quantile(self, part: float) -> Floats:
         """Return (n,): the miss that `part` (0 to 1) of the samples do not exceed, m.
 
         Raises:
@@ -130,7 +137,8 @@ class Robustness(Value):
         part = number('part', part, minimum=0, maximum=1)
         if not len(self.sampled):
             raise InvalidTask('samples = 0: expected some where a quantile is asked for')
-        return np.sort(self.sampled, axis=0)[int(np.ceil(part * (len(self.sampled) - 1)))]
+        result: Floats = np.sort(self.sampled, axis=0)[int(np.ceil(part * (len(self.sampled) - 1)))]
+        return result
 
 
 def robustness(simulator: DirectSimulator, plan: Plan, spread: Spread, *, samples: int = 0,
@@ -187,7 +195,7 @@ def robustness(simulator: DirectSimulator, plan: Plan, spread: Spread, *, sample
     return Robustness(CAUSES, by_cause, np.sqrt((by_cause**2).sum(axis=1)), sampled, success)
 
 
-def _acts_alike(shape, simulator):
+def _acts_alike(shape: Shape, simulator: DirectSimulator) -> bool:
     """Whether a Shape is of a simulator's rod with its gravity and load; obstacles may differ.
 
     So may the parameters of yielding: nothing yields here.
@@ -198,7 +206,7 @@ def _acts_alike(shape, simulator):
         for around in (here.surroundings, simulator.surroundings)))
 
 
-def _first_order(rod, plan, spread, progress):
+def _first_order(rod: Rod, plan: Plan, spread: Spread, progress: Progress) -> Floats:
     """Return (n, causes) root mean square misses."""
     out = np.zeros((len(plan), len(CAUSES)))
     columns = [CAUSES.index(name) for name in _DRAWN]
@@ -223,7 +231,7 @@ def _first_order(rod, plan, spread, progress):
     return out
 
 
-def _sampled(work):
+def _sampled(work: _Work) -> Floats:
     """Return (m, n) largest misses of the samples that (m, k) draws stand for."""
     simulator, shapes, passes, spread, draws = work
     out = np.empty((len(draws), len(shapes)))
@@ -244,19 +252,19 @@ def _sampled(work):
     return out
 
 
-def _stretched(shape, length):
+def _stretched(shape: Shape, length: float) -> Shape:
     """Return a Shape on a mesh of another length, to start from."""
     share = length / shape.s[-1]
     return replace(shape, s=np.append(shape.s[:-1] * share, length), _discretization=None,
                    _history=None, _before=None)
 
 
-def _off(shape, center, s):
+def _off(shape: Shape, center: Floats, s: float) -> Floats:
     """Return (3,): from a center to where the DLO passes it."""
     return Through(center, max(0.0, min(s, shape.s[-1]) - _NEAR * shape.s[-1])).residuals(shape)
 
 
-def _varied(rod, spread, draw):
+def _varied(rod: Rod, spread: Spread, draw: Floats) -> Rod:
     """Return the Rod that (k,) draws stand for; `rod` itself if they leave it alone."""
     by = {name: [d * getattr(spread, name) for d, drawn in zip(draw, _DRAWN, strict=True)
                  if drawn == name] for name in CAUSES}
@@ -268,7 +276,7 @@ def _varied(rod, spread, draw):
     length = rod.length + by['length'][0]
     known = rod.natural_curvature
     curve = np.array(by['natural_curvature'])
-    natural = Shifted(known, curve) if callable(known) else tuple(curve + known)
+    natural: Along = Shifted(known, curve) if callable(known) else tuple(curve + known)
     if spread.curvature_variation:
         terms = np.reshape(by['curvature_variation'], (_VARIATION, 2))
         terms = terms * variation_deviations(_VARIATION)[:, None]
@@ -282,7 +290,7 @@ def _varied(rod, spread, draw):
         natural_curvature=natural)
 
 
-def _twist(gripper, spread, draw):
+def _twist(gripper: Pose, spread: Spread, draw: Floats) -> Floats:
     """Return the gripper's deviation (6,), rotation before displacement, world axes."""
     turn, shift = (np.array([d * getattr(spread, name) for d, drawn in zip(
         draw, _DRAWN, strict=True) if drawn == name])

@@ -9,13 +9,17 @@ and which bound are the quickest is tried; each trial is judged with the DLO as 
 with one whose stiffness is wrong. Each leg takes over the vibration that the one before leaves.
 """
 
-from collections.abc import Callable
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.plan.motion.compensation import compensated
 from dlo_planner.plan.motion.fastest import fastest_rates
 from dlo_planner.plan.motion.kept_limits import most_used
@@ -24,6 +28,9 @@ from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.motion.timed_path import smoothed
 from dlo_planner.plan.path import Leg
+
+_Supply: TypeAlias = tuple[list[list[TimeLaw]], dict[bytes, list[list[float]]],
+                           Iterator[tuple[Floats, Floats]]]
 
 _BOUNDS, _CLOSER = 12, 0.7  # bounds of deviations that are tried, parts of the one before
 _OFF = (0.95, 1.05)  # frequencies: a response is not quite that of the DLO, and
@@ -51,19 +58,19 @@ class LegTask:
     leg: Leg
     response: Response
     limits: Limits
-    holes: np.ndarray
+    holes: Floats
     last: bool
-    wrong: tuple = ()
+    wrong: tuple[Response, ...] = ()
 
     @cached_property
-    def cases(self):
+    def cases(self) -> list[Case]:
         """The Case of the DLO as it is given, then those it may be in truth."""
         off = [self.response.faster(factor) for factor in _OFF]
         return [Case(self.response, self.holes, self.last, 1.0),
                 *(Case(one, self.holes, self.last, _WORSE) for one in (*off, *self.wrong))]
 
     @cached_property
-    def supply(self):
+    def supply(self) -> _Supply:
         """Laws known so far, set by set; what is predicted of them by the states at first.
 
         And parameters and rates for more.
@@ -71,36 +78,37 @@ class LegTask:
         return [], {}, _rates(self)
 
     @property
-    def rest(self):
+    def rest(self) -> list[Floats]:
         """States of DLOs that do not vibrate, one for each case."""
         return [case.response.rest for case in self.cases]
 
-    def taken_over(self, before, ends):
+    def taken_over(self, before: LegTask, ends: Sequence[Floats]) -> list[Floats]:
         """Return the states at the beginning: `ends` are those at the end of the LegTask before."""
         return [case.response.taken_over(other.response, end)
                 for case, other, end in zip(self.cases, before.cases, ends, strict=True)]
 
-    def waited(self, ends, seconds):
+    def waited(self, ends: Sequence[Floats], seconds: float) -> list[Floats]:
         """Return what becomes of the states at the end, after some seconds."""
         return [case.response.waited(end, seconds)
                 for case, end in zip(self.cases, ends, strict=True)]
 
-    def after(self, law, begins):
+    def after(self, law: TimeLaw, begins: Sequence[Floats]) -> list[Floats]:
         """Return the states at the end of a TimeLaw."""
         return [case.deviation(law, begin)[1]
                 for case, begin in zip(self.cases, begins, strict=True)]
 
     @property
-    def passed(self):
+    def passed(self) -> list[Passage]:
         """That of the DLO as it is given: see `Case`."""
         return self.cases[0].passed
 
     @cached_property
-    def sizes(self):
+    def sizes(self) -> Floats:
         """(n, m) by how much the modes displace what counts, m."""
         if not self.passed:
             return self.response.sizes
-        return np.max([np.linalg.norm(one.across, axis=2) for one in self.passed], axis=0)
+        result: Floats = np.max([np.linalg.norm(one.across, axis=2) for one in self.passed], axis=0)
+        return result
 
 
 @dataclass(frozen=True)
@@ -113,13 +121,13 @@ class Passage:
         tangents: (n, 3) there; ahead: (n, m) m, displacements along them
     """
 
-    before: np.ndarray
-    across: np.ndarray
-    tangents: np.ndarray
-    ahead: np.ndarray
+    before: Floats
+    across: Floats
+    tangents: Floats
+    ahead: Floats
 
     @classmethod
-    def of(cls, response, s):
+    def of(cls, response: Response, s: Floats) -> Passage:
         """Return the Passage at arc lengths s (n,), nan where the center is not passed."""
         first = np.argmax(np.isfinite(s))
         end = response.shapes[0].s[-1]
@@ -129,7 +137,7 @@ class Passage:
         before[first:] = 0.0
         return cls(before, across, tangents, ahead)
 
-    def deviation(self, response, u, place, shift):
+    def deviation(self, response: Response, u: Floats, place: Floats, shift: Floats) -> Floats:
         """Return (k, 3) m: where the moving DLO passes, at those instants at which it does.
 
         Args:
@@ -139,8 +147,9 @@ class Passage:
                  + np.einsum('ti,ti->t', response.between(self.tangents, u), shift))
         # a DLO that swings ahead comes to the center earlier than one that hangs
         passes = response.between(self.before, u) <= np.maximum(ahead, 0.0)
-        return shift[passes] + np.einsum('tmi,tm->ti', response.between(self.across, u[passes]),
-                                         place[passes])
+        across = response.between(self.across, u[passes])
+        result: Floats = shift[passes] + np.einsum('tmi,tm->ti', across, place[passes])
+        return result
 
 
 @dataclass(frozen=True)
@@ -153,16 +162,16 @@ class Case:
     """
 
     response: Response
-    holes: np.ndarray
+    holes: Floats
     last: bool
     allowed: float
 
     @cached_property
-    def passed(self):
+    def passed(self) -> list[Passage]:
         """The Passage through each center that is passed."""
         return [Passage.of(self.response, s) for s in self.holes if np.isfinite(s).any()]
 
-    def deviation(self, law, begin):
+    def deviation(self, law: TimeLaw, begin: Floats) -> tuple[float, Floats]:
         """Return the largest deviation that counts, in m, and the state at the end of a TimeLaw.
 
         As long as a center is passed: that of what passes it, across the DLO. At the end of a leg:
@@ -180,7 +189,7 @@ class Case:
         return worst, np.stack([place[-1], speed[-1]])
 
 
-def calm_law(task: LegTask, tolerance: float, begins: list | None = None,
+def calm_law(task: LegTask, tolerance: float, begins: Sequence[Floats] | None = None,
              check: Callable[[], None] = lambda: None) -> TimeLaw:
     """Return the quickest TimeLaw found that keeps `tolerance` (m) as far as the response tells.
 
@@ -189,19 +198,21 @@ def calm_law(task: LegTask, tolerance: float, begins: list | None = None,
     """
     begins = task.rest if begins is None else begins
     found = sorted(_candidates(task, tolerance, begins, check), key=lambda one: one[0].duration)
-    best = None
+    best, least = None, np.inf
     for law, shifted in _trials(found, tolerance):
         check()
         kept = _within_limits(task, law, begins, shifted)
         used = predicted(task, kept, begins)
-        if best is None or used < best[1]:
-            best = kept, used
+        if best is None or used < least:
+            best, least = kept, used
         if used <= tolerance:
             break
-    return best[0]
+    assert best is not None  # the first candidates are always tried
+    return best
 
 
-def _candidates(task, tolerance, begins, check):
+def _candidates(task: LegTask, tolerance: float, begins: Sequence[Floats],
+                check: Callable[[], None]) -> list[tuple[TimeLaw, float]]:
     """Return laws and what is predicted of them, m; ever slower ones, until one is calm by far."""
     sets, predictions, more = task.supply
     known = predictions.setdefault(np.array(begins).tobytes(), [])
@@ -211,12 +222,14 @@ def _candidates(task, tolerance, begins, check):
             rates = next(more, None)
             if rates is None:
                 break
-            sets.append([TimeLaw(*rates, windows) for windows in _windows(task.response)])
+            sets.append([TimeLaw(*rates, np.array(windows))
+                         for windows in _windows(task.response)])
         known.append([predicted(task, law, begins) for law in sets[len(known)]])
     return [one for pair in zip(sets, known, strict=False) for one in zip(*pair, strict=True)]
 
 
-def _trials(found, tolerance):
+def _trials(found: Iterable[tuple[TimeLaw, float]],
+            tolerance: float) -> Iterator[tuple[TimeLaw, bool]]:
     """Yield laws, by their durations, that may do, and whether with a shift.
 
     At first the quickest, then ever calmer ones.
@@ -235,7 +248,7 @@ def _trials(found, tolerance):
     yield from ((calmer[k], True) for k in some)
 
 
-def _within_limits(task, law, begins, shifted):
+def _within_limits(task: LegTask, law: TimeLaw, begins: Sequence[Floats], shifted: bool) -> TimeLaw:
     """Return a TimeLaw that keeps the limits, with the shift that helps most if it is `shifted`."""
     law = smoothed(task.leg, task.limits, law.parameters, law.rates, law.windows)
     for _ in range(_ROUNDS if shifted else 0):
@@ -250,7 +263,7 @@ def _within_limits(task, law, begins, shifted):
     return law
 
 
-def predicted(task: LegTask, law: TimeLaw, begins: list | None = None) -> float:
+def predicted(task: LegTask, law: TimeLaw, begins: Sequence[Floats] | None = None) -> float:
     """Return the largest deviation that counts, in m; half of it where the stiffness is wrong.
 
     See `Case.deviation`. `begins` are the states at the beginning, None: at rest.
@@ -273,7 +286,7 @@ def margin(task: LegTask, law: TimeLaw, allowed: float) -> float:
     return _MOST_OFF
 
 
-def _rates(task):
+def _rates(task: LegTask) -> Iterator[tuple[Floats, Floats]]:
     """Yield parameters and rates of ever slower ways through the leg."""
     parameters, rates = fastest_rates(task.leg, task.limits)
     yield parameters, rates
@@ -289,7 +302,7 @@ def _rates(task):
         yield found
 
 
-def _windows(response):
+def _windows(response: Response) -> list[list[float]]:
     """Return lists of windows (s) to be tried, from the periods of the two slowest modes."""
     periods = 2 * np.pi / response.rates[:, :2]
     if periods.shape[1] < 2:

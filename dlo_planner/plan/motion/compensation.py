@@ -7,11 +7,21 @@ vibration where a leg ends. The gripper is shifted by a spline in time, so that 
 linear least-squares problem, as the DLO's answer is linear.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy.interpolate import BSpline
 
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.plan.motion.oscillators import vibrated
 from dlo_planner.plan.motion.shift import DEGREE, Shift
+from dlo_planner.plan.motion.time_law import TimeLaw
+
+if TYPE_CHECKING:
+    from dlo_planner.plan.motion.calm import Case, LegTask
 
 _PER_PERIOD = 5   # pieces of the spline in the slowest period
 _SMALL = 3e-2     # weight of the shift beside the deviation: none that hardly helps
@@ -20,7 +30,8 @@ _NEAR = 0.01      # of the length: from so near on the free end counts as if it 
 _PART = 50        # instants in which what is passed weighs as much as the end of the leg
 
 
-def compensated(task, law, begins=None):
+def compensated(task: LegTask, law: TimeLaw,
+                begins: Sequence[Floats] | None = None) -> Shift | None:
     """Return the Shift that makes the deviations of a LegTask's DLOs least, None on a short leg.
 
     Args:
@@ -42,7 +53,7 @@ def compensated(task, law, begins=None):
     return Shift(knots, coefficients)
 
 
-def _answers(case, law, begin, basis):
+def _answers(case: Case, law: TimeLaw, begin: Floats, basis: BSpline) -> tuple[Floats, Floats]:
     """Return what counts of the deviation of a Case, by the coefficients (r, 3 k) and before (r,).
 
     Args:
@@ -72,7 +83,7 @@ def _answers(case, law, begin, basis):
     return np.vstack(rows), np.concatenate(before)
 
 
-def _knots(duration, period):
+def _knots(duration: float, period: float) -> tuple[Floats, Ints]:
     """Return knots of a spline over the duration, and which coefficients leave its ends at rest."""
     pieces = max(1, int(duration / period * _PER_PERIOD))
     knots = np.concatenate([[0.0] * DEGREE, np.linspace(0, duration, pieces + 1),

@@ -9,10 +9,14 @@ the DLO's quasi-static deviation (`Bearing`).
 
 import logging
 from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.path import Leg
 
@@ -32,14 +36,14 @@ class Bearing:
         parameters: (n,); slopes, bends: (n, m); most: (n, m)
     """
 
-    parameters: np.ndarray
-    slopes: np.ndarray
-    bends: np.ndarray
-    most: np.ndarray
+    parameters: Floats
+    slopes: Floats
+    bends: Floats
+    most: Floats
 
 
 def fastest_rates(leg: Leg, limits: Limits,
-                  bearing: Bearing | None = None) -> tuple[np.ndarray, np.ndarray]:
+                  bearing: Bearing | None = None) -> tuple[Floats, Floats]:
     """Return parameters (m,) and the largest rates du/dt (m,) there, from rest to rest.
 
     Args:
@@ -64,36 +68,37 @@ def fastest_rates(leg: Leg, limits: Limits,
     return places, rates
 
 
-def _path(toppra, leg):
+def _path(toppra: Any, leg: Leg) -> Any:
     """Return a Leg as a path of toppra."""
 
-    class Path(toppra.interpolator.AbstractGeometricPath):
+    class Path(toppra.interpolator.AbstractGeometricPath):  # type: ignore[misc]
         """Derivatives by the parameter: linear and angular, world axes."""
 
         dof, waypoints = 6, None
         path_interval = leg.knots[[0, -1]]
 
-        def __call__(self, u, order=0):
+        def __call__(self, u: ArrayLike, order: int = 0) -> Floats:
             positions, _, first, second = leg.at(np.atleast_1d(u))
             return (np.hstack([positions, positions]), first, second)[order]
 
     return Path()
 
 
-def _constraints(toppra, limits, bearing):
+def _constraints(toppra: ModuleType, limits: Limits, bearing: Bearing | None) -> list[Any]:
     """Return toppra's constraints for the Limits and, if there is one, for a Bearing."""
 
-    class Size(toppra.constraint.LinearConstraint):
+    class Size(toppra.constraint.LinearConstraint):  # type: ignore[misc, name-defined]
         """Bounds of speed and acceleration of some coordinates, as the lengths of vectors."""
 
-        def __init__(self, part, speed, acceleration):
+        def __init__(self, part: slice, speed: float, acceleration: float) -> None:
             super().__init__()
             self.part, self.speed, self.acceleration = part, speed, acceleration
 
-        def get_dof(self):
+        def get_dof(self) -> int:
             return 6
 
-        def compute_constraint_params(self, path, u, *_, **__):
+        def compute_constraint_params(self, path: Any, u: Floats, *_: Any,
+                                      **__: Any) -> tuple[Any, ...]:
             first, second = path(u, 1)[:, self.part], path(u, 2)[:, self.part]
             speed = np.linalg.norm(first, axis=1)
             along = (first * second).sum(axis=1) / np.maximum(speed, _STILL)
@@ -106,20 +111,26 @@ def _constraints(toppra, limits, bearing):
                     np.zeros((u.size, 2)), np.repeat(sides[None], u.size, axis=0), most, None,
                     np.stack([0 * fastest, fastest], axis=1))
 
-    class Borne(toppra.constraint.LinearConstraint):
+    class Borne(toppra.constraint.LinearConstraint):  # type: ignore[misc, name-defined]
         """The bounds of a Bearing."""
 
-        def get_dof(self):
+        def __init__(self, bearing: Bearing) -> None:
+            super().__init__()
+            self.bearing = bearing
+
+        def get_dof(self) -> int:
             return 6
 
-        def compute_constraint_params(self, _, u, *__, **___):
+        def compute_constraint_params(self, _: Any, u: Floats, *__: Any,
+                                      **___: Any) -> tuple[Any, ...]:
             slopes, bends, most = (
-                np.stack([np.interp(u, bearing.parameters, column) for column in what.T], axis=1)
-                for what in (bearing.slopes, bearing.bends, bearing.most))
+                np.stack([np.interp(u, self.bearing.parameters, column) for column in what.T],
+                         axis=1)
+                for what in (self.bearing.slopes, self.bearing.bends, self.bearing.most))
             m = slopes.shape[1]
             sides = np.repeat(np.vstack([np.eye(m), -np.eye(m)])[None], u.size, axis=0)
             return slopes, bends, 0 * slopes, sides, np.hstack([most, most]), None, None
 
     finite = np.minimum(limits.sizes, _ENDLESS)
     kept = [Size(slice(0, 3), *finite[:2, 0]), Size(slice(3, 6), *finite[:2, 1])]
-    return kept if bearing is None else [*kept, Borne()]
+    return kept if bearing is None else [*kept, Borne(bearing)]

@@ -2,19 +2,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """A motion of the gripper in the dynamic simulation: where the DLO is, and how it swings."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 
+from dlo_planner.direct.motion import Motion
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, flag
+from dlo_planner.model.obstacles import Obstacle
+from dlo_planner.model.pose import Pose
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.clearance import clearance, room_in
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.motion.inserted import Feed, pushed
 from dlo_planner.plan.motion.periods import slowest_period
+from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.plan.passing import held_after, worst_miss
+from dlo_planner.plan.plan import Plan
+from dlo_planner.progress import Progress
 
 _LEAST = ('clearance', 'calm_clearance')  # figures of which the least is the worst
 _PER_PERIOD = 25      # instants in a period of the DLO's slowest vibration
@@ -55,18 +67,18 @@ class InMotion(Value):
     duration: float
     step: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         put(self, converged=flag('InMotion.converged', self.converged),
             **{item.name: figure(f'InMotion.{item.name}', getattr(self, item.name))
                for item in fields(self) if item.name != 'converged'})
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, 'converged' if self.converged else 'not converged', *(
             f'{name} {getattr(self, name):.3g} {unit}' for name, unit in (
                 ('miss', 'm'), ('swing', 'm'), ('departure', 'm'), ('clearance', 'm'),
                 ('duration', 's')) if np.isfinite(getattr(self, name))))
 
-    def worse(self, other: 'InMotion') -> 'InMotion':
+    def worse(self, other: InMotion) -> InMotion:
         """Return the worse of both figures, each by itself; nan in one of them does not count."""
         both = {item.name: (getattr(self, item.name), getattr(other, item.name))
                 for item in fields(self)}
@@ -75,7 +87,8 @@ class InMotion(Value):
         return InMotion(converged=all(both['converged']), **worse)
 
 
-def in_motion(simulator, plan, way, first, obstacles, progress):
+def in_motion(simulator: DirectSimulator, plan: Plan, way: TimedPath, first: Shape,
+              obstacles: tuple[Obstacle, ...], progress: Progress) -> InMotion:
     """Return InMotion of a Plan's DLO.
 
     Args:
@@ -117,13 +130,13 @@ class _Seen:
         contact_force: largest one, N
     """
 
-    shapes: list
-    calm: list
-    miss: np.ndarray
-    swing: np.ndarray
+    shapes: Sequence[Shape]
+    calm: Sequence[Shape]
+    miss: Floats
+    swing: Floats
     contact_force: float
 
-    def then(self, other):
+    def then(self, other: _Seen) -> _Seen:
         """Return this motion and another, which begins at the instant at which this one ends."""
         return _Seen([*self.shapes, *other.shapes[1:]], [*self.calm, *other.calm[1:]],
                      np.append(self.miss, other.miss[1:]),
@@ -131,7 +144,8 @@ class _Seen:
                      max(self.contact_force, other.contact_force))
 
 
-def _seen(simulator, plan, grippers, done, dt, first, progress):
+def _seen(simulator: DirectSimulator, plan: Plan, grippers: Sequence[Pose], done: Floats, dt: float,
+          first: Shape, progress: Progress) -> _Seen | None:
     """Return what is _Seen of a motion to its end, None if it could not be simulated."""
     bore = held_after(plan)
     if bore is None:
@@ -153,7 +167,8 @@ def _seen(simulator, plan, grippers, done, dt, first, progress):
     return within if before is None else before.then(within)
 
 
-def _freely(simulator, plan, grippers, done, dt, first, progress):
+def _freely(simulator: DirectSimulator, plan: Plan, grippers: Sequence[Pose], done: Floats,
+            dt: float, first: Shape, progress: Progress) -> tuple[_Seen | None, Motion]:
     """Return what is _Seen of a motion in which no bore holds the DLO, or None, and the Motion."""
     motion = simulator.simulate(grippers, dt, first, progress=progress.done)
     if not (motion.converged and first.converged):
@@ -168,7 +183,8 @@ def _freely(simulator, plan, grippers, done, dt, first, progress):
     return _Seen(motion.shapes, calm, miss, swing, force), motion
 
 
-def watched(simulator, plan, obstacles):
+def watched(simulator: DirectSimulator, plan: Plan,
+            obstacles: tuple[Obstacle, ...]) -> tuple[Obstacle, ...]:
     """Return the obstacles (tuple) whose clearance is wanted: those given, and of an insertion all.
 
     What is outside of a bore is simulated without contacts.
@@ -176,7 +192,7 @@ def watched(simulator, plan, obstacles):
     return obstacles if held_after(plan) is None else (*obstacles, *simulator.obstacles)
 
 
-def _instants(duration, period):
+def _instants(duration: float, period: float) -> int:
     count = max(_FEWEST, int(np.ceil(_PER_PERIOD * duration / period))) + 1
     if count > _MOST:
         raise InvalidTask(f'limits: the motion takes {duration:.3g} s, {count} steps of '
@@ -185,8 +201,10 @@ def _instants(duration, period):
     return count
 
 
-def least_clearance(plan, obstacles, surface, shapes):
+def least_clearance(plan: Plan, obstacles: Sequence[Obstacle], surface: Surface,
+                    shapes: Iterable[Shape]) -> float:
     """Return the least clearance in m of Shapes from a Plan's sheets and obstacles, nan if none."""
     rooms = [clearance(obstacles, surface, shape) for shape in shapes if obstacles]
-    rooms += [room_in(*sheet, surface, shape).min() for sheet in plan.sheets for shape in shapes]
+    rooms += [float(room_in(sheet, normal, surface, shape).min())
+              for sheet, normal in plan.sheets for shape in shapes]
     return float(min(rooms, default=np.nan))

@@ -10,7 +10,11 @@ if the DLO behind the mouth was free of stress. Then the DLO is cut anew: positi
 velocities of the rest go on as they are.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -24,13 +28,16 @@ from dlo_planner.direct.mesh import with_breaks
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.stepping import Stepper
+from dlo_planner.direct.stepping import Instant, Stepper
 from dlo_planner.energy.loads import node_masses
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.part import before, part_of_rod
 from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
 from dlo_planner.plan.plan import Plan
+from dlo_planner.progress import Progress
 
 _ELEMENTS, _FEWEST = 64, 24  # of the whole DLO, of what is left of it
 _PIECE = 0.01
@@ -54,36 +61,36 @@ class Feed:
 
     simulator: DirectSimulator
     mouth: Pose
-    times: np.ndarray
-    depths: np.ndarray
-    borne: np.ndarray
+    times: Floats
+    depths: Floats
+    borne: Floats
 
     @classmethod
-    def of(cls, simulator: DirectSimulator, plan: Plan) -> 'Feed':
+    def of(cls, simulator: DirectSimulator, plan: Plan) -> Feed:
         """Return that of a Plan in which a bore holds the DLO."""
         held = [shape.far_end is not None for shape in plan.shapes]
-        mouth = plan.shapes[held.index(True)].far_end.pose
+        mouth = next(shape.far_end.pose for shape in plan.shapes if shape.far_end is not None)
         up = _up(simulator.gravity)
         borne = np.array([shape.far_wrench[:3] @ up if inside else 0.0
                           for shape, inside in zip(plan.shapes, held, strict=True)])
         return cls(simulator.elastic().without_obstacles(), mouth, plan.times, plan.depths, borne)
 
     @property
-    def up(self):
+    def up(self) -> Floats:
         """(3,) unit vector against gravity."""
         return _up(self.simulator.gravity)
 
-    def depth(self, u):
+    def depth(self, u: float) -> float:
         """Return the depth in m at the plan's time u."""
         return float(np.interp(u, self.times, self.depths))
 
-    def lifted(self, u):
+    def lifted(self, u: float) -> float:
         """Return the weight in N at the mouth that the mouth carries at the plan's time u."""
         there = np.abs(self.depths - self.depth(u)) <= _SAME * self.simulator.rod.length
         # else what was at the mouth is inside, and counts there
         return float(np.interp(u, self.times[there], self.borne[there])) if there.any() else 0.0
 
-    def outside(self, depth, lifted):
+    def outside(self, depth: float, lifted: float) -> Discretization:
         """Return the Discretization of the DLO that ends at the mouth, without obstacles.
 
         Args:
@@ -105,7 +112,7 @@ class Feed:
         s = np.append(s[s < end - _NO_ELEMENT * size], end)
         return Discretization(around, with_breaks(s, around.breaks), 'local', 0)
 
-    def held(self, mesh, way):
+    def held(self, mesh: Discretization, way: float) -> Pose:
         """Return the Pose of the material point at the end of `mesh`, `way` m behind the mouth.
 
         As if what is between was free of stress, so that it transmits nothing to the mouth.
@@ -118,7 +125,7 @@ class Feed:
                                   self.mouth.rotation @ half @ half)
 
 
-def _up(gravity):
+def _up(gravity: Floats) -> Floats:
     return -gravity / (np.linalg.norm(gravity) or 1.0)
 
 
@@ -132,13 +139,14 @@ class Outside:
         converged: whether every step was solved
     """
 
-    shapes: list
-    calm: list
-    forces: np.ndarray
+    shapes: list[Shape]
+    calm: list[Shape]
+    forces: Floats
     converged: bool
 
 
-def pushed(feed: Feed, grippers, u, dt, start: Shape, velocity, progress) -> Outside:
+def pushed(feed: Feed, grippers: Sequence[Pose], u: Floats, dt: float, start: Shape,
+           velocity: Floats | None, progress: Progress) -> Outside:
     """Return what is Outside while the gripper goes through n Poses.
 
     Args:
@@ -148,12 +156,12 @@ def pushed(feed: Feed, grippers, u, dt, start: Shape, velocity, progress) -> Out
         progress: Progress
     """
     guide = Guide(grippers, dt, velocity is None)
-    shapes, calm, forces, k, now = [start], [start], [0.0], 0, None
+    shapes, calm, forces, k = [start], [start], [0.0], 0
     while k < len(grippers) - 1:
         count = _instants(feed, u[k:])
         lifted = feed.lifted(u[k])
         mesh = feed.outside(feed.depth(u[k]), lifted)
-        if now is None and velocity is None:
+        if k == 0 and velocity is None:
             start = calm[-1] = shapes[-1] = _at_rest(feed, mesh, grippers[0], start)
         stepper, begun = _begun(feed, mesh, _Later(guide, k), u[k:k + count + 1], start, velocity)
         reached, solved = run(stepper, begun, count + 1, _TOLERANCE * mesh.s[-1], progress)
@@ -163,12 +171,12 @@ def pushed(feed: Feed, grippers, u, dt, start: Shape, velocity, progress) -> Out
                                    far_end=FarEnd(place, 'sleeve'))
             shapes.append(now.shape)
             calm.append(still)
-            forces.append(np.linalg.norm(now.shape.far_wrench[:3] + lifted * feed.up))
+            forces.append(float(np.linalg.norm(now.shape.far_wrench[:3] + lifted * feed.up)))
             solved = solved and still.converged
         if not solved:
             return Outside(shapes, calm, np.array(forces), False)
         k += count
-        start, velocity = now.shape, np.array(now.nodes.velocity)
+        start, velocity = reached[-1].shape, np.array(reached[-1].nodes.velocity)
         progress.check()
     return Outside(shapes, calm, np.array(forces), True)
 
@@ -180,14 +188,14 @@ class _Later:
     guide: Guide
     begin: int
 
-    def at(self, place):
+    def at(self, place: float) -> Pose:
         return self.guide.at(self.begin + place)
 
-    def twist(self, place):
+    def twist(self, place: float) -> Any:
         return self.guide.twist(self.begin + place)
 
 
-def _instants(feed, u):
+def _instants(feed: Feed, u: Floats) -> int:
     """Return how many of the intervals between parameters u (n,) make the next piece, >= 1."""
     depths, lifted = (np.array([of(one) for one in u[:_LONGEST + 1]])
                       for of in (feed.depth, feed.lifted))
@@ -196,13 +204,15 @@ def _instants(feed, u):
     return max(int(np.argmax(far)) - 1, 1) if far.any() else len(depths) - 1
 
 
-def _at_rest(feed, mesh, gripper, start):
+def _at_rest(feed: Feed, mesh: Discretization, gripper: Pose, start: Shape) -> Shape:
     """Return the Shape in equilibrium at the mouth, next to `start`."""
     strains = mesh.strains_from(start.s, start.element_strains)
-    return equilibrium(mesh, gripper, strains, far_end=FarEnd(feed.mouth, 'sleeve'))[0]
+    result: Shape = equilibrium(mesh, gripper, strains, far_end=FarEnd(feed.mouth, 'sleeve'))[0]
+    return result
 
 
-def _begun(feed, mesh, guide, u, start, velocity):
+def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Shape,
+           velocity: Floats | None) -> tuple[Stepper, Instant]:
     """Return the Stepper of a piece, and the Instant at its beginning.
 
     What is off the mouth, when the DLO comes into it, is guided there on the way of this piece.
@@ -214,21 +224,23 @@ def _begun(feed, mesh, guide, u, start, velocity):
     ends = [_aside(feed.held(mesh, way), feed.mouth, end, 1 - share**2 * (3 - 2 * share))
             for way, share in zip(depths - depths[0], shares, strict=True)]
     dt = guide.guide.dt
-    stepper = Stepper(mesh, Grips(guide, Guide(ends, dt, False), 'sleeve'), dt)
+    grips = Grips(guide, Guide(ends, dt, False), 'sleeve')  # type: ignore[arg-type]  # as a Guide
+    stepper = Stepper(mesh, grips, dt)
     first = first_shape(mesh, guide.at(0), FarEnd(end, 'sleeve'), cut, None)
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, cut.s, one) for one in velocity.T])
     return stepper, stepper.begin(first, velocity)
 
 
-def _aside(pose, one, other, part):
+def _aside(pose: Pose, one: Pose, other: Pose, part: float) -> Pose:
     """Return a Pose that is displaced by a part of what leads from `one` to `other`."""
     turn = other.rotation @ one.rotation.T
     there = Pose.from_rotation(pose.position + other.position - one.position, turn @ pose.rotation)
-    return between(pose, there, part)
+    result: Pose = between(pose, there, part)
+    return result
 
 
-def _cut(shape, velocity, end):
+def _cut(shape: Shape, velocity: Floats | None, end: float) -> tuple[Shape, Floats | None]:
     """Return a Shape and the velocities (n, 3) of its nodes, or None, up to arc length `end`."""
     end = float(min(end, shape.s[-1]))
     kept = shape.s < end * (1 - 1e-12)
@@ -242,7 +254,7 @@ def _cut(shape, velocity, end):
                    _discretization=None, _history=None, _before=None), velocity
 
 
-def _mass_beyond(rod, end):
+def _mass_beyond(rod: Rod, end: float) -> float:
     """Return the mass in kg of what is beyond an arc length, m, with all that is fixed to it."""
     if end >= rod.length:
         return 0.0

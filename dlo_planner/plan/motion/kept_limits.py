@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a motion keeps its limits: bounds of its speeds, accelerations and jerks at all times."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from dlo_planner.model.arrays import Floats
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.path import Leg
@@ -39,22 +42,23 @@ def most_used(leg: Leg, law: TimeLaw, limits: Limits) -> float:
     return float(max(proved, bound.max()))
 
 
-def _largest_jerk(leg, law, a, b, most):
+def _largest_jerk(leg: Leg, law: TimeLaw, a: Floats, b: Floats, most: Floats) -> float:
     """Return a bound of the largest jerk as a part of the limits `most` (2,)."""
     shares = np.linspace(0, 1, _PARTS + 1)
     edges = a[:, None] + (b - a)[:, None] * shares
-    return (_jerks(leg, law, edges[:, :-1].ravel(), edges[:, 1:].ravel()) / most).max()
+    return float((_jerks(leg, law, edges[:, :-1].ravel(), edges[:, 1:].ravel()) / most).max())
 
 
-def _sizes(leg, u, rates):
+def _sizes(leg: Leg, u: Floats, rates: Sequence[Floats]) -> Floats:
     """Return (n, 2, 2): speed and acceleration, each linear and angular."""
     _, _, first, second = leg.at(u)
     rate, change = rates[0][:, None], rates[1][:, None]
     both = np.stack([rate * first, change * first + rate**2 * second], axis=1)
-    return np.linalg.norm(both.reshape(len(u), 2, 2, 3), axis=3)
+    result: Floats = np.linalg.norm(both.reshape(len(u), 2, 2, 3), axis=3)
+    return result
 
 
-def _most(leg, law, a, b):
+def _most(leg: Leg, law: TimeLaw, a: Floats, b: Floats) -> tuple[Floats, Floats, Floats, float]:
     """Return bounds between times a and b: (n, 2, 3) of the leg's derivatives, (n,) of u' to u'''.
 
     The leg's are linear and angular, first to third.
@@ -66,7 +70,7 @@ def _most(leg, law, a, b):
             np.maximum(np.abs(one[1]), np.abs(other[1])) + half * jerk, jerk)
 
 
-def _slopes(leg, law, a, b):
+def _slopes(leg: Leg, law: TimeLaw, a: Floats, b: Floats) -> Floats:
     """Return (n, 2, 2): bounds of the slopes of `_sizes` between times a and b."""
     bounds, rate, change, _ = _most(leg, law, a, b)
     first, second = np.moveaxis(bounds, 2, 0)[:2]
@@ -74,9 +78,10 @@ def _slopes(leg, law, a, b):
                      _jerks(leg, law, a, b)], axis=1)
 
 
-def _jerks(leg, law, a, b):
+def _jerks(leg: Leg, law: TimeLaw, a: Floats, b: Floats) -> Floats:
     """Return (n, 2): bounds of the linear and angular jerk between times a and b."""
     bounds, rate, change, jerk = _most(leg, law, a, b)
     first, second, third = np.moveaxis(bounds, 2, 0)
     rate, change = rate[:, None], change[:, None]
-    return jerk * first + 3 * rate * change * second + rate**3 * third
+    result: Floats = jerk * first + 3 * rate * change * second + rate**3 * third
+    return result

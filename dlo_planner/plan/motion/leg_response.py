@@ -13,16 +13,24 @@ the coordinates turn with them. A time law is judged with it in milliseconds; wh
 verified by `DirectSimulator.simulate`.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from dlo_planner.direct.mode_tracking import modes_along
+from dlo_planner.direct.modes import Modes
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_masses
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.motion.fastest import Bearing
 from dlo_planner.plan.motion.oscillators import vibrated
+from dlo_planner.plan.motion.time_law import TimeLaw
+from dlo_planner.plan.path import Leg
 
 _PLACES = 17      # on a leg, at least, where modes are known
 _MODES = 5
@@ -46,19 +54,20 @@ class Response:
         turning: (n - 1, m, m) skew: how fast the modes turn into one another between parameters
     """
 
-    parameters: np.ndarray
-    shapes: tuple
-    rates: np.ndarray
-    damping: np.ndarray
-    displacements: np.ndarray
-    slopes: np.ndarray
-    bends: np.ndarray
-    pulls: np.ndarray
-    masses: np.ndarray
-    turning: np.ndarray
+    parameters: Floats
+    shapes: tuple[Shape, ...]
+    rates: Floats
+    damping: Floats
+    displacements: Floats
+    slopes: Floats
+    bends: Floats
+    pulls: Floats
+    masses: Floats
+    turning: Floats
 
     @classmethod
-    def of(cls, simulator, leg, first, parameters=None):
+    def of(cls, simulator: DirectSimulator, leg: Leg, first: Shape,
+           parameters: Floats | None = None) -> Response:
         """Return the Response on a Leg that begins in the Shape `first`.
 
         Args:
@@ -82,11 +91,12 @@ class Response:
                    _turning(masses, displacements) / np.diff(u)[:, None, None])
 
     @property
-    def sizes(self):
+    def sizes(self) -> Floats:
         """(n, m) largest displacement of a node by a mode, m."""
-        return np.linalg.norm(self.displacements, axis=3).max(axis=2)
+        result: Floats = np.linalg.norm(self.displacements, axis=3).max(axis=2)
+        return result
 
-    def bearing(self, deviation, sizes):
+    def bearing(self, deviation: float, sizes: Floats) -> Bearing:
         """Return the Bearing that keeps the slowly built-up deviation of each mode below, m.
 
         Args:
@@ -96,11 +106,11 @@ class Response:
         return Bearing(self.parameters, self.slopes * stiff, self.bends * stiff,
                        np.full(self.slopes.shape, deviation))
 
-    def faster(self, factor):
+    def faster(self, factor: float) -> Response:
         """Return the Response with all frequencies times a factor."""
         return replace(self, rates=factor * self.rates)
 
-    def oscillators(self, law):
+    def oscillators(self, law: TimeLaw) -> tuple[Floats, Floats, Floats, Floats, Floats]:
         """Return times (t + 1,), parameters (t + 1,), rates and damping (t, m), turns (t, m, m).
 
         The last three are those of `vibrated`.
@@ -118,7 +128,7 @@ class Response:
         return (times, u, self.between(self.rates, middle),
                 self.between(self.damping, middle), np.linalg.solve(one + half, one - half))
 
-    def excited(self, law, begin):
+    def excited(self, law: TimeLaw, begin: Floats) -> tuple[Floats, Floats, Floats]:
         """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
 
         Args:
@@ -136,11 +146,11 @@ class Response:
         return times, u, vibrated(times[1], *oscillators, force[None], begin[:, None])[:, 0]
 
     @property
-    def rest(self):
+    def rest(self) -> Floats:
         """(2, m) y and y'/w of a DLO that does not vibrate."""
         return np.zeros((2, self.rates.shape[1]))
 
-    def taken_over(self, before, end):
+    def taken_over(self, before: Response, end: Floats) -> Floats:
         """Return (2, m) y and y'/w at the beginning of a DLO that moves as at the end of a leg.
 
         Args:
@@ -149,15 +159,17 @@ class Response:
         moved = end * np.stack([np.ones(len(before.rates[-1])), before.rates[-1]])
         here = moved @ np.einsum('k,ski,mki->sm', self.masses, before.displacements[-1],
                                  self.displacements[0])
-        return here / np.stack([np.ones(len(self.rates[0])), self.rates[0]])
+        result: Floats = here / np.stack([np.ones(len(self.rates[0])), self.rates[0]])
+        return result
 
-    def waited(self, end, seconds):
+    def waited(self, end: Floats, seconds: float) -> Floats:
         """Return (2, m) y and y'/w, `end` at the end of the leg, of a DLO after some seconds."""
         one = np.eye(end.shape[1])[None]
-        return vibrated(seconds, self.rates[-1:], self.damping[-1:], one,
-                        np.zeros((1, 1, end.shape[1])), end[:, None])[:, 0, 1]
+        result: Floats = vibrated(seconds, self.rates[-1:], self.damping[-1:], one,
+                                  np.zeros((1, 1, end.shape[1])), end[:, None])[:, 0, 1]
+        return result
 
-    def between(self, known, u):
+    def between(self, known: Floats, u: Floats) -> Floats:
         """Return what is `known` (n, ...) at the parameters, at others u (t,)."""
         n = self.parameters
         after = np.clip(np.searchsorted(n, u), 1, n.size - 1)
@@ -165,7 +177,7 @@ class Response:
         share = share.reshape(-1, *np.ones(known.ndim - 1, dtype=int))
         return (1 - share) * known[after - 1] + share * known[after]
 
-    def sideways(self, s):
+    def sideways(self, s: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the displacements at arc lengths s (n,), m: (n, m, 3) across the DLO there.
 
         And the tangents there (n, 3), and the displacements along them (n, m).
@@ -182,38 +194,42 @@ class Response:
         return across, tangents, ahead
 
 
-def _places(simulator, leg, first):
+def _places(simulator: DirectSimulator, leg: Leg,
+            first: Shape) -> tuple[Floats, list[Shape], list[Modes]]:
     """Return parameters (n,), n Shapes and n Modes on a leg, denser where frequencies change fast.
 
     There, as near the loss of stability, all else changes fast, too.
     """
     parts = max(1, -(-(_PLACES - 1) // (leg.knots.size - 1)))
     u = np.append(leg.pieces(parts)[0], leg.knots[-1])
-    for left in reversed(range(_HALVINGS)):
+    left = _HALVINGS
+    while True:
         shapes, modes = _known(simulator, leg, first, u)
         rates = np.array([one.frequencies[:_SLOWEST] for one in modes])
         change = np.abs(np.diff(rates, axis=0))
         far = (change > _CHANGE * np.maximum(rates[1:], rates[:-1])).any(axis=1)
+        left -= 1
         if not (left and far.any()):
             return u, shapes, modes
         u = np.sort(np.append(u, 0.5 * (u[:-1] + u[1:])[far]))
 
 
-def _known(simulator, leg, first, u):
+def _known(simulator: DirectSimulator, leg: Leg, first: Shape,
+           u: Floats) -> tuple[list[Shape], list[Modes]]:
     """Return n Shapes and n Modes on a leg at the parameters u (n,)."""
     poses = [Pose.from_rotation(*pose) for pose in zip(*leg.poses(u), strict=True)]
     shapes = simulator.track(poses, initial=first)
-    return shapes, modes_along(shapes, _MODES)
+    return shapes, list(modes_along(shapes, _MODES))
 
 
-def _on(shape, s):
+def _on(shape: Shape, s: Floats) -> Floats:
     """Return (N + 1, 3) the positions of a Shape at arc lengths s (N + 1,)."""
     if np.array_equal(shape.s, s):
         return shape.positions
     return np.array([shape.at(float(one)).position for one in s])
 
 
-def _spread(modes, s):
+def _spread(modes: Modes, s: Floats) -> Floats:
     """Return the displacements of Modes at arc lengths s."""
     if np.array_equal(modes.s, s):
         return modes.displacements
@@ -222,7 +238,7 @@ def _spread(modes, s):
     return np.moveaxis(at.reshape(len(modes), 3, s.size), 1, 2)
 
 
-def _turning(masses, displacements):
+def _turning(masses: Floats, displacements: Floats) -> Floats:
     """Return (n - 1, m, m) skew matrices: by how much modes turn from one place to the next.
 
     Products of the modes here with what those there differ from them by, weighted by mass.

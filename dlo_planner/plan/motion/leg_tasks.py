@@ -6,22 +6,28 @@ A wrong stiffness changes more than frequencies: the DLO hangs otherwise, and th
 gripper excites its vibrations otherwise. So its modes are looked at as well.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.along import scaled
 from dlo_planner.plan.motion.calm import LegTask
 from dlo_planner.plan.motion.leg_response import Response
+from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.passing import held_after, holes_passed
+from dlo_planner.plan.path import GripperPath, Leg
+from dlo_planner.plan.plan import Plan
 
 _ELEMENTS = 32   # of the DLO whose modes are looked at
 _WRONG = (0.9, 1.1)  # factors of the stiffness with which a DLO is calm, too
 
 
-def leg_tasks(simulator, plan, path, limits, first, check):
+def leg_tasks(simulator: DirectSimulator, plan: Plan, path: GripperPath, limits: Limits,
+              first: Shape, check: Callable[[], None]) -> list[LegTask | None]:
     """Return a LegTask for each leg of a path; None for a dwell, or where modes are not known.
 
     Args:
@@ -30,7 +36,9 @@ def leg_tasks(simulator, plan, path, limits, first, check):
         check: called before each leg; it may raise
     """
     quick, bore = _quick(simulator), held_after(plan)
-    wrong, shape, tasks = [_Wrong(quick, factor) for factor in _WRONG], None, []
+    wrong = [_Wrong(quick, factor) for factor in _WRONG]
+    shape: Shape | None = None
+    tasks: list[LegTask | None] = []
     for leg in path.legs:
         check()
         # what a bore holds vibrates quickly outside, and little
@@ -60,14 +68,14 @@ class _Wrong:
     quick: DirectSimulator
     factor: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         rod = self.quick.rod
         self._simulator = self.quick.with_rod(replace(
             rod, bending_stiffness=scaled(rod.bending_stiffness, self.factor),
             torsional_stiffness=scaled(rod.torsional_stiffness, self.factor)))
-        self._shape = None
+        self._shape: Shape | None = None
 
-    def on(self, response, leg):
+    def on(self, response: Response, leg: Leg) -> Response:
         """Return the Response on a leg, where that of the DLO as it is given is `response`.
 
         Where such a DLO falls or has no modes, the same with other frequencies.
@@ -86,7 +94,7 @@ class _Wrong:
         return response.faster(np.sqrt(self.factor))
 
 
-def _quick(simulator):
+def _quick(simulator: DirectSimulator) -> DirectSimulator:
     """Return a DirectSimulator of the same DLO on a fixed, coarse mesh, for its modes."""
     around = simulator.surroundings
     return DirectSimulator(around.rod, n_elements=_ELEMENTS, basis='local', gravity=around.gravity,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import number
 from dlo_planner.model.value import Value, put
 
@@ -30,14 +31,14 @@ class Limits(Value):
     linear_jerk: float = 5.0
     angular_jerk: float = 20.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, value in list(self.__dict__.items()):
             put(self, **{name: np.inf if isinstance(value, float) and value == np.inf
                          else number(f'Limits.{name}', value, above=0)})
         super().__post_init__()
 
     @property
-    def sizes(self) -> np.ndarray:
+    def sizes(self) -> Floats:
         """(3, 2) limits of speed, acceleration, jerk (rows), linear and angular (columns)."""
         return np.array([[self.linear_speed, self.angular_speed],
                          [self.linear_acceleration, self.angular_acceleration],

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import BSpline
 
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import results
 from dlo_planner.model.value import Value, put
 
@@ -23,11 +24,11 @@ class Shift(Value):
             first three derivatives vanish at both ends
     """
 
-    knots: np.ndarray
-    coefficients: np.ndarray
+    knots: Floats
+    coefficients: Floats
     _spline: BSpline = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         knots = results('Shift.knots', self.knots, (None,))
         coefficients = results('Shift.coefficients', self.coefficients,
                                (knots.size - DEGREE - 1, 3))
@@ -35,15 +36,16 @@ class Shift(Value):
             _spline=BSpline(knots, coefficients, DEGREE))
         super().__post_init__()
 
-    def at(self, times: np.ndarray, order: int = 0) -> np.ndarray:
+    def at(self, times: Floats, order: int = 0) -> Floats:
         """Return (n, 3) shifts in m, or their derivatives by time of `order`, at times (n,) s.
 
         Times outside the leg count as its ends.
         """
-        return self._spline(np.clip(times, self.knots[0], self.knots[-1]), order)
+        result: Floats = self._spline(np.clip(times, self.knots[0], self.knots[-1]), order)
+        return result
 
     @property
-    def most(self) -> np.ndarray:
+    def most(self) -> Floats:
         """(4,) bounds of the lengths of the shift, m, and of its three derivatives by time."""
         found, spline = [], self._spline
         for _ in range(4):

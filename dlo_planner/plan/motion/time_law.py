@@ -14,6 +14,7 @@ from math import comb, factorial
 import numpy as np
 from scipy.interpolate import PPoly
 
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import results
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.motion.shift import Shift
@@ -33,13 +34,13 @@ class TimeLaw(Value):
         shift: Shift of the gripper beside the leg, or None
     """
 
-    parameters: np.ndarray
-    rates: np.ndarray
-    windows: np.ndarray
+    parameters: Floats
+    rates: Floats
+    windows: Floats
     shift: Shift | None = None
     _progress: PPoly = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         u = results('TimeLaw.parameters', self.parameters, (None,))
         rates = results('TimeLaw.rates', self.rates, u.shape)
         windows = results('TimeLaw.windows', self.windows, (None,))
@@ -55,7 +56,7 @@ class TimeLaw(Value):
         """Time from rest to rest, s."""
         return float(self._progress.x[-1])
 
-    def at(self, times: np.ndarray) -> np.ndarray:
+    def at(self, times: Floats) -> Floats:
         """Return (4, n): u and its first three derivatives by time at times (n,) s.
 
         At rest before 0 and after the duration.
@@ -71,7 +72,7 @@ class TimeLaw(Value):
         return TimeLaw(self.parameters, self.rates / factor, self.windows)
 
     @property
-    def bounds(self) -> np.ndarray:
+    def bounds(self) -> Floats:
         """(2,) bounds of the sizes of u'' and u''' at all times."""
         most = np.abs(np.diff(self.rates) / self.steps).max()
         rate, (width, *others) = self.rates.max(), np.sort(self.windows)[::-1]
@@ -81,11 +82,11 @@ class TimeLaw(Value):
         return np.array([min(most, rate / width), jerk])
 
     @property
-    def steps(self) -> np.ndarray:
+    def steps(self) -> Floats:
         """(m - 1,) times from one parameter to the next before smoothing, s."""
         return 2 * np.diff(self.parameters) / (self.rates[1:] + self.rates[:-1])
 
-    def arrivals(self, parameters: np.ndarray) -> np.ndarray:
+    def arrivals(self, parameters: Floats) -> Floats:
         """Return the times (n,), s, at which u reaches the parameters (n,)."""
         low, high = np.zeros(len(parameters)), np.full(len(parameters), self.duration)
         for _ in range(_HALVINGS):
@@ -95,14 +96,14 @@ class TimeLaw(Value):
         return high
 
 
-def _before_smoothing(u, rates):
+def _before_smoothing(u: Floats, rates: Floats) -> PPoly:
     """Return the PPoly of u over time, from rest at 0 to rest."""
     steps = 2 * np.diff(u) / (rates[1:] + rates[:-1])
     coefficients = np.stack([0.5 * np.diff(rates) / steps, rates[:-1], u[:-1]])
     return PPoly(coefficients, np.append(0.0, np.cumsum(steps)), extrapolate=False)
 
 
-def _averaged(progress, width):
+def _averaged(progress: PPoly, width: float) -> PPoly:
     """Return the PPoly of the average of a motion from rest to rest over the `width` s before."""
     end = progress.x[-1]
     last = float(np.polyval(progress.c[:, -1], end - progress.x[-2]))
@@ -124,7 +125,7 @@ def _averaged(progress, width):
         for n in range(order, -1, -1)]), knots)
 
 
-def _constant(coefficients, value):
+def _constant(coefficients: Floats, value: float) -> Floats:
     coefficients = coefficients.copy()
     coefficients[-1] = value
     return coefficients

@@ -5,6 +5,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import row
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
@@ -32,20 +33,26 @@ class TimedPath(Value):
         starts: (k + 1,) times at which the k legs begin, s, and the duration
     """
 
-    PARTS = ('path', 'laws', 'limits')
+    PARTS: tuple[str, ...] = ('path', 'laws', 'limits')
     REMEMBERED = ('starts', 'duration')
 
-    def __init__(self, path: GripperPath, laws: tuple[TimeLaw | None, ...], limits: Limits):
+    path: GripperPath
+    laws: tuple[TimeLaw | None, ...]
+    limits: Limits
+    starts: Floats
+    duration: float
+
+    def __init__(self, path: GripperPath, laws: tuple[TimeLaw | None, ...], limits: Limits) -> None:
         spans = [np.ptp(leg.knots) if law is None else law.duration
                  for leg, law in zip(path.legs, laws, strict=True)]
         starts = np.append(0.0, np.cumsum(spans))
         put(self, path=path, laws=tuple(laws), limits=limits, starts=starts,
             duration=float(starts[-1]))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, f'{self.duration:.4g} s', f'{len(self.path.legs)} legs')
 
-    def at(self, times: ArrayLike) -> tuple[list[Pose], np.ndarray, np.ndarray]:
+    def at(self, times: ArrayLike) -> tuple[list[Pose], Floats, Floats]:
         """Return Poses (list), velocities (n, 6) and accelerations (n, 6) at `times` (n,) s.
 
         Linear before angular, m/s, rad/s, m/s^2, rad/s^2, all in world axes: the angular ones are
@@ -56,7 +63,8 @@ class TimedPath(Value):
             InvalidTask: a time is no finite number
         """
         which, since = self._split(times)
-        poses, speeds, accelerations = [None] * since.size, *np.zeros((2, since.size, 6))
+        poses = np.empty(since.size, dtype=object)
+        speeds, accelerations = np.zeros((2, since.size, 6))
         for k in np.unique(which):
             here, leg = np.flatnonzero(which == k), self.path.legs[k]
             done, rate, change, _ = self._progress(k, since[here])[:, :, None]
@@ -69,9 +77,9 @@ class TimedPath(Value):
                 accelerations[here, :3] += shift.at(since[here], 2)
             for index, *pose in zip(here, position, turns, strict=True):
                 poses[index] = Pose.from_rotation(*pose)
-        return poses, speeds, accelerations
+        return list(poses), speeds, accelerations
 
-    def progress(self, times: ArrayLike) -> np.ndarray:
+    def progress(self, times: ArrayLike) -> Floats:
         """Return (n,) how far along the plan the gripper is at `times` (n,) s, as in `Plan.times`.
 
         Raises:
@@ -83,14 +91,14 @@ class TimedPath(Value):
             done[which == k] = self._progress(k, since[which == k])[0]
         return done
 
-    def _progress(self, k, since):
+    def _progress(self, k: int, since: Floats) -> Floats:
         law, leg = self.laws[k], self.path.legs[k]
         if law is not None:
             return law.at(since)
         done = np.minimum(leg.knots[0] + since, leg.knots[-1])
         return np.stack([done, *np.zeros((3, since.size))])
 
-    def _split(self, times):
+    def _split(self, times: ArrayLike) -> tuple[Ints, Floats]:
         """Return indices of legs (n,) and the times (n,) since their beginnings."""
         times = np.clip(row('times', times, most=_MOST), 0, self.duration)
         which = np.minimum(np.searchsorted(self.starts[1:], times), len(self.laws) - 1)
@@ -110,8 +118,8 @@ def fastest_law(leg: Leg, limits: Limits) -> TimeLaw | None:
     return smoothed(leg, limits, *fastest_rates(leg, limits), np.zeros(0))
 
 
-def smoothed(leg: Leg, limits: Limits, parameters: np.ndarray, rates: np.ndarray,
-             windows: np.ndarray) -> TimeLaw:
+def smoothed(leg: Leg, limits: Limits, parameters: Floats, rates: Floats,
+             windows: Floats) -> TimeLaw:
     """Return a TimeLaw slowed down evenly until it keeps the limits.
 
     Args:
@@ -129,9 +137,10 @@ def smoothed(leg: Leg, limits: Limits, parameters: np.ndarray, rates: np.ndarray
     return law
 
 
-def _within_jerk(leg, limits, parameters, rates):
+def _within_jerk(leg: Leg, limits: Limits, parameters: Floats, rates: Floats) -> TimeLaw:
     """Return the TimeLaw with one window, about as wide as the limits of jerk need."""
-    plain = TimeLaw(parameters, rates, [1e-3])
+    plain = TimeLaw(parameters, rates, np.array([1e-3]))
     first = np.array([np.linalg.norm(leg.at(parameters)[2].reshape(-1, 2, 3), axis=2).max(axis=0)])
     most = (np.abs(np.diff(rates)) / plain.steps).max() * first / limits.sizes[2]
-    return TimeLaw(parameters, rates, [max(2 * most.max(), _SHORTEST * plain.duration)])
+    return TimeLaw(parameters, rates,
+                   np.array([max(2 * most.max(), _SHORTEST * plain.duration)]))

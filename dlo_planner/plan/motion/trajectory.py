@@ -10,11 +10,12 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items, number
-from dlo_planner.model.obstacles import OBSTACLES
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import brief, put
-from dlo_planner.plan.motion.calm import calm_law, margin, predicted
+from dlo_planner.plan.motion.calm import LegTask, calm_law, margin, predicted
 from dlo_planner.plan.motion.in_motion import InMotion, in_motion, least_clearance, watched
 from dlo_planner.plan.motion.leg_tasks import leg_tasks
 from dlo_planner.plan.motion.limits import Limits
@@ -74,12 +75,16 @@ class Trajectory(TimedPath):
         DeadlineExceeded: as asked for
     """
 
-    PARTS = ('path', 'laws', 'limits', 'tolerance', 'motion', 'mode_margin')
+    PARTS: tuple[str, ...] = ('path', 'laws', 'limits', 'tolerance', 'motion', 'mode_margin')
 
-    def __init__(self, plan: Plan, limits: Limits | None = None, *,
-                 tolerance: float | None = None, simulator: DirectSimulator | None = None,
-                 initial: Shape | None = None, obstacles: Iterable = (),
-                 progress: OnProgress = None, deadline: float | None = None):
+    tolerance: float
+    motion: InMotion | None
+    mode_margin: float
+
+    def __init__(self, plan: Plan, limits: Limits | None = None, *, tolerance: float | None = None,
+                 simulator: DirectSimulator | None = None, initial: Shape | None = None,
+                 obstacles: Iterable[Obstacle] = (), progress: OnProgress = None,
+                 deadline: float | None = None) -> None:
         instance('plan', plan, Plan)
         limits = Limits() if limits is None else instance('limits', limits, Limits)
         instance('initial', initial, Shape, optional=True)
@@ -97,7 +102,7 @@ class Trajectory(TimedPath):
         put(self, motion=motion, mode_margin=spare,
             **{name: getattr(way, name) for name in ('laws', 'starts', 'duration')})
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         said = '' if self.motion is None else f'miss {self.motion.miss:.2g} m'
         return brief(self, f'{self.duration:.4g} s', f'{len(self.path.legs)} legs', said)
 
@@ -121,67 +126,73 @@ class _Search:
         obstacles: tuple; progress: Progress
     """
 
-    def __init__(self, plan, fastest, tolerance, simulator, first, obstacles, progress):
+    def __init__(self, plan: Plan, fastest: TimedPath, tolerance: float, simulator: DirectSimulator,
+                 first: Shape, obstacles: tuple[Obstacle, ...], progress: Progress) -> None:
         self._plan, self._fastest, self._tolerance = plan, fastest, tolerance
         self._obstacles, self._progress = watched(simulator, plan, obstacles), progress
         rod = simulator.rod
-        self._simulators = [simulator] + [simulator.with_rod(replace(rod, damping=0.0))] * any(
-            rod.damping)
+        self._simulators = [simulator]
+        if np.any(rod.damping):
+            self._simulators.append(simulator.with_rod(replace(rod, damping=0.0)))
         self._first = first if first.far_end is not None else simulator.solve(first.gripper, first)
         self._tasks = leg_tasks(simulator, plan, fastest.path, fastest.limits, self._first,
                                 self._progress.check)
         # as planned, nan if there is nothing to be near to
         self._room = least_clearance(plan, self._obstacles, Surface.of(rod), plan.shapes)
 
-    def found(self):
+    def found(self) -> tuple[TimedPath, InMotion, float]:
         """Return the TimedPath, its InMotion, and the part by which frequencies may be off."""
-        aim, slower, best = self._tolerance, 1.0, None
+        aim, slower = self._tolerance, 1.0
+        what, least, duration = '', np.inf, np.inf
         for _ in range(_ROUNDS):
             way, known = self._way(aim, slower)
             motion = self._moved(way)
-            what, used = self._used(motion)
+            name, used = self._used(motion)
             if used <= 1:
                 return way, motion, self._margin(way, motion)
-            if best is None or used < best[1]:
-                best = what, used, way.duration
+            if not what or used < least:
+                what, least, duration = name, used, way.duration
             if way.duration > _SLOWEST * self._fastest.duration:
                 break
             # lower than what this way seemed to keep: else the same one would be found again
             kept = max((one for one in known if one <= aim), default=aim)
             aim = kept * max(min(_SPARE / used, _SPARE), 0.25)
             slower *= np.sqrt(2) if used < 4 else 2.0
-        what, used, duration = best
         if what == 'contact':
             raise Infeasible('limits: in motion the DLO touches what the plan does not', len(
-                self._plan) - 1, what, float((used - 1) * self._tolerance), self._plan)
+                self._plan) - 1, what, float((least - 1) * self._tolerance), self._plan)
         raise Infeasible(
-            f'limits: the DLO is not calm: {what} in motion, {used * self._tolerance:.3g} m at '
+            f'limits: the DLO is not calm: {what} in motion, {least * self._tolerance:.3g} m at '
             f'best, in {duration:.3g} s: expected at most {self._tolerance:.3g} m',
-            len(self._plan) - 1, what, float((used - 1) * self._tolerance), self._plan)
+            len(self._plan) - 1, what, float((least - 1) * self._tolerance), self._plan)
 
-    def _way(self, aim, slower):
+    def _way(self, aim: float, slower: float) -> tuple[TimedPath, list[float]]:
         """Return a TimedPath, and the largest deviations of its legs as far as modes tell, m."""
-        laws, known, before, states = [], [], None, None
+        laws: list[TimeLaw | None] = []
+        known: list[float] = []
+        before: LegTask | None = None
+        states: list[Floats] = []
         for leg, task, law in zip(self._fastest.path.legs, self._tasks, self._fastest.laws,
                                   strict=True):
             self._progress.check()
             if task is not None:
                 begins = task.rest if before is None else task.taken_over(before, states)
-                laws.append(calm_law(task, aim, begins, self._progress.check))
-                known.append(predicted(task, laws[-1], begins))
-                before, states = task, task.after(laws[-1], begins)
+                calm = calm_law(task, aim, begins, self._progress.check)
+                laws.append(calm)
+                known.append(predicted(task, calm, begins))
+                before, states = task, task.after(calm, begins)
             else:
                 laws.append(law if law is None else law.slower(slower))
                 if before is not None:  # a dwell
                     states = before.waited(states, np.ptp(leg.knots))
         return TimedPath(self._fastest.path, tuple(laws), self._fastest.limits), known
 
-    def _moved(self, way):
+    def _moved(self, way: TimedPath) -> InMotion:
         found = [in_motion(simulator, self._plan, way, self._first, self._obstacles, self._progress)
                  for simulator in self._simulators]
         return found[0] if len(found) == 1 else found[0].worse(found[1])
 
-    def _used(self, motion):
+    def _used(self, motion: InMotion) -> tuple[str, float]:
         """Return the name of what uses most of the tolerance, and which part of it."""
         if not motion.converged:
             return 'motion', np.inf
@@ -200,14 +211,14 @@ class _Search:
         return max(((name, part) for name, part in used.items() if not np.isnan(part)),
                    key=lambda one: one[1])
 
-    def _missed(self, motion):
+    def _missed(self, motion: InMotion) -> float:
         """Return by how much a motion misses more than the plan, m; nan without a center."""
-        return motion.miss - self._plan.miss.max()
+        return float(motion.miss - self._plan.miss.max())
 
-    def _margin(self, way, motion):
+    def _margin(self, way: TimedPath, motion: InMotion) -> float:
         """Return by which part frequencies may be off until the miss is twice the tolerance."""
         known = [(task, law) for task, law in zip(self._tasks, way.laws, strict=True)
-                 if task is not None]
+                 if task is not None and law is not None]
         if not known:
             return np.nan
         worst = max(motion.departure, np.nan_to_num(self._missed(motion)))
@@ -215,7 +226,7 @@ class _Search:
             1.0, predicted(task, law) / worst)) for task, law in known)
 
 
-def _simulator(simulator, plan):
+def _simulator(simulator: DirectSimulator | None, plan: Plan) -> DirectSimulator:
     """Return the DirectSimulator that verifies a Plan; raise InvalidTask if there is none."""
     first = plan.shapes[0]
     length = float(first.s[-1]) + (0.0 if first.far_end is None else float(plan.depths[0]))
@@ -236,7 +247,7 @@ def _simulator(simulator, plan):
     return simulator
 
 
-def simulator_of(shape, touching):
+def simulator_of(shape: Shape, touching: bool) -> DirectSimulator:
     """Return a DirectSimulator of the DLO that a Shape is of, with its load.
 
     Args:
@@ -251,7 +262,7 @@ def simulator_of(shape, touching):
                            obstacles=around.obstacles if touching else ())
 
 
-def _tolerance(tolerance, plan):
+def _tolerance(tolerance: float | None, plan: Plan) -> float:
     if tolerance is not None:
         endless = isinstance(tolerance, float) and tolerance == np.inf
         return tolerance if endless else number('tolerance', tolerance, above=0)
