@@ -45,9 +45,10 @@ def _fields(record: Any) -> Any:
 def _fields_of(record: Any) -> Any:
     """Write the function that returns all fields of this kind of record."""
     names = [name for name, _ in record._fields]
-    scope: dict[str, Any] = {}
-    exec('def read(record):\n    return (' + ''.join(f'record.{name}, ' for name in names) + ')',
-         scope)
+    scope: dict[str, Any] = {'Any': Any}
+    # numba compares the signatures, annotations too
+    exec('def read(record: Any) -> Any:\n    return ('
+         + ''.join(f'record.{name}, ' for name in names) + ')', scope)
     return scope['read']
 
 
