@@ -11,7 +11,6 @@ It stands for the real cell and shares only data types (`dlo_planner.model`) wit
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from math import ceil
 from typing import Any
 
@@ -22,8 +21,10 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.cell.chain import add_chain, add_gripper, chain_of, set_springs
 from dlo_planner.cell.engine import mujoco
+from dlo_planner.cell.passage import Passage, passage_of
 from dlo_planner.cell.scenery import add_obstacle
 from dlo_planner.cell.truth import Truth
+from dlo_planner.cell.vibrations import linear
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, number, row, vector
@@ -31,37 +32,18 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.value import Value
 
 _GRAVITY = (0.0, 0.0, -9.81)
 _STILL = 1e-8     # rad per `Chain.slowness`: a DLO that moves no faster is at rest
 _SETTLING = 0.02  # of `Chain.slowness`: step of time while it settles
 _DRAG = 0.05      # part of all velocities that is taken away in each step while it settles
 _LONGEST = 20_000  # steps until it is at rest
-_DIFFERENCE = 1e-5  # rad, step of difference quotients
 _MOVED = 1e-4     # rad, largest angle in a displacement by a mode
 # solref, solimp of the engine: as stiff as a step of time allows, penetration well below 0.1 mm
 _STIFF_CONTACT = (2e-4, 1.0), (0.95, 0.99, 1e-4, 0.5, 2.0)
 _ROUNDING = 1e-9  # of a number of steps
 _WILD = 1e6       # rad/s: a faster joint is unstable
 _FINE = 4         # points per cell at which the plane of a hole is looked for
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Passage(Value):
-    """Where a DLO pierces the plane of a cut-out.
-
-    Attributes:
-        depth: arc length beyond the plane, m; 0: the DLO does not pierce it
-        miss: largest distance from the center at which the DLO pierces the plane, m; nan if it
-            does not
-        y, z: coordinates of that point in the axes of the cut-out, m
-    """
-
-    depth: float
-    miss: float
-    y: float
-    z: float
 
 
 class Plant:
@@ -157,19 +139,7 @@ class Plant:
         """Return the Passage of a cut-out, at its true place (shifted by the Truth)."""
         instance('cutout', cutout, CutOut)
         s = np.linspace(0, self._chain.length, _FINE * len(self._chain.masses) + 1)
-        local = ((self._curve(s) - cutout.center - self.truth.hole_shift)
-                 @ cutout.pose.rotation)
-        before, after = local[:-1], local[1:]
-        pierced = np.flatnonzero((before[:, 0] < 0) != (after[:, 0] < 0))
-        if not pierced.size:
-            return Passage(0.0, np.nan, np.nan, np.nan)
-        before, after = before[pierced], after[pierced]
-        part = (before[:, 0] / (before[:, 0] - after[:, 0]))[:, None]
-        places = (before + part * (after - before))[:, 1:]
-        misses = np.linalg.norm(places, axis=1)
-        first = s[pierced[0]] + part[0, 0] * (s[1] - s[0])
-        worst = misses.argmax()
-        return Passage(self._chain.length - first, misses[worst], *places[worst])
+        return passage_of(cutout, s, self._curve(s) - self.truth.hole_shift)
 
     def modes(self, count: int = 3) -> tuple[Floats, Floats]:
         """Return frequencies (count,) in Hz and shapes (count, n + 1, 3) of small vibrations.
@@ -181,7 +151,7 @@ class Plant:
         count = integer('count', count, minimum=1, maximum=self._model.nv - 6)
         data, here = mujoco.MjData(self._model), self._data.qpos
         data.qpos[:] = here
-        squares, vectors = eigh(*self._linear(data), subset_by_index=(0, count - 1))
+        squares, vectors = eigh(*linear(self._model, data), subset_by_index=(0, count - 1))
         shapes = np.array([self._displacement(data, here, vector) for vector in vectors.T])
         return np.sqrt(np.maximum(squares, 0)) / (2 * np.pi), shapes
 
@@ -296,27 +266,6 @@ class Plant:
         x = (scaled - k)[:, None]
         return (places[k] * (1 - x) ** 2 * (1 + 2 * x) + places[k + 1] * x**2 * (3 - 2 * x)
                 + self._chain.cell * x * (1 - x) * (tangents[k] * (1 - x) - tangents[k + 1] * x))
-
-    def _linear(self, data: Any) -> tuple[Floats, Floats]:
-        """Return stiffness and mass matrices (3 n, 3 n) of the joints about a state at rest."""
-        model, size = self._model, self._model.nv - 6
-        mujoco.mj_forward(model, data)
-        mass = np.zeros((size, model.nv))
-        for k in range(size):
-            unit = np.zeros(model.nv)
-            unit[6 + k] = 1
-            mujoco.mj_mulM(model, data, mass[k], unit)
-        rest, stiffness = data.qpos.copy(), np.zeros((size, size))
-        for k in range(size):
-            forces = []
-            for sign in (1, -1):
-                data.qpos[:] = rest
-                data.qpos[7 + k] += sign * _DIFFERENCE
-                mujoco.mj_fwdPosition(model, data)
-                mujoco.mj_fwdVelocity(model, data)
-                forces.append(data.qfrc_bias[6:] - data.qfrc_passive[6:])
-            stiffness[k] = (forces[0] - forces[1]) / (2 * _DIFFERENCE)
-        return 0.5 * (stiffness + stiffness.T), mass[:, 6:]
 
     def _displacement(self, data: Any, rest: Floats, vector: Floats) -> Floats:
         """Return how the nodes (n + 1, 3) move with a vector of the joints, 1 at most."""

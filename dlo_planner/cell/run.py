@@ -59,7 +59,7 @@ class Outcome(Value):
 
 def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHING_UNKNOWN,
         camera: Camera | None = None, damping: float = 0.005, step: float = STEP,
-        watch: Callable | None = None) -> Outcome:
+        watch: Callable[[Plant], object] | None = None) -> Outcome:
     """Return the Outcome of a Task.
 
     Args:
@@ -86,7 +86,7 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
     misses, refused = _drive(plant, command, task, viewer, watch)
     passage, miss = plant.passage(task.cutout), max(misses, default=np.nan)
     threaded = (passage.depth > task.depth - _SHORT * task.rod.length
-                and miss < task.cutout.radius and not refused)
+                and miss < task.radius and not refused)
     return Outcome(seed, refused, bool(threaded), passage.depth, float(miss),
                    float(plant.largest_forces[0]), plant.time,
                    float(getattr(command, 'promised', np.nan)))
@@ -95,7 +95,7 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
 def _drive(plant: Plant, command: Command, task: Task, viewer: Viewer | None,
            watch: Callable[[Plant], object] | None) -> tuple[list[float], str]:
     """Move the gripper until the command is done; return the misses, and why it gave up."""
-    misses = []
+    misses: list[float] = []
     for count in range(int(_LONGEST / PERIOD)):
         images = () if viewer is None else viewer.images(plant, task.cutout)
         try:

@@ -67,7 +67,7 @@ def _around_hole(sheet: Sheet) -> list[Part]:
         turns = 2 * np.pi * np.arange(_SIDES) / _SIDES
         sides = [(angle, hole.radius, reach * np.tan(np.pi / _SIDES)) for angle in turns]
     else:
-        y, z = 0.5 * hole.width, 0.5 * hole.height
+        y, z = 0.5 * float(hole.width or 0.0), 0.5 * float(hole.height or 0.0)
         sides = [(0, y, reach), (np.pi / 2, z, y), (np.pi, y, reach), (1.5 * np.pi, z, y)]
     parts: list[Part] = []
     for angle, inner, wide in sides:

@@ -66,9 +66,15 @@ class Task(Value):
         return Sheet.around(self.cutout, _SIDE, _SIDE, _THICKNESS)
 
     @property
+    def radius(self) -> float:
+        """Of the hole, m."""
+        assert self.cutout.radius is not None  # judged when it is made
+        return self.cutout.radius
+
+    @property
     def room(self) -> float:
         """The largest miss with which the DLO does not touch the rim, m."""
-        return self.cutout.radius - self.rod.radius
+        return self.radius - even_radius(self.rod)
 
 
 def draw_task(seed: int, name: str | None = None, radius: float | None = None) -> Task:
@@ -85,7 +91,7 @@ def draw_task(seed: int, name: str | None = None, radius: float | None = None) -
     rng = np.random.default_rng([integer('seed', seed, minimum=0, maximum=2**31), 77])
     name = list(RODS)[seed % len(RODS)] if name is None else choice('name', name, list(RODS))
     rod = RODS[name]
-    smallest = max(RADII[0], rod.radius + _LEAST_ROOM)
+    smallest = max(RADII[0], even_radius(rod) + _LEAST_ROOM)
     drawn = rng.uniform(smallest, RADII[1])
     hole = CutOut(Pose.looking_along(_CENTER, _direction(rng)),
                   radius=drawn if radius is None else radius)
@@ -93,6 +99,13 @@ def draw_task(seed: int, name: str | None = None, radius: float | None = None) -
     position = hole.pose.position + rod.length * hole.pose.rotation @ (-back, *aside)
     tilt = hole.normal + rng.uniform(-0.4, 0.4, 3)
     return Task(name, rod, hole, Pose.looking_along(position, tilt), _DEPTH * rod.length)
+
+
+def even_radius(rod: Rod) -> float:
+    """Return the radius of a Rod that is as thick all along, m; raise InvalidTask."""
+    if not isinstance(rod.radius, float):
+        raise InvalidTask(f'rod.radius = {rod.radius!r}: expected a number')
+    return rod.radius
 
 
 def _direction(rng: np.random.Generator) -> Floats:

@@ -129,4 +129,5 @@ NOTHING_UNKNOWN = Unknowns()
 # `--unknown much` and `--unknown more`
 UNCERTAIN = Unknowns(0.05, 0.02, natural_curvature=np.array([0.05]), gripper_position=0.5e-3,
                      gripper_rotation=_TILT)
-VERY_UNCERTAIN = Unknowns(0.05, 0.02, 0.03, np.array([0.05, 0.03, 0.03]), 1e-3, 0.5e-3, _TILT, 0.5e-3)
+VERY_UNCERTAIN = Unknowns(0.05, 0.02, 0.03, np.array([0.05, 0.03, 0.03]), 1e-3, 0.5e-3, _TILT,
+                          0.5e-3)

@@ -80,6 +80,7 @@ class Value:
 
     @classmethod
     def compared(cls) -> Sequence[str]:
+        """Return the names of the fields by which values are equal."""
         if is_dataclass(cls):
             return [item.name for item in fields(cls) if item.compare]
         return cls.PARTS

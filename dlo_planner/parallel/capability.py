@@ -181,7 +181,7 @@ def _done(question: Question, batches: Mapping[int, Batch],
 def _joined(grid: CellGrid, chunk: int,
             parts: Mapping[int, dict[str, NDArray[Any]] | None]) -> CapabilityMap:
     """Return the CapabilityMap of a dict of parts by number, None where one is not done."""
-    arrays = {name: np.full((len(grid), *size), *_EMPTY[name], dtype=kind)
+    arrays = {name: np.full((len(grid), *size), _EMPTY.get(name, np.nan), dtype=kind)
               for name, (kind, size) in COLUMNS.items()}
     for k, part in parts.items():
         if part is not None:
@@ -191,8 +191,7 @@ def _joined(grid: CellGrid, chunk: int,
                                   for name, values in arrays.items()})
 
 
-_EMPTY: dict[str, tuple[Any]] = {name: (-1,) if name == 'start' else ('',) if name == 'outcome' else (np.nan,)
-          for name in COLUMNS}
+_EMPTY: dict[str, Any] = {'start': -1, 'outcome': ''}  # else nan
 
 
 def _growing(depths: Floats) -> Floats:

@@ -47,7 +47,8 @@ _NO_MATTER = ('obstacles', 'pinned', 'has_moments')  # of Surroundings: without 
 
 def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float | None = None,
                 executor: Workers = None, *, tasks: int | None = None,
-                initial: Shape | Motion | None = None, velocity: ArrayLike | Callable[[float], ArrayLike] | None = None,
+                initial: Shape | Motion | None = None,
+                velocity: ArrayLike | Callable[[float], ArrayLike] | None = None,
                 tolerance: float | None = None, integrator: str = 'generalized_alpha',
                 progress: OnProgress = None, deadline: float | None = None) -> Motion | list[Shape]:
     """Return a Motion, or the shapes of a slow one, each step begun with what was seen ahead of it.

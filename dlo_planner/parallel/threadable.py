@@ -81,9 +81,10 @@ def _rank(line: Mapping[str, Any]) -> float:
 
 def _from(question: Question, cutout: CutOut, index: int, start: Pose | None) -> dict[str, Any]:
     """Return the line of one start (a Pose or None)."""
-    line: dict[str, Any] = {'outcome': THREADED, 'amount': 0.0, 'fraction': 0.0, 'clearance': np.nan,
-            'stability': np.nan, 'roll': np.nan, 'start': -1 if start is None else index,
-            'gripper': np.full(7, np.nan)}
+    line: dict[str, Any] = {
+        'outcome': THREADED, 'amount': 0.0, 'fraction': 0.0, 'clearance': np.nan,
+        'stability': np.nan, 'roll': np.nan, 'start': -1 if start is None else index,
+        'gripper': np.full(7, np.nan)}
     inverse, patience, prefix = question.inverse, question.patience, ''
     try:
         plan = inverse.thread(cutout, start=start, depths=question.depths, deadline=patience)

@@ -42,7 +42,8 @@ class ArmOutput:
     def __init__(self, node: Any) -> None:
         self._node = node
         self._description = self._semantic = None
-        self._positions: dict[str, tuple[float, float]] = {}  # name -> (rad or m, when it was received)
+        # name -> (rad or m, when it was received)
+        self._positions: dict[str, tuple[float, float]] = {}
         for name, (default, description) in ARM.items():
             if not node.has_parameter(name):
                 _declare(node, name, default, description)

@@ -55,7 +55,8 @@ class Camera:
         self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
         self._reporter, self._picture, self._frames = parts.reporter, parts.picture, parts.frames
         self._set, self._lock = set_parameters, Lock()
-        self._grippers = deque(maxlen=_REMEMBERED)  # (stamp, Pose of the tool frame)
+        # (stamp, Pose of the tool frame)
+        self._grippers: deque[tuple[float, Pose]] = deque(maxlen=_REMEMBERED)
         self._at = None, None, 0  # Scene, Observing of its DLO or None, State.resets
         self._identified = None  # Estimate of which the parameters are being made
         self._corrected = None, -np.inf, None  # running plan, when, the last Correction

@@ -12,7 +12,8 @@ _PATIENCE = 10.0  # s
 
 
 @contextmanager
-def child(module: str, *arguments: str, env: Mapping[str, str]) -> Iterator[subprocess.Popen[bytes]]:
+def child(module: str, *arguments: str,
+          env: Mapping[str, str]) -> Iterator[subprocess.Popen[bytes]]:
     """Run a Python module as a process; interrupt it at the end, and kill it if that is in vain.
 
     Args:

@@ -6,33 +6,39 @@ import argparse
 import os
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, suppress
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from subprocess import Popen
-from time import monotonic, sleep
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
-from trajectory_msgs.msg import MultiDOFJointTrajectory
 
-from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.minimize.newton import residual_of
-from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.ros.child import child
-from dlo_planner.ros.client import PlannerClient, drained
+from dlo_planner.ros.client import PlannerClient
 from dlo_planner.ros.demo_cell import RADIUS, close_the_loop, installed
-from dlo_planner.ros.demo_figures import save_moving, save_threading, save_turning, save_two
-from dlo_planner.ros.execution import ACTIVE
-from dlo_planner.ros.follower import Follower
+from dlo_planner.ros.demo_figures import (
+    Executed,
+    save_moving,
+    save_threading,
+    save_turning,
+    save_two,
+)
+from dlo_planner.ros.demo_measures import (
+    GOAL,
+    away_from,
+    executed,
+    missed,
+    progress,
+    received_residual,
+    times_and_poses,
+)
 from msg_helpers.paths import poses_from_path
 from msg_helpers.poses import pose_from_msg
 
@@ -42,7 +48,6 @@ JUMPS = [100, 80]
 # Fig. 13: one cut-out, three bending rigidities, decreasing.
 DIAMETERS = (2.0e-3, 1.5e-3, 1.15e-3)
 TOO_SOFT = 1.0e-3  # falls sideways before its end is level
-GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 # Fig. 14: two cut-outs, whose centers count.
 TWO_DIAMETER = 1.5e-3
 TWO_GOALS = (GOAL, Pose.looking_along((0.3, 0.0, 0.95), (1.0, 0.0, 0.0)))
@@ -50,7 +55,6 @@ WAYPOINTS, DEEPEST = 40, 0.95
 # Where the gripper is before the job begins: behind the sheet, aside, turned.
 START, STANDOFF = Pose.looking_along((-1.3, 0.3, 1.1), (1.0, 0.2, 0.1)), 0.1
 TOUCH = 0.05  # N, below which nobody minds
-_PATIENCE = 5.0  # s
 _DOMAINS = 100
 
 
@@ -78,21 +82,6 @@ def planner_process(domain: int, directory: str) -> AbstractContextManager[Popen
     return child('dlo_planner.ros.planner_node', '--ros-args', '-p',
                  f'threading.waypoints:={WAYPOINTS}', '-p', f'threading.deepest:={DEEPEST}',
                  env=environment)
-
-
-def received_residual(simulator: DirectSimulator, gripper: Pose, poses: Sequence[Pose]) -> float:
-    """Return the scaled gradient of the potential at a shape that came as a message.
-
-    The strains are taken from the received orientations alone, so this judges what a user gets.
-    """
-    frames = Rotation.from_quat([pose.quaternion for pose in poses])
-    discretization = simulator.discretization(gripper, None)
-    system = discretization.system(gripper.rotation)
-    turns = (frames[:-1].inv() * frames[1:]).as_rotvec()
-    state = new_state(system)
-    unknowns_of(system, turns / system.lengths[:, None], state.q)
-    evaluate(system, state)
-    return float(residual_of(system, state))
 
 
 def gripper_at(degrees: float) -> Pose:
@@ -209,8 +198,8 @@ def move_calmly(client: PlannerClient, folder: Path) -> Row:
     misses = [missed(shape) for shape in motion.shapes]
     promised, allowed = (float(proof[f'report {name} in motion [m]'])
                          for name in ('largest miss', 'tolerance'))
-    save_moving(folder / 'calm_motion.png', times, grippers, GOAL,
-                [shape.positions for shape in motion.shapes], misses, allowed)
+    save_moving(folder / 'calm_motion.png', GOAL, allowed, Executed(
+        times, grippers, [shape.positions for shape in motion.shapes], misses))
     worst = np.nanmax(misses)
     held = bool(proof['report'] == 'held' and not early.success and motion.converged
                 and promised <= allowed and worst <= 1.1 * promised and off < 1e-3
@@ -230,62 +219,6 @@ def thread_in_cell(client: PlannerClient, folder: Path) -> Row:
                f'force {came.force:.2g} N', bool(came.threaded and came.force < TOUCH))
 
 
-def times_and_poses(timed: MultiDOFJointTrajectory) -> tuple[Floats, list[Pose]]:
-    """Return times (n,) s and Poses (list) of a timed trajectory."""
-    times = [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec
-             for point in timed.points]
-    ways = [point.transforms[0] for point in timed.points]
-    return np.array(times), [Pose(
-        [getattr(way.translation, axis) for axis in 'xyz'],
-        [getattr(way.rotation, axis) for axis in 'xyzw']) for way in ways]
-
-
-def executed(client: PlannerClient, seconds: float, first: Pose) -> list[Pose]:
-    """Have the last plan executed by a robot; return the Poses that were commanded.
-
-    Args:
-        client: PlannerClient; seconds: that it takes
-        first: Pose of the tool frame at its beginning
-    """
-    robot = Follower(client.node, client.planner, first)
-    sleep(0.5)  # its first poses have to be heard
-    for messages in (client.commands, client.executions):
-        drained(messages)
-    answer = client.trigger('execute')
-    print(f'  execute: {answer.message}')
-    state, message, end = 'running', 'nothing came', monotonic() + seconds + _PATIENCE
-    while answer.success and state in ACTIVE and monotonic() < end:
-        with suppress(TimeoutError):
-            _, message, values = client.execution_in(*ACTIVE, 'succeeded', 'stopped', timeout=1.0)
-            state = values['state']
-            if state == 'running' and sys.stdout.isatty():
-                progress('seconds executed', int(float(values['done [s]'])), int(seconds) + 1)
-    print(f'  {state}: {message}')
-    robot.close()
-    return [pose_from_msg(msg.pose) for msg in drained(client.commands)]
-
-
-def away_from(commands: Iterable[Pose], grippers: Sequence[Pose]) -> Iterator[float]:
-    """Return how far each commanded Pose is from the way through Poses, m."""
-    way = np.array([pose.position for pose in grippers])
-    steps = np.diff(way, axis=0)
-    lengths = np.maximum((steps**2).sum(axis=1), 1e-30)
-    for command in commands:
-        along = np.clip(((command.position - way[:-1]) * steps).sum(axis=1) / lengths, 0, 1)
-        yield np.linalg.norm(way[:-1] + along[:, None] * steps - command.position, axis=1).min()
-
-
-def missed(shape: Shape) -> float:
-    """Return by how much a Shape passes beside the center of GOAL, m; nan before it gets there."""
-    depth = (shape.positions - GOAL.position) @ GOAL.direction
-    if depth[-1] < 0:
-        return np.nan
-    last = np.flatnonzero(depth[:-1] < 0)[-1]
-    s = brentq(lambda s: (shape.positions_at([s])[0] - GOAL.position) @ GOAL.direction,
-               shape.s[last], shape.s[last + 1])
-    return float(np.linalg.norm(shape.positions_at([s])[0] - GOAL.position))
-
-
 def refuse_soft_wire(client: PlannerClient) -> Row:
     """Ask for what cannot be: a wire so soft that it falls sideways; return its Row."""
     client.set_parameters(rod__diameter=TOO_SOFT)
@@ -295,13 +228,6 @@ def refuse_soft_wire(client: PlannerClient) -> Row:
     return Row(f'thread, EI {1e3 * stiffness:.1f} mN m2', 'a refusal: unstable',
                'refused' if not path.poses else f'{len(path.poses)} gripper poses', seconds,
                float('nan'), 'reason: see the warning above', not path.poses)
-
-
-def progress(what: str, done: int, total: int) -> None:
-    """Show on one line how far a task is."""
-    end = '\n' if done == total else '\r'
-    if sys.stdout.isatty() or done == total:
-        print(f'  {what}: {done}/{total}', end=end, flush=True)
 
 
 def print_table(rows: Sequence[Row]) -> None:

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The demo's pictures: side views in the x-z plane, as in the paper's Fig. 7 and Fig. 13."""
 
+from typing import NamedTuple
+
 import matplotlib
 import numpy as np
 
@@ -111,16 +113,32 @@ def save_two(path: Path, goals: Sequence[Pose], grippers: Sequence[Pose],
     plt.close(figure)
 
 
-def save_moving(path, times, grippers, goal, shapes, misses, tolerance):
+class Executed(NamedTuple):
+    """A motion as it was executed, at n times.
+
+    Attributes:
+        times: (n,) s
+        grippers: n Pose
+        shapes: n (N + 1, 3) positions, m
+        misses: n, m, nan before the free end is at the hole
+    """
+
+    times: Floats
+    grippers: Sequence[Pose]
+    shapes: Sequence[Floats]
+    misses: Sequence[float]
+
+
+def save_moving(path: Path, goal: Pose, tolerance: float, executed: Executed) -> None:
     """Save an executed motion: the wire from the side and from above, speed and miss in time.
 
     Args:
-        times: (n,) s; grippers: n Pose
+        path: of the picture
         goal: Pose of the cut-out
-        shapes: n (N + 1, 3) positions, m
-        misses: n, m, nan before the free end is at the hole
         tolerance: m
+        executed: what was measured
     """
+    times, grippers, shapes, misses = executed
     figure, axes = plt.subplots(2, 2, figsize=(12, 6.4), layout='constrained',
                                 width_ratios=(1.4, 1))
     colors = plt.get_cmap('viridis')

@@ -31,7 +31,8 @@ class Follower:
     def __init__(self, node: Node, planner: str, pose: Pose, lag: float = 0.05,
                  rate: float = 50.0) -> None:
         self._node, self._lag, self._lock = node, lag, Lock()
-        self._pose, self._frame_id, self._coming = pose, 'world', deque(maxlen=_KEPT)
+        self._pose, self._frame_id = pose, 'world'
+        self._coming: deque[tuple[float, Pose]] = deque(maxlen=_KEPT)
         self._out = node.create_publisher(PoseStamped, f'{planner}/gripper_pose',
                                           qos_profile_sensor_data)
         self._in = node.create_subscription(PoseStamped, f'{planner}/gripper_command',

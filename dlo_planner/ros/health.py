@@ -49,10 +49,10 @@ class Health:
         self._counts = {'poses received': 0, 'shapes published': 0, 'poses refused': 0,
                         'plans made': 0, 'plans refused': 0, 'jumps': 0,
                         'clouds received': 0, 'clouds refused': 0, 'corrections': 0}
-        self._arrivals = deque(maxlen=_RECENT)
-        self._latencies = deque(maxlen=_RECENT)
-        self._values = {}
-        self._error = None
+        self._arrivals: deque[float] = deque(maxlen=_RECENT)
+        self._latencies: deque[float] = deque(maxlen=_RECENT)
+        self._values: dict[str, Any] = {}
+        self._error: str | None = None
         self._error_time = -np.inf
 
     def count(self, name: str) -> None:

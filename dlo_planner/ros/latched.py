@@ -24,7 +24,8 @@ class Once:
     """
 
     def __init__(self, callback: Callable[..., Any]) -> None:
-        self._callback, self._seen = callback, OrderedDict()
+        self._callback = callback
+        self._seen: OrderedDict[tuple[int, Any], None] = OrderedDict()
 
     def __call__(self, msg: Any, info: Mapping[str, Any]) -> None:
         """Take a message and what rclpy says of it."""

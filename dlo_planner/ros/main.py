@@ -58,7 +58,8 @@ class Process:
 
     def __init__(self, make: Callable[[], tuple[Any, Any]], args: list[str]) -> None:
         self._make, self._args = make, args
-        self._news: SimpleQueue[Any] = SimpleQueue()  # signals, and the end of the worker; safe in a signal handler
+        # signals, and the end of the worker; safe in a signal handler
+        self._news: SimpleQueue[Any] = SimpleQueue()
         self._worker = Thread(target=self._work, daemon=True)
         self._stopped = Event()
         self._node = self._executor = None

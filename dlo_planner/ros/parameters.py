@@ -17,10 +17,12 @@ from dlo_planner.settings.names import unknown_parameter
 def descriptor(entry: Entry) -> ParameterDescriptor:
     """Return the rcl_interfaces/ParameterDescriptor of an Entry."""
     made = ParameterDescriptor(description=entry.description, read_only=entry.read_only)
-    if entry.lowest is not None and isinstance(entry.default, float):
+    if entry.lowest is None or entry.highest is None:
+        return made
+    if isinstance(entry.default, float):
         made.floating_point_range = [FloatingPointRange(
             from_value=float(entry.lowest), to_value=float(entry.highest), step=0.0)]
-    elif entry.lowest is not None:
+    else:
         made.integer_range = [IntegerRange(
             from_value=int(entry.lowest), to_value=int(entry.highest), step=1)]
     return made

@@ -25,6 +25,7 @@ from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError
 from dlo_planner.model.pose import Pose
+from dlo_planner.view.item import Item
 from dlo_planner.view.live_page import Actions, LivePage
 from dlo_planner.view.page import LOCAL, PORT, Page
 from dlo_planner.view.tables import margin_values
@@ -55,7 +56,8 @@ class Viewer(Node):
         given = {name: self.get_parameter(name).value for name in _PARAMETERS}
         self._planner, self._frame = given['planner'].rstrip('/'), given['frame_id']
         self._allow_execute = given['allow_execute']
-        self._items, self._changed, self._lock = {}, False, Lock()
+        self._items: dict[tuple[str, int], Item] = {}
+        self._changed, self._lock = False, Lock()
         self._heard = None  # geometry_msgs/Pose of the gripper, not shown yet
         self.page = LivePage(Page(f'dlo_planner: {self._planner}', given['host'], given['port']),
                              Actions(self._send_goal, lambda: self._trigger('replan'),

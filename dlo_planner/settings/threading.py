@@ -80,6 +80,6 @@ def way_through(inverse: InverseSimulator, cutouts: Sequence[CutOut], wanted: Wa
         plan = inverse.check(kept_before(plan, cutouts[0], wanted.gripper_clearance, True))
     if not wanted.standoff or start is None:
         return plan
-    way = inverse.start_phase(cutouts[0], plan, start, standoff=wanted.standoff, initial=present.shape,
-                              **options)
+    way = inverse.start_phase(cutouts[0], plan, start, standoff=wanted.standoff,
+                              initial=present.shape, **options)
     return inverse.check(joined(way, plan))

@@ -112,7 +112,8 @@ def test_guesses_are_used_where_they_are_better(monkeypatch, rounds):
     simulator = DirectSimulator(copper_wire(damping=(0.5, 0.0)), **SMALL)
     way, more = swung(25), {'integrator': 'paper', 'tolerance': np.inf}
     alone = speculation.Rounds(Crew(Here(), lambda: None), 1)
-    serial = simulator.motion_by(partial(FromTheShapeBefore, alone, 24), way, 0.05, None, None, None,
+    serial = simulator.motion_by(partial(FromTheShapeBefore, alone, 24), way, 0.05, None, None,
+                                 None,
                                np.inf, 'paper', Progress())
     ahead = parallel.speculative(simulator, way, 0.05, Here(), tasks=2, **more)
     assert_alike(ahead.shapes, serial.shapes)
