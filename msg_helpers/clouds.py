@@ -21,11 +21,15 @@ def points_from_cloud(msg: PointCloud2, name: str) -> Floats:
 
     A point with a coordinate that is not finite was not seen, and is left out.
 
-    Args:
-        name: of the message, for errors
+    Parameters
+    ----------
+    name : str
+        Name of the message, for errors.
 
-    Raises:
-        InvalidTask: fields x, y, z are missing or no floats, or the data are shorter than stated
+    Raises
+    ------
+    InvalidTask
+        Fields x, y, z are missing or no floats, or the data are shorter than stated.
     """
     instance('msg', msg, PointCloud2)
     known = {field.name: field for field in msg.fields}

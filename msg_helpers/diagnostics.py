@@ -18,12 +18,18 @@ def status_msg(name: str, hardware_id: str, level: bytes, message: str,
                values: Mapping[str, object]) -> DiagnosticStatus:
     """Return a DiagnosticStatus.
 
-    Args:
-        name: of the status, 'node: topic'
-        hardware_id: name of what the status is about
-        level: OK, WARN or ERROR of this module (bytes, as the message wants them)
-        message: one line of text
-        values: dict of str -> anything; numbers are written with six digits
+    Parameters
+    ----------
+    name : str
+        Name of the status, 'node: topic'.
+    hardware_id : str
+        Name of what the status is about.
+    level : bytes
+        OK, WARN or ERROR of this module (bytes, as the message wants them).
+    message : str
+        One line of text.
+    values : dict
+        dict of str -> anything; numbers are written with six digits.
     """
     for argument, value in (('name', name), ('hardware_id', hardware_id), ('message', message)):
         instance(argument, value, str)
@@ -41,9 +47,18 @@ def diagnostics_msg(name: str, hardware_id: str, level: bytes, message: str,
                     values: Mapping[str, object], stamp: Time) -> DiagnosticArray:
     """Return a DiagnosticArray with one status.
 
-    Args:
-        name, hardware_id, level, message, values: as for `status_msg`
-        stamp: builtin_interfaces/Time
+    Parameters
+    ----------
+    name, hardware_id : str
+        As for `status_msg`.
+    level : bytes
+        As for `status_msg`.
+    message : str
+        As for `status_msg`.
+    values : dict
+        As for `status_msg`.
+    stamp : Time
+        builtin_interfaces/Time.
     """
     status = status_msg(name, hardware_id, level, message, values)
     array = DiagnosticArray(status=[status])

@@ -37,8 +37,10 @@ def joint_trajectory_msg(joint_trajectory: JointTrajectory) -> JointTrajectoryMs
 def positions_from_joint_state(joint_state: JointState) -> dict[str, float]:
     """Return joint positions by name, rad or m, of a sensor_msgs/JointState.
 
-    Raises:
-        InvalidTask: positions and names are not as many, or a position is not finite
+    Raises
+    ------
+    InvalidTask
+        Positions and names are not as many, or a position is not finite.
     """
     instance('joint_state', joint_state, JointState)
     names, positions = joint_state.name, joint_state.position

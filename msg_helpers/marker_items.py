@@ -26,9 +26,13 @@ _KINDS = {type_: kind for kind, type_ in _TYPES.items()}
 def markers_from_items(drawn: Iterable[Item], frame_id: str, stamp: Time) -> MarkerArray:
     """Return a MarkerArray that shows Items.
 
-    Args:
-        drawn: Items
-        frame_id: of the world; stamp: builtin_interfaces/Time
+    Parameters
+    ----------
+    drawn : iterable of Item
+    frame_id : str
+        Frame id of the world.
+    stamp : Time
+        builtin_interfaces/Time.
     """
     header(frame_id, instance('stamp', stamp, Time))  # also judges them if there is no item
     return MarkerArray(markers=[_marker(item, header(frame_id, stamp))
@@ -48,9 +52,12 @@ def items_after(known: dict[tuple[str, int], Item],
 
     What cannot be shown is left out: types that Items do not have, values that are not finite.
 
-    Args:
-        known: dict of Items before
-        msg: visualization_msgs/MarkerArray
+    Parameters
+    ----------
+    known : dict
+        dict of Items before.
+    msg : MarkerArray
+        visualization_msgs/MarkerArray.
     """
     instance('msg', msg, MarkerArray)
     after = dict(instance('known', known, dict))

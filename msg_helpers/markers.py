@@ -32,11 +32,17 @@ def shape_markers(shape: Shape, radius: float | None, frame_id: str, stamp: Time
                   color: str = 'curvature') -> MarkerArray:
     """Return MarkerArray: the DLO ('dlo'), what its colors mean ('scale'), its gripper ('gripper').
 
-    Args:
-        shape: Shape
-        radius: of the DLO, m; None = thin line
-        frame_id: of the world; stamp: builtin_interfaces/Time
-        color: 'curvature' or 'yield', see `dlo_planner.view.colors.coloring`
+    Parameters
+    ----------
+    shape : Shape
+    radius : float or None
+        Radius of the DLO, m; None = thin line.
+    frame_id : str
+        Frame id of the world.
+    stamp : Time
+        builtin_interfaces/Time.
+    color : str, optional
+        'curvature' or 'yield', see `dlo_planner.view.colors.coloring`.
     """
     drawn = dlo_items(shape, radius, color)
     return markers_from_items([*drawn, *axes_items('gripper', shape.gripper)], frame_id, stamp)
@@ -45,9 +51,13 @@ def shape_markers(shape: Shape, radius: float | None, frame_id: str, stamp: Time
 def contact_markers(shape: Shape, frame_id: str, stamp: Time) -> MarkerArray:
     """Return MarkerArray: arrows of contact forces ('contact'), their sizes in N ('contact force').
 
-    Args:
-        shape: Shape
-        frame_id: of the world; stamp: builtin_interfaces/Time
+    Parameters
+    ----------
+    shape : Shape
+    frame_id : str
+        Frame id of the world.
+    stamp : Time
+        builtin_interfaces/Time.
     """
     return markers_from_items(contact_items(shape), frame_id, stamp)
 
@@ -56,9 +66,15 @@ def plan_markers(cutouts: Iterable[CutOut], grippers: Iterable[Pose], frame_id: 
                  stamp: Time) -> MarkerArray:
     """Return MarkerArray: rims and normals ('cutout'), the gripper's way ('trajectory').
 
-    Args:
-        cutouts: CutOuts; grippers: n Pose
-        frame_id: of the world; stamp: builtin_interfaces/Time
+    Parameters
+    ----------
+    cutouts : iterable of CutOut
+    grippers : iterable of Pose
+        The n poses.
+    frame_id : str
+        Frame id of the world.
+    stamp : Time
+        builtin_interfaces/Time.
     """
     cutouts = items('cutouts', cutouts, CutOut)
     markers = markers_from_items([*cutout_items(cutouts), *path_items(grippers)], frame_id,
@@ -72,11 +88,18 @@ def ghost_markers(shapes: Iterable[Shape], radius: float | None, frame_id: str, 
                   number_shown: int = 6) -> MarkerArray:
     """Return MarkerArray: some of the shapes of a plan, half transparent ('ghost').
 
-    Args:
-        shapes: Shapes of the plan
-        radius: of the DLO, m; None = thin line
-        frame_id: of the world; stamp: builtin_interfaces/Time
-        number_shown: how many of them
+    Parameters
+    ----------
+    shapes : iterable of Shape
+        Shapes of the plan.
+    radius : float or None
+        Radius of the DLO, m; None = thin line.
+    frame_id : str
+        Frame id of the world.
+    stamp : Time
+        builtin_interfaces/Time.
+    number_shown : int, optional
+        How many of them.
     """
     return markers_from_items(ghost_items(shapes, radius, number_shown), frame_id, stamp)
 
@@ -85,11 +108,17 @@ def margin_markers(plan: Plan, cutouts: Iterable[CutOut], radius: float | None, 
                    stamp: Time) -> MarkerArray:
     """Return MarkerArray: plates with holes ('plate'), rims colored by margin, and it in mm.
 
-    Args:
-        plan: Plan
-        cutouts: its CutOuts; those without a size are left out
-        radius: of the DLO, m; None: 0
-        frame_id: of the world; stamp: builtin_interfaces/Time
+    Parameters
+    ----------
+    plan : Plan
+    cutouts : iterable of CutOut
+        Its CutOuts; those without a size are left out.
+    radius : float or None
+        Radius of the DLO, m. If None, 0.
+    frame_id : str
+        Frame id of the world.
+    stamp : Time
+        builtin_interfaces/Time.
     """
     return markers_from_items(margin_items(plan, cutouts, radius), frame_id, stamp)
 
@@ -97,9 +126,14 @@ def margin_markers(plan: Plan, cutouts: Iterable[CutOut], radius: float | None, 
 def command_markers(pose: Pose, frame_id: str, stamp: Time) -> MarkerArray:
     """Return MarkerArray: the axes of the pose that the gripper is told to have ('command').
 
-    Args:
-        pose: Pose of the gripper, x axis = tangent of the DLO
-        frame_id: of the world; stamp: builtin_interfaces/Time
+    Parameters
+    ----------
+    pose : Pose
+        Pose of the gripper, x axis = tangent of the DLO.
+    frame_id : str
+        Frame id of the world.
+    stamp : Time
+        builtin_interfaces/Time.
     """
     return markers_from_items(axes_items('command', pose, _COMMAND), frame_id, stamp)
 
@@ -108,11 +142,18 @@ def estimate_markers(shape: Shape, radius: float | None, points: ArrayLike, fram
                      stamp: Time) -> MarkerArray:
     """Return MarkerArray: the DLO as it is estimated ('estimate'), what was seen ('observed').
 
-    Args:
-        shape: Shape, e.g. `Estimate.shape(gripper)`
-        radius: of the DLO, m; None = thin line
-        points: (n, 3) m that were seen, world frame; may be empty
-        frame_id: of the world; stamp: builtin_interfaces/Time
+    Parameters
+    ----------
+    shape : Shape
+        Shape, e.g. `Estimate.shape(gripper)`.
+    radius : float or None
+        Radius of the DLO, m; None = thin line.
+    points : array_like, shape (n, 3)
+        Points in m that were seen, world frame; may be empty.
+    frame_id : str
+        Frame id of the world.
+    stamp : Time
+        builtin_interfaces/Time.
     """
     return markers_from_items(estimate_items(shape, radius, points), frame_id, stamp)
 
@@ -120,10 +161,16 @@ def estimate_markers(shape: Shape, radius: float | None, points: ArrayLike, fram
 def obstacle_markers(obstacles: Iterable, before: int, frame_id: str, stamp: Time) -> MarkerArray:
     """Return MarkerArray: obstacles (Box, Sphere, Capsule), half transparent.
 
-    Args:
-        obstacles: Boxes, Spheres, Capsules
-        before: how many have been shown before, so that those too many disappear
-        frame_id: of the world; stamp: builtin_interfaces/Time
+    Parameters
+    ----------
+    obstacles : Iterable
+        Boxes, Spheres, Capsules.
+    before : int
+        How many have been shown before, so that those too many disappear.
+    frame_id : str
+        Frame id of the world.
+    stamp : Time
+        builtin_interfaces/Time.
     """
     obstacles = items('obstacles', obstacles, (Box, Sphere, Capsule))
     before = integer('before', before, minimum=0, maximum=_MOST)

@@ -22,14 +22,20 @@ def obstacles_after(known: Mapping[tuple[str, int], Box | Capsule | Sphere], msg
     CUBE is a Box, SPHERE a Sphere, CYLINDER the Capsule around it (its ends are round and stand out
     by the radius). DELETE takes one away, DELETEALL all (of a namespace, if one is named).
 
-    Args:
-        known: dict before
-        msg: MarkerArray
-        frame_id: the only frame that is understood
-        name: how the sender knows the message
+    Parameters
+    ----------
+    known : dict
+        dict before.
+    msg : MarkerArray
+    frame_id : str
+        The only frame that is understood.
+    name : str
+        How the sender knows the message.
 
-    Raises:
-        InvalidTask: naming marker, field and value; nothing of the message counts then
+    Raises
+    ------
+    InvalidTask
+        Naming marker, field and value; nothing of the message counts then.
     """
     instance('known', known, dict)
     instance('msg', msg, MarkerArray)

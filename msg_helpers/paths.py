@@ -26,10 +26,13 @@ _LAST = 2**31  # s, of builtin_interfaces/Time
 def shape_path(shape: Shape, frame_id: str, stamp: Time) -> Path:
     """Return the DLO node by node as a Path; x axis of each pose = tangent, s as in `Shape.s`.
 
-    Args:
-        shape: Shape
-        frame_id: of the world
-        stamp: builtin_interfaces/Time of the gripper pose that it belongs to
+    Parameters
+    ----------
+    shape : Shape
+    frame_id : str
+        Frame id of the world.
+    stamp : Time
+        builtin_interfaces/Time of the gripper pose that it belongs to.
     """
     instance('shape', shape, Shape)
     top = header(frame_id, stamp)
@@ -49,11 +52,15 @@ def _node(position: Sequence[float], quaternion: Sequence[float]) -> PoseMsg:
 def plan_path(grippers: Iterable[Pose], times: ArrayLike, frame_id: str, stamp: Time) -> Path:
     """Return gripper poses as a Path, each stamped with `stamp` plus its time.
 
-    Args:
-        grippers: n Pose
-        times: (n,) s
-        frame_id: of the world
-        stamp: builtin_interfaces/Time of the first pose
+    Parameters
+    ----------
+    grippers : iterable of Pose
+        The n poses.
+    times : array_like, shape (n,)
+    frame_id : str
+        Frame id of the world.
+    stamp : Time
+        builtin_interfaces/Time of the first pose.
     """
     grippers = items('grippers', grippers, Pose)
     times = row('times', times, least=0)

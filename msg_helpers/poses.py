@@ -50,8 +50,10 @@ def pose_stamped_msg(pose: Pose, frame_id: str, stamp: Time | None = None) -> Po
 def pose_from_msg(msg: PoseMsg) -> Pose:
     """Return the Pose of a geometry_msgs/Pose.
 
-    Raises:
-        InvalidTask: a component is not finite, or the quaternion is zero
+    Raises
+    ------
+    InvalidTask
+        A component is not finite, or the quaternion is zero.
     """
     instance('msg', msg, PoseMsg)
     p, q = msg.position, msg.orientation
@@ -63,13 +65,18 @@ def poses_from_goals(msg: Goals, frame_id: str, name: str) -> list[Pose]:
 
     A goal's own header may be empty; then the outer one counts.
 
-    Args:
-        msg: Goals
-        frame_id: the only frame that is understood
-        name: how the sender knows the field, for the message
+    Parameters
+    ----------
+    msg : Goals
+    frame_id : str
+        The only frame that is understood.
+    name : str
+        How the sender knows the field, for the message.
 
-    Raises:
-        InvalidTask: naming the field and its value
+    Raises
+    ------
+    InvalidTask
+        Naming the field and its value.
     """
     instance('msg', msg, Goals)
     _judge(frame_id, name)
@@ -84,13 +91,18 @@ def poses_from_goals(msg: Goals, frame_id: str, name: str) -> list[Pose]:
 def pose_from_stamped(msg: PoseStamped, frame_id: str, name: str) -> Pose:
     """Return the Pose of a geometry_msgs/PoseStamped that must be given in `frame_id`.
 
-    Args:
-        msg: PoseStamped
-        frame_id: the only frame that is understood
-        name: how the sender knows the field, for the message
+    Parameters
+    ----------
+    msg : PoseStamped
+    frame_id : str
+        The only frame that is understood.
+    name : str
+        How the sender knows the field, for the message.
 
-    Raises:
-        InvalidTask: naming the field and its value
+    Raises
+    ------
+    InvalidTask
+        Naming the field and its value.
     """
     instance('msg', msg, PoseStamped)
     _judge(frame_id, name)

@@ -23,11 +23,18 @@ def timed_trajectory(trajectory: Trajectory, number: int, tool: Pose, frame_id: 
                      stamp: Time) -> MultiDOFJointTrajectory:
     """Return poses, velocities and accelerations of the tool frame at even times, world axes.
 
-    Args:
-        trajectory: Trajectory of the gripper frame
-        number: of points, from start to end
-        tool: Pose of the gripper frame in the tool frame (constant)
-        frame_id: of the world; stamp: builtin_interfaces/Time of the start
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Trajectory of the gripper frame.
+    number : int
+        Number of points, from start to end.
+    tool : Pose
+        Pose of the gripper frame in the tool frame (constant).
+    frame_id : str
+        Frame id of the world.
+    stamp : Time
+        builtin_interfaces/Time of the start.
     """
     instance('trajectory', trajectory, Trajectory)
     number = integer('number', number, minimum=2, maximum=_MOST)

@@ -22,16 +22,28 @@ _FREE_ANGLE = 2  # numbers of a joint that turns for ever: cosine and sine
 class Chain:
     """Joints that move a link.
 
-    Attributes:
-        names: of m joints; all arrays have this order
-        lower, upper, speeds: (m,) limits in rad or m, rad/s or m/s; infinite where there is none
-        turning: (m,) which are angles
-        carriers: names of other joints that move the link
-        full: pinocchio.Model of the whole robot; others: indices of its joints that are fixed
-        named: the same, no two frames of which have one name
-        standing: configuration of the whole robot in which those are as they are fixed
-        model: pinocchio.Model of the joints alone
-        frame: index of the link's frame in it
+    Attributes
+    ----------
+    names : tuple of str
+        Names of m joints; all arrays have this order.
+    lower, upper, speeds : ndarray, shape (m,)
+        Limits in rad or m, rad/s or m/s; infinite where there is none.
+    turning : ndarray, shape (m,)
+        Which are angles.
+    carriers : tuple of str
+        Names of other joints that move the link.
+    full : object
+        pinocchio.Model of the whole robot.
+    others : list of int
+        Indices of its joints that are fixed.
+    named : object
+        The same, no two frames of which have one name.
+    standing : ndarray
+        Configuration of the whole robot in which those are as they are fixed.
+    model : object
+        pinocchio.Model of the joints alone.
+    frame : int
+        Index of the link's frame in it.
     """
 
     names: tuple[str, ...]
@@ -76,9 +88,11 @@ class Chain:
     def off(self, positions: Floats, place: Floats, turn: Floats) -> tuple[Floats, Floats]:
         """Return by what the link is off a placement, and how it moves with the joints.
 
-        Returns:
-            (6,) displacement in m and rotation vector in rad that are left, root axes;
-            (6, m) Jacobian, linear before angular, same axes
+        Returns
+        -------
+        (ndarray, ndarray)
+            (6,) displacement in m and rotation vector in rad that are left, root axes; (6, m)
+            Jacobian, linear before angular, same axes.
         """
         pin = pinocchio()
         configuration = self.configuration(positions)
@@ -102,8 +116,10 @@ class Chain:
 def chain_of(urdf: str, tool_link: str, joints: Sequence[str], fixed: Mapping[str, float]) -> Chain:
     """Return the Chain of a URDF's text; see `Arm` for the arguments.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
     pin, root = pinocchio(), parsed('urdf', urdf)
     try:

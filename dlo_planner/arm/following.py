@@ -20,10 +20,20 @@ _LIMIT_ROUNDING = 1e-9
 class Lost(Exception):
     """A configuration cannot be gone on with.
 
-    Attributes:
-        words: why; time: s, where; constraint: short name; amount: by how much
-        rank: of two, the larger one is nearer to a solution
-        attempt: arguments with which it can be tried again, or None
+    Attributes
+    ----------
+    words : str
+        Why.
+    time : float
+        Time in s, where.
+    constraint : str
+        Short name.
+    amount : float
+        By how much.
+    rank : (float, float) or None
+        Rank of two, the larger one is nearer to a solution.
+    attempt : object
+        Arguments with which it can be tried again, or None.
     """
 
     attempt: Any = None
@@ -46,14 +56,23 @@ def followed(arm: Arm, targets: Sequence[Target], times: Floats, start: Floats, 
              check: Callable[[], object]) -> Floats:
     """Return joint positions (n, m) that place the tool at n targets, each from the one before.
 
-    Args:
-        targets: n positions (3,) and rotations (3, 3) in the root link; times: (n,) s of them
-        start: (m,) positions for the first one
-        centering: rad by which joints are drawn to their middles, per m and rad of the tool's way
-        check: called now and then; it may raise
+    Parameters
+    ----------
+    targets : sequence of Target
+        n positions (3,) and rotations (3, 3) in the root link.
+    times : ndarray, shape (n,)
+        Times in s of them.
+    start : ndarray, shape (m,)
+        Positions for the first one.
+    centering : float
+        rad by which joints are drawn to their middles, per m and rad of the tool's way.
+    check : callable
+        Called now and then; it may raise.
 
-    Raises:
-        Lost: out of reach, beyond a joint's limits, or only with a jump
+    Raises
+    ------
+    Lost
+        Out of reach, beyond a joint's limits, or only with a jump.
     """
     chain, out, ways = arm.chain, [start], ways_between(targets)
     for k in range(1, len(targets)):

@@ -15,11 +15,15 @@ def rolls_freely(simulator: DirectSimulator | GraspedInside, plan: Plan) -> bool
     The DLO has to be straight without stress, equally stiff and thick all around, and elastic (a
     set has a direction); nothing may hold its far end, which would keep the roll there.
 
-    Args:
-        simulator: of the DLO that the plan is for
+    Parameters
+    ----------
+    simulator : DirectSimulator or GraspedInside
+        Simulator of the DLO that the plan is for.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
     instance('simulator', simulator, (DirectSimulator, GraspedInside))
     instance('plan', plan, Plan)

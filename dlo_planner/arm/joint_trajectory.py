@@ -21,22 +21,35 @@ class JointTrajectory(Value):
     Between two points it is the polynomial of degree 5 that has all of them at both: that is what
     joint_trajectory_controller interpolates.
 
-    Attributes:
-        joint_names: m
-        times: (n,) s from the start, increasing, the first 0
-        positions: (n, m) rad or m
-        velocities: (n, m) rad/s or m/s
-        accelerations: (n, m) rad/s^2 or m/s^2
-        position_error: m, by which the tool is off the gripper's trajectory at most, at the points
-            and between; nan: not known
-        angle_error: rad, the same of its orientation
-        self_clearance: m, smallest distance between links; infinite where no two can come
-            together, nan where it was not looked at
-        roll: rad, by which the gripper is rolled about the DLO, against its trajectory
-        not_looked_at: links without a shape to be looked at for self-collision
+    Attributes
+    ----------
+    joint_names : tuple of str
+        Joint names in m.
+    times : ndarray, shape (n,)
+        s from the start, increasing, the first 0.
+    positions : ndarray, shape (n, m)
+        rad or m.
+    velocities : ndarray, shape (n, m)
+        rad/s or m/s.
+    accelerations : ndarray, shape (n, m)
+        rad/s^2 or m/s^2.
+    position_error : float
+        Position error in m, by which the tool is off the gripper's trajectory at most, at the
+        points and between; nan: not known.
+    angle_error : float
+        Angle error in rad, the same of its orientation.
+    self_clearance : float
+        Self clearance in m, smallest distance between links; infinite where no two can come
+        together, nan where it was not looked at.
+    roll : float
+        Roll in rad, by which the gripper is rolled about the DLO, against its trajectory.
+    not_looked_at : tuple of str
+        Links without a shape to be looked at for self-collision.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     joint_names: tuple[str, ...]
@@ -87,8 +100,10 @@ class JointTrajectory(Value):
 
         At rest outside [0, duration].
 
-        Raises:
-            InvalidTask: a time is no finite number
+        Raises
+        ------
+        InvalidTask
+            A time is not a finite number.
         """
         times = np.clip(row('times', times), 0, self.duration)
         curve = quintic(self.times, self.positions, self.velocities, self.accelerations)

@@ -13,8 +13,10 @@ _REMEDY = ("the joints of an arm need Pinocchio: expected the extra 'dlo_planner
 def pinocchio() -> Any:
     """Return the module.
 
-    Raises:
-        InvalidTask: it is not installed, or another package of that name is
+    Raises
+    ------
+    InvalidTask
+        It is not installed, or another package of that name is.
     """
     try:
         import pinocchio as module  # noqa: PLC0415 - an extra

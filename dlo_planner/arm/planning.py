@@ -49,20 +49,30 @@ def joint_trajectory(trajectory: TimedPath, arm: Arm, tool: Pose | None = None, 
 
     Not looked at: torques and accelerations of the joints, the arm against obstacles and the DLO.
 
-    Args:
-        trajectory: Trajectory of the gripper frame in the world
-        arm: Arm
-        tool: Pose of the gripper frame in the frame of the arm's tool link; None: the same
-        current: (m,) present joint positions, rad or m; None: not known
-        free_roll: whether the gripper may be rolled about its x axis, see `rolls_freely`
-        deadline: s of computing
+    Parameters
+    ----------
+    trajectory : TimedPath
+        Trajectory of the gripper frame in the world.
+    arm : Arm
+    tool : Pose, optional
+        Pose of the gripper frame in the frame of the arm's tool link. If None, the same.
+    current : array_like, shape (m,), optional
+        Present joint positions, rad or m. If None, not known.
+    free_roll : bool, optional
+        Whether the gripper may be rolled about its x axis, see `rolls_freely`.
+    deadline : float, optional
+        Seconds of computing.
 
-    Raises:
-        InvalidTask: naming the argument
-        Infeasible: with the waypoint and, of the configuration that came farthest, the constraint:
-            'reach' (m, or rad if only the orientation is left), 'joint_limit' (rad or m),
-            'joint_speed' (rad/s or m/s), 'self_collision' (m), 'continuity' (rad or m)
-        DeadlineExceeded: as asked for
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
+    Infeasible
+        With the waypoint and, of the configuration that came farthest, the constraint: 'reach' (m,
+        or rad if only the orientation is left), 'joint_limit' (rad or m), 'joint_speed' (rad/s or
+        m/s), 'self_collision' (m), 'continuity' (rad or m).
+    DeadlineExceeded
+        The deadline is over.
     """
     instance('trajectory', trajectory, TimedPath)
     instance('arm', arm, Arm)
@@ -117,12 +127,18 @@ def _first(course: '_Course', current: Floats | None, check: Callable[[], object
 class _Course:
     """Where the tool link has to be; `of` makes one.
 
-    Attributes:
-        trajectory: TimedPath; arm: Arm
-        back: Pose of the tool link in the gripper frame
-        roll: rad, by which the gripper is rolled
-        times: (n,) s, of the points with which configurations are compared
-        seen: times -> positions and rotations of the gripper in the root link
+    Attributes
+    ----------
+    trajectory : TimedPath
+    arm : Arm
+    back : Pose
+        Pose of the tool link in the gripper frame.
+    roll : float
+        Roll in rad, by which the gripper is rolled.
+    times : ndarray, shape (n,)
+        Times in s, of the points with which configurations are compared.
+    seen : dict
+        Times -> positions and rotations of the gripper in the root link.
     """
 
     trajectory: TimedPath

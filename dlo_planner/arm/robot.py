@@ -21,20 +21,31 @@ from dlo_planner.model.value import FrozenDict, Value, brief, put
 class Arm(Value):
     """A robot that carries the gripper; joints that are not its own stay where they are.
 
-    Attributes:
-        urdf: text of the robot's URDF
-        tool_link: link whose frame is the tool frame
-        joints: names of those that move, in the order of all arrays; empty: all that move the tool
-        fixed: rad or m, where other joints stand; those not named stand at 0, or where they follow
-            another one
-        base: Pose of the URDF's root link in the world
-        packages: folders in which the packages of meshes are (`package://`)
-        srdf: text of the SRDF, which says what pairs of links are not looked at; None: pairs that a
-            joint links, and those that touch with all joints at 0, or at the limit next to it
-        self_clearance: m, by which links have to stay clear of each other
+    Attributes
+    ----------
+    urdf : str
+        Text of the robot's URDF.
+    tool_link : str
+        Link whose frame is the tool frame.
+    joints : tuple of str
+        Names of those that move, in the order of all arrays; empty: all that move the tool.
+    fixed : dict
+        rad or m, where other joints stand; those not named stand at 0, or where they follow another
+        one.
+    base : Pose
+        Pose of the URDF's root link in the world.
+    packages : tuple of str
+        Folders in which the packages of meshes are (`package://`).
+    srdf : str or None
+        Text of the SRDF, which says what pairs of links are not looked at. If None, pairs that a
+        joint links, and those that touch with all joints at 0, or at the limit next to it.
+    self_clearance : float
+        Self clearance in m, by which links have to stay clear of each other.
 
-    Raises:
-        InvalidTask: naming the argument; or Pinocchio is not installed
+    Raises
+    ------
+    InvalidTask
+        Naming the argument; or Pinocchio is not installed.
     """
 
     urdf: str
@@ -92,8 +103,10 @@ class Arm(Value):
     def pose(self, positions: ArrayLike) -> Pose:
         """Return the Pose of the tool link in the world at joint positions (m,), rad or m.
 
-        Raises:
-            InvalidTask: not m finite numbers
+        Raises
+        ------
+        InvalidTask
+            Not m finite numbers.
         """
         place, turn = self.chain.placement(self.checked('positions', positions))
         return self.base.compose(Pose.from_rotation(place, turn))

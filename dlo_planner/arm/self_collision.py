@@ -21,13 +21,24 @@ from dlo_planner.model.arrays import Floats
 class SelfCollision:
     """The pairs of links of a Chain that are looked at.
 
-    Args:
-        chain: Chain; urdf, packages, srdf: see `Arm`
-        clearance: m, nearer than which pairs touch
+    Parameters
+    ----------
+    chain : Chain
+    urdf : str
+        See `Arm`.
+    packages : sequence of str
+        See `Arm`.
+    srdf : str or None
+        See `Arm`.
+    clearance : float
+        Clearance in m, nearer than which pairs touch.
 
-    Attributes:
-        missing: links without a shape to be looked at, with what is missing
-        pairs: (p,) names of both links of each pair
+    Attributes
+    ----------
+    missing
+        Links without a shape to be looked at, with what is missing.
+    pairs
+        (p,) names of both links of each pair.
     """
 
     def __init__(self, chain: Chain, urdf: str, packages: Sequence[str], srdf: str | None,
@@ -64,8 +75,10 @@ class SelfCollision:
     def way(self, moved: Floats) -> float:
         """Return by how much, in m, a distance can change at most while joints move.
 
-        Args:
-            moved: (m,) how far each one goes, back and forth counted twice, rad or m
+        Parameters
+        ----------
+        moved : ndarray, shape (m,)
+            How far each one goes, back and forth counted twice, rad or m.
         """
         return float(np.abs(moved) @ self._levers)
 

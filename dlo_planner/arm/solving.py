@@ -48,11 +48,17 @@ def solve(chain: Chain, positions: Floats, target: Target, iterations: int, clip
     squared error (Levenberg and Marquardt): quadratic convergence, and near what is out of reach
     the nearest placement.
 
-    Args:
-        chain: Chain; target: position (3,) and rotation (3, 3) of the link in the root link
-        iterations: at most
-        clipped: whether joints stay within their limits on the way
-        plain: whether all joints weigh the same
+    Parameters
+    ----------
+    chain : Chain
+    target : Target
+        Position (3,) and rotation (3, 3) of the link in the root link.
+    iterations : int
+        At most.
+    clipped : bool, optional
+        Whether joints stay within their limits on the way.
+    plain : bool, optional
+        Whether all joints weigh the same.
     """
     best = Solved(positions, np.full(_COORDINATES, np.inf))
     for _ in range(iterations):
@@ -72,9 +78,12 @@ def solve(chain: Chain, positions: Floats, target: Target, iterations: int, clip
 def centered(chain: Chain, positions: Floats, target: Target, most: float) -> Floats:
     """Return positions (m,) from which to go on: nearer to the middles, the tool about unmoved.
 
-    Args:
-        target: where the tool goes next
-        most: rad or m that a joint goes for it
+    Parameters
+    ----------
+    target : Target
+        Where the tool goes next.
+    most : float
+        rad or m that a joint goes for it.
     """
     if positions.size <= _COORDINATES or most == 0:
         return positions

@@ -30,13 +30,19 @@ def starts(arm: Arm, target: Target, current: Floats | None, number: int) -> lis
     configuration counts. Where the present positions are not known, those farthest from limits come
     first, and an arm with a choice goes away from its limits before.
 
-    Args:
-        target: position (3,) and rotation (3, 3) of the tool in the root link
-        current: (m,) present joint positions, or None
-        number: of points over the ranges
+    Parameters
+    ----------
+    target : Target
+        Position (3,) and rotation (3, 3) of the tool in the root link.
+    current : ndarray, shape (m,) or None
+        Present joint positions, or None.
+    number : int
+        Number of points over the ranges.
 
-    Raises:
-        Lost: there is none
+    Raises
+    ------
+    Lost
+        There is none.
     """
     chain = arm.chain
     if current is not None and is_there(arm, target, current):

@@ -16,11 +16,15 @@ _PACKAGE, _FILE = 'package://', 'file://'
 def parsed(name: str, text: str) -> ElementTree.Element:
     """Return the <robot> element of an XML text.
 
-    Args:
-        name: how the caller knows the text; it stands in messages
+    Parameters
+    ----------
+    name : str
+        How the caller knows the text; it stands in messages.
 
-    Raises:
-        InvalidTask: no XML, or not of a robot
+    Raises
+    ------
+    InvalidTask
+        No XML, or not of a robot.
     """
     instance(name, text, str)
     try:
@@ -56,12 +60,17 @@ def resolve_meshes(root: ElementTree.Element, packages: Sequence[str]) -> list[s
     `package://name/rest` is looked for as `folder/name/rest`, and as `folder/rest` where the folder
     itself has that name.
 
-    Args:
-        root: <robot>, which is changed; its visual elements are taken out
-        packages: folders
+    Parameters
+    ----------
+    root : ElementTree.Element
+        <robot>, which is changed; its visual elements are taken out.
+    packages : sequence of str
+        Folders.
 
-    Returns:
-        for each collision element taken out, its link and path
+    Returns
+    -------
+    list of str
+        For each collision element taken out, its link and path.
     """
     missing = []
     for link in root.findall('link'):
@@ -96,8 +105,10 @@ def _path_of(filename: str, packages: Sequence[str]) -> Path | None:
 def disabled_pairs(srdf: str) -> set[frozenset[str]]:
     """Return the pairs of links that an SRDF says need not be looked at.
 
-    Raises:
-        InvalidTask: no SRDF
+    Raises
+    ------
+    InvalidTask
+        No SRDF.
     """
     return {frozenset((pair.get('link1', ''), pair.get('link2', '')))
             for pair in parsed('srdf', srdf).iter('disable_collisions')}

@@ -27,14 +27,27 @@ def bench(tasks: Sequence[Task], driver: Driver, *, unknowns: Unknowns = NOTHING
           executor: Executor | None = None, progress: OnProgress = None) -> list[Outcome]:
     """Return the Outcomes of Tasks, in their order; the k-th is run with the seed k.
 
-    Args:
-        tasks: of any number
-        driver, unknowns, camera, damping, step: see `run`
-        executor: of concurrent.futures or with the same interface; None: one after the other
-        progress: called as progress(done, total)
+    Parameters
+    ----------
+    tasks : sequence of Task
+        Tasks of any number.
+    driver : Driver
+        See `run`.
+    unknowns : Unknowns, optional
+        See `run`.
+    camera : Camera, optional
+        See `run`.
+    damping, step : float, optional
+        See `run`.
+    executor : Executor, optional
+        Executor of concurrent.futures or with the same interface. If None, one after the other.
+    progress : callable, optional
+        Called as progress(done, total).
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
     tasks = items('tasks', tasks, Task)
     report = callback('progress', progress) or _silent

@@ -21,10 +21,14 @@ _ROUNDING = 1e-9  # s
 class Image(Value):
     """One image.
 
-    Attributes:
-        stamp: time at which it was taken, as the camera says, s
-        points: (n, 3) m, world axes, in no order
-        hole: (3,) m, world axes, the center of the hole as seen; None: not looked at
+    Attributes
+    ----------
+    stamp : float
+        Time at which it was taken, as the camera says, s.
+    points : ndarray, shape (n, 3)
+        Points in m, world axes, in no order.
+    hole : ndarray, shape (3,) or None
+        Hole in m, world axes, the center of the hole as seen. If None, not looked at.
     """
 
     stamp: float
@@ -36,20 +40,32 @@ class Image(Value):
 class Camera(Value):
     """The properties of a camera.
 
-    Attributes:
-        rate: images per s
-        latency: time from taking an image to its arrival, s
-        noise: standard deviation of each coordinate of each point, m
-        bias: standard deviation of each coordinate of an error that is constant during a run, m
-        points: number of points in each image, drawn evenly from the visible part of the DLO
-        outliers: share of the points that are displaced to anywhere near the DLO
-        hidden: share of the length that is never seen, in one piece within the first two thirds:
-            an estimate needs the free third
-        stamp_error: by how much stamps are too late, s
-        sees_hole: whether it looks at the hole as well, with the same noise and bias
+    Attributes
+    ----------
+    rate : float
+        Images per s.
+    latency : float
+        Time from taking an image to its arrival, s.
+    noise : float
+        Standard deviation of each coordinate of each point, m.
+    bias : float
+        Standard deviation of each coordinate of an error that is constant during a run, m.
+    points : int
+        Number of points in each image, drawn evenly from the visible part of the DLO.
+    outliers : float
+        Share of the points that are displaced to anywhere near the DLO.
+    hidden : float
+        Share of the length that is never seen, in one piece within the first two thirds: an
+        estimate needs the free third.
+    stamp_error : float
+        By how much stamps are too late, s.
+    sees_hole : bool
+        Whether it looks at the hole as well, with the same noise and bias.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     rate: float = 15.0
@@ -81,9 +97,11 @@ BAD = Camera(bias=0.5e-3, outliers=0.1, hidden=1 / 3, stamp_error=0.06)
 class Viewer:
     """A Camera during one run: hands out its images as they arrive.
 
-    Args:
-        camera: Camera
-        rng: generator of its errors
+    Parameters
+    ----------
+    camera : Camera
+    rng : np.random.Generator
+        Generator of its errors.
     """
 
     def __init__(self, camera: Camera, rng: np.random.Generator) -> None:

@@ -30,15 +30,24 @@ DLO, SCENE = 1, 2  # bits of what collides with what
 class Chain:
     """The properties of a chain of n cells; the gripper holds the first half of the first cell.
 
-    Attributes:
-        length: m
-        stiffness: (n, 3) N m per rad of each joint, torsion, about n, about b
-        rest: (n, 3) rad, the angles of each joint without stress
-        masses: (n,) kg, of the pieces
-        centers: (n,) m, of their masses, from the joint before each
-        inertias: (n, 3) kg m^2, about the center, along t, n, b
-        radii: (n,) m
-        box: half sizes along n and b of a rectangular section, m; None: round
+    Attributes
+    ----------
+    length : float
+        Length in m.
+    stiffness : ndarray, shape (n, 3)
+        N m per rad of each joint, torsion, about n, about b.
+    rest : ndarray, shape (n, 3)
+        Rest in rad, the angles of each joint without stress.
+    masses : ndarray, shape (n,)
+        Masses in kg, of the pieces.
+    centers : ndarray, shape (n,)
+        Centers in m, of their masses, from the joint before each.
+    inertias : ndarray, shape (n, 3)
+        Inertias in kg m^2, about the center, along t, n, b.
+    radii : ndarray, shape (n,)
+        Radii in m.
+    box : (float, float) or None
+        Half sizes along n and b of a rectangular section, m. If None, round.
     """
 
     length: float

@@ -49,15 +49,24 @@ _VARIATION = 0.03   # 1/m: no DLO is bent quite evenly
 class Looking:
     """The driver of a closed loop; `Looking.knowing` makes one for an `Unknowns` and a `Camera`.
 
-    Attributes:
-        spread: Spread of the DLO and of the gripper's pose
-        noise, bias: standard deviations of the camera, m; outliers: part of its points, see
-            `Observer`
-        hole: standard deviation of the place of the hole, m
-        limits: Limits of the gripper; None: the default ones
-        look: duration of a look, s
-        stamps: by how much the stamps of images may be wrong, s
-        period: time between two corrections on the way, s
+    Attributes
+    ----------
+    spread : Spread
+        Spread of the DLO and of the gripper's pose.
+    noise, bias : float
+        Standard deviations of the camera, m.
+    outliers : float
+        Part of its points, see `Observer`.
+    hole : float
+        Standard deviation of the place of the hole, m.
+    limits : Limits or None
+        Limits of the gripper. If None, the default ones.
+    look : float
+        Duration of a look, s.
+    stamps : float
+        By how much the stamps of images may be wrong, s.
+    period : float
+        Time between two corrections on the way, s.
     """
 
     spread: Spread
@@ -74,10 +83,13 @@ class Looking:
     def knowing(cls, unknowns: Unknowns, camera: Camera, **options: Any) -> 'Looking':
         """Return the driver that knows the standard deviations of what is unknown, not the values.
 
-        Args:
-            unknowns: Unknowns; a gradient of the mass has no counterpart in the driver's Spread
-            camera: Camera
-            options: further attributes
+        Parameters
+        ----------
+        unknowns : Unknowns
+            Unknowns; a gradient of the mass has no counterpart in the driver's Spread.
+        camera : Camera
+        options : object
+            Further attributes.
         """
         bent, *varying = unknowns.natural_curvature
         spread = Spread(unknowns.stiffness, unknowns.stiffness, unknowns.mass, unknowns.length,
@@ -94,9 +106,11 @@ class Looking:
 class _Looking:
     """The command of the driver: the pose of the gripper, period by period.
 
-    Attributes:
-        promised: the largest miss that is expected, m: that of the simulated motion plus the 95 %
-            bound of the estimate; nan before the DLO enters
+    Attributes
+    ----------
+    promised
+        The largest miss that is expected, m: that of the simulated motion plus the 95 % bound of
+        the estimate; nan before the DLO enters.
     """
 
     def __init__(self, driver: Looking, task: Task) -> None:

@@ -35,8 +35,10 @@ _STANDOFF = 0.05  # m, of the free end before the hole, where the start phase en
 class OpenLoop:
     """The driver that does not look.
 
-    Attributes:
-        motion: function (task) -> Trajectory, or Poses, one for the end of each period
+    Attributes
+    ----------
+    motion : callable
+        Function (task) -> Trajectory, or Poses, one for the end of each period.
     """
 
     motion: Callable[[Task], Trajectory | Sequence[Pose]]
@@ -61,12 +63,16 @@ class _Replayed:
 def planned(task: Task, limits: Limits | None = None) -> Trajectory:
     """Return start phase and threading of the DLO as stated, as one motion.
 
-    Args:
-        task: Task
-        limits: Limits of the gripper; None: the default ones
+    Parameters
+    ----------
+    task : Task
+    limits : Limits, optional
+        Limits of the gripper. If None, the default ones.
 
-    Raises:
-        Infeasible: there is no plan, or no calm motion
+    Raises
+    ------
+    Infeasible
+        There is no plan, or no calm motion.
     """
     return Trajectory(joined(*ways(task)), limits)
 
@@ -74,13 +80,16 @@ def planned(task: Task, limits: Limits | None = None) -> Trajectory:
 def ways(task: Task, standoff: float = _STANDOFF) -> tuple[Plan, Plan]:
     """Return the start phase and the threading.
 
-    Args:
-        task: Task
-        standoff: distance of the free end from the hole between both, m, see
-            `InverseSimulator.start_phase`
+    Parameters
+    ----------
+    task : Task
+    standoff : float, optional
+        Distance of the free end from the hole between both, m, see `InverseSimulator.start_phase`.
 
-    Raises:
-        Infeasible: there is no plan
+    Raises
+    ------
+    Infeasible
+        There is no plan.
     """
     inverse = InverseSimulator(DirectSimulator(task.rod, obstacles=[task.sheet]))
     depths = np.linspace(0, task.depth, _WAYPOINTS)

@@ -73,8 +73,10 @@ _PARAMETERS = {
 class CellNode(Node):
     """A plant in real time; where the machine is too slow for that, the outcome says so.
 
-    Raises:
-        DloPlannerError: a parameter makes no sense, or MuJoCo is not installed
+    Raises
+    ------
+    DloPlannerError
+        A parameter makes no sense, or MuJoCo is not installed.
     """
 
     def __init__(self, **options: Any) -> None:

@@ -15,11 +15,14 @@ from dlo_planner.model.value import Value
 class Passage(Value):
     """Where a DLO pierces the plane of a cut-out.
 
-    Attributes:
-        depth: arc length beyond the plane, m; 0: the DLO does not pierce it
-        miss: largest distance from the center at which the DLO pierces the plane, m; nan if it
-            does not
-        y, z: coordinates of that point in the axes of the cut-out, m
+    Attributes
+    ----------
+    depth : float
+        Arc length beyond the plane, m; 0: the DLO does not pierce it.
+    miss : float
+        Largest distance from the center at which the DLO pierces the plane, m; nan if it does not.
+    y, z : float
+        Coordinates of that point in the axes of the cut-out, m.
     """
 
     depth: float
@@ -31,10 +34,13 @@ class Passage(Value):
 def passage_of(cutout: CutOut, s: Floats, places: Floats) -> Passage:
     """Return the Passage of a line through a CutOut.
 
-    Args:
-        cutout: CutOut
-        s: (n,) arc lengths, m, from 0 to the length
-        places: (n, 3) m, of the line at `s`
+    Parameters
+    ----------
+    cutout : CutOut
+    s : ndarray, shape (n,)
+        Arc lengths, m, from 0 to the length.
+    places : ndarray, shape (n, 3)
+        Places in m, of the line at `s`.
     """
     local = (places - cutout.center) @ cutout.pose.rotation
     before, after = local[:-1], local[1:]

@@ -49,30 +49,48 @@ _FINE = 4         # points per cell at which the plane of a hole is looked for
 class Plant:
     """A DLO in a moving gripper. At first it hangs freely at rest, fallen from its natural shape.
 
-    Args:
-        rod: Rod as the planner knows it
-        gripper: commanded Pose of the gripper at the beginning
-        obstacles: of `dlo_planner.model.obstacles`; a Sheet has one cut-out at most
-        truth: Truth; None: all is as the planner knows it
-        cells: number of cells of the chain
-        step: of time, s
-        damping: ratio of the slowest vibration about the shape at the beginning, by a damping in
-            proportion to the stiffness. The engine adds some of its own, so the ratio is not below
-            `least_damping`.
-        gravity: (3,) m/s^2
+    Parameters
+    ----------
+    rod : Rod
+        Rod as the planner knows it.
+    gripper : Pose
+        Commanded Pose of the gripper at the beginning.
+    obstacles : iterable of obstacle, optional
+        Obstacles of `dlo_planner.model.obstacles`; a Sheet has one cut-out at most.
+    truth : Truth, optional
+        Truth. If None, all is as the planner knows it.
+    cells : int, optional
+        Number of cells of the chain.
+    step : float, optional
+        Step of time, s.
+    damping : float, optional
+        Ratio of the slowest vibration about the shape at the beginning, by a damping in proportion
+        to the stiffness. The engine adds some of its own, so the ratio is not below
+        `least_damping`.
+    gravity : array_like, shape (3,), optional
+        Gravity in m/s^2.
 
-    Attributes:
-        time: s
-        commanded: Pose of the gripper as commanded
-        forces: (n,) N, sums of the sizes of the contact forces of each obstacle on the DLO, means
-            over the last `move`: as a sensor of that sampling time shows an impact
-        largest_forces: (n,) N, the largest of these so far
-        frequencies: (3,) Hz, slowest vibrations about the shape at the beginning
-        damping: damping ratio of the slowest vibration; least_damping: the least possible one
+    Attributes
+    ----------
+    time
+    commanded
+        Pose of the gripper as commanded.
+    forces
+        (n,) N, sums of the sizes of the contact forces of each obstacle on the DLO, means over the
+        last `move`: as a sensor of that sampling time shows an impact.
+    largest_forces
+        (n,) N, the largest of these so far.
+    frequencies
+        (3,) Hz, slowest vibrations about the shape at the beginning.
+    damping : float
+        Damping ratio of the slowest vibration; least_damping: the least possible one.
 
-    Raises:
-        InvalidTask: an argument makes no sense, or the DLO touches an obstacle at first
-        NotConverged: the DLO does not come to rest
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense, or the DLO touches an obstacle at first.
+    NotConverged
+        The DLO does not come to rest.
     """
 
     def __init__(self, rod: Rod, gripper: Pose, obstacles: Iterable[Obstacle] = (), *,
@@ -94,9 +112,12 @@ class Plant:
     def move(self, gripper: Pose, seconds: float) -> None:
         """Move the gripper to a Pose in a time in s, evenly; the next call goes on from there.
 
-        Raises:
-            InvalidTask: naming the argument
-            NotConverged: the simulation became unstable, as it may under extreme forces
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense; the message names it, its value and what would be right.
+        NotConverged
+            The simulation became unstable, as it may under extreme forces.
         """
         instance('gripper', gripper, Pose)
         seconds = number('seconds', seconds, above=0)

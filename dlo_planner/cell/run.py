@@ -29,17 +29,26 @@ _REFUSALS = Infeasible, NotConverged, DeadlineExceeded
 class Outcome(Value):
     """The outcome of a Task.
 
-    Attributes:
-        seed: of the Truth and of the camera's errors
-        refused: why the driver gave up, at the beginning or later; empty: it did not
-        threaded: whether the DLO is through the hole to its depth at the end, its misses below the
-            radius; a force of more than 5 N ends a run
-        depth: length of the DLO beyond the sheet at the end, m
-        miss: largest distance from the center of the hole, in its plane, of the DLO that crosses
-            it, every 20 ms, m; nan if it never did
-        force: largest contact force on the DLO, N
-        time: duration of the motion, s
-        promised: the largest miss that the driver expected, m; nan if it does not say
+    Attributes
+    ----------
+    seed : int
+        Seed of the Truth and of the camera's errors.
+    refused : str
+        Why the driver gave up, at the beginning or later; empty: it did not.
+    threaded : bool
+        Whether the DLO is through the hole to its depth at the end, its misses below the radius; a
+        force of more than 5 N ends a run.
+    depth : float
+        Length of the DLO beyond the sheet at the end, m.
+    miss : float
+        Largest distance from the center of the hole, in its plane, of the DLO that crosses it,
+        every 20 ms, m; nan if it never did.
+    force : float
+        Largest contact force on the DLO, N.
+    time : float
+        Duration of the motion, s.
+    promised : float
+        The largest miss that the driver expected, m; nan if it does not say.
     """
 
     seed: int
@@ -62,17 +71,26 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
         watch: Callable[[Plant], object] | None = None) -> Outcome:
     """Return the Outcome of a Task.
 
-    Args:
-        task: Task
-        driver: see `drivers`
-        seed: of the Truth and of the camera's errors
-        unknowns: Unknowns from which one Truth is drawn
-        camera: Camera; None: there is none
-        damping, step: ratio and s, see `Plant`: a shorter step allows less damping
-        watch: called as watch(plant) after each period
+    Parameters
+    ----------
+    task : Task
+    driver : Driver
+        See `drivers`.
+    seed : int, optional
+        Seed of the Truth and of the camera's errors.
+    unknowns : Unknowns, optional
+        Unknowns from which one Truth is drawn.
+    camera : Camera, optional
+        Camera. If None, there is none.
+    damping, step : float, optional
+        Ratio and s, see `Plant`: a shorter step allows less damping.
+    watch : callable, optional
+        Called as watch(plant) after each period.
 
-    Raises:
-        InvalidTask: an argument makes no sense, or the driver gives one that makes none
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense, or the driver gives one that makes none.
     """
     instance('task', task, Task)
     rng = np.random.default_rng([integer('seed', seed, minimum=0, maximum=2**31), 78])

@@ -24,8 +24,10 @@ def add_obstacle(spec: mujoco.MjSpec, obstacle: Plane | Sphere | Capsule | Box |
                  number: int) -> None:
     """Add an obstacle to an MjSpec; the names of its geoms are 'number/part'.
 
-    Raises:
-        InvalidTask: a sheet with more than one cut-out, or another obstacle
+    Raises
+    ------
+    InvalidTask
+        A sheet with more than one cut-out, or another obstacle.
     """
     for part, (kind, size, center, rotation) in enumerate(_parts(obstacle)):
         spec.worldbody.add_geom(

@@ -32,12 +32,18 @@ _CENTER = np.array([0.0, 0.0, 1.0])  # m, of the hole
 class Task(Value):
     """A DLO to be threaded through a hole.
 
-    Attributes:
-        name: of the DLO
-        rod: Rod, as the planner knows it
-        cutout: CutOut with a radius
-        start: Pose of the gripper at the beginning, in which the DLO hangs at rest
-        depth: length of the DLO that has to go through, m
+    Attributes
+    ----------
+    name : str
+        Name of the DLO.
+    rod : Rod
+        Rod, as the planner knows it.
+    cutout : CutOut
+        CutOut with a radius.
+    start : Pose
+        Pose of the gripper at the beginning, in which the DLO hangs at rest.
+    depth : float
+        Length of the DLO that has to go through, m.
     """
 
     name: str
@@ -80,13 +86,19 @@ class Task(Value):
 def draw_task(seed: int, name: str | None = None, radius: float | None = None) -> Task:
     """Return the Task of a seed, always the same.
 
-    Args:
-        seed: 0 to 2^31
-        name: of a DLO in RODS; None: one after the other with the seed
-        radius: of the hole, m; None: drawn from the range RADII, with 2.5 mm of room at least
+    Parameters
+    ----------
+    seed : int
+        0 to 2^31.
+    name : str, optional
+        Name of a DLO in RODS. If None, one after the other with the seed.
+    radius : float, optional
+        Radius of the hole, m. If None, drawn from the range RADII, with 2.5 mm of room at least.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
     rng = np.random.default_rng([integer('seed', seed, minimum=0, maximum=2**31), 77])
     name = list(RODS)[seed % len(RODS)] if name is None else choice('name', name, list(RODS))

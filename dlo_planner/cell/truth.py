@@ -19,22 +19,34 @@ from dlo_planner.model.value import Value, put
 class Truth(Value):
     """How the true DLO, gripper and sheet differ from what the planner assumes.
 
-    Attributes:
-        bending_stiffness: factor of EI_n and EI_b
-        torsional_stiffness: factor of GJ
-        mass: factor of all masses
-        mass_gradient: part of its mean by which the mass per length grows from s = 0 to the free
-            end; the mean stays
-        natural_curvature: (2, k) in 1/m, about n and about b: coefficients of Legendre polynomials
-            of 2 s / L - 1, added to the rod's own
-        length: m, added at the free end
-        gripper_shift: (3,) m, from the commanded to the true place of the gripper, axes of the
-            commanded gripper
-        gripper_turn: (3,) rotation vector from the commanded to the true gripper, rad, same axes
-        hole_shift: (3,) m, true minus stated place of all sheets and cut-outs, world axes
+    Attributes
+    ----------
+    bending_stiffness : float
+        Factor of EI_n and EI_b.
+    torsional_stiffness : float
+        Factor of GJ.
+    mass : float
+        Factor of all masses.
+    mass_gradient : float
+        Part of its mean by which the mass per length grows from s = 0 to the free end; the mean
+        stays.
+    natural_curvature : ndarray, shape (2, k)
+        In 1/m, about n and about b: coefficients of Legendre polynomials of 2 s / L - 1, added to
+        the rod's own.
+    length : float
+        Length in m, added at the free end.
+    gripper_shift : ndarray, shape (3,)
+        Gripper shift in m, from the commanded to the true place of the gripper, axes of the
+        commanded gripper.
+    gripper_turn : ndarray, shape (3,)
+        Rotation vector from the commanded to the true gripper, rad, same axes.
+    hole_shift : ndarray, shape (3,)
+        Hole shift in m, true minus stated place of all sheets and cut-outs, world axes.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     bending_stiffness: float = 1.0
@@ -86,13 +98,24 @@ class Truth(Value):
 class Unknowns(Value):
     """Standard deviations from which a Truth is drawn; independent and normal.
 
-    Attributes:
-        stiffness: of the logarithm of the factor that EI and GJ have in common
-        mass: of the logarithm of the factor; mass_gradient: of the part in `Truth`
-        natural_curvature: (k,) 1/m, of the Legendre coefficients of each plane
-        length: m
-        gripper_position: m, along each axis; gripper_rotation: rad, about each axis
-        hole_position: m, along each axis
+    Attributes
+    ----------
+    stiffness : float
+        Stiffness of the logarithm of the factor that EI and GJ have in common.
+    mass : float
+        Mass of the logarithm of the factor.
+    mass_gradient : float
+        Mass gradient of the part in `Truth`.
+    natural_curvature : ndarray, shape (k,)
+        Natural curvature in 1/m, of the Legendre coefficients of each plane.
+    length : float
+        Length in m.
+    gripper_position : float
+        Gripper position in m, along each axis.
+    gripper_rotation : float
+        Gripper rotation in rad, about each axis.
+    hole_position : float
+        Hole position in m, along each axis.
     """
 
     stiffness: float = 0.0

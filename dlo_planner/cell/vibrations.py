@@ -17,12 +17,17 @@ def linear(model: Any, data: Any) -> tuple[Floats, Floats]:
 
     The stiffness is a difference quotient of the joints' forces.
 
-    Args:
-        model: MjModel of a gripper and 3 n joints
-        data: MjData at rest, which is changed
+    Parameters
+    ----------
+    model : object
+        MjModel of a gripper and 3 n joints.
+    data : object
+        MjData at rest, which is changed.
 
-    Returns:
-        stiffness (3 n, 3 n) in N m/rad and mass (3 n, 3 n) in kg m^2
+    Returns
+    -------
+    (ndarray, ndarray)
+        Stiffness (3 n, 3 n) in N m/rad and mass (3 n, 3 n) in kg m^2.
     """
     size = model.nv - 6
     mujoco.mj_forward(model, data)

@@ -88,9 +88,11 @@ def written(kinds: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 class Described(NamedTuple):
     """What CONFIG and its options describe.
 
-    Attributes:
-        values: of all parameters
-        direct: DirectSimulator
+    Attributes
+    ----------
+    values : dict
+        Values of all parameters.
+    direct : DirectSimulator
     """
 
     values: dict[str, Any]
@@ -109,8 +111,10 @@ def read_described(config: str, changes: tuple[str, ...], obstacles: Path | None
 class Bar:
     """A progress bar on standard error, where that is a terminal; give it as `progress=`.
 
-    Args:
-        label: what is counted
+    Parameters
+    ----------
+    label : str
+        What is counted.
     """
 
     def __init__(self, label: str) -> None:

@@ -29,13 +29,19 @@ _DPI = 150
 def checked(outputs: Iterable[Path], endings: Iterable[str]) -> None:
     """Refuse, before anything is computed, what cannot be written.
 
-    Args:
-        outputs: paths
-        endings: that the command knows
+    Parameters
+    ----------
+    outputs : iterable of Path
+        Paths.
+    endings : iterable of str
+        Endings that the command knows.
 
-    Raises:
-        InvalidTask: another ending, or no such folder
-        MissingExtra: matplotlib is not installed
+    Raises
+    ------
+    InvalidTask
+        Another ending, or no such folder.
+    MissingExtra
+        Matplotlib is not installed.
     """
     endings = tuple(endings)
     for path in outputs:
@@ -51,10 +57,14 @@ def checked(outputs: Iterable[Path], endings: Iterable[str]) -> None:
 def write(value: Shape | Plan | Motion | Report, outputs: Iterable[Path], **drawn: Any) -> None:
     """Write a value to files, and say which were written.
 
-    Args:
-        value: Shape, Plan, Motion, Report
-        outputs: paths that are `checked`
-        drawn: arguments of `plot` and `animate`
+    Parameters
+    ----------
+    value : Shape or Plan or Motion or Report
+        Shape, Plan, Motion, Report.
+    outputs : iterable of Path
+        Paths that are `checked`.
+    drawn : object
+        Arguments of `plot` and `animate`.
     """
     for path in outputs:
         kind = path.suffix.lower()

@@ -24,8 +24,10 @@ _LEVEL = (0.0, 0.0, 0.0, 1.0)
 def pose_of_numbers(name: str, numbers: Sequence[float]) -> Pose:
     """Return the Pose of 3 (level), 6 (place, direction) or 7 numbers (place, quaternion).
 
-    Raises:
-        InvalidTask: another count, or no pose
+    Raises
+    ------
+    InvalidTask
+        Another count, or no pose.
     """
     given = row(name, numbers)
     if given.size == 3:
@@ -41,8 +43,10 @@ def pose_of_numbers(name: str, numbers: Sequence[float]) -> Pose:
 def pose_of(name: str, content: object) -> Pose:
     """Return the Pose that a part of a YAML file says: numbers, or as geometry_msgs/Pose.
 
-    Raises:
-        InvalidTask: it is no pose
+    Raises
+    ------
+    InvalidTask
+        It is no pose.
     """
     if isinstance(content, list):
         return pose_of_numbers(name, content)
@@ -67,8 +71,10 @@ def read_poses(path: Path) -> list[Pose]:
 def read_obstacles(path: Path) -> tuple[Box | Capsule | Plane | Sphere, ...]:
     """Return the obstacles of a YAML file.
 
-    Raises:
-        InvalidTask: naming what is wrong
+    Raises
+    ------
+    InvalidTask
+        Naming what is wrong.
     """
     content = load_yaml(path.read_text(encoding='utf-8'), str(path))
     if not isinstance(content, list):
@@ -79,12 +85,17 @@ def read_obstacles(path: Path) -> tuple[Box | Capsule | Plane | Sphere, ...]:
 def read_observations(paths: Sequence[Path], grippers: Sequence[Pose]) -> list[Observation]:
     """Return Observations: of YAML files, each with its grippers; of CSV files x, y, z.
 
-    Args:
-        paths: of the files
-        grippers: Poses, one for each CSV file
+    Parameters
+    ----------
+    paths : sequence of Path
+        Paths of the files.
+    grippers : sequence of Pose
+        Poses, one for each CSV file.
 
-    Raises:
-        InvalidTask: naming what is wrong
+    Raises
+    ------
+    InvalidTask
+        Naming what is wrong.
     """
     tables = [path for path in paths if path.suffix.lower() == '.csv']
     if len(tables) != len(grippers):

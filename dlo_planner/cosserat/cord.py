@@ -27,11 +27,24 @@ Loads = Sequence[tuple[float, Floats]]  # unstretched arc length in m, force (3,
 class Cord:
     """A round, uniform, naturally straight rod with one end or both held.
 
-    Attributes:
-        length, radius: m; density: kg/m^3; young, shear: Pa
-        nodes: (n + 1, 3) where it begins, directors: (n, 3) of its elements
-        grip: 'clamped' or 'pinned', of its first end; far_grip: of its last end, or None
-        pull: (3,) N, on its last end; gravity: (3,) m/s^2
+    Attributes
+    ----------
+    length, radius : float
+        Length and radius in m.
+    density : float
+        Density in kg/m^3.
+    young, shear : float
+        Young and shear in Pa.
+    nodes : ndarray, shape (n + 1, 3)
+        Where it begins, directors: (n, 3) of its elements.
+    grip : str
+        'clamped' or 'pinned', of its first end.
+    far_grip : str or None
+        Far grip of its last end, or None.
+    pull : ndarray, shape (3,)
+        Pull in N, on its last end.
+    gravity : ndarray, shape (3,)
+        Gravity in m/s^2.
     """
 
     length: float
@@ -79,9 +92,12 @@ class Cord:
     def simulator(self, rod: Rod, stretch: Stretch, loads: Loads = ()) -> DirectSimulator:
         """Return the DirectSimulator of the cord, stretched.
 
-        Args:
-            rod: what `rod` returned for `stretch`
-            loads: (unstretched arc length in m, force (3,) in N) each
+        Parameters
+        ----------
+        rod : Rod
+            What `rod` returned for `stretch`.
+        loads : Loads, optional
+            (unstretched arc length in m, force (3,) in N) each.
         """
         points = [PointLoad(force, s=float(stretch.to_stretched(s))) for s, force in loads]
         if self.pull.any():
@@ -111,8 +127,10 @@ class Cord:
 def at_rest(cord: Cord, rod: Rod, stretch: Stretch, loads: Loads = ()) -> Shape:
     """Return the Shape in which a cord comes to rest whose Stretch is given.
 
-    Raises:
-        FloatingPointError: none was found
+    Raises
+    ------
+    FloatingPointError
+        None was found.
     """
     simulator = cord.simulator(rod, stretch, loads)
     shape = simulator.solve(cord.gripper, far_end=cord.far_end)
@@ -124,8 +142,10 @@ def at_rest(cord: Cord, rod: Rod, stretch: Stretch, loads: Loads = ()) -> Shape:
 def settled(cord: Cord) -> tuple[Shape, Stretch]:
     """Return the Shape in which a cord comes to rest, and its Stretch.
 
-    Raises:
-        FloatingPointError: none was found
+    Raises
+    ------
+    FloatingPointError
+        None was found.
     """
     stretch = Stretch.none(cord.length)
     for _ in range(_TURNS):

@@ -46,9 +46,12 @@ class DloPlanner:
     def run(self, scenario: Scenario, *, n_elements: int, n_frames: int) -> Trajectory:
         """Return the Trajectory of a scenario.
 
-        Raises:
-            NotImplementedError: something in it has no counterpart here; the message names it
-            FloatingPointError: no equilibrium was found, or a motion could not go on
+        Raises
+        ------
+        NotImplementedError
+            Something in it has no counterpart here; the message names it.
+        FloatingPointError
+            No equilibrium was found, or a motion could not go on.
         """
         refuse(scenario)
         cords = [cord_of(rod, scenario, n_elements) for rod in scenario.rods]

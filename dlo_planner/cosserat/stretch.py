@@ -24,9 +24,12 @@ _NEGLIGIBLE = 1e-6  # strains: what they displace is less than this part of the 
 class Stretch:
     """Axial strains along a cord.
 
-    Attributes:
-        free, stretched: (n + 1,) arc lengths of the same nodes, m
-        strains: (n,) between them
+    Attributes
+    ----------
+    free, stretched : ndarray, shape (n + 1,)
+        Arc lengths of the same nodes, m.
+    strains : ndarray, shape (n,)
+        Strains between them.
     """
 
     free: Floats

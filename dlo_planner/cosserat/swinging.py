@@ -29,9 +29,12 @@ _STEPS = 800        # in the slowest vibration of a hanging cord, about
 def swung(cord: Cord, times: Floats) -> tuple[Floats, Floats]:
     """Return positions (T, n + 1, 3) and directors (T, n, 3) at even times.
 
-    Raises:
-        FloatingPointError: the motion could not go on
-        NotImplementedError: its last end is held
+    Raises
+    ------
+    FloatingPointError
+        The motion could not go on.
+    NotImplementedError
+        Its last end is held.
     """
     if cord.far_grip is not None:
         raise NotImplementedError('a moving rod whose last end is held: not modeled')

@@ -30,10 +30,16 @@ _SAMPLES = 801
 class Contact:
     """Two cords with a trial of their contact.
 
-    Attributes:
-        normal: (3,) from the first to the second
-        places: (2,) unstretched arc lengths, m
-        stretches, shapes: of each cord
+    Attributes
+    ----------
+    normal
+        (3,) from the first to the second.
+    places
+        (2,) unstretched arc lengths, m.
+    stretches
+        Stretches of each cord.
+    shapes : list of Shape
+        Shapes of each cord.
     """
 
     def __init__(self, cords: tuple[Cord, Cord]) -> None:
@@ -77,8 +83,10 @@ class Contact:
     def misfit(self, trial: Floats, start: Floats) -> Floats:
         """Return what a trial (5,) misses: the gap, the places, the normal, as parts.
 
-        Args:
-            trial: force over `start[0]`, places in m, two tilts of the normal off `start[1:]`
+        Parameters
+        ----------
+        trial : ndarray
+            Force over `start[0]`, places in m, two tilts of the normal off `start[1:]`.
         """
         force, normal = trial[0] * start[0], start[1:]
         sides = np.linalg.svd(normal[None])[2][1:]
@@ -107,8 +115,10 @@ class Contact:
 def pressed(cords: tuple[Cord, Cord]) -> list[tuple[Shape, Stretch]]:
     """Return of each cord the Shape in which it rests and its Stretch.
 
-    Raises:
-        FloatingPointError: no force keeps them apart
+    Raises
+    ------
+    FloatingPointError
+        No force keeps them apart.
     """
     contact = Contact(cords)
     contact.take(contact.stretches)

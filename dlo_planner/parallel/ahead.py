@@ -20,13 +20,22 @@ UNLIMITED = 1_000_000  # more work than anything takes
 class Moving(NamedTuple):
     """A DLO in motion, several steps in one.
 
-    Attributes:
-        stepper: Shared Stepper
-        nodes, bends: Courses of now; history: History of now
-        place: where to look, in instants
-        scheme: of one step from now to there
-        strains: (N, 3) 1/m, where the search begins
-        most: work, in the unit of `minimize.methods.near`
+    Attributes
+    ----------
+    stepper : Shared
+        Shared Stepper.
+    nodes, bends : Course
+        Courses of now.
+    history : History
+        History of now.
+    place : float
+        Where to look, in instants.
+    scheme : Scheme
+        Scheme of one step from now to there.
+    strains : ndarray, shape (N, 3)
+        Strains in 1/m, where the search begins.
+    most : int
+        Work, in the unit of `minimize.methods.near`.
     """
 
     stepper: Shared
@@ -42,10 +51,18 @@ class Moving(NamedTuple):
 class Resting(NamedTuple):
     """A DLO that is moved slowly, several steps in one.
 
-    Attributes:
-        simulator: Shared DirectSimulator
-        rotation: (3, 3) of the gripper there; history: History of now
-        strains, most: as for Moving
+    Attributes
+    ----------
+    simulator : Shared
+        Shared DirectSimulator.
+    rotation : ndarray, shape (3, 3)
+        Rotation of the gripper there.
+    history : History
+        History of now.
+    strains : ndarray
+        As for Moving.
+    most : int
+        As for Moving.
     """
 
     simulator: Shared

@@ -41,18 +41,29 @@ _NUMBERS = ('amount', 'fraction', 'clearance', 'stability', 'roll', 'seconds')
 class CapabilityMap(Value):
     """Which cut-outs can be threaded; arrays (P, D, R) by position, direction and radius.
 
-    Attributes:
-        grid: CellGrid
-        outcome: 'threaded'; or the constraint that was not kept, as `Infeasible.constraint`, after
-            'start_phase.' where it is the way from the start; 'undecided' where time was over; ''
-            where it was not looked at
-        amount: by how much the constraint is broken, in its unit; nan where that is not known
-        fraction: part of the waypoints that is reached
-        clearance: m, least of the threading; stability: least of all shapes; nan: no plan
-        roll: rad, of the gripper in its first pose about its x axis, 0 where that is upright
-        start: index of the start; -1: none
-        gripper: (P, D, R, 7) its first pose: position in m, quaternion x, y, z, w; nan: no plan
-        seconds: CPU time of computing; not compared
+    Attributes
+    ----------
+    grid : CellGrid
+    outcome : ndarray
+        'threaded'; or the constraint that was not kept, as `Infeasible.constraint`, after
+        'start_phase.' where it is the way from the start; 'undecided' where time was over; '' where
+        it was not looked at.
+    amount : ndarray
+        By how much the constraint is broken, in its unit; nan where that is not known.
+    fraction : ndarray
+        Part of the waypoints that is reached.
+    clearance : ndarray
+        Clearance in m, least of the threading.
+    stability : ndarray
+        Least of all shapes; nan: no plan.
+    roll : ndarray
+        Roll in rad, of the gripper in its first pose about its x axis, 0 where that is upright.
+    start : ndarray
+        Index of the start; -1: none.
+    gripper : ndarray, shape (P, D, R, 7)
+        Its first pose: position in m, quaternion x, y, z, w; nan: no plan.
+    seconds : ndarray
+        CPU time of computing; not compared.
     """
 
     grid: CellGrid
@@ -96,8 +107,10 @@ class CapabilityMap(Value):
     def load(cls, folder: str | PathLike[str]) -> 'CapabilityMap':
         """Return what has been done so far of the map that is kept in a folder.
 
-        Raises:
-            InvalidTask: no map is kept there; the message names it
+        Raises
+        ------
+        InvalidTask
+            No map is kept there; the message names it.
         """
         task = task_in(folder)
         try:
@@ -117,23 +130,36 @@ def capability_map(inverse: InverseSimulator, grid: CellGrid, executor: Workers 
                    deadline: float | None = None) -> CapabilityMap:
     """Return which cut-outs of a cell can be threaded, with what margin, by which roll and start.
 
-    Args:
-        inverse: InverseSimulator, with the workspace and the obstacles of the cell
-        grid: CellGrid
-        starts: Poses of the gripper from which it has to get there (`InverseSimulator.start_phase`)
-            with the DLO as it hangs; the one that leaves the DLO most stable is chosen. None:
-            only the threading is looked at, wherever it begins.
-        depths: as for `InverseSimulator.thread`
-        executor: as for `parallel.map`; the result does not depend on it
-        folder: where parts are kept as they are done; the same call goes on with what is there
-        chunk: cut-outs in one piece of work, and in one file
-        patience: s of computing for one plan; one that takes longer is 'undecided'
-        progress: called as progress(done, total) after each piece, in cut-outs
-        deadline: s of computing after which DeadlineExceeded is raised; None: no limit
+    Parameters
+    ----------
+    inverse : InverseSimulator
+        InverseSimulator, with the workspace and the obstacles of the cell.
+    grid : CellGrid
+    starts : iterable of Pose, optional
+        Poses of the gripper from which it has to get there (`InverseSimulator.start_phase`) with
+        the DLO as it hangs; the one that leaves the DLO most stable is chosen. None: only the
+        threading is looked at, wherever it begins.
+    depths : array_like, optional
+        As for `InverseSimulator.thread`.
+    executor : Workers, optional
+        As for `parallel.map`; the result does not depend on it.
+    folder : str or PathLike, optional
+        Where parts are kept as they are done; the same call goes on with what is there.
+    chunk : int, optional
+        Cut-outs in one piece of work, and in one file.
+    patience : float, optional
+        Seconds of computing for one plan; one that takes longer is 'undecided'.
+    progress : callable, optional
+        Called as progress(done, total) after each piece, in cut-outs.
+    deadline : float, optional
+        Seconds of computing after which DeadlineExceeded is raised. If None, no limit.
 
-    Raises:
-        InvalidTask: an argument makes no sense, or the folder keeps another map
-        DeadlineExceeded: the deadline is over; what is in the folder is kept
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense, or the folder keeps another map.
+    DeadlineExceeded
+        The deadline is over; what is in the folder is kept.
     """
     instance('inverse', inverse, InverseSimulator)
     instance('grid', grid, CellGrid)

@@ -20,13 +20,19 @@ _MOST = 1_000_000_000  # cut-outs
 class CellGrid(Value):
     """Round cut-outs of a cell: all combinations of P positions, D directions and R radii.
 
-    Attributes:
-        positions: (P, 3) m, of the centers, in any order
-        directions: (D, 3) in which the free end travels through, of any length but zero
-        radii: (R,) m
+    Attributes
+    ----------
+    positions : ndarray, shape (P, 3)
+        Positions in m, of the centers, in any order.
+    directions : ndarray, shape (D, 3)
+        In which the free end travels through, of any length but zero.
+    radii : ndarray, shape (R,)
+        Radii in m.
 
-    Raises:
-        InvalidTask: an array makes no sense; the message names it
+    Raises
+    ------
+    InvalidTask
+        An array makes no sense; the message names it.
     """
 
     positions: Floats
@@ -62,8 +68,10 @@ class CellGrid(Value):
     def cutout(self, index: int) -> CutOut:
         """Return one CutOut: radii change first with the index, then directions, then positions.
 
-        Raises:
-            InvalidTask: there is no such index
+        Raises
+        ------
+        InvalidTask
+            There is no such index.
         """
         index = integer('index', index, minimum=0, maximum=len(self) - 1)
         p, d, r = np.unravel_index(index, self.shape)

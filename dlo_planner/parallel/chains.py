@@ -45,10 +45,14 @@ def parts_of(simulator: DirectSimulator, chain: Sequence[Pose], size: int) -> li
 class Following:
     """Follows chains of gripper poses, in parts where that can be done.
 
-    Args:
-        simulator: DirectSimulator; chains: sequences of Pose
-        size: poses in a part, at most
-        steps: Progress
+    Parameters
+    ----------
+    simulator : DirectSimulator
+    chains : sequence of sequence of Pose
+        Sequences of Pose.
+    size : int
+        Poses in a part, at most.
+    steps : Progress
     """
 
     def __init__(self, simulator: DirectSimulator, chains: Sequence[Sequence[Pose]], size: int,
@@ -60,8 +64,10 @@ class Following:
     def rows(self, crew: Crew, finished: Callable[[int, Found], object]) -> list[list[Columns]]:
         """Return for each chain the `columns` of its parts, in order.
 
-        Args:
-            finished: called as finished(index, Found) after each part, in any order
+        Parameters
+        ----------
+        finished : callable
+            Called as finished(index, Found) after each part, in any order.
         """
         results = _found(crew, self._first_pieces(), finished)
         seams = {k for k, (_, part) in enumerate(self._jobs) if part.start}

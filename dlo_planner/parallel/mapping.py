@@ -29,33 +29,45 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     The result does not depend on the executor, nor on how many workers it has: it is the same bit
     for bit (on machines of one kind), in the order of `work`.
 
-    Args:
-        simulator: DirectSimulator
-        work: sequence of Pose: each by itself, the same bit for bit as `simulator.solve(pose)`; or
-            sequence of motions, each a sequence of Pose that is followed like
-            `simulator.track(poses)`. A motion of more than `chunk` + 1 poses is cut into parts,
-            where the DLO neither yields nor touches with friction. A part begins with a shape that
-            was found from the natural one, or among obstacles with one that was followed on a
-            coarse motion. Where that is not the one in which the part before it ends, the part
-            is followed again from there. The equilibria and jumps are those of `track`; their
-            numbers differ by what the solver leaves open (1e-5 of the length at a seam at most).
-        executor: `concurrent.futures.Executor`: threads, processes, or a cluster's (extra
-            `[cluster]`: `dask.distributed.Client(...).get_executor()`); a function that makes one,
-            which is closed at the end; None: one after the other. A pool that has lost a process
-            is replaced, and only what it was working on is done again.
-        chunk: poses in one piece of work
-        progress: called as progress(done, total) after each piece, in poses; where parts do not
-            meet, what is done again is not counted
-        deadline: s of computing after which DeadlineExceeded is raised; None: no limit
+    Parameters
+    ----------
+    simulator : DirectSimulator
+    work : iterable of object
+        Sequence of Pose: each by itself, the same bit for bit as `simulator.solve(pose)`; or
+        sequence of motions, each a sequence of Pose that is followed like `simulator.track(poses)`.
+        A motion of more than `chunk` + 1 poses is cut into parts, where the DLO neither yields nor
+        touches with friction. A part begins with a shape that was found from the natural one, or
+        among obstacles with one that was followed on a coarse motion. Where that is not the one in
+        which the part before it ends, the part is followed again from there. The equilibria and
+        jumps are those of `track`; their numbers differ by what the solver leaves open (1e-5 of the
+        length at a seam at most).
+    executor : Workers, optional
+        `concurrent.futures.Executor`: threads, processes, or a cluster's (extra `[cluster]`:
+        `dask.distributed.Client(...).get_executor()`); a function that makes one, which is closed
+        at the end. If None, one after the other. A pool that has lost a process is replaced, and
+        only what it was working on is done again.
+    chunk : int, optional
+        Poses in one piece of work.
+    progress : callable, optional
+        Called as progress(done, total) after each piece, in poses; where parts do not meet, what is
+        done again is not counted.
+    deadline : float, optional
+        Seconds of computing after which DeadlineExceeded is raised. If None, no limit.
 
-    Returns:
-        Shapes on the simulator's mesh; or a list of them, one for each motion
+    Returns
+    -------
+    Shapes or list of Shapes
+        Shapes on the simulator's mesh; or a list of them, one for each motion.
 
-    Raises:
-        InvalidTask: an argument makes no sense; the message names it
-        DeadlineExceeded: the deadline is over. Pieces that were begun go on to their end, others
-            are canceled; so is it where `progress` raises, or `progress.interrupted_by` says so.
-        concurrent.futures.BrokenExecutor: the executor broke, again and again or for good
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
+    DeadlineExceeded
+        The deadline is over. Pieces that were begun go on to their end, others are canceled; so is
+        it where `progress` raises, or `progress.interrupted_by` says so.
+    concurrent.futures.BrokenExecutor
+        The executor broke, again and again or for good.
     """
     instance('simulator', simulator, DirectSimulator)
     grippers, chains = _poses(work)
@@ -72,13 +84,20 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose], *, progress
                deadline: float | None = None) -> Shapes:
     """Return the shapes at many gripper poses, each the same bit for bit as `simulator.solve`.
 
-    Args:
-        simulator: DirectSimulator; grippers: sequence of Pose
-        progress: called as progress(done, total) now and then
-        deadline: s of computing after which DeadlineExceeded is raised; None: no limit
+    Parameters
+    ----------
+    simulator : DirectSimulator
+    grippers : iterable of Pose
+        Sequence of Pose.
+    progress : callable, optional
+        Called as progress(done, total) now and then.
+    deadline : float, optional
+        Seconds of computing after which DeadlineExceeded is raised. If None, no limit.
 
-    Raises:
-        InvalidTask: an argument makes no sense; the message names it
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
     """
     found_ = map(simulator, items('grippers', grippers, Pose), progress=progress, deadline=deadline)
     assert isinstance(found_, Shapes)  # there are no motions in it

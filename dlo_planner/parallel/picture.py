@@ -27,15 +27,21 @@ def slices(capability: CapabilityMap, axis: str = 'y', quantity: str = 'share') 
     Crosses stand where no cut-out can be threaded, dots where none has been looked at. Of more
     than 12 slices 12 are shown.
 
-    Args:
-        capability: CapabilityMap
-        axis: 'x', 'y' or 'z' of the world, across which the slices lie
-        quantity: 'share' of all directions and radii; or the best of them in 'clearance',
-            'stability' or 'radius'
+    Parameters
+    ----------
+    capability : CapabilityMap
+    axis : str, optional
+        'x', 'y' or 'z' of the world, across which the slices lie.
+    quantity : str, optional
+        'share' of all directions and radii; or the best of them in 'clearance', 'stability' or
+        'radius'.
 
-    Raises:
-        InvalidTask: an argument makes no sense
-        MissingExtra: matplotlib is not installed
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense.
+    MissingExtra
+        Matplotlib is not installed.
     """
     instance('capability', capability, CapabilityMap)
     across = 'xyz'.index(choice('axis', axis, ('x', 'y', 'z')))

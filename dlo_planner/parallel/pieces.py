@@ -41,14 +41,23 @@ def _unpacked(packed: bytes) -> Shared:
 class Piece(NamedTuple):
     """Gripper poses to be followed, as arrays: a pickled Pose costs ten times as much.
 
-    Attributes:
-        simulator: Shared DirectSimulator
-        positions: (m, 3) m; rotations: (m, 3, 3)
-        anew: indices of poses that begin from the natural shape, whatever comes before
-        start: Shape before the first pose, or None
-        dropped: so many shapes at the beginning are not given back
-        ends: whether the first and the last Shape are given back as well
-        seconds: of computing that are left; None: no limit
+    Attributes
+    ----------
+    simulator : Shared
+        Shared DirectSimulator.
+    positions : ndarray, shape (m, 3)
+        Positions in m.
+    rotations : ndarray, shape (m, 3, 3)
+    anew : tuple of int
+        Indices of poses that begin from the natural shape, whatever comes before.
+    start : Shape or None
+        Shape before the first pose, or None.
+    dropped : int
+        So many shapes at the beginning are not given back.
+    ends : bool
+        Whether the first and the last Shape are given back as well.
+    seconds : float or None
+        Seconds of computing that are left. If None, no limit.
     """
 
     simulator: Shared
@@ -64,10 +73,14 @@ class Piece(NamedTuple):
 class Found(NamedTuple):
     """What a Piece gives: `columns`, and where they are asked for the Shapes at its ends.
 
-    Attributes:
-        rows: dict of arrays, see `shapes.columns`
-        first: the first Shape, where it is not given back otherwise
-        last: Shape from which the next piece goes on: the last that converged, or nearly did
+    Attributes
+    ----------
+    rows : Columns
+        dict of arrays, see `shapes.columns`.
+    first : Shape or None
+        The first Shape, where it is not given back otherwise.
+    last : Shape or None
+        Shape from which the next piece goes on: the last that converged, or nearly did.
     """
 
     rows: Columns

@@ -33,20 +33,36 @@ class Shapes(Value):
     strains are averaged over the elements then. `len`, indices, slices and loops work: one entry
     is a Shape (without the past of its contacts and grips, and its error estimate is not known).
 
-    Attributes:
-        grippers: n Pose
-        s: (N + 1,) arc lengths of the nodes, m
-        positions: (n, N + 1, 3) m; frames: (n, N + 1, 3, 3); element_strains: (n, N, 3) 1/m
-        gripper_wrench: (n, 6) N and N m
-        energy, elastic_energy, dissipated: (n,) J
-        residual, stability: (n,); violation: (n,) m
-        iterations: (n,) Newton steps
-        converged, jumped: (n,) True or False
-        contact_table: (m, 14) all contacts by shape and s: index of the shape, then obstacle, s,
-            position, normal, force, friction, penetration as in `Contact`
+    Attributes
+    ----------
+    grippers : tuple of Pose
+        The n poses.
+    s : ndarray, shape (N + 1,)
+        Arc lengths of the nodes, m.
+    positions : ndarray, shape (n, N + 1, 3)
+        Positions in m.
+    frames : ndarray, shape (n, N + 1, 3, 3)
+    element_strains : ndarray, shape (n, N, 3)
+        Element strains in 1/m.
+    gripper_wrench : ndarray, shape (n, 6)
+        N and N m.
+    energy, elastic_energy, dissipated : ndarray, shape (n,)
+        Energy, elastic energy and dissipated in J.
+    residual, stability : ndarray, shape (n,)
+    violation : ndarray, shape (n,)
+        Violation in m.
+    iterations : ndarray, shape (n,)
+        Newton steps.
+    converged, jumped : ndarray, shape (n,)
+        True or False.
+    contact_table : ndarray, shape (m, 14)
+        All contacts by shape and s: index of the shape, then obstacle, s, position, normal, force,
+        friction, penetration as in `Contact`.
 
-    Raises:
-        InvalidTask: the sizes do not fit; the message names the attribute
+    Raises
+    ------
+    InvalidTask
+        The sizes do not fit; the message names the attribute.
     """
 
     grippers: tuple[Pose, ...]
@@ -137,12 +153,17 @@ class Shapes(Value):
     def of(cls, shapes: Iterable[Shape], s: Floats | None = None) -> 'Shapes':
         """Return the Shapes of one DLO, given one by one, whose far ends are free.
 
-        Args:
-            shapes: one Shape or more
-            s: (N + 1,) arc lengths of the nodes, m, from 0 to the length; None: those of the first
+        Parameters
+        ----------
+        shapes : iterable of Shape
+            One Shape or more.
+        s : ndarray, shape (N + 1,), optional
+            Arc lengths of the nodes, m, from 0 to the length. If None, those of the first.
 
-        Raises:
-            InvalidTask: there is none, a far end is held, or lengths differ
+        Raises
+        ------
+        InvalidTask
+            There is none, a far end is held, or lengths differ.
         """
         shapes = items('shapes', shapes, Shape, least=1)
         s = shapes[0].s if s is None else row('s', s, least=2, minimum=0)
@@ -159,8 +180,10 @@ class Shapes(Value):
     def joined(cls, parts: Iterable['Shapes']) -> 'Shapes':
         """Return the Shapes of several, one after the other.
 
-        Raises:
-            InvalidTask: there is none, or their nodes differ
+        Raises
+        ------
+        InvalidTask
+            There is none, or their nodes differ.
         """
         parts = items('parts', parts, Shapes, least=1)
         for k, part in enumerate(parts):

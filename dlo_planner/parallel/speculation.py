@@ -60,23 +60,43 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
     (`minimize.same_minimum`); otherwise the serial search is made. The result does not depend on
     the executor or its workers.
 
-    Args:
-        simulator: DirectSimulator
-        grippers: n Pose: at the times 0, dt, 2 dt, ..., or those of a slow motion
-        dt: s; None: the motion is slow (a DLO that yields depends on its steps all the same)
-        executor: as for `parallel.map`; None: nothing is looked at ahead
-        tasks: how many at once, the caller's own among them, which needs no worker: so many less
-            one steps are looked at. None: as many as have been found to pay: 1, which is none.
-        initial, velocity, tolerance, integrator, progress, deadline: as for `simulate`; velocity,
-            tolerance and integrator are not looked at where `dt` is None
-
     Nothing is looked at ahead among obstacles, with a pinned gripper or with dead moments, nor in a
     slow motion with `accuracy` or `strains='paper'`.
 
-    Raises:
-        InvalidTask: an argument makes no sense; the message names it
-        DeadlineExceeded: the deadline is over
-        concurrent.futures.BrokenExecutor: the executor broke for good
+    Parameters
+    ----------
+    simulator : DirectSimulator
+    grippers : iterable of Pose
+        The n poses: at the times 0, dt, 2 dt, ..., or those of a slow motion.
+    dt : float, optional
+        Time step in s. If None, the motion is slow (a DLO that yields depends on its steps all the
+        same).
+    executor : Workers, optional
+        As for `parallel.map`. If None, nothing is looked at ahead.
+    tasks : int, optional
+        How many at once, the caller's own among them, which needs no worker: so many less one steps
+        are looked at. If None, as many as have been found to pay: 1, which is none.
+    initial : Shape or Motion, optional
+        As for `simulate`; velocity, tolerance and integrator are not looked at where `dt` is None.
+    velocity : array_like or callable, optional
+        As for `simulate`; velocity, tolerance and integrator are not looked at where `dt` is None.
+    tolerance : float, optional
+        As for `simulate`; velocity, tolerance and integrator are not looked at where `dt` is None.
+    integrator : str, optional
+        As for `simulate`; velocity, tolerance and integrator are not looked at where `dt` is None.
+    progress : callable, optional
+        As for `simulate`; velocity, tolerance and integrator are not looked at where `dt` is None.
+    deadline : float, optional
+        As for `simulate`; velocity, tolerance and integrator are not looked at where `dt` is None.
+
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
+    DeadlineExceeded
+        The deadline is over.
+    concurrent.futures.BrokenExecutor
+        The executor broke for good.
     """
     instance('simulator', simulator, DirectSimulator)
     checked(executor)
@@ -105,11 +125,18 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
 class Round(NamedTuple):
     """A true step, and the looks ahead meanwhile.
 
-    Attributes:
-        place: of the step
-        work: of it, in the unit of `minimize.methods.near`; judging: Newton steps beside it
-        guess: 'used', 'refused', or 'none'
-        ahead: works of the looks ahead
+    Attributes
+    ----------
+    place : float
+        Place of the step.
+    work : int
+        Work of it, in the unit of `minimize.methods.near`.
+    judging : int
+        Newton steps beside it.
+    guess : str
+        'used', 'refused', or 'none'.
+    ahead : tuple of int
+        Works of the looks ahead.
     """
 
     place: float
@@ -122,9 +149,14 @@ class Round(NamedTuple):
 class Stepped(NamedTuple):
     """What a true step gave.
 
-    Attributes:
-        result: of the step
-        work, judging, guess: as in Round
+    Attributes
+    ----------
+    result : object
+        Result of the step.
+    work, judging : int
+        As in Round.
+    guess : str
+        As in Round.
     """
 
     result: Any
@@ -136,12 +168,16 @@ class Stepped(NamedTuple):
 class Rounds:
     """Steps made while others are looked at, and what was seen.
 
-    Args:
-        crew: Crew
-        tasks: steps at once, the true one among them
+    Parameters
+    ----------
+    crew : Crew
+    tasks : int
+        Steps at once, the true one among them.
 
-    Attributes:
-        made: one Round for each round
+    Attributes
+    ----------
+    made : list of Round
+        One Round for each round.
     """
 
     def __init__(self, crew: Crew, tasks: int) -> None:
@@ -158,9 +194,12 @@ class Rounds:
              step: Callable[[Floats | None], Stepped]) -> Any:
         """Return what a step at `place` gives, while others are looked at.
 
-        Args:
-            ahead: tasks by place, made as ahead(most)
-            step: called as step(strains or None); returns a Stepped
+        Parameters
+        ----------
+        ahead : callable
+            Tasks by place, made as ahead(most).
+        step : callable
+            Called as step(strains or None); returns a Stepped.
         """
         tasks = ahead(self._most)
         futures = self._crew.begin(look, tasks.values())
@@ -187,10 +226,13 @@ def _work(shape: Shape) -> int:
 class AheadStepper(Stepper):
     """Makes the steps of one DLO in moving grips, and looks at those to come.
 
-    Args:
-        rounds: Rounds
-        last: place of the last step
-        more: as for Stepper
+    Parameters
+    ----------
+    rounds : Rounds
+    last : int
+        Place of the last step.
+    more : object
+        As for Stepper.
     """
 
     def __init__(self, rounds: Rounds, last: int, *more: Any) -> None:
@@ -249,9 +291,10 @@ def _unknowns(system: Any, strains: Floats) -> Floats:
 class Tracker:
     """Follows a DLO through slow steps, and looks at those to come.
 
-    Args:
-        simulator: DirectSimulator
-        rounds: Rounds
+    Parameters
+    ----------
+    simulator : DirectSimulator
+    rounds : Rounds
     """
 
     def __init__(self, simulator: DirectSimulator, rounds: Rounds) -> None:

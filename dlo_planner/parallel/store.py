@@ -29,13 +29,19 @@ _TASK, _PART = 'task.npz', 'part-{:07d}.npz'
 class Store:
     """Keeps numbered parts of one task, each a dict of arrays, in a folder.
 
-    Args:
-        folder: str or Path; it is made if it is not there
-        name: what identifies the task, see `fingerprint`
-        task: dict of arrays that describe it
+    Parameters
+    ----------
+    folder : str or os.PathLike
+        Str or Path; it is made if it is not there.
+    name : str
+        What identifies the task, see `fingerprint`.
+    task : dict
+        dict of arrays that describe it.
 
-    Raises:
-        InvalidTask: the folder belongs to another task, or cannot be written
+    Raises
+    ------
+    InvalidTask
+        The folder belongs to another task, or cannot be written.
     """
 
     def __init__(self, folder: str | os.PathLike[str], name: str,

@@ -30,11 +30,16 @@ COLUMNS: dict[str, tuple[Any, tuple[int, ...]]] = {
 class Question(NamedTuple):
     """What is asked about every cut-out.
 
-    Attributes:
-        inverse: InverseSimulator; grid: CellGrid
-        starts: Poses of the gripper to begin with; none: only the threading is looked at
-        depths: (n,) m, or None
-        patience: s of computing for a plan, after which it is undecided
+    Attributes
+    ----------
+    inverse : InverseSimulator
+    grid : CellGrid
+    starts : tuple of Pose
+        Poses of the gripper to begin with; none: only the threading is looked at.
+    depths : ndarray, shape (n,) or None
+        Depths in m, or None.
+    patience : float
+        Seconds of computing for a plan, after which it is undecided.
     """
 
     inverse: InverseSimulator

@@ -38,13 +38,16 @@ def checked(executor: object) -> Workers:
 class Crew:
     """Gives work to an executor, and to the next one where that breaks; a context manager.
 
-    Args:
-        executor: an Executor, which stays open; a function that makes one, which is closed at the
-            end; None: the work is done here
-        check: called often; what it raises ends the work
-
     A pool of processes that has lost one is broken: what it had not finished is done again by a
     new one, made by the function, or like the ProcessPoolExecutor that was given.
+
+    Parameters
+    ----------
+    executor : Workers
+        An Executor, which stays open; a function that makes one, which is closed at the end. If
+        None, the work is done here.
+    check : callable
+        Called often; what it raises ends the work.
     """
 
     def __init__(self, executor: Workers, check: Callable[[], object]) -> None:
@@ -66,10 +69,14 @@ class Crew:
             finished: Callable[[int, Any], object]) -> list[Any]:
         """Return function(task) for all tasks, in their order.
 
-        Args:
-            function: of one task; it can be pickled, where the executor has to
-            tasks: may be computed one by one, while others are worked on
-            finished: called as finished(index, result), in the order in which they end
+        Parameters
+        ----------
+        function : callable
+            Function of one task; it can be pickled, where the executor has to.
+        tasks : iterable of object
+            May be computed one by one, while others are worked on.
+        finished : callable
+            Called as finished(index, result), in the order in which they end.
         """
         results = {}
 

@@ -35,8 +35,10 @@ _AWAY = 1e-2   # rad or m: farther from its first point the arm has to be brough
 class ArmOutput:
     """Publishes `~/joint_trajectory` when a plan is proved.
 
-    Args:
-        node: rclpy Node, whose parameters `arm.*` are declared; they count for the next plan
+    Parameters
+    ----------
+    node : object
+        Rclpy Node, whose parameters `arm.*` are declared; they count for the next plan.
     """
 
     def __init__(self, node: Any) -> None:
@@ -62,13 +64,21 @@ class ArmOutput:
                  free_roll: bool = False) -> JointTrajectory | None:
         """Return and publish the arm's JointTrajectory; None where no arm is asked for.
 
-        Args:
-            trajectory: Trajectory that is proved; tool: Pose of the gripper in the tool link
-            stamp: builtin_interfaces/Time of the plan, for the log
-            free_roll: whether the gripper may be rolled about the DLO, see `rolls_freely`
+        Parameters
+        ----------
+        trajectory : TimedPath or None
+            Trajectory that is proved.
+        tool : Pose
+            Pose of the gripper in the tool link.
+        stamp : Time
+            builtin_interfaces/Time of the plan, for the log.
+        free_roll : bool, optional
+            Whether the gripper may be rolled about the DLO, see `rolls_freely`.
 
-        Raises:
-            DloPlannerError: refused, with the reason; nothing is published
+        Raises
+        ------
+        DloPlannerError
+            Refused, with the reason; nothing is published.
         """
         if not self._value('arm.tool_link'):
             return None
@@ -141,8 +151,12 @@ class ArmOutput:
 def _current(arm: Arm, known: Mapping[str, tuple[float, float]], now: float) -> Floats:
     """Return the arm's joint positions (m,) out of those of the whole robot by name.
 
-    Args:
-        known: positions and the times in s when they were received; now: s
+    Parameters
+    ----------
+    known : dict
+        Positions and the times in s when they were received.
+    now : float
+        Now in s.
     """
     unknown = [name for name in (*arm.joints, *arm.carriers) if name not in known]
     old = [name for name in arm.joints if name in known and now - known[name][1] > _STALE]

@@ -24,10 +24,14 @@ _EVEN = 0.1            # s
 def from_where_it_is(way: TimedPath, here: Pose, shape: Shape) -> TimedPath | Steered:
     """Return a motion that begins at a pose and goes over to its way without swinging the DLO.
 
-    Args:
-        way: TimedPath of the gripper
-        here: Pose of the gripper now, near the beginning of the way
-        shape: Shape of the DLO there
+    Parameters
+    ----------
+    way : TimedPath
+        TimedPath of the gripper.
+    here : Pose
+        Pose of the gripper now, near the beginning of the way.
+    shape : Shape
+        Shape of the DLO there.
     """
     first = way.at([0.0])[0][0]
     turn = Rotation.from_matrix(here.rotation @ first.rotation.T).as_rotvec()
@@ -48,8 +52,11 @@ def blending_as(steered: Steered, windows: Floats, time: float) -> Steered | Non
 
     None as long as one of its changes is still being blended in: the motion would leap.
 
-    Args:
-        windows: (k,) s; time: of the motion, s
+    Parameters
+    ----------
+    windows : ndarray, shape (k,)
+    time : float
+        Time of the motion, s.
     """
     if np.array_equal(steered.windows, windows):
         return steered

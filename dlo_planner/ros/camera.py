@@ -44,10 +44,15 @@ _LONGEST_AGE = 1.0  # s, after which what was seen of the DLO says nothing of it
 class Camera:
     """Hears points of the DLO.
 
-    Args:
-        node: rclpy Node; parts: Parts
-        group: callback group
-        set_parameters: takes rclpy Parameters, sets all or none, returns a SetParametersResult
+    Parameters
+    ----------
+    node : Gate
+        Rclpy Node.
+    parts : Parts
+    group : object
+        Callback group.
+    set_parameters : callable
+        Takes rclpy Parameters, sets all or none, returns a SetParametersResult.
     """
 
     def __init__(self, node: Gate, parts: Parts, group: Any,
@@ -68,8 +73,11 @@ class Camera:
     def gripper(self, pose: Pose, stamp: Time) -> float:
         """Take in a Pose of the tool frame; return how far the DLO is off its plan, m, or nan.
 
-        Args:
-            pose: Pose; stamp: builtin_interfaces/Time
+        Parameters
+        ----------
+        pose : Pose
+        stamp : Time
+            builtin_interfaces/Time.
         """
         seconds, (scene, observing, _) = _seconds(stamp), self._at
         self._grippers.append((seconds, pose))
@@ -198,9 +206,13 @@ class Camera:
 def observing_of(scene: Scene, grippers: list, known: Estimate | None) -> Observing | None:
     """Return a new Observing, None where the DLO cannot be observed or nothing is uncertain.
 
-    Args:
-        scene: Scene; grippers: (stamp, Pose of the tool frame) that are known
-        known: Estimate of which the scene was made, or None
+    Parameters
+    ----------
+    scene : Scene
+    grippers : list
+        (stamp, Pose of the tool frame) that are known.
+    known : Estimate or None
+        Estimate of which the scene was made, or None.
     """
     try:
         made = Observing(scene.direct, scene.seeing, known)
@@ -214,8 +226,10 @@ def observing_of(scene: Scene, grippers: list, known: Estimate | None) -> Observ
 def points_in(scene: Scene, msg: PointCloud2, name: str, frames: OneFrame) -> Floats:
     """Return the points (n, 3), m, of a PointCloud2 in the scene's frame.
 
-    Raises:
-        Refused: naming the field, its value, and what would be right
+    Raises
+    ------
+    Refused
+        Naming the field, its value, and what would be right.
     """
     origin = frames.origin(msg.header, scene.frame_id, name)
     try:

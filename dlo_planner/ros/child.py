@@ -16,9 +16,14 @@ def child(module: str, *arguments: str,
           env: Mapping[str, str]) -> Iterator[subprocess.Popen[bytes]]:
     """Run a Python module as a process; interrupt it at the end, and kill it if that is in vain.
 
-    Args:
-        module: its name; arguments: for it
-        env: environment
+    Parameters
+    ----------
+    module : str
+        Its name.
+    arguments : str
+        For it.
+    env : dict
+        Environment.
     """
     process = subprocess.Popen([sys.executable, '-m', module, *arguments], env=dict(env))
     try:

@@ -38,10 +38,14 @@ Told = tuple[int, str, dict[str, str]]  # code, message, values
 class PlannerClient:
     """Talks to a running planner node; a thread of its own receives what comes.
 
-    Args:
-        planner: full name of the node, e.g. '/dlo_planner'
-        frame_id: of the poses that are sent
-        timeout: s to wait for any one answer
+    Parameters
+    ----------
+    planner : str, optional
+        Full name of the node, e.g. '/dlo_planner'.
+    frame_id : str, optional
+        Frame id of the poses that are sent.
+    timeout : float, optional
+        s to wait for any one answer.
     """
 
     def __init__(self, planner: str = '/dlo_planner', frame_id: str = 'world',
@@ -122,8 +126,10 @@ class PlannerClient:
     def shape_for(self, pose: Pose) -> tuple[Path, float]:
         """Publish a gripper Pose and return the shape (Path) that answers it, and the s it took.
 
-        Raises:
-            TimeoutError: nothing came, though poses are sent again as a robot would do
+        Raises
+        ------
+        TimeoutError
+            Nothing came, though poses are sent again as a robot would do.
         """
         started = monotonic()
         stamps = []
@@ -148,8 +154,12 @@ class PlannerClient:
     def plan_threading(self, start: Pose, goal: Pose) -> tuple[Path, float]:
         """Return the Path that the service plan_threading answers, and the s it took.
 
-        Args:
-            start: Pose of the gripper now; goal: Pose of the cut-out
+        Parameters
+        ----------
+        start : Pose
+            Pose of the gripper now.
+        goal : Pose
+            Pose of the cut-out.
         """
         request = GetPlan.Request(start=pose_stamped_msg(start, self.frame_id),
                                   goal=pose_stamped_msg(goal, self.frame_id))
@@ -186,8 +196,10 @@ class PlannerClient:
     def proof(self, path: Path, timeout: float = 60.0) -> dict[str, str]:
         """Return what /diagnostics says of a plan (Path), name -> text, once its proof is done.
 
-        Raises:
-            TimeoutError: it is not done within `timeout` s, or a newer plan was made
+        Raises
+        ------
+        TimeoutError
+            It is not done within `timeout` s, or a newer plan was made.
         """
         wanted = stamp_text(path.header.stamp)
         end = monotonic() + timeout
@@ -202,8 +214,10 @@ class PlannerClient:
     def timed_for(self, path: Path) -> MultiDOFJointTrajectory:
         """Return the timed trajectory (MultiDOFJointTrajectory) of a proved plan (Path).
 
-        Raises:
-            TimeoutError: none came; only a plan that may be executed has one
+        Raises
+        ------
+        TimeoutError
+            None came; only a plan that may be executed has one.
         """
         end = monotonic() + self.timeout
         while monotonic() < end:
@@ -216,8 +230,10 @@ class PlannerClient:
     def status_of(self, request: str, timeout: float | None = None) -> Told:
         """Return the next outcome of a request by its name, as (code, message, values).
 
-        Raises:
-            TimeoutError: none came within `timeout` s (None: the client's)
+        Raises
+        ------
+        TimeoutError
+            None came within `timeout` s (None: the client's).
         """
         return self._next(self.statuses, timeout, lambda values: values['request'] == request)
 

@@ -51,12 +51,20 @@ _AS_STATED = {'rod__length': 1.0, 'rod__density': 8960.0, 'rod__youngs_modulus':
 class Outcome:
     """What came of it.
 
-    Attributes:
-        planned: s for the plan; threaded: whether the wire is through, in the engine
-        depth, wanted: m
-        miss, force: largest ones there, m, N
-        blind: m, by how much the plan for the wire of the data sheet would have missed
-        corrections: how many were executed
+    Attributes
+    ----------
+    planned : float
+        s for the plan.
+    threaded : bool
+        Whether the wire is through, in the engine.
+    depth, wanted : float
+        Depth and wanted in m.
+    miss, force : float
+        Largest ones there, m, N.
+    blind : float
+        Blind in m, by how much the plan for the wire of the data sheet would have missed.
+    corrections : int
+        How many were executed.
     """
 
     planned: float
@@ -78,13 +86,18 @@ def close_the_loop(client: PlannerClient, folder: Path,
                    progress: Callable[[str, int, int], object]) -> Outcome:
     """Have the wire of a cell threaded that the planner does not know; save a picture.
 
-    Args:
-        client: PlannerClient
-        folder: of the picture
-        progress: called as progress(what, done, total)
+    Parameters
+    ----------
+    client : PlannerClient
+    folder : Path
+        Folder of the picture.
+    progress : callable
+        Called as progress(what, done, total).
 
-    Raises:
-        TimeoutError: something does not come
+    Raises
+    ------
+    TimeoutError
+        Something does not come.
     """
     client.set_parameters(rod__diameter=DIAMETER, cutouts__radius=RADIUS, threading__standoff=0.05,
                           observe__period=_EACH, threading__deepest=0.7,

@@ -25,10 +25,14 @@ _LEFT, _RIGHT, _HEIGHT = (-1.05, 1.0), (-1.05, 0.1), (0.35, 1.2)  # m
 def save_turning(path: Path, angles: Sequence[float], shapes: Sequence[Floats]) -> None:
     """Save benchmark C: the wire for every gripper angle, on the way there and on the way back.
 
-    Args:
-        path: of the PNG
-        angles: n gripper angles in degrees, up to the largest and back
-        shapes: n (N + 1, 3) positions, m
+    Parameters
+    ----------
+    path : Path
+        Path of the PNG.
+    angles : sequence of float
+        n gripper angles in degrees, up to the largest and back.
+    shapes : sequence of ndarray
+        n (N + 1, 3) positions, m.
     """
     turn = int(np.argmax(angles)) + 1
     figure, axes = plt.subplots(1, 2, figsize=(11, 3.9), sharex=True, sharey=True,
@@ -52,12 +56,20 @@ def save_threading(path: Path, stiffness: float, goal: Pose, grippers: Sequence[
                    shapes: Sequence[Floats], inserting: Sequence[Pose]) -> None:
     """Save one row of Fig. 13: left the wire while it is threaded, right the gripper's way.
 
-    Args:
-        path: of the PNG
-        stiffness: EI, N m^2
-        goal: Pose of the cut-out
-        grippers: n Pose; shapes: n (N + 1, 3) positions, m
-        inserting: Poses of the gripper for the insertion into a bore, on the same wire
+    Parameters
+    ----------
+    path : Path
+        Path of the PNG.
+    stiffness : float
+        EI, N m^2.
+    goal : Pose
+        Pose of the cut-out.
+    grippers : sequence of Pose
+        The n poses.
+    shapes : sequence of ndarray
+        n (N + 1, 3) positions, m.
+    inserting : sequence of Pose
+        Poses of the gripper for the insertion into a bore, on the same wire.
     """
     widths = [high - low for low, high in (_LEFT, _RIGHT)]
     figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.4), sharey=True, width_ratios=widths,
@@ -93,10 +105,16 @@ def save_two(path: Path, goals: Sequence[Pose], grippers: Sequence[Pose],
              shapes: Sequence[Floats]) -> None:
     """Save Fig. 14: the wire while it is threaded through two cut-outs, and the gripper's way.
 
-    Args:
-        path: of the PNG
-        goals: two Poses
-        grippers: n Pose; shapes: n (N + 1, 3) positions, m
+    Parameters
+    ----------
+    path : Path
+        Path of the PNG.
+    goals : sequence of Pose
+        Two Poses.
+    grippers : sequence of Pose
+        The n poses.
+    shapes : sequence of ndarray
+        n (N + 1, 3) positions, m.
     """
     figure, axis = plt.subplots(figsize=(8, 4.4), layout='constrained')
     colors = plt.get_cmap('viridis')
@@ -116,11 +134,15 @@ def save_two(path: Path, goals: Sequence[Pose], grippers: Sequence[Pose],
 class Executed(NamedTuple):
     """A motion as it was executed, at n times.
 
-    Attributes:
-        times: (n,) s
-        grippers: n Pose
-        shapes: n (N + 1, 3) positions, m
-        misses: n, m, nan before the free end is at the hole
+    Attributes
+    ----------
+    times : ndarray, shape (n,)
+    grippers : sequence of Pose
+        The n poses.
+    shapes : sequence of ndarray
+        n (N + 1, 3) positions, m.
+    misses : sequence of float
+        n, m, nan before the free end is at the hole.
     """
 
     times: Floats
@@ -132,11 +154,16 @@ class Executed(NamedTuple):
 def save_moving(path: Path, goal: Pose, tolerance: float, executed: Executed) -> None:
     """Save an executed motion: the wire from the side and from above, speed and miss in time.
 
-    Args:
-        path: of the picture
-        goal: Pose of the cut-out
-        tolerance: m
-        executed: what was measured
+    Parameters
+    ----------
+    path : Path
+        Path of the picture.
+    goal : Pose
+        Pose of the cut-out.
+    tolerance : float
+        Tolerance in m.
+    executed : Executed
+        What was measured.
     """
     times, grippers, shapes, misses = executed
     figure, axes = plt.subplots(2, 2, figsize=(12, 6.4), layout='constrained',
@@ -172,10 +199,16 @@ def save_moving(path: Path, goal: Pose, tolerance: float, executed: Executed) ->
 def save_cell(path: Path, goal: Pose, radius: float, shapes: Sequence[Floats], way: Floats) -> None:
     """Save what a wire did in the cell: from the side, from above, and in the plane of the hole.
 
-    Args:
-        goal: Pose of the hole; radius: m
-        shapes: n (N + 1, 3) positions in time, m
-        way: (k, 3) of the gripper, m
+    Parameters
+    ----------
+    goal : Pose
+        Pose of the hole.
+    radius : float
+        Radius in m.
+    shapes : sequence of ndarray
+        n (N + 1, 3) positions in time, m.
+    way : ndarray, shape (k, 3)
+        Way of the gripper, m.
     """
     figure, axes = plt.subplot_mosaic([['side', 'hole'], ['above', 'hole']], figsize=(12, 6.4),
                                       width_ratios=(1.6, 1), layout='constrained')

@@ -55,9 +55,13 @@ def times_and_poses(timed: MultiDOFJointTrajectory) -> tuple[Floats, list[Pose]]
 def executed(client: PlannerClient, seconds: float, first: Pose) -> list[Pose]:
     """Have the last plan executed by a robot; return the Poses that were commanded.
 
-    Args:
-        client: PlannerClient; seconds: that it takes
-        first: Pose of the tool frame at its beginning
+    Parameters
+    ----------
+    client : PlannerClient
+    seconds : float
+        Seconds that it takes.
+    first : Pose
+        Pose of the tool frame at its beginning.
     """
     robot = Follower(client.node, client.planner, first)
     sleep(0.5)  # its first poses have to be heard

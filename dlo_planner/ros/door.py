@@ -30,13 +30,19 @@ _OBSTACLE = re.compile(r'workspace\.keep_out\[(\d+)\]|\b(?:Box|Sphere|Capsule) (
 def pose_in(scene: Scene, msg: PoseStamped, name: str, frames: OneFrame = _ONE) -> Pose:
     """Return the Pose of a geometry_msgs/PoseStamped in the scene's frame.
 
-    Args:
-        scene: Scene; msg: PoseStamped
-        name: how the sender knows the field
-        frames: that know other frames
+    Parameters
+    ----------
+    scene : Scene
+    msg : PoseStamped
+    name : str
+        How the sender knows the field.
+    frames : OneFrame, optional
+        Frames that know other frames.
 
-    Raises:
-        Refused: naming the field, its value, and what would be right
+    Raises
+    ------
+    Refused
+        Naming the field, its value, and what would be right.
     """
     origin = frames.origin(msg.header, scene.frame_id, name)
     try:
@@ -56,13 +62,21 @@ def bodies_in(scene: Scene, known: Mapping[tuple[str, int], Any], msg: MarkerArr
               frames: OneFrame = _ONE) -> dict[tuple[str, int], Any]:
     """Return the obstacles, by (namespace, id), after a visualization_msgs/MarkerArray.
 
-    Args:
-        scene: Scene; known: those before
-        msg: MarkerArray; name: how the sender knows it
-        frames: that know other frames
+    Parameters
+    ----------
+    scene : Scene
+    known : dict
+        Those before.
+    msg : MarkerArray
+    name : str
+        How the sender knows it.
+    frames : OneFrame, optional
+        Frames that know other frames.
 
-    Raises:
-        Refused: naming marker, field and value; nothing of the message counts then
+    Raises
+    ------
+    Refused
+        Naming marker, field and value; nothing of the message counts then.
     """
     msg = markers_in(scene, msg, name, frames)
     try:
@@ -112,8 +126,10 @@ def goals_in(scene: Scene, msg: Goals, name: str, frames: OneFrame = _ONE) -> tu
 def markers_in(scene: Scene, msg: MarkerArray, name: str, frames: OneFrame) -> MarkerArray:
     """Return a visualization_msgs/MarkerArray in the scene's frame.
 
-    Raises:
-        Refused: a frame is not known; a pose that makes no sense is left as it is
+    Raises
+    ------
+    Refused
+        A frame is not known; a pose that makes no sense is left as it is.
     """
     return MarkerArray(markers=[_marker_in(scene, marker, f'{name}.markers[{index}]', frames)
                                 for index, marker in enumerate(msg.markers)])
@@ -137,9 +153,12 @@ def _marker_in(scene: Scene, marker: Marker, name: str, frames: OneFrame) -> Mar
 def named(text: str, bodies: Mapping[tuple[str, int], Any]) -> str:
     """Return a text in which obstacles are called as in RViz, 'cell/3', not by their index.
 
-    Args:
-        text: of an error of the library
-        bodies: (namespace, id) -> obstacle, in the order in which the library has them
+    Parameters
+    ----------
+    text : str
+        Text of an error of the library.
+    bodies : dict
+        (namespace, id) -> obstacle, in the order in which the library has them.
     """
     names = [body_name(key) for key in bodies]
 

@@ -21,9 +21,12 @@ def unexplained(observing: Observing, speed: float = 0.0) -> str:
 
     It tells of a DLO that hangs freely; one that touches something, or is held elsewhere, is none.
 
-    Args:
-        observing: Observing that has looked
-        speed: m/s, of the gripper at most: stamps may be wrong
+    Parameters
+    ----------
+    observing : Observing
+        Observing that has looked.
+    speed : float, optional
+        Speed in m/s, of the gripper at most: stamps may be wrong.
     """
     # a point is off across the DLO, along two axes
     seeing, estimate = observing.seeing, observing.estimate
@@ -45,9 +48,13 @@ def doubts(correction: Correction, observing: Observing, scene: Scene) -> str:
     It is not simulated as a plan is: the gripper has to keep its workspace, and the DLO clear of
     obstacles, at each waypoint.
 
-    Args:
-        correction: by the estimate of `observing`
-        observing: Observing; scene: Scene of the plan
+    Parameters
+    ----------
+    correction : Correction
+        By the estimate of `observing`.
+    observing : Observing
+    scene : Scene
+        Scene of the plan.
     """
     if not correction.converged:
         return 'a waypoint has no stable shape for the DLO as it is estimated'
@@ -81,10 +88,16 @@ def kept_out(correction: Correction, scene: Scene, entry: float, now: float) -> 
     It goes in if the DLO is inside the cut-out with 95 %, as far as the estimate tells. Whether it
     is, is judged when the stop has to begin; after the entry it would be of no use.
 
-    Args:
-        correction: the newest one, whether it is executed or not
-        scene: Scene of the plan
-        entry: s of the motion, when the first cut-out is reached; now: s of the motion
+    Parameters
+    ----------
+    correction : Correction
+        The newest one, whether it is executed or not.
+    scene : Scene
+        Scene of the plan.
+    entry : float
+        Entry in s of the motion, when the first cut-out is reached.
+    now : float
+        Now in s of the motion.
     """
     radius, thick = scene.cutout_radius, scene.direct.rod.radius or 0.0
     if radius is None or callable(thick) or not entry - _STOPPING <= now < entry:

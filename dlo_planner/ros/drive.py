@@ -28,10 +28,17 @@ _LAG = 0.1       # s by which a robot may follow late
 class Drive:
     """Streams what is executed.
 
-    Args:
-        node: rclpy Node; parts: Parts
-        planning: Planning, which `cancel` ends as well
-        clock: steady Clock; group: callback group
+    Parameters
+    ----------
+    node : Gate
+        Rclpy Node.
+    parts : Parts
+    planning : Planning
+        Planning, which `cancel` ends as well.
+    clock : object
+        Steady Clock.
+    group : object
+        Callback group.
     """
 
     def __init__(self, node: Gate, parts: Parts, planning: Planning, clock: Any,

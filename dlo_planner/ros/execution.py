@@ -21,16 +21,25 @@ ACTIVE = ('running', 'settling', 'stopping')  # phases in which commands are sen
 class Guards:
     """When an execution has to end; 0 switches a guard off, as in joint_trajectory_controller.
 
-    Attributes:
-        path_position, path_angle: m, rad: from the command to the gripper, on the way
-        path_shape: m: from the plan to the observed DLO, on the way
-        goal_position, goal_angle: m, rad: from the last command to the gripper, at the end
-        goal_time: s after the end of the motion in which the gripper has to come there
-        cmd_timeout: s after which the last command is not repeated any more; counts if it is more
-            than goal_time
-        incoming_command_timeout: s: age of the last gripper pose
-        decelerate_on_cancel: whether `cancel` lets the motion run out, or ends it at once
-        longest_pause: s between two commands: after a longer one the rest is another motion
+    Attributes
+    ----------
+    path_position, path_angle : float
+        Path position and path angle in m, rad: from the command to the gripper, on the way.
+    path_shape : float
+        Path shape in m: from the plan to the observed DLO, on the way.
+    goal_position, goal_angle : float
+        Goal position and goal angle in m, rad: from the last command to the gripper, at the end.
+    goal_time : float
+        Goal time in s after the end of the motion in which the gripper has to come there.
+    cmd_timeout : float
+        Cmd timeout in s after which the last command is not repeated any more; counts if it is more
+        than goal_time.
+    incoming_command_timeout : float
+        Incoming command timeout in s: age of the last gripper pose.
+    decelerate_on_cancel : bool
+        Whether `cancel` lets the motion run out, or ends it at once.
+    longest_pause : float
+        Seconds between two commands: after a longer one the rest is another motion.
     """
 
     path_position: float = 0.02
@@ -55,11 +64,16 @@ class Guards:
 class Heard:
     """A gripper pose that came.
 
-    Attributes:
-        pose: Pose of the tool frame
-        arrived: s, steady
-        age: s that it had then, by its stamp
-        deviation: m, of the observed DLO from the plan; nan: it is not observed
+    Attributes
+    ----------
+    pose : Pose
+        Pose of the tool frame.
+    arrived : float
+        Arrived in s, steady.
+    age : float
+        Age in s that it had then, by its stamp.
+    deviation : float
+        Deviation in m, of the observed DLO from the plan; nan: it is not observed.
     """
 
     pose: Pose
@@ -72,17 +86,28 @@ class Heard:
 class Execution:
     """One motion along a TimedPath, from its first command to rest.
 
-    Attributes:
-        way: TimedPath of the gripper frame
-        back: Pose of the tool frame in the gripper frame
-        frame_id: in which commands are given
-        guards: Guards
-        period: s between two ticks
-        phase: 'running', 'settling' (the end is commanded, the gripper is on its way there),
-            'stopping' (it decelerates), 'stopped', 'succeeded'
-        done: s along the way that are commanded
-        command: Pose of the tool frame, the last command; None before the first one
-        cause, reason: why it stops or has stopped
+    Attributes
+    ----------
+    way : TimedPath
+        TimedPath of the gripper frame.
+    back : Pose
+        Pose of the tool frame in the gripper frame.
+    frame_id : str
+        In which commands are given.
+    guards : Guards
+    period : float
+        Seconds between two ticks.
+    phase : str
+        'running', 'settling' (the end is commanded, the gripper is on its way there), 'stopping'
+        (it decelerates), 'stopped', 'succeeded'.
+    done : float
+        Done in s along the way that are commanded.
+    command : Pose or None
+        Pose of the tool frame, the last command; None before the first one.
+    cause : Cause
+        Why it stops or has stopped.
+    reason : str
+        Why it stops or has stopped.
     """
 
     way: TimedPath
@@ -110,9 +135,13 @@ class Execution:
     def stop(self, cause: Cause, reason: str, at_once: bool = False) -> 'Execution':
         """Return the execution that decelerates, for the first reason that was given.
 
-        Args:
-            cause: Cause; reason: in words
-            at_once: whether the last command is the end
+        Parameters
+        ----------
+        cause : Cause
+        reason : str
+            In words.
+        at_once : bool, optional
+            Whether the last command is the end.
         """
         if self.phase not in ('running', 'settling'):
             return self
@@ -132,8 +161,12 @@ class Execution:
         However late it is called, the motion goes on by one period at most: it stands still
         meanwhile, and does not leap.
 
-        Args:
-            now: s; heard: the last gripper pose
+        Parameters
+        ----------
+        now : float
+            Now in s.
+        heard : Heard, optional
+            The last gripper pose.
         """
         if not self.active:
             return self

@@ -21,11 +21,18 @@ _KEPT = 1000  # commands
 class Follower:
     """Publishes the commands of a planner as the gripper's poses, some time after they came.
 
-    Args:
-        node: rclpy Node that it lives in
-        planner: full name of the planner node
-        pose: Pose of the tool frame at which it stands
-        lag: s by which it is late; rate: poses in a second
+    Parameters
+    ----------
+    node : Node
+        Rclpy Node that it lives in.
+    planner : str
+        Full name of the planner node.
+    pose : Pose
+        Pose of the tool frame at which it stands.
+    lag : float, optional
+        s by which it is late.
+    rate : float, optional
+        Poses in a second.
     """
 
     def __init__(self, node: Node, planner: str, pose: Pose, lag: float = 0.05,

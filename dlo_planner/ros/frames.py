@@ -18,13 +18,19 @@ class OneFrame:
     def origin(self, header: Header, frame_id: str, name: str) -> Pose | None:
         """Return the Pose of a message's frame in another one; None if it is the same frame.
 
-        Args:
-            header: std_msgs/Header of the message; stamp 0: as it is now
-            frame_id: of the frame in which it is wanted
-            name: how the sender knows the message
+        Parameters
+        ----------
+        header : Header
+            std_msgs/Header of the message; stamp 0: as it is now.
+        frame_id : str
+            Frame id of the frame in which it is wanted.
+        name : str
+            How the sender knows the message.
 
-        Raises:
-            Refused: naming the field, its value, and what would be right
+        Raises
+        ------
+        Refused
+            Naming the field, its value, and what would be right.
         """
         if header.frame_id == frame_id:
             return None
@@ -37,9 +43,12 @@ class OneFrame:
 class TfFrames(OneFrame):
     """Knows what tf knows.
 
-    Args:
-        node: rclpy Node that listens to /tf and /tf_static
-        tf2: module tf2_ros
+    Parameters
+    ----------
+    node : object
+        Rclpy Node that listens to /tf and /tf_static.
+    tf2 : object
+        Module tf2_ros.
     """
 
     def __init__(self, node: Any, tf2: Any) -> None:

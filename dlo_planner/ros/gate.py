@@ -19,8 +19,10 @@ class Gate:
     refuses: the answer is empty, with the reason where it has a `message`. The parts of the node
     take a Gate for their node.
 
-    Args:
-        node: LifecycleNodeMixin and Node
+    Parameters
+    ----------
+    node : LifecycleNodeMixin
+        LifecycleNodeMixin and Node.
     """
 
     get_clock: Callable[..., Any]
@@ -51,9 +53,18 @@ class Gate:
                             always: bool = False, **options: Any) -> Any:
         """Return a subscription.
 
-        Args:
-            kind, topic, callback, qos, options: as for a Node
-            always: whether it acts while the Gate is shut as well
+        Parameters
+        ----------
+        kind : object
+            As for a Node.
+        topic : str
+            As for a Node.
+        callback : callable
+            As for a Node.
+        qos, options : object
+            As for a Node.
+        always : bool, optional
+            Whether it acts while the Gate is shut as well.
         """
         made = self._node.create_subscription(
             kind, topic, self._counted(callback, always), qos, **options)
@@ -79,8 +90,10 @@ class Gate:
     def shut(self, patience: float) -> bool:
         """Let nothing begin any more; return whether all that runs has ended.
 
-        Args:
-            patience: s to wait for that
+        Parameters
+        ----------
+        patience : float
+            s to wait for that.
         """
         with self._changed:
             self._open = False

@@ -21,9 +21,12 @@ def identified(estimate: Estimate, values: Mapping[str, Any]) -> dict[str, Any]:
 
     Torsion of a section is told by Poisson's ratio, which is 0.5 at most.
 
-    Args:
-        estimate: of the DLO that `values` describe
-        values: dict of all parameters, see `ros.parameters`
+    Parameters
+    ----------
+    estimate : Estimate
+        Estimate of the DLO that `values` describe.
+    values : dict
+        dict of all parameters, see `ros.parameters`.
     """
     uncertain, z = estimate.uncertain, estimate.mean
     (twist, bend, _), mass = uncertain.factors(z)

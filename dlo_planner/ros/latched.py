@@ -19,8 +19,10 @@ class Once:
 
     The copies of a message have the time at which it was sent in common, and its number.
 
-    Args:
-        callback: called with the message
+    Parameters
+    ----------
+    callback : callable
+        Called with the message.
     """
 
     def __init__(self, callback: Callable[..., Any]) -> None:
@@ -44,11 +46,20 @@ def hear_latched(node: Gate, kind: Any, topic: str, callback: Callable[..., Any]
 
     A volatile subscription hears no history, and a latched one no volatile publisher.
 
-    Args:
-        node: Gate; its subscriptions act always: what is missed of a latched topic is lost
-        kind, topic, callback: of the messages; each comes once
-        qos: reliable and volatile
-        group: callback group, mutually exclusive
+    Parameters
+    ----------
+    node : Gate
+        Gate; its subscriptions act always: what is missed of a latched topic is lost.
+    kind : object
+        Kind of the messages; each comes once.
+    topic : str
+        Topic of the messages; each comes once.
+    callback : callable
+        Callback of the messages; each comes once.
+    qos : QoSProfile
+        Reliable and volatile.
+    group : object
+        Callback group, mutually exclusive.
     """
     latched = QoSProfile(depth=qos.depth, reliability=qos.reliability,
                          durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -29,13 +29,20 @@ from msg_helpers.paths import shape_path
 def predicted(state: State, gripper: Pose, name: str, initial: Shape | None = None) -> Shape:
     """Return the Shape of the DLO in a gripper Pose.
 
-    Args:
-        state: State
-        gripper: Pose of the gripper frame; name: how the sender knows it
-        initial: Shape before, None: the natural one
+    Parameters
+    ----------
+    state : State
+    gripper : Pose
+        Pose of the gripper frame.
+    name : str
+        How the sender knows it.
+    initial : Shape, optional
+        Shape before, None: the natural one.
 
-    Raises:
-        Refused: there is none, and why
+    Raises
+    ------
+    Refused
+        There is none, and why.
     """
     shape = state.scene.direct.track([gripper], initial=initial)[0]
     if shape.converged:
@@ -50,11 +57,16 @@ def predicted(state: State, gripper: Pose, name: str, initial: Shape | None = No
 class LiveShapes:
     """Hears the gripper, and predicts the DLO's shape for its newest pose in a thread of its own.
 
-    Args:
-        node: rclpy Node; parts: Parts
-        hearing, asking: callback groups
-        follows: takes each Pose of the tool frame and its stamp, returns how far the DLO is off
-            its plan, m, or nan
+    Parameters
+    ----------
+    node : Gate
+        Rclpy Node.
+    parts : Parts
+    hearing, asking : object
+        Callback groups.
+    follows : callable
+        Takes each Pose of the tool frame and its stamp, returns how far the DLO is off its plan, m,
+        or nan.
     """
 
     def __init__(self, node: Gate, parts: Parts, hearing: Any, asking: Any,

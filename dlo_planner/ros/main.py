@@ -30,8 +30,10 @@ def main(args: list[str] | None = None) -> int:
 
     The status is 0 after a signal, 1 where the node cannot start, or an error ended it.
 
-    Args:
-        args: of the command line; None: sys.argv
+    Parameters
+    ----------
+    args : list of str, optional
+        Args of the command line. If None, sys.argv.
     """
     return Process(_planner, sys.argv if args is None else args).run()
 
@@ -50,10 +52,13 @@ def _computes_on() -> bool:
 class Process:
     """One node, its executor, and the thread that runs both.
 
-    Args:
-        make: returns the node, which has `end()`, and its PatientExecutor; called once ROS
-            is there, in a thread that is not the main one
-        args: of the command line
+    Parameters
+    ----------
+    make : callable
+        Returns the node, which has `end()`, and its PatientExecutor; called once ROS is there, in a
+        thread that is not the main one.
+    args : list of str
+        Args of the command line.
     """
 
     def __init__(self, make: Callable[[], tuple[Any, Any]], args: list[str]) -> None:

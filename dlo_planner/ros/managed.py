@@ -28,8 +28,12 @@ class ManagedNode(LifecycleNodeMixin, Node):
     sees them is answered. An exception in one of the four is written to the log; the state is then
     the one before (DloPlannerError), or unconfigured.
 
-    Args:
-        name: of the node; options: of rclpy's Node
+    Parameters
+    ----------
+    name : str
+        Name of the node.
+    options : object
+        Options of rclpy's Node.
     """
 
     def __init__(self, name: str, **options: Any) -> None:

@@ -44,15 +44,24 @@ _NEAR = 12           # poses of which a motion is told
 class Seeing:
     """How well the camera sees, and how uncertain the DLO is.
 
-    Attributes:
-        spread: Spread, of the DLO and of how the gripper holds it
-        noise, bias, outliers, sway: see `Observer`
-        cutout: m, how well the place of a cut-out is known
-        stamps: s, by which stamps of clouds may be wrong
-        period: s between two clouds that are looked at
-        correct: whether what is executed is corrected
-        correction_period: s between two corrections
-        largest_correction: m: a plan that is farther off has to be made anew
+    Attributes
+    ----------
+    spread : Spread
+        Spread, of the DLO and of how the gripper holds it.
+    noise, bias, outliers, sway : float
+        See `Observer`.
+    cutout : float
+        Cutout in m, how well the place of a cut-out is known.
+    stamps : float
+        Stamps in s, by which stamps of clouds may be wrong.
+    period : float
+        Seconds between two clouds that are looked at.
+    correct : bool
+        Whether what is executed is corrected.
+    correction_period : float
+        Seconds between two corrections.
+    largest_correction : float
+        Largest correction in m: a plan that is farther off has to be made anew.
     """
 
     spread: Spread = field(default_factory=Spread)
@@ -71,13 +80,19 @@ class Seeing:
 class Observing:
     """The Estimate of a DLO from all that was seen since the last `reset`; for several threads.
 
-    Args:
-        simulator: DirectSimulator of the DLO as stated
-        seeing: Seeing, kept as an attribute
-        known: Estimate by which it was stated so; what that was sure of stays sure
+    Parameters
+    ----------
+    simulator : DirectSimulator
+        DirectSimulator of the DLO as stated.
+    seeing : Seeing
+        Seeing, kept as an attribute.
+    known : Estimate, optional
+        Estimate by which it was stated so; what that was sure of stays sure.
 
-    Raises:
-        InvalidTask: the DLO cannot be observed, or nothing of it is uncertain
+    Raises
+    ------
+    InvalidTask
+        The DLO cannot be observed, or nothing of it is uncertain.
     """
 
     def __init__(self, simulator: DirectSimulator, seeing: Seeing,
@@ -128,13 +143,18 @@ class Observing:
     def look(self, stamp: float, points: Floats) -> Estimate:
         """Return the Estimate after one more cloud.
 
-        Args:
-            stamp: s, when it was taken
-            points: (n, 3) m, world
+        Parameters
+        ----------
+        stamp : float
+            Stamp in s, when it was taken.
+        points : ndarray, shape (n, 3)
+            Points in m, world.
 
-        Raises:
-            InvalidTask: there are too few points, or no gripper pose of that time is known, or no
-                equilibrium of the DLO explains what is seen
+        Raises
+        ------
+        InvalidTask
+            There are too few points, or no gripper pose of that time is known, or no equilibrium of
+            the DLO explains what is seen.
         """
         if len(points) < _LEAST_POINTS:
             raise InvalidTask(f'observed_points has {len(points)} points: expected {_LEAST_POINTS} '
@@ -206,8 +226,11 @@ def deviation(plan: Plan, time: float, points: Floats) -> float:
 
     Between two waypoints the nodes are taken to go straight; the median does not mind outliers.
 
-    Args:
-        plan: Plan; time: s, of `Plan.times`
+    Parameters
+    ----------
+    plan : Plan
+    time : float
+        Time in s, of `Plan.times`.
     """
     times = plan.times
     k = int(np.clip(np.searchsorted(times, time, side='right') - 1, 0, max(len(plan) - 2, 0)))

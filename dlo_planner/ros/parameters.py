@@ -33,8 +33,10 @@ def declare(node: Any) -> None:
 
     Whole numbers in YAML are taken for doubles where doubles are due.
 
-    Args:
-        node: made with `automatically_declare_parameters_from_overrides=True`
+    Parameters
+    ----------
+    node : object
+        Made with `automatically_declare_parameters_from_overrides=True`.
     """
     given = take_overrides(node)
     for name, entry in ENTRIES.items():

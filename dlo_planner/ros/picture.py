@@ -28,8 +28,10 @@ class Picture:
     `flush` is called, of the newest alone. Whatever was shown once and is not now is deleted in
     each message, so it does not matter which ones a subscriber has missed.
 
-    Args:
-        publish: takes a MarkerArray
+    Parameters
+    ----------
+    publish : callable
+        Takes a MarkerArray.
     """
 
     def __init__(self, publish: Callable[[MarkerArray], object]) -> None:

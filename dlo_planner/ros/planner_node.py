@@ -60,8 +60,10 @@ class PlannerNode(ManagedNode):
     Each part reads the State once when it is called; nobody changes that. Each has a callback
     group (and so a thread) of its own: shapes and commands go on while a plan is made.
 
-    Raises:
-        DloPlannerError, rclpy.exceptions.ParameterException: a parameter makes no sense
+    Raises
+    ------
+    DloPlannerError, rclpy.exceptions.ParameterException
+        A parameter makes no sense.
     """
 
     def __init__(self, **options: Any) -> None:

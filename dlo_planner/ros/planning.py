@@ -20,10 +20,14 @@ from dlo_planner.settings.threading import Present, way_through
 class Made:
     """A plan, and with what it was made.
 
-    Attributes:
-        scene: Scene; plan: Plan
-        before: Shape of the DLO before the first pose, or None
-        stamp: builtin_interfaces/Time of the messages that carry it
+    Attributes
+    ----------
+    scene : Scene
+    plan : Plan
+    before : Shape or None
+        Shape of the DLO before the first pose, or None.
+    stamp : Time
+        builtin_interfaces/Time of the messages that carry it.
     """
 
     scene: Scene
@@ -36,14 +40,20 @@ def make_plan(scene: Scene, poses: Sequence[Pose], start: Pose | None,
               shape: Shape | None) -> tuple[Plan, list[CutOut], Shape | None]:
     """Return the Plan through one or two cut-outs, these, and the Shape it begins with or None.
 
-    Args:
-        scene: Scene
-        poses: Poses of the cut-outs, in the order in which they are passed
-        start: Pose of the gripper now, or None
-        shape: Shape of the DLO now, or None; it counts if its gripper is at `start`
+    Parameters
+    ----------
+    scene : Scene
+    poses : sequence of Pose
+        Poses of the cut-outs, in the order in which they are passed.
+    start : Pose or None
+        Pose of the gripper now, or None.
+    shape : Shape or None
+        Shape of the DLO now, or None; it counts if its gripper is at `start`.
 
-    Raises:
-        DloPlannerError: refused, with the reason
+    Raises
+    ------
+    DloPlannerError
+        Refused, with the reason.
     """
     cutouts = [CutOut(pose, radius=scene.cutout_radius) for pose in poses]
     here = (shape is not None and start is not None and scene.standoff

@@ -25,12 +25,17 @@ _MOVED = 'the motion along the plan is still being made and checked: ask again'
 class Proof:
     """How far the proof of a plan has come, and what it says.
 
-    Attributes:
-        plan: Plan
-        report: Report, of the last step that was done, or None
-        reason: why its trajectory must not be executed; empty: it may be
-        done: whether no step is left
-        cause: number of the reason
+    Attributes
+    ----------
+    plan : Plan
+    report : Report or None
+        Report, of the last step that was done, or None.
+    reason : str
+        Why its trajectory must not be executed; empty: it may be.
+    done : bool
+        Whether no step is left.
+    cause : Cause
+        Number of the reason.
     """
 
     plan: Plan
@@ -56,12 +61,16 @@ def proofs(replayed: Callable[..., Report | None], scene: Scene, plan: Plan,
            before: Shape | None) -> Iterator[Proof]:
     """Yield the Proof of a Plan after each step; the last one is `done`.
 
-    Args:
-        replayed: takes the arguments of `replay`, returns its Report; None: give up. Where it
-            raises ProcessLost it is called again, three times at most.
-        scene: Scene in which the plan was made
-        plan: Plan
-        before: Shape before the first pose, or None
+    Parameters
+    ----------
+    replayed : callable
+        Takes the arguments of `replay`, returns its Report. If None, give up. Where it raises
+        ProcessLost it is called again, three times at most.
+    scene : Scene
+        Scene in which the plan was made.
+    plan : Plan
+    before : Shape or None
+        Shape before the first pose, or None.
     """
     workspace = scene.inverse.workspace
     slowly = {'simulator': scene.direct, 'plan': plan, 'initial': before, 'workspace': workspace,

@@ -43,12 +43,16 @@ class Prover:
         None if the Prover is closed meanwhile, or the Report is not `wanted()` any more: a search
         for a calm motion may take long, and the next plan must not wait for it.
 
-        Raises:
-            DeadlineExceeded: of `replay`
-            ProcessLost: the process ended, or it is long past the deadline
-            DloPlannerError: it failed there
-
         Another question waits until the one before is answered.
+
+        Raises
+        ------
+        DeadlineExceeded
+            Of `replay`.
+        ProcessLost
+            The process ended, or it is long past the deadline.
+        DloPlannerError
+            It failed there.
         """
         while not self._asking.acquire(timeout=_LOOK):
             if not wanted():

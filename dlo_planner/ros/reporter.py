@@ -43,9 +43,12 @@ class Throttle:
 class Outcome:
     """What is said of a request that is done.
 
-    Attributes:
-        message: one line
-        values: dict of what else there is to say
+    Attributes
+    ----------
+    message
+        One line.
+    values
+        dict of what else there is to say.
     """
 
     def __init__(self) -> None:
@@ -55,8 +58,12 @@ class Outcome:
 class Reporter:
     """Tells how requests ended.
 
-    Args:
-        node: rclpy Node; store: Store; health: Health
+    Parameters
+    ----------
+    node : Gate
+        Rclpy Node.
+    store : Store
+    health : Health
     """
 
     def __init__(self, node: Gate, store: Store, health: Health) -> None:
@@ -69,15 +76,23 @@ class Reporter:
                   counter: str | None = None, told: bool = True) -> Iterator[Outcome]:
         """Let no exception out of a callback: refuse with a reason, keep the last good output.
 
-        Yields:
-            Outcome, to be filled
+        Parameters
+        ----------
+        what : str
+            Is asked for.
+        stamp : Time, optional
+            builtin_interfaces/Time of the request, None: now.
+        answer : object, optional
+            Trigger response that carries the outcome.
+        counter : str, optional
+            Counter of refusals, in Health.
+        told : bool, optional
+            Whether the outcome goes to ~/status: it was a request.
 
-        Args:
-            what: is asked for
-            stamp: builtin_interfaces/Time of the request, None: now
-            answer: Trigger response that carries the outcome
-            counter: of refusals, in Health
-            told: whether the outcome goes to ~/status: it was a request
+        Yields
+        ------
+        iterator of Outcome
+            Outcome, to be filled.
         """
         outcome = Outcome()
         stamp = stamp or self._node.get_clock().now().to_msg()
@@ -113,10 +128,17 @@ class Reporter:
              values: Mapping[str, object] | None = None) -> None:
         """Publish the outcome of a request on ~/status.
 
-        Args:
-            what: was asked for; cause: Cause; message: one line
-            stamp: builtin_interfaces/Time of the request
-            values: dict of what else there is to say
+        Parameters
+        ----------
+        what : str
+            Was asked for.
+        cause : Cause
+        message : str
+            One line.
+        stamp : Time or None
+            builtin_interfaces/Time of the request.
+        values : dict, optional
+            dict of what else there is to say.
         """
         level = OK if cause == Cause.DONE else ERROR if cause == Cause.INTERNAL else WARN
         self._out.publish(status_msg(

@@ -35,9 +35,12 @@ from msg_helpers.paths import plan_path
 class Run:
     """A plan that is being made, and whether it is still wanted.
 
-    Args:
-        deadline: s from now
-        now: function that returns s, steady
+    Parameters
+    ----------
+    deadline : float
+        Seconds from now.
+    now : callable, optional
+        Function that returns s, steady.
     """
 
     def __init__(self, deadline: float, now: Callable[[], float] = monotonic) -> None:
@@ -61,9 +64,13 @@ class Run:
 class Planning:
     """Answers planning requests.
 
-    Args:
-        node: rclpy Node; parts: Parts
-        group: callback group
+    Parameters
+    ----------
+    node : Gate
+        Rclpy Node.
+    parts : Parts
+    group : object
+        Callback group.
     """
 
     def __init__(self, node: Gate, parts: Parts, group: Any) -> None:
@@ -84,8 +91,12 @@ class Planning:
     def cancel(self, reason: str, for_good: bool = False) -> bool:
         """End the plan that is being made; return whether there was one.
 
-        Args:
-            reason: in words; for_good: whether no other one may begin
+        Parameters
+        ----------
+        reason : str
+            In words.
+        for_good : bool, optional
+            Whether no other one may begin.
         """
         with self._lock:
             self._ended = reason if for_good else self._ended
@@ -152,11 +163,16 @@ class Planning:
               start: Pose | None) -> Path:
         """Plan, publish and return the trajectory of the tool frame as a Path.
 
-        Args:
-            outcome: Outcome to be filled
-            state: State from which it is planned
-            goals: Poses of one or two cut-outs
-            start: Pose of the gripper now, or None
+        Parameters
+        ----------
+        outcome : Outcome
+            Outcome to be filled.
+        state : State
+            State from which it is planned.
+        goals : sequence of Pose
+            Poses of one or two cut-outs.
+        start : Pose or None
+            Pose of the gripper now, or None.
         """
         self._store.change(lambda now: now.with_goals(goals))
         begun = monotonic()

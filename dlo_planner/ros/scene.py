@@ -73,12 +73,17 @@ class Scene:
 def build_scene(values: Mapping[str, Any], obstacles: Sequence[Obstacle] = ()) -> Scene:
     """Return the Scene of parameter values.
 
-    Args:
-        values: dict of all names in ENTRIES -> value
-        obstacles: for the DLO and for the gripper
+    Parameters
+    ----------
+    values : dict
+        dict of all names in ENTRIES -> value.
+    obstacles : sequence of obstacle, optional
+        For the DLO and for the gripper.
 
-    Raises:
-        DloPlannerError: a value, or their combination, makes no sense
+    Raises
+    ------
+    DloPlannerError
+        A value, or their combination, makes no sense.
     """
     direct = direct_of(values, obstacles)
     _judge(values)

@@ -27,17 +27,29 @@ _SAME_LENGTH = 1e-9  # relative
 class State:
     """What the node knows; its methods return the next State.
 
-    Attributes:
-        scene: Scene; values: of the parameters, and bodies: (namespace, id) -> obstacle, that it
-            is made of
-        shape: the last Shape of the DLO, None: it begins with its natural one
-        resets: how often the shape was forgotten
-        pose: Pose of the tool frame, the last one that came, or None
-        heard: the last one that was not too old when it came, or None
-        goals: Poses of the last cut-outs
-        made: the last plan, None: there is none, `void` says why
-        proof: Proof of it, as far as it has come
-        execution: the last Execution, or None; running: the plan that it executes
+    Attributes
+    ----------
+    scene : Scene
+    values : dict
+        Values of the parameters, and bodies: (namespace, id) -> obstacle, that it is made of.
+    shape : Shape or None
+        The last Shape of the DLO, None: it begins with its natural one.
+    resets : int
+        How often the shape was forgotten.
+    pose : Pose or None
+        Pose of the tool frame, the last one that came, or None.
+    heard : Heard or None
+        The last one that was not too old when it came, or None.
+    goals : tuple of Pose
+        Poses of the last cut-outs.
+    made : Made or None
+        The last plan, None: there is none, `void` says why.
+    proof : Proof or None
+        Proof of it, as far as it has come.
+    execution : Execution or None
+        The last Execution, or None.
+    running : Made or None
+        The plan that it executes.
     """
 
     scene: Scene
@@ -69,10 +81,15 @@ class State:
     def in_scene(self, scene: Scene, cause: Cause, reason: str, **parts: Any) -> 'State':
         """Return the State in another Scene, in which is kept what can be kept.
 
-        Args:
-            scene: Scene
-            cause, reason: why a plan is void that does not hold in it
-            parts: `values` or `bodies` that it is made of
+        Parameters
+        ----------
+        scene : Scene
+        cause : Cause
+            Why a plan is void that does not hold in it.
+        reason : str
+            Why a plan is void that does not hold in it.
+        parts : object
+            `values` or `bodies` that it is made of.
         """
         state = replace(self, scene=scene, shape=carried(self.shape, self.scene, scene), **parts)
         return state if self.scene.keeps_plans(scene) else state.without_plan(cause, reason)
@@ -125,8 +142,10 @@ class State:
     def started(self, now: float) -> 'State':
         """Return the State in which the last plan is executed, from `now` s on.
 
-        Raises:
-            Refused: naming what is missing, or why it must not be executed
+        Raises
+        ------
+        Refused
+            Naming what is missing, or why it must not be executed.
         """
         proved = ready(self, now)
         assert self.made is not None and self.heard is not None  # `ready` looks at both
@@ -146,10 +165,13 @@ class State:
     def steered(self, way: Steered, corrected: Callable[[float], Steered]) -> 'State':
         """Return the State in which the rest of what is executed is corrected.
 
-        Args:
-            way: that was executed when the correction was made; if it is another one now, nothing
-                changes
-            corrected: takes how many s of it are done, returns what is executed from then on
+        Parameters
+        ----------
+        way : Steered
+            Way that was executed when the correction was made; if it is another one now, nothing
+            changes.
+        corrected : callable
+            Takes how many s of it are done, returns what is executed from then on.
         """
         execution = self.execution
         if execution is None or execution.phase != 'running' or execution.way is not way:
@@ -209,11 +231,16 @@ def carried(shape: Shape | None, before: Scene, after: Scene) -> Shape | None:
 def ready(state: State, now: float) -> TimedPath:
     """Return the Trajectory to be executed: the one that was proved.
 
-    Args:
-        state: State; now: s, steady
+    Parameters
+    ----------
+    state : State
+    now : float
+        Now in s, steady.
 
-    Raises:
-        Refused: naming what is missing, or why it must not be executed
+    Raises
+    ------
+    Refused
+        Naming what is missing, or why it must not be executed.
     """
     if state.executing:
         raise Refused(Cause.EXECUTING, 'a plan is being executed: expected its end, or ~/cancel')
@@ -274,8 +301,10 @@ class Store:
     def change(self, change: Callable[[State], State]) -> State:
         """Replace the State by what `change` returns of it, and return that.
 
-        Args:
-            change: pure and quick; what it raises leaves the State as it is
+        Parameters
+        ----------
+        change : callable
+            Pure and quick; what it raises leaves the State as it is.
         """
         with self._lock:
             self._state = change(self._state)

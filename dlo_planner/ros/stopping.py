@@ -26,9 +26,12 @@ class Deceleration:
     Its rate is 1 - 10 x^3 + 15 x^4 - 6 x^5, x the part of `length` that has passed: the motion's
     acceleration goes on without a jump at both ends.
 
-    Attributes:
-        start: s along the path where it begins
-        length: s that it takes; the path's time goes on by half of it
+    Attributes
+    ----------
+    start : float
+        Start in s along the path where it begins.
+    length : float
+        Length in s that it takes; the path's time goes on by half of it.
     """
 
     start: float
@@ -45,10 +48,13 @@ def decelerate(way: TimedPath, start: float, shortest: float) -> Deceleration:
 
     It exceeds those of jerk by half at most.
 
-    Args:
-        way: TimedPath
-        start: s along it
-        shortest: s that it takes at least
+    Parameters
+    ----------
+    way : TimedPath
+    start : float
+        Start in s along it.
+    shortest : float
+        Shortest in s that it takes at least.
     """
     speeds = np.linalg.norm(way.at([start])[1].reshape(2, 3), axis=1)
     length = max(shortest, *(_GUESSED * speeds / way.limits.sizes[1]))

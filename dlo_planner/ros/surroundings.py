@@ -32,10 +32,13 @@ _MOST_NAMED = 5   # obstacles that are named, or looked at
 class Surroundings:
     """Keeps the scene in line with parameters and obstacles.
 
-    Args:
-        node: rclpy Node, its parameters declared
-        parts: Parts
-        group: callback group
+    Parameters
+    ----------
+    node : Gate
+        Rclpy Node, its parameters declared.
+    parts : Parts
+    group : object
+        Callback group.
     """
 
     def __init__(self, node: Gate, parts: Parts, group: Any) -> None:
@@ -120,9 +123,12 @@ def in_the_way(state: State, bodies: Mapping[str, Any]) -> str:
     The gripper is looked at along the rest of its way, the DLO in the planned shapes that are
     still to come.
 
-    Args:
-        state: State with an execution
-        bodies: (namespace, id) -> obstacle, the new ones
+    Parameters
+    ----------
+    state : State
+        State with an execution.
+    bodies : dict
+        (namespace, id) -> obstacle, the new ones.
     """
     execution, plan, scene = state.execution, state.running.plan, state.running.scene
     way, here = execution.way, execution.done

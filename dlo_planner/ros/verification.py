@@ -28,11 +28,18 @@ _TIMED_STEP, _TIMED_MOST = 0.05, 20_000  # s between points of the timed traject
 class Verification:
     """Has plans proved, the newest one first.
 
-    Args:
-        node: rclpy Node; parts: Parts
-        prover: Prover
-        arm: ArmOutput, which gets what is proved
-        clock: steady Clock; group: callback group
+    Parameters
+    ----------
+    node : Gate
+        Rclpy Node.
+    parts : Parts
+    prover : Prover
+    arm : ArmOutput
+        ArmOutput, which gets what is proved.
+    clock : object
+        Steady Clock.
+    group : object
+        Callback group.
     """
 
     def __init__(self, node: Gate, parts: Parts, prover: Prover, arm: ArmOutput, clock: Any,

@@ -30,12 +30,17 @@ Values = Mapping[str, Any]  # of all names in ENTRIES
 def direct_of(values: Values, obstacles: Iterable[Any] = ()) -> DirectSimulator:
     """Return the DirectSimulator that parameter values describe.
 
-    Args:
-        values: of all names in ENTRIES
-        obstacles: for the DLO
+    Parameters
+    ----------
+    values : Values
+        Values of all names in ENTRIES.
+    obstacles : iterable of object, optional
+        For the DLO.
 
-    Raises:
-        DloPlannerError: a value, or their combination, makes no sense
+    Raises
+    ------
+    DloPlannerError
+        A value, or their combination, makes no sense.
     """
     rod = rod_of(values)
     _judge(values)

@@ -178,8 +178,10 @@ ENTRIES = {
 def as_declared(name: str, value: Any, default: Any) -> Any:
     """Return a value with whole numbers made floats where `default` has floats.
 
-    Raises:
-        InvalidTask: it has another type than the default
+    Raises
+    ------
+    InvalidTask
+        It has another type than the default.
     """
     listed = not isinstance(value, str) and hasattr(value, '__iter__')
     if isinstance(default, list) and isinstance(default[0], str):

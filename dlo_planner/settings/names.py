@@ -9,9 +9,12 @@ from difflib import get_close_matches
 def unknown_parameter(name: str, known: Iterable[str]) -> str:
     """Return the warning about a value for a parameter that does not exist.
 
-    Args:
-        name: as it was given
-        known: names of the parameters that exist
+    Parameters
+    ----------
+    name : str
+        As it was given.
+    known : iterable of str
+        Names of the parameters that exist.
     """
     by_lower = {one.lower(): one for one in known}
     ends = {one.rsplit('.', 1)[-1]: one for one in by_lower}

@@ -40,9 +40,12 @@ class Wanted:
 class Present:
     """Where the gripper and the DLO are now; None where that is not known.
 
-    Attributes:
-        gripper: Pose of the gripper
-        shape: Shape of the DLO, which matters where the plan begins at the gripper's pose
+    Attributes
+    ----------
+    gripper : Pose or None
+        Pose of the gripper.
+    shape : Shape or None
+        Shape of the DLO, which matters where the plan begins at the gripper's pose.
     """
 
     gripper: Pose | None = None
@@ -54,16 +57,24 @@ def way_through(inverse: InverseSimulator, cutouts: Sequence[CutOut], wanted: Wa
                 deadline: float | None = None) -> Plan:
     """Return the Plan through cut-outs; with a standoff, it begins at the gripper's present pose.
 
-    Args:
-        inverse: InverseSimulator
-        cutouts: one, two, or more, in the order in which they are passed
-        wanted: Wanted, or what has its attributes
-        present: where gripper and DLO are now; without a gripper, the threading begins where it
-            is best
-        progress, deadline: as for `InverseSimulator.thread`
+    Parameters
+    ----------
+    inverse : InverseSimulator
+    cutouts : sequence of CutOut
+        One, two, or more, in the order in which they are passed.
+    wanted : Wanted
+        Wanted, or what has its attributes.
+    present : Present, optional
+        Where gripper and DLO are now; without a gripper, the threading begins where it is best.
+    progress : callable, optional
+        As for `InverseSimulator.thread`.
+    deadline : float, optional
+        As for `InverseSimulator.thread`.
 
-    Raises:
-        DloPlannerError: refused, with the reason
+    Raises
+    ------
+    DloPlannerError
+        Refused, with the reason.
     """
     start = present.gripper
     depths = np.linspace(0.0, wanted.deepest * inverse.simulator.rod.length, wanted.waypoints)

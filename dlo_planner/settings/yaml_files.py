@@ -22,13 +22,18 @@ def read_values(source: str | Path,
                 changes: Iterable[str] = ()) -> tuple[dict[str, Any], list[str]]:
     """Return the values of all parameters (name -> value), and warnings of names without meaning.
 
-    Args:
-        source: YAML file, keyed '/**:' and 'ros__parameters:' as for the node; or the name of one
-            in config/, e.g. 'copper_wire'
-        changes: 'name=value' or 'name:=value', which count more than the file
+    Parameters
+    ----------
+    source : str or Path
+        YAML file, keyed '/**:' and 'ros__parameters:' as for the node; or the name of one in
+        config/, e.g. 'copper_wire'.
+    changes : iterable of str, optional
+        'name=value' or 'name:=value', which count more than the file.
 
-    Raises:
-        InvalidTask: no such file, or a value makes no sense; the message names it
+    Raises
+    ------
+    InvalidTask
+        No such file, or a value makes no sense; the message names it.
     """
     path = config_file(source)
     given = _flat(_of_node(path, load_yaml(path.read_text(encoding='utf-8'), str(path))))
@@ -57,8 +62,10 @@ def write_values(path: Path, values: Mapping[str, object]) -> None:
 def load_yaml(text: str, name: str) -> object:
     """Return the content of a YAML text; numbers like 8e6 are numbers.
 
-    Raises:
-        InvalidTask: it is no YAML; the message begins with `name`
+    Raises
+    ------
+    InvalidTask
+        It is no YAML; the message begins with `name`.
     """
     try:
         return yaml.load(text, Loader=_Loader)
@@ -70,8 +77,10 @@ def load_yaml(text: str, name: str) -> object:
 def config_file(source: str | Path) -> Path:
     """Return the path of a YAML file, or of the one in config/ that has this name.
 
-    Raises:
-        InvalidTask: there is none; the message lists those that there are
+    Raises
+    ------
+    InvalidTask
+        There is none; the message lists those that there are.
     """
     path = Path(source)
     if path.is_file():

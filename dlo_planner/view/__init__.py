@@ -27,21 +27,32 @@ def view(plan: Plan, inverse: InverseSimulator | None = None, *,
     be dragged: the DLO follows the gripper, a cut-out that is dragged is planned anew
     (`InverseSimulator.thread`). What is refused is said on the page.
 
-    Args:
-        plan: Plan
-        inverse: InverseSimulator to plan anew with; None: one of the rod and the surroundings of
-            the plan's shapes, without a workspace
-        obstacles: that are drawn; None: those of `inverse` and its workspace
-        color: 'curvature' or 'yield'
-        host: where the page is offered; another one than localhost lets the whole network in
-        port: of the page, or the next free one; `PlanPage.url` says which
+    Parameters
+    ----------
+    plan : Plan
+    inverse : InverseSimulator, optional
+        InverseSimulator to plan anew with. If None, one of the rod and the surroundings of the
+        plan's shapes, without a workspace.
+    obstacles : iterable of obstacle, optional
+        Obstacles that are drawn. If None, those of `inverse` and its workspace.
+    color : str, optional
+        'curvature' or 'yield'.
+    host : str, optional
+        Where the page is offered; another one than localhost lets the whole network in.
+    port : int, optional
+        Port of the page, or the next free one; `PlanPage.url` says which.
 
-    Returns:
-        PlanPage
+    Returns
+    -------
+    PlanPage
+        PlanPage.
 
-    Raises:
-        InvalidTask: an argument makes no sense; the message names it
-        MissingExtra: viser is not installed (extra `view`)
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
+    MissingExtra
+        Viser is not installed (extra `view`).
     """
     checked(plan)
     instance('inverse', inverse, InverseSimulator, optional=True)

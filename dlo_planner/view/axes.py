@@ -36,10 +36,14 @@ _UNIT = 1.03           # of its axes: a diagonal of the box without zoom
 class Frame:
     """Axes to draw in.
 
-    Attributes:
-        figure, axes: of matplotlib
-        bar: Axes of the color bar, None: it is taken from `axes`
-        titled: whether it has a title and a legend
+    Attributes
+    ----------
+    figure, axes : object
+        Figure and axes of matplotlib.
+    bar : object
+        Axes of the color bar, None: it is taken from `axes`.
+    titled : bool
+        Whether it has a title and a legend.
     """
 
     figure: Any
@@ -51,9 +55,12 @@ class Frame:
     def new(cls, size: tuple[float, float] = _SIZE, managed: bool = True) -> 'Frame':
         """Return axes in space that fill a new figure.
 
-        Args:
-            size: inches
-            managed: by pyplot, so that `pyplot.show()` shows it; else it is gone with its last use
+        Parameters
+        ----------
+        size : (float, float), optional
+            Inches.
+        managed : bool, optional
+            By pyplot, so that `pyplot.show()` shows it; else it is gone with its last use.
         """
         if managed:
             figure = extra('matplotlib.pyplot', 'figures', 'pictures').figure(figsize=size)
@@ -70,8 +77,10 @@ class Frame:
     def of(cls, ax: 'Axes | Frame | None') -> 'Frame':
         """Return the Frame of an argument: a new one for None.
 
-        Raises:
-            InvalidTask: it is no Axes of matplotlib
+        Raises
+        ------
+        InvalidTask
+            It is not an Axes of matplotlib.
         """
         if ax is None:
             return cls.new()

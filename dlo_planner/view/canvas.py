@@ -21,9 +21,12 @@ _BAR = round_bar()
 class Canvas:
     """Shows Items in a scene of viser; not thread-safe.
 
-    Args:
-        scene: viser.SceneApi
-        least_radius: m, a DLO is drawn no thinner than this (a transparent one, than half of it)
+    Parameters
+    ----------
+    scene : object
+        viser.SceneApi.
+    least_radius : float, optional
+        Least radius in m, a DLO is drawn no thinner than this (a transparent one, than half of it).
     """
 
     def __init__(self, scene: Any, least_radius: float = 0.0) -> None:

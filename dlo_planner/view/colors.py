@@ -31,11 +31,16 @@ _VIRIDIS = np.array([
 class Coloring(NamedTuple):
     """Colors of a DLO's nodes.
 
-    Attributes:
-        colors: (N_L + 1, 3) red, green, blue, 0 to 1
-        caption: what the colors mean, with the unit
-        top: what the brightest color stands for, in the unit of `label`; the darkest stands for 0
-        label: what is colored, with its unit
+    Attributes
+    ----------
+    colors : ndarray, shape (N_L + 1, 3)
+        Red, green, blue, 0 to 1.
+    caption : str
+        What the colors mean, with the unit.
+    top : float
+        What the brightest color stands for, in the unit of `label`; the darkest stands for 0.
+    label : str
+        What is colored, with its unit.
     """
 
     colors: Floats
@@ -60,16 +65,21 @@ def viridis(share: ArrayLike) -> Floats:
 def coloring(shape: Shape, color: str = 'curvature', top: float | None = None) -> Coloring:
     """Return the Coloring of a Shape.
 
-    Args:
-        shape: Shape
-        color: 'curvature': from 0 to the rod's max_bend_curvature, or to the sharpest bend of this
-            shape if the rod has none; 'yield': strain since the stress-free shape as a part of what
-            yields, from 0 to 1. Nodes beyond the limit are in ALERT.
-        top: of curvature, 1/m, that the brightest color stands for where the rod has no limit, so
-            that several shapes can be compared; None: the sharpest bend of this one
+    Parameters
+    ----------
+    shape : Shape
+    color : str, optional
+        'curvature': from 0 to the rod's max_bend_curvature, or to the sharpest bend of this shape
+        if the rod has none; 'yield': strain since the stress-free shape as a part of what yields,
+        from 0 to 1. Nodes beyond the limit are in ALERT.
+    top : float, optional
+        Top of curvature, 1/m, that the brightest color stands for where the rod has no limit, so
+        that several shapes can be compared. If None, the sharpest bend of this one.
 
-    Raises:
-        InvalidTask: another `color`
+    Raises
+    ------
+    InvalidTask
+        Another `color`.
     """
     instance('shape', shape, Shape)
     if choice('color', color, COLORINGS) == 'yield':

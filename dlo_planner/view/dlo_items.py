@@ -28,10 +28,13 @@ _LETTER = 0.03    # of the DLO's length
 def dlo_items(shape: Shape, radius: float | None = None, color: str = 'curvature') -> list[Item]:
     """Return the DLO as a line in the colors of its bend or yield, and a text that says which.
 
-    Args:
-        shape: Shape
-        radius: of the DLO, m; None: it is drawn 1 mm thick
-        color: as in `coloring`
+    Parameters
+    ----------
+    shape : Shape
+    radius : float, optional
+        Radius of the DLO, m. If None, it is drawn 1 mm thick.
+    color : str, optional
+        As in `coloring`.
     """
     painted = coloring(shape, color)
     above = shape.gripper.position + (0.0, 0.0, 2 * _LETTER * shape.s[-1])
@@ -81,10 +84,14 @@ def estimate_items(shape: Shape, radius: float | None = None, points: ArrayLike 
 def axes_items(group: str, pose: Pose, length: float = _AXIS) -> list[Item]:
     """Return the axes of a frame: x red, y green, z blue.
 
-    Args:
-        group: of the items
-        pose: Pose of the frame
-        length: of an axis, m
+    Parameters
+    ----------
+    group : str
+        Group of the items.
+    pose : Pose
+        Pose of the frame.
+    length : float, optional
+        Length of an axis, m.
     """
     instance('pose', pose, Pose)
     length = number('length', length, above=0)

@@ -75,10 +75,14 @@ def between(value: Plan | Motion, painted: Sequence[Coloring],
 
     Straight between two shapes, where both have the same nodes; else of the one before.
 
-    Args:
-        value: Plan or Motion
-        painted: Coloring of each shape
-        time: within its times, s
+    Parameters
+    ----------
+    value : Plan or Motion
+        Plan or Motion.
+    painted : sequence of Coloring
+        Coloring of each shape.
+    time : float
+        Within its times, s.
     """
     times = value.times
     k = int(np.clip(np.searchsorted(times, time, side='right') - 1, 0, max(len(value) - 2, 0)))
@@ -108,16 +112,25 @@ def write_film(figure: 'Figure', picture: Callable[[int], object], count: int, p
                rate: float | None = None) -> Path:
     """Write what a figure shows as a film, and return its path.
 
-    Args:
-        figure: Figure of matplotlib
-        picture: called as picture(index), makes the figure show one of the pictures
-        count: of pictures
-        path: ends with .gif or .mp4
-        rate: pictures a second; None: 15 of a GIF, 25 of an MP4
+    Parameters
+    ----------
+    figure : Figure
+        Figure of matplotlib.
+    picture : callable
+        Called as picture(index), makes the figure show one of the pictures.
+    count : int
+        Count of pictures.
+    path : Path
+        Ends with .gif or .mp4.
+    rate : float, optional
+        Pictures a second. If None, 15 of a GIF, 25 of an MP4.
 
-    Raises:
-        InvalidTask: nothing can be written there
-        MissingExtra: ffmpeg is not installed, and an MP4 is asked for
+    Raises
+    ------
+    InvalidTask
+        Nothing can be written there.
+    MissingExtra
+        Ffmpeg is not installed, and an MP4 is asked for.
     """
     kind = path.suffix.lower()
     animation = extra('matplotlib.animation', 'figures', 'films')

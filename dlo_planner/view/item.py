@@ -33,19 +33,33 @@ def rows_of_points(name: str, value: object) -> Floats:
 class Item(Value):
     """Something to be drawn.
 
-    Attributes:
-        group: what it belongs to; index: its number there; both together are its name
-        kind: one of KINDS
-        color: (3,) red, green, blue, 0 to 1
-        alpha: 1 opaque, 0 invisible
-        points: (n, 3) m, in the frame of `pose`
-        colors: (n, 3) of each point, or None: all have `color`
-        pose: Pose in the world; of a box, ball, cylinder, text: its center
-        size: (3,) m, see KINDS
-        text: what a text says
+    Attributes
+    ----------
+    group : str
+        What it belongs to.
+    index : int
+        Its number there; both together are its name.
+    kind : str
+        One of KINDS.
+    color : tuple of float
+        (3,) red, green, blue, 0 to 1.
+    alpha : float
+        1 opaque, 0 invisible.
+    points : ndarray, shape (n, 3)
+        Points in m, in the frame of `pose`.
+    colors : ndarray, shape (n, 3) or None
+        Colors of each point, or None: all have `color`.
+    pose : Pose
+        Pose in the world; of a box, ball, cylinder, text: its center.
+    size : ndarray, shape (3,)
+        Size in m, see KINDS.
+    text : str
+        What a text says.
 
-    Raises:
-        InvalidTask: naming the attribute
+    Raises
+    ------
+    InvalidTask
+        Naming the attribute.
     """
 
     group: str

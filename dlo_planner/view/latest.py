@@ -13,8 +13,10 @@ class Overtaken(Exception):
 class Latest:
     """Runs jobs in one thread of its own, the newest next; those in between are dropped.
 
-    Args:
-        failed: called with an exception that a job raised, in that thread
+    Parameters
+    ----------
+    failed : callable
+        Called with an exception that a job raised, in that thread.
     """
 
     def __init__(self, failed: Callable[[Exception], object]) -> None:

@@ -21,9 +21,12 @@ _UNHEARD = 'nothing heard yet'
 class Actions:
     """What the page can ask for; each is called in a thread of the page, and answers by `say`.
 
-    Attributes:
-        goal: called with the Pose of a cut-out
-        replan, execute, cancel: called without arguments
+    Attributes
+    ----------
+    goal : callable
+        Called with the Pose of a cut-out.
+    replan, execute, cancel : callable
+        Called without arguments.
     """
 
     goal: Callable[[Pose], object]
@@ -35,10 +38,12 @@ class Actions:
 class LivePage:
     """Shows Items, states and margins as they come; a gripper and a goal can be dragged.
 
-    Args:
-        page: Page
-        actions: Actions
-        allow_execute: whether the button that executes a plan works; it asks first
+    Parameters
+    ----------
+    page : Page
+    actions : Actions
+    allow_execute : bool, optional
+        Whether the button that executes a plan works; it asks first.
     """
 
     def __init__(self, page: Page, actions: Actions, allow_execute: bool = False) -> None:

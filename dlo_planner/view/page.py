@@ -33,13 +33,19 @@ _ASPECT = 0.95 # of the scene beside the panel, about
 class Page:
     """A viser server with a canvas, a grid in meters and a color bar; thread-safe.
 
-    Args:
-        title: of the panel
-        host: that it listens on; another one than localhost lets everybody in the network in
-        port: that it listens on, or the next free one
+    Parameters
+    ----------
+    title : str
+        Title of the panel.
+    host : str, optional
+        Host that it listens on; another one than localhost lets everybody in the network in.
+    port : int, optional
+        Port that it listens on, or the next free one.
 
-    Raises:
-        MissingExtra: viser is not installed
+    Raises
+    ------
+    MissingExtra
+        Viser is not installed.
     """
 
     def __init__(self, title: str, host: str = LOCAL, port: int = PORT) -> None:

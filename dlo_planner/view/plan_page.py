@@ -31,12 +31,17 @@ _HANDLE = 0.12   # of the DLO's length
 class PlanPage:
     """Shows a Plan; `dlo_planner.view.view` makes it.
 
-    Args:
-        page: Page
-        plan: Plan with a waypoint
-        replanner: Replanner, or the text that says why there is none
-        obstacles: that are drawn
-        color: as in `coloring`
+    Parameters
+    ----------
+    page : Page
+    plan : Plan
+        Plan with a waypoint.
+    replanner : Replanner or str
+        Replanner, or the text that says why there is none.
+    obstacles : iterable of obstacle, optional
+        Obstacles that are drawn.
+    color : str, optional
+        As in `coloring`.
     """
 
     def __init__(self, page: Page, plan: Plan, replanner: Replanner | str,

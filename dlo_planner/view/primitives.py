@@ -21,10 +21,14 @@ _CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z i
 class Primitives(NamedTuple):
     """What an Item consists of.
 
-    Attributes:
-        lines: list of (n, 3) m, polylines
-        faces: list of (m, 3) m, flat polygons
-        dots: (n, 3) m, points
+    Attributes
+    ----------
+    lines : list of ndarray
+        list of (n, 3) m, polylines.
+    faces : list of ndarray
+        list of (m, 3) m, flat polygons.
+    dots : ndarray, shape (n, 3)
+        Dots in m, points.
     """
 
     lines: list[Floats]
@@ -90,11 +94,14 @@ def _cylinder(size: Floats) -> list[Floats]:
 def cut_box(point: Floats, normal: Floats, low: Floats, high: Floats) -> Floats:
     """Return the corners (n, 3) in m, in order, of the part of a plane that is in a box.
 
-    Args:
-        point, normal: (3,) of the plane
-        low, high: (3,) m, corners of the box
-
     None where the plane does not cut it.
+
+    Parameters
+    ----------
+    point, normal : ndarray, shape (3,)
+        Point and normal of the plane.
+    low, high : ndarray, shape (3,)
+        Low and high in m, corners of the box.
     """
     corners = low + (_CORNERS + 0.5) * (high - low)
     height = (corners - point) @ normal

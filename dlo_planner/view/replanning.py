@@ -48,10 +48,12 @@ def simulator_of(shape: Shape) -> DirectSimulator | None:
 class Replanner:
     """Makes plans through one cut-out like a given one, and shapes of the same DLO.
 
-    Attributes:
-        direct: DirectSimulator
-        inverse: InverseSimulator
-        depths: (n,) m, of the waypoints
+    Attributes
+    ----------
+    direct : DirectSimulator
+    inverse : InverseSimulator
+    depths : ndarray, shape (n,)
+        Depths in m, of the waypoints.
     """
 
     direct: DirectSimulator
@@ -62,13 +64,18 @@ class Replanner:
     def of(cls, plan: Plan, inverse: InverseSimulator | None = None) -> 'Replanner':
         """Return one for a Plan.
 
-        Args:
-            plan: Plan through one cut-out
-            inverse: InverseSimulator that it was made with; None: one of its shapes' rod and
-                surroundings, without a workspace
+        Parameters
+        ----------
+        plan : Plan
+            Plan through one cut-out.
+        inverse : InverseSimulator, optional
+            InverseSimulator that it was made with. If None, one of its shapes' rod and
+            surroundings, without a workspace.
 
-        Raises:
-            InvalidTask: why it cannot be made anew
+        Raises
+        ------
+        InvalidTask
+            Why it cannot be made anew.
         """
         if not len(plan):
             raise InvalidTask('plan: expected one with a waypoint')
@@ -85,14 +92,20 @@ class Replanner:
     def plan(self, cutout: CutOut, gripper: Pose, whole: bool, progress: OnProgress) -> Plan:
         """Return the Plan through a CutOut.
 
-        Args:
-            cutout: CutOut
-            gripper: Pose before, for the roll
-            whole: whether the plan begins at that pose
-            progress: called as progress(done, total) after each waypoint
+        Parameters
+        ----------
+        cutout : CutOut
+        gripper : Pose
+            Pose before, for the roll.
+        whole : bool
+            Whether the plan begins at that pose.
+        progress : callable, optional
+            Called as progress(done, total) after each waypoint.
 
-        Raises:
-            DloPlannerError: refused, with the reason
+        Raises
+        ------
+        DloPlannerError
+            Refused, with the reason.
         """
         options = {'progress': progress, 'deadline': _SECONDS}
         plan = self.inverse.thread(cutout, start=gripper, depths=self.depths, **options)
@@ -103,8 +116,10 @@ class Replanner:
     def shape(self, gripper: Pose, before: Shape) -> Shape:
         """Return the Shape at a gripper's Pose, coming from another Shape.
 
-        Raises:
-            NotConverged: none is found
+        Raises
+        ------
+        NotConverged
+            None is found.
         """
         shape = self.direct.track([gripper], initial=before)[0]
         if not shape.converged:

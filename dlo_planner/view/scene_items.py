@@ -28,9 +28,11 @@ _LETTER = 0.02   # m
 def cutout_items(cutouts: Iterable[CutOut], length: float = _AXIS) -> list[Item]:
     """Return the rims of CutOuts and their normals, items 2 k and 2 k + 1 of 'cutout'.
 
-    Args:
-        cutouts: CutOuts
-        length: of a normal, m
+    Parameters
+    ----------
+    cutouts : iterable of CutOut
+    length : float, optional
+        Length of a normal, m.
     """
     length, drawn = number('length', length, above=0), []
     for index, cutout in enumerate(items('cutouts', cutouts, CutOut)):
@@ -45,9 +47,11 @@ def cutout_items(cutouts: Iterable[CutOut], length: float = _AXIS) -> list[Item]
 def path_items(grippers: Iterable[Pose], length: float = _AXIS) -> list[Item]:
     """Return the way of the gripper, 'trajectory' 0, and its directions on it, 1.
 
-    Args:
-        grippers: Poses
-        length: of a direction, m
+    Parameters
+    ----------
+    grippers : iterable of Pose
+    length : float, optional
+        Length of a direction, m.
     """
     length, grippers = number('length', length, above=0), items('grippers', grippers, Pose)
     points = np.array([pose.position for pose in grippers]).reshape(-1, 3)
@@ -63,10 +67,13 @@ def margin_items(plan: Plan, cutouts: Iterable[CutOut], radius: float | None = N
     The margin is the least distance between rim and DLO on the whole plan. Dark: none, bright: as
     much as a DLO in the middle of the hole would have; beyond the limit (the DLO in the rim) ALERT.
 
-    Args:
-        plan: Plan
-        cutouts: the CutOuts of its `clearances`; those without a size are left out
-        radius: of the DLO, m; None: 0
+    Parameters
+    ----------
+    plan : Plan
+    cutouts : iterable of CutOut
+        The CutOuts of its `clearances`; those without a size are left out.
+    radius : float, optional
+        Radius of the DLO, m. If None, 0.
     """
     instance('plan', plan, Plan)
     radius = 0.0 if radius is None else number('radius', radius, minimum=0)

@@ -37,12 +37,18 @@ _BLACK = (0.0, 0.0, 0.0)
 class Stage:
     """Shapes and what is around them.
 
-    Attributes:
-        shapes: Shapes, all that the picture has to hold
-        cutouts: CutOuts that the DLO passes
-        centers: (n, 3) m, points that it passes in any direction
-        obstacles: those of the shapes, and further ones
-        length: of the DLO, m
+    Attributes
+    ----------
+    shapes : tuple of Shape
+        Shapes, all that the picture has to hold.
+    cutouts : tuple of CutOut
+        CutOuts that the DLO passes.
+    centers : tuple of ndarray
+        (n, 3) m, points that it passes in any direction.
+    obstacles : tuple of obstacle
+        Those of the shapes, and further ones.
+    length : float
+        Length of the DLO, m.
     """
 
     shapes: tuple[Shape, ...]

@@ -32,9 +32,11 @@ def room(cutout: CutOut) -> float | None:
 def plate(cutout: CutOut, half: float = 0.0) -> Floats:
     """Return (3 n, 3) m: triangles of a square plate around the hole of a CutOut, in its frame.
 
-    Args:
-        cutout: CutOut
-        half: least half side of the plate, m
+    Parameters
+    ----------
+    cutout : CutOut
+    half : float, optional
+        Least half side of the plate, m.
     """
     angle = np.linspace(0, 2 * np.pi, _STEPS + 1)
     around = np.column_stack([np.cos(angle), np.sin(angle)])
