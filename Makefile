@@ -6,8 +6,10 @@
 # make cell   20 tasks in a physics engine; table and film in cell_output/
 # make soak   a node under odd messages, load and faults for 10 minutes; report in soak_output/
 # make docs   the site: build/docs/index.html; warnings are errors
+# make check  lint, types, import rules and the tests of the house: a minute, before each commit
 # make lint   style
 # make types  annotations, by mypy
+# make imports  imports go down the layers, the core knows no ROS
 # make lock   newest versions that requirements.txt allows, into requirements.lock
 # Each sets up what it needs in .venv (Python 3.11 or 3.12) and is quick the second time.
 
@@ -16,11 +18,11 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 KERNELS := $(shell grep -rl --include=*.py 'dlo_planner.kernels' dlo_planner)
 
-.PHONY: demo test bench figures bench-check cell soak docs lint types lock clean
+.PHONY: demo test bench figures bench-check cell soak docs check lint types imports lock clean
 demo: $(VENV)/compiled
 	$(RUN) -m dlo_planner.ros.demo
 
-test: $(VENV)/compiled
+test: check $(VENV)/compiled
 	OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -n 2 -m 'not real_time'
 	OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -m real_time
 
@@ -42,11 +44,18 @@ soak: $(VENV)/compiled
 docs: $(VENV)/ready
 	$(RUN) -m sphinx -W --keep-going -q -E -a -b html docs build/docs
 
+check: lint types imports
+	OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -q --no-header test/test_package.py \
+	  test/test_copyright.py test/test_readme.py test/test_house.py
+
 lint: $(VENV)/ready
 	$(RUN) -m ruff check .
 
 types: $(VENV)/ready
 	$(RUN) -m mypy dlo_planner msg_helpers
+
+imports: $(VENV)/ready
+	$(VENV)/bin/lint-imports
 
 $(VENV)/ready: requirements.lock
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 12) \

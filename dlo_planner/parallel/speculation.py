@@ -10,12 +10,16 @@ answer is the minimum of the same potential as in serial computation.
 
 All tasks end together: a look ahead may take as much work as the step before did. So the answer
 does not depend on how fast workers are.
+
+A guess is used only where its potential is lower than where the serial search begins. What is
+found from it is kept only if it has converged and Newton's method goes to it from there
+(`minimize.same_minimum`); otherwise the serial search is made.
 """
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,13 +39,13 @@ from dlo_planner.minimize.same_minimum import leads_to, lower
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, number
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.parallel.ahead import UNLIMITED, Moving, Resting, look
+from dlo_planner.parallel.ahead import Moving, Resting
 from dlo_planner.parallel.pieces import Shared
+from dlo_planner.parallel.rounds import Rounds, Stepped, Task
 from dlo_planner.parallel.workers import Crew, Workers, checked
 from dlo_planner.progress import OnProgress, Progress
 
 _MOST_TASKS = 1024
-Task = Moving | Resting  # of a look ahead
 _NO_MATTER = ('obstacles', 'pinned', 'has_moments')  # of Surroundings: without them only
 
 
@@ -54,11 +58,8 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
     """Return a Motion, or the shapes of a slow one, each step begun with what was seen ahead of it.
 
     The result is that of `simulator.simulate(grippers, dt, ...)`, or of `simulator.track(grippers)`
-    where `dt` is None, but for what the minimizer leaves open (residuals below its tolerance). A
-    guess is used only where its potential is lower than where the serial search begins, and what
-    is found from it is kept only if it has converged and Newton's method goes to it from there
-    (`minimize.same_minimum`); otherwise the serial search is made. The result does not depend on
-    the executor or its workers.
+    where `dt` is None, but for what the minimizer leaves open (residuals below its tolerance); it
+    does not depend on the executor or its workers. The module says when a guess is used.
 
     Nothing is looked at ahead among obstacles, with a pinned gripper or with dead moments, nor in a
     slow motion with `accuracy` or `strains='paper'`.
@@ -76,17 +77,7 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
     tasks : int, optional
         How many at once, the caller's own among them, which needs no worker: so many less one steps
         are looked at. If None, as many as have been found to pay: 1, which is none.
-    initial : Shape or Motion, optional
-        As for `simulate`; velocity, tolerance and integrator are not looked at where `dt` is None.
-    velocity : array_like or callable, optional
-        As for `simulate`; velocity, tolerance and integrator are not looked at where `dt` is None.
-    tolerance : float, optional
-        As for `simulate`; velocity, tolerance and integrator are not looked at where `dt` is None.
-    integrator : str, optional
-        As for `simulate`; velocity, tolerance and integrator are not looked at where `dt` is None.
-    progress : callable, optional
-        As for `simulate`; velocity, tolerance and integrator are not looked at where `dt` is None.
-    deadline : float, optional
+    initial, velocity, tolerance, integrator, progress, deadline : optional
         As for `simulate`; velocity, tolerance and integrator are not looked at where `dt` is None.
 
     Raises
@@ -108,8 +99,8 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
         raise InvalidTask(f'initial = {initial!r}: expected a Shape where dt is None')
     if dt is not None:
         dt = number('dt', dt, above=0)
-    if executor is None or tasks == 1 or any(getattr(simulator.surroundings, name)
-                                             for name in _NO_MATTER):
+    alone = any(getattr(simulator.surroundings, name) for name in _NO_MATTER)
+    if executor is None or tasks == 1 or alone:
         if dt is None:
             return simulator.track(grippers, progress, initial, deadline=deadline)
         return simulator.simulate(grippers, dt, initial, velocity=velocity, tolerance=tolerance,
@@ -120,102 +111,6 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
             return Tracker(simulator, rounds).track(grippers, initial, steps)
         return simulator.motion_by(partial(AheadStepper, rounds, len(grippers) - 1), grippers, dt,
                                  initial, None, velocity, tolerance, integrator, steps)
-
-
-class Round(NamedTuple):
-    """A true step, and the looks ahead meanwhile.
-
-    Attributes
-    ----------
-    place : float
-        Place of the step.
-    work : int
-        Work of it, in the unit of `minimize.methods.near`.
-    judging : int
-        Newton steps beside it.
-    guess : str
-        'used', 'refused', or 'none'.
-    ahead : tuple of int
-        Works of the looks ahead.
-    """
-
-    place: float
-    work: int
-    judging: int
-    guess: str
-    ahead: tuple[int, ...]
-
-
-class Stepped(NamedTuple):
-    """What a true step gave.
-
-    Attributes
-    ----------
-    result : object
-        Result of the step.
-    work, judging : int
-        As in Round.
-    guess : str
-        As in Round.
-    """
-
-    result: Any
-    work: int
-    judging: int
-    guess: str
-
-
-class Rounds:
-    """Steps made while others are looked at, and what was seen.
-
-    Parameters
-    ----------
-    crew : Crew
-    tasks : int
-        Steps at once, the true one among them.
-
-    Attributes
-    ----------
-    made : list of Round
-        One Round for each round.
-    """
-
-    def __init__(self, crew: Crew, tasks: int) -> None:
-        self._crew, self.tasks = crew, tasks
-        self._seen: dict[float, Floats] = {}  # place: strains
-        self._most = UNLIMITED   # work of a look ahead
-        self.made: list[Round] = []
-
-    def seen(self, place: float) -> Floats | None:
-        """Return the strains (N, 3) seen at a place, None if none were."""
-        return self._seen.get(place)
-
-    def make(self, place: float, ahead: Callable[[int], dict[float, Task]],
-             step: Callable[[Floats | None], Stepped]) -> Any:
-        """Return what a step at `place` gives, while others are looked at.
-
-        Parameters
-        ----------
-        ahead : callable
-            Tasks by place, made as ahead(most).
-        step : callable
-            Called as step(strains or None); returns a Stepped.
-        """
-        tasks = ahead(self._most)
-        futures = self._crew.begin(look, tasks.values())
-        try:
-            stepped = step(self.seen(place))
-            guesses = self._crew.gathered(futures)
-        finally:
-            for future in futures:
-                future.cancel()
-        self._seen = {there: guess.strains for there, guess in zip(tasks, guesses, strict=False)
-                      if guess is not None}
-        done = Round(place, stepped.work, stepped.judging, stepped.guess,
-                     tuple(0 if one is None else one.work for one in guesses))
-        self._most = max(done.work, 1)
-        self.made.append(done)
-        return stepped.result
 
 
 def _work(shape: Shape) -> int:

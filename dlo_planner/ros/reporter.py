@@ -19,7 +19,7 @@ from dlo_planner.ros.door import named
 from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.health import Health, stamp_text
 from dlo_planner.ros.qos import LATCHED
-from dlo_planner.ros.state import Store
+from dlo_planner.ros.store import Store
 from msg_helpers.diagnostics import ERROR, OK, WARN, status_msg
 
 _QUIET = 1.0  # s between lines of the log about the same thing

@@ -4,7 +4,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -281,31 +280,3 @@ def _heard_lately(state: State, now: float) -> None:
     if limit and age > limit:
         raise Refused(Cause.OLD_GRIPPER_POSE,
                       f'gripper_pose: the last one is {age:.3g} s old: {expected}')
-
-
-class Store:
-    """Holds the State; every change of it goes through one lock."""
-
-    def __init__(self, state: State) -> None:
-        self._lock = Lock()
-        self._state = state
-        # Scenes take long to build. Whoever replaces it holds this one from reading to writing:
-        # shapes, plans and commands do not wait for it.
-        self.rebuilding = Lock()
-
-    @property
-    def state(self) -> State:
-        """The State now."""
-        return self._state
-
-    def change(self, change: Callable[[State], State]) -> State:
-        """Replace the State by what `change` returns of it, and return that.
-
-        Parameters
-        ----------
-        change : callable
-            Pure and quick; what it raises leaves the State as it is.
-        """
-        with self._lock:
-            self._state = change(self._state)
-            return self._state

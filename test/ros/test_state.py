@@ -17,7 +17,8 @@ from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.planning import Made, make_plan
 from dlo_planner.ros.proof import Proof, proofs
 from dlo_planner.ros.scene import build_scene
-from dlo_planner.ros.state import State, Store, carried, ready
+from dlo_planner.ros.state import State, carried, ready
+from dlo_planner.ros.store import Store
 
 VALUES = {**{name: entry.default for name, entry in ENTRIES.items()}, 'rod.diameter': 1.5e-3,
           'threading.waypoints': 8, 'threading.deepest': 0.3, 'rod.damping': [0.5, 0.0]}
