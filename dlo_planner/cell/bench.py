@@ -6,6 +6,7 @@ import csv
 from collections.abc import Sequence
 from concurrent.futures import Executor, as_completed
 from os import PathLike
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +52,8 @@ def bench(tasks: Sequence[Task], driver: Driver, *, unknowns: Unknowns = NOTHING
     """
     tasks = items('tasks', tasks, Task)
     report = callback('progress', progress) or _silent
-    options = {'unknowns': unknowns, 'camera': camera, 'damping': damping, 'step': step}
+    options: dict[str, Any] = {'unknowns': unknowns, 'camera': camera, 'damping': damping,
+                               'step': step}
     if executor is None:
         outcomes = []
         for seed, task in enumerate(tasks):
@@ -65,12 +67,12 @@ def bench(tasks: Sequence[Task], driver: Driver, *, unknowns: Unknowns = NOTHING
     return [future.result() for future in futures]
 
 
-def rows(tasks: Sequence[Task], outcomes: Sequence[Outcome]) -> list[tuple]:
+def rows(tasks: Sequence[Task], outcomes: Sequence[Outcome]) -> list[tuple[Any, ...]]:
     """Return the rows of the table, with the columns HEAD."""
     if len(tasks) != len(outcomes):
         raise InvalidTask(f'outcomes: expected one for each of {len(tasks)} tasks, got '
                           f'{len(outcomes)}')
-    return [(task.name, _round(1e3 * task.cutout.radius), _round(1e3 * task.room),
+    return [(task.name, _round(1e3 * task.radius), _round(1e3 * task.room),
              _answer(outcome.threaded), _round(outcome.depth), _round(task.depth),
              _round(1e3 * outcome.miss), _round(1e3 * outcome.promised), _answer(outcome.touched),
              _round(outcome.force), _round(outcome.time), outcome.refused)
@@ -95,7 +97,8 @@ def summary(outcomes: Sequence[Outcome]) -> str:
             f'largest force {max((one.force for one in outcomes), default=0.0):.3g} N')
 
 
-def write_csv(path: str | PathLike, tasks: Sequence[Task], outcomes: Sequence[Outcome]) -> None:
+def write_csv(path: str | PathLike[str], tasks: Sequence[Task],
+              outcomes: Sequence[Outcome]) -> None:
     """Write the table to a CSV file."""
     with open(path, 'w', newline='', encoding='utf-8') as file:
         writer = csv.writer(file)

@@ -21,7 +21,7 @@ from dlo_planner.cell.truth import Unknowns
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import Infeasible
 from dlo_planner.identify.closed_loop import ClosedLoop, Phase
-from dlo_planner.identify.correction import correct
+from dlo_planner.identify.correction import Correction, correct
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.stamped import gripper_at
@@ -122,7 +122,8 @@ class _Looking:
         self._estimate = self._observer.begin()
         self._loop = ClosedLoop((1 - _FOR_MOTION) * task.room, driver.look, driver.period)
         self._motion: Steered | None = None
-        self._began, self._correction = 0.0, None
+        self._began = 0.0
+        self._correction: Correction | None = None
         self._sent: deque[tuple[float, Pose]] = deque(maxlen=_REMEMBERED)
 
     def __call__(self, images: Sequence[Image], time: float) -> Pose | None:
@@ -140,9 +141,10 @@ class _Looking:
                 bound = self._aim()
         self._loop = loop.advanced(time, bound, finished=finished)
         if self._loop.phase is Phase.STOP:
+            assert bound is not None  # it stops for that
             raise Infeasible(f'room = {self._task.room:.3g} m: the DLO may miss by {bound:.3g} m '
                              'with 95 %', 0, 'miss', bound - self._loop.room)
-        if self._loop.phase is Phase.ENTER:
+        if self._loop.phase is Phase.ENTER and bound is not None:
             self._go_in(bound, time)
         return None if self._loop.phase is Phase.DONE else self._here
 
@@ -172,8 +174,9 @@ class _Looking:
         self._plan = joined(replace(way, stops=()), through)
         stated, estimate = self._task.cutout.center, self._estimate
         self._commanded = replace(
-            through, grippers=[estimate.commanded(pose) for pose in through.grippers],
-            passes=[tuple((stated, *rest) for _, *rest in passes) for passes in through.passes])
+            through, grippers=tuple(estimate.commanded(pose) for pose in through.grippers),
+            passes=tuple(tuple((stated, s, normal) for _, s, normal in passes)
+                         for passes in through.passes))
         looked_at = np.unique(np.linspace(0, len(through) - 1, _WAYPOINTS).astype(int))
         return float(estimate.miss(self._commanded, looked_at).bound.max())
 
@@ -181,7 +184,7 @@ class _Looking:
         room = self._task.room
         tolerance = max(_FOR_MOTION * room, 0.5 * (room - bound))
         trajectory = Trajectory(self._plan, self._driver.limits, tolerance=tolerance)
-        self.promised = trajectory.motion.miss + bound
+        self.promised = (np.nan if trajectory.motion is None else trajectory.motion.miss) + bound
         self._go(trajectory, self._plan.shapes[-1], time)
 
     def _estimated(self) -> Task:
@@ -227,6 +230,7 @@ class _Looking:
 
     def _moving(self, stamp: float) -> tuple[float, float]:
         """Return bounds of the DLO's speed, m/s, and acceleration in the last swing, m/s^2."""
+        assert self._motion is not None  # it moves
         swing = self._motion.windows[0]
         times = stamp - self._began - np.linspace(0, swing, _INSTANTS)
         lengths = np.array([1.0, self._task.rod.length])
@@ -238,6 +242,7 @@ class _Looking:
     def _correct(self, time: float) -> None:
         """Aim the remaining waypoints anew, if there is time left to blend that in."""
         motion, plan = self._motion, self._plan
+        assert motion is not None  # it moves
         if time + motion.windows.sum() > motion.trajectory.duration:
             return
         reached = motion.reached(plan.times[len(plan) - len(self._commanded):])

@@ -38,7 +38,7 @@ class Film:
         self._grippers.append(plant.commanded.matrix)
         self._forces.append(plant.largest_forces.max(initial=0.0))
 
-    def save(self, path: str | PathLike, task: Task) -> None:
+    def save(self, path: str | PathLike[str], task: Task) -> None:
         """Write the GIF or MP4: from the side and from above, the hole's normal to the right."""
         axes = self._axes(task)
         curves = (np.array(self._curves) - task.cutout.center) @ axes.T
@@ -53,7 +53,7 @@ class Film:
                 matrix = self._grippers[number]
                 jaws = matrix[:3, 3] + _JAW * np.array([-1, 0])[:, None] * matrix[:3, 0]
                 jaw.set_data(*((jaws - task.cutout.center) @ axes[[0, k]].T).T)
-            panels[0].set_title(f'{task.name}, hole of {2e3 * task.cutout.radius:.1f} mm: '
+            panels[0].set_title(f'{task.name}, hole of {2e3 * task.radius:.1f} mm: '
                                 f'{self._times[number]:.1f} s, force so far '
                                 f'{self._forces[number]:.2g} N', fontsize=10)
 
@@ -73,7 +73,7 @@ class Film:
         # as the axes of the hole that is best seen in this view
         across = task.cutout.pose.rotation[:, 2 if k == 2 else 1]
         for side in (-1, 1):
-            ends = side * np.array([task.cutout.radius, 0.5 * sheet.height])[:, None] * across
+            ends = side * np.array([task.radius, 0.5 * sheet.height])[:, None] * across
             panel.plot(*(ends @ axes[[0, k]].T).T, color='k', lw=3)
         low, high = curves.min(axis=(0, 1)), curves.max(axis=(0, 1))
         panel.set(aspect='equal', xlim=(low[0] - _MARGIN, high[0] + _MARGIN),

@@ -89,7 +89,7 @@ class CellNode(Node):
                                   f'{", ".join(UNKNOWNS)}')
         self.task = draw_task(values['task'], values['dlo'], values['radius'] or None)
         self._values, self._lock, self._over = values, Lock(), Event()
-        self._wanted = None   # the last command, a Pose
+        self._wanted: Pose | None = None   # the last command, a Pose
         self._begin()
         planner = values['planner'].rstrip('/')
         self._pose_out = self.create_publisher(PoseStamped, f'{planner}/gripper_pose',
@@ -115,7 +115,8 @@ class CellNode(Node):
                             step=STEP, damping=self._values['damping'])
         self._viewer, self._miss, self._broken = Viewer(camera, rng), np.nan, ''
         self._gripper = self._behind = self.task.start
-        self._clock_of = deque(maxlen=_REMEMBERED)  # (plant's time, ns of the clock)
+        # (plant's time, ns of the clock)
+        self._clock_of: deque[tuple[float, int]] = deque(maxlen=_REMEMBERED)
         self._due, self._lost = monotonic(), 0.0
 
     def _on_command(self, msg: PoseStamped) -> None:
@@ -187,7 +188,7 @@ class CellNode(Node):
         plant, task = self._plant, self.task
         self._shape_out.publish(plan_path(seen(plant), np.zeros(_NODES), _FRAME, self._now()))
         depth, force = plant.passage(task.cutout).depth, plant.largest_forces.max(initial=0.0)
-        threaded = depth > 0.99 * task.depth and self._miss < task.cutout.radius
+        threaded = depth > 0.99 * task.depth and self._miss < task.radius
         slow = self._lost > _SLOW
         level = ERROR if self._broken else WARN if force > TOUCH or slow else OK
         message = self._broken or ('threaded' if threaded else 'under way')

@@ -19,7 +19,7 @@ from dlo_planner.settings.yaml_files import read_values
 _WIDTH = 30  # of a progress bar
 
 
-class PoseType(click.ParamType):
+class PoseType(click.ParamType):  # type: ignore[type-arg]  # generic in stubs alone
     """A Pose as 3, 6 or 7 numbers with commas between."""
 
     name = 'X,Y,Z[,...]'
@@ -37,7 +37,7 @@ class PoseType(click.ParamType):
                       'X,Y,Z,DX,DY,DZ or X,Y,Z,QX,QY,QZ,QW', param, ctx)
 
 
-class VectorType(click.ParamType):
+class VectorType(click.ParamType):  # type: ignore[type-arg]  # generic in stubs alone
     """Numbers with commas between."""
 
     name = 'X,Y,Z'

@@ -25,7 +25,7 @@ _ENDINGS = (*PICTURES, '.csv')
 _DPI = 130
 
 
-class RangeType(click.ParamType):
+class RangeType(click.ParamType):  # type: ignore[type-arg]  # generic in stubs alone
     """Evenly spaced numbers: one, or FIRST:LAST:COUNT."""
 
     name = 'FIRST:LAST:COUNT'

@@ -25,6 +25,8 @@ PICTURES, FILMS, VALUES = ('.png', '.svg', '.pdf'), ('.gif', '.mp4'), ('.npz', '
 POSES = ('.poses.yaml', '.poses.json')
 _DPI = 150
 
+Drawable = Shape | Plan | Motion | Report
+
 
 def checked(outputs: Iterable[Path], endings: Iterable[str]) -> None:
     """Refuse, before anything is computed, what cannot be written.
@@ -54,7 +56,7 @@ def checked(outputs: Iterable[Path], endings: Iterable[str]) -> None:
             extra('matplotlib', 'figures', 'pictures').use('Agg')
 
 
-def write(value: Shape | Plan | Motion | Report, outputs: Iterable[Path], **drawn: Any) -> None:
+def write(value: Drawable, outputs: Iterable[Path], **drawn: Any) -> None:
     """Write a value to files, and say which were written.
 
     Parameters
@@ -72,7 +74,7 @@ def write(value: Shape | Plan | Motion | Report, outputs: Iterable[Path], **draw
             write_poses(path, _poses(value))
         elif kind in PICTURES:
             value.plot(**drawn).savefig(path, dpi=_DPI)
-        elif kind in FILMS:
+        elif kind in FILMS and isinstance(value, Plan | Motion):
             value.animate(path, **drawn)
         elif kind in VALUES:
             value.save(path)
@@ -99,11 +101,13 @@ def write_poses(path: Path, poses: Iterable[Pose]) -> None:
     path.write_text(text, encoding='utf-8')
 
 
-def _poses(value: Shape | Plan) -> Sequence[Pose]:
-    return value.grippers if isinstance(value, Plan) else [value.at(s) for s in value.s]
+def _poses(value: Drawable) -> Sequence[Pose]:
+    if isinstance(value, Shape):
+        return [value.at(s) for s in value.s]
+    return value.grippers if isinstance(value, Plan) else ()
 
 
-def _table(value: Shape | Plan | Report) -> tuple[tuple[str, ...], Sequence[Sequence[object]]]:
+def _table(value: Drawable) -> tuple[tuple[str, ...], Sequence[Sequence[object]]]:
     """Return the heading and the rows of a value."""
     if isinstance(value, Shape):
         quaternions = [value.at(s).quaternion for s in value.s]

@@ -170,5 +170,5 @@ def _line(cord: Cord) -> Floats:
 
 def _normal(tangents: Sequence[Floats], side: Floats) -> Floats:
     """Return the unit normal (3,) of two tangents, to the side of (3,) another vector."""
-    normal = np.cross(*tangents)
+    normal = np.cross(tangents[0], tangents[1])
     return normal * (np.sign(normal @ side) / np.linalg.norm(normal))

@@ -182,7 +182,6 @@ class Sheet(Value):
 
 Obstacle: TypeAlias = Plane | Sphere | Capsule | Box | Sheet
 OBSTACLES = (Plane, Sphere, Capsule, Box, Sheet)
-Obstacle: TypeAlias = Plane | Sphere | Capsule | Box | Sheet
 
 
 def _friction(self: Any) -> float:

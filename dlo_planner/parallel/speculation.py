@@ -162,7 +162,8 @@ class AheadStepper(Stepper):
         """Return Moving tasks by place."""
         size, strains = scheme.dt / self.dt, usual
         tasks: dict[float, Task] = {}
-        history = replace(before.shape.history, of=None)  # which is long, and not needed
+        history: Any = before.shape.history
+        history = replace(history, of=None)  # which is long, and not needed
         for k in range(1, self._rounds.tasks):
             there = place + k * size
             if there > self._last:

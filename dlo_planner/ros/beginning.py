@@ -3,6 +3,7 @@
 """A motion begins where the gripper is, which is hardly ever exactly where the plan begins."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -41,10 +42,11 @@ def from_where_it_is(way: TimedPath, here: Pose, shape: Shape) -> TimedPath | St
     try:
         steered = Steered.of(way, shape)
     except InvalidTask:  # modes are not defined for all shapes
-        period = np.clip(slowest_period(shape.rod), *_WINDOWS)
-        steered = Steered(way, [period, period, _EVEN])
-    return replace(steered, changes=(Change(_LONG_AGO, [0.0], away[None]),
-                                     Change(0.0, [0.0], -away[None])))
+        rod: Any = shape.rod  # a plan's shapes know it
+        period = np.clip(slowest_period(rod), *_WINDOWS)
+        steered = Steered(way, np.array([period, period, _EVEN]))
+    return replace(steered, changes=(Change(_LONG_AGO, np.zeros(1), away[None]),
+                                     Change(0.0, np.zeros(1), -away[None])))
 
 
 def blending_as(steered: Steered, windows: Floats, time: float) -> Steered | None:

@@ -17,7 +17,7 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from dlo_planner.errors import DloPlannerError, InvalidTask
-from dlo_planner.identify.correction import correct
+from dlo_planner.identify.correction import Correction, correct
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Floats
@@ -31,6 +31,7 @@ from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.identifying import identified, told
 from dlo_planner.ros.observing import Observing, deviation
 from dlo_planner.ros.parts import Parts
+from dlo_planner.ros.planning import Made
 from dlo_planner.ros.qos import LATEST
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import State
@@ -62,9 +63,11 @@ class Camera:
         self._set, self._lock = set_parameters, Lock()
         # (stamp, Pose of the tool frame)
         self._grippers: deque[tuple[float, Pose]] = deque(maxlen=_REMEMBERED)
-        self._at = None, None, 0  # Scene, Observing of its DLO or None, State.resets
-        self._identified = None  # Estimate of which the parameters are being made
-        self._corrected = None, -np.inf, None  # running plan, when, the last Correction
+        # Scene, Observing of its DLO or None, State.resets
+        self._at: tuple[Scene | None, Observing | None, int] = None, None, 0
+        self._identified: Estimate | None = None  # of which the parameters are being made
+        # running plan, when, the last Correction
+        self._corrected: tuple[Made | None, float, Correction | None] = None, -np.inf, None
         self._seen = -np.inf, np.nan  # stamp, deviation from the plan
         node.create_subscription(PointCloud2, '~/observed_points', self._on_points, LATEST,
                                  callback_group=group)
@@ -81,7 +84,7 @@ class Camera:
         """
         seconds, (scene, observing, _) = _seconds(stamp), self._at
         self._grippers.append((seconds, pose))
-        if observing is not None:
+        if observing is not None and scene is not None:
             observing.gripper(seconds, pose.compose(scene.tool))
         when, off = self._seen
         return off if abs(seconds - when) <= _LONGEST_AGE else np.nan
@@ -103,7 +106,7 @@ class Camera:
                 self._compare(state, stamp, points)
                 self._correct(state, stamp, observing, estimate)
 
-    def _look(self, observing: Observing, stamp: float, points: Floats) -> Estimate | None:
+    def _look(self, observing: Observing, stamp: float, points: Floats) -> Estimate:
         try:
             return observing.look(stamp, points)
         except InvalidTask as error:
@@ -134,6 +137,7 @@ class Camera:
     def _compare(self, state: State, stamp: float, points: Floats) -> None:
         """Remember how far the DLO is from its plan."""
         running, execution = state.running, state.execution
+        assert running is not None and execution is not None
         if execution.phase == 'running':
             time = float(execution.way.progress([execution.done])[0])
             self._seen = stamp, deviation(running.plan, time, points)
@@ -144,6 +148,7 @@ class Camera:
                  estimate: Estimate) -> None:
         """Aim the rest of what is executed anew, if that is wanted, due and sure."""
         scene, execution, made = state.scene, state.execution, state.running
+        assert execution is not None and made is not None
         plan, (running, when, before) = made.plan, self._corrected
         if running is not made:
             when, before = -np.inf, None
@@ -152,11 +157,13 @@ class Camera:
             return
         way = execution.way
         trajectory = way.trajectory if isinstance(way, Steered) else way
-        steered = Steered.of(trajectory, plan.shapes[-1])
-        if way is not trajectory:
-            steered = blending_as(way, steered.windows, execution.done)
-        if steered is None:
-            return
+        fresh = Steered.of(trajectory, plan.shapes[-1])
+        steered = fresh
+        if isinstance(way, Steered):
+            blending = blending_as(way, fresh.windows, execution.done)
+            if blending is None:
+                return
+            steered = blending
         reached = steered.reached(plan.times)
         if execution.done + steered.windows.sum() > steered.trajectory.duration:
             return  # it would come too late
@@ -184,7 +191,7 @@ class Camera:
                               '~/cancel')
             observing = self._observing_of(state)
             estimate = None if observing is None else observing.estimate
-            if estimate is None or not estimate.looks:
+            if observing is None or estimate is None or not estimate.looks:
                 raise Refused(Cause.NOTHING_SEEN, 'nothing of the DLO was seen since ~/reset: '
                               'expected points on ~/observed_points, and spread.* above 0')
             wrong = unexplained(observing)
@@ -203,7 +210,8 @@ class Camera:
         return response
 
 
-def observing_of(scene: Scene, grippers: list, known: Estimate | None) -> Observing | None:
+def observing_of(scene: Scene, grippers: list[tuple[float, Pose]],
+                 known: Estimate | None) -> Observing | None:
     """Return a new Observing, None where the DLO cannot be observed or nothing is uncertain.
 
     Parameters

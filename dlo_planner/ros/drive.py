@@ -73,6 +73,7 @@ class Drive:
         with self._reporter.answering('execute', stamp=stamp, answer=response) as outcome:
             state = self._store.change(lambda state: state.started(monotonic()))
             self._stamp, self._told, self._finished = stamp, -1.0, False
+            assert state.execution is not None  # it was started
             duration = state.execution.way.duration
             outcome.message = f'{duration:.1f} s on gripper_command'
             outcome.values = {'duration [s]': duration}
@@ -102,6 +103,8 @@ class Drive:
                 return
             before = self._store.state.execution
             execution = self._store.change(lambda state: state.ticked(monotonic())).execution
+            if before is None or execution is None:
+                return
             if before.active and execution.command is not None:
                 self._send(execution.command, execution.frame_id)
             if execution.phase != before.phase or monotonic() - self._told >= _TOLD:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from dlo_planner.identify.steering import Steered
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.ros.causes import Cause
@@ -110,7 +111,7 @@ class Execution:
         Why it stops or has stopped.
     """
 
-    way: TimedPath
+    way: TimedPath | Steered
     back: Pose
     frame_id: str
     guards: Guards = field(default_factory=Guards)

@@ -74,7 +74,8 @@ class PlannerNode(ManagedNode):
         self.add_pre_set_parameters_callback(as_declared)
         # Timers stand still with a clock of simulated time that does; these must not.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._gate = self._parts = None
+        self._gate: Any = None   # a Gate and Parts, while the node is configured
+        self._parts: Any = None
         self._prover = Prover()
         self._health_out = self.create_publisher(DiagnosticArray, '/diagnostics', REQUEST)
         period = self.get_parameter('diagnostics_period').value

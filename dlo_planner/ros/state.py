@@ -161,7 +161,7 @@ class State:
             return self
         return self._with_execution(self.execution.tick(now, self.heard))
 
-    def steered(self, way: Steered, corrected: Callable[[float], Steered]) -> 'State':
+    def steered(self, way: TimedPath | Steered, corrected: Callable[[float], Steered]) -> 'State':
         """Return the State in which the rest of what is executed is corrected.
 
         Parameters

@@ -110,14 +110,14 @@ class Surroundings:
             self._reporter.info(f'the plan is void: {reason}')
 
 
-def listed(keys: list) -> str:
+def listed(keys: Sequence[tuple[str, int]]) -> str:
     """Return the names of obstacles in a line, some of them if there are many."""
     names = [body_name(key) for key in keys[:_MOST_NAMED]]
     more = len(keys) - len(names)
     return ', '.join(names) + (f' and {more} more' if more > 0 else '')
 
 
-def in_the_way(state: State, bodies: Mapping[str, Any]) -> str:
+def in_the_way(state: State, bodies: Mapping[tuple[str, int], Any]) -> str:
     """Return in words which obstacles are in the way of what is still to be executed.
 
     The gripper is looked at along the rest of its way, the DLO in the planned shapes that are
@@ -130,15 +130,16 @@ def in_the_way(state: State, bodies: Mapping[str, Any]) -> str:
     bodies : dict
         (namespace, id) -> obstacle, the new ones.
     """
-    execution, plan, scene = state.execution, state.running.plan, state.running.scene
-    way, here = execution.way, execution.done
+    assert state.execution is not None and state.running is not None
+    plan, scene = state.running.plan, state.running.scene
+    way, here = state.execution.way, state.execution.done
     grippers = way.at(np.linspace(here, way.duration, _LOOKS))[0]
     since = float(way.progress([here])[0])
     shapes = [shape for shape, time in zip(plan.shapes, plan.times, strict=True) if time >= since]
     surface, radius = Surface.of(scene.direct.rod), scene.inverse.workspace.gripper_radius
     said = []
     for key, body in list(bodies.items())[:_MOST_NAMED]:
-        space = Workspace(keep_out=[body], gripper_radius=radius)
+        space = Workspace(keep_out=(body,), gripper_radius=radius)
         rooms = {'gripper': min(space.least_room(pose)[1] for pose in grippers),
                  'DLO': min((clearance([body], surface, shape) for shape in shapes),
                             default=np.inf)}

@@ -118,7 +118,7 @@ class Canvas:
         """Return the arguments of batched meshes: one bar between two points."""
         turns, middles, lengths = bars_between(item.points)
         radius = max(item.size[0] / 2, self.least_radius)
-        colors = item.colors
+        colors = np.zeros((0, 3)) if item.colors is None else item.colors
         return {'batched_wxyzs': turns, 'batched_positions': middles,
                 'batched_scales': np.column_stack(
                     [_OVERLAP * lengths, np.full((len(lengths), 2), radius)]),

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Colors that tell how hard a DLO is bent: a colormap that is legible to the color-blind too."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -101,7 +101,8 @@ def _by_yield(shape: Shape) -> Coloring:
         return Coloring(viridis(np.full(nodes, np.nan)), 'part of the yield limit: rod not known')
     if not rod.yields:
         return Coloring(viridis(np.zeros(nodes)), 'part of the yield limit: this rod never yields')
-    limits = np.array([rod.yield_torsion or np.inf, *(rod.yield_curvature or (np.inf, np.inf))])
+    bends: Any = rod.yield_curvature or (np.inf, np.inf)  # a pair, see Rod
+    limits = np.array([rod.yield_torsion or np.inf, *bends])
     share = yield_shares(shape, limits)
     worse = np.maximum(share[1:], share[:-1])  # of the two elements beside a node
     return Coloring(viridis([share[0], *worse, share[-1]]),

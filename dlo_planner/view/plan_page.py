@@ -204,7 +204,8 @@ def _end(plan: Plan) -> float:
 
 
 def _radius(shape: Shape) -> float | None:
-    return None if shape.rod is None else shape.rod.radius
+    radius = None if shape.rod is None else shape.rod.radius
+    return radius if isinstance(radius, float) else None
 
 
 def checked(plan: Plan) -> Plan:

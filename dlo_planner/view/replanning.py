@@ -3,6 +3,7 @@
 """What a plan on the page can be made anew with: its cut-outs, its simulators."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -107,7 +108,7 @@ class Replanner:
         DloPlannerError
             Refused, with the reason.
         """
-        options = {'progress': progress, 'deadline': _SECONDS}
+        options: dict[str, Any] = {'progress': progress, 'deadline': _SECONDS}
         plan = self.inverse.thread(cutout, start=gripper, depths=self.depths, **options)
         if not whole:
             return plan

@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.cutout import CutOut
 
 _SHOWN_RADIUS = 0.02  # m, of a cut-out without a size
@@ -14,7 +14,7 @@ _PLATE = 3.0          # half a plate's side, in sizes of its hole
 
 def rim(cutout: CutOut) -> Floats:
     """Return (n, 3) m: the rim of a CutOut in its frame, closed; a circle if it has no size."""
-    if cutout.width is not None:
+    if cutout.width is not None and cutout.height is not None:
         y, z = cutout.width / 2, cutout.height / 2
         return np.array([(0, y, z), (0, -y, z), (0, -y, -z), (0, y, -z), (0, y, z)])
     angle = np.linspace(0, 2 * np.pi, _STEPS + 1)
@@ -26,7 +26,9 @@ def room(cutout: CutOut) -> float | None:
     """Return the distance in m between the middle of a CutOut and its rim; None without a size."""
     if cutout.radius is not None:
         return cutout.radius
-    return None if cutout.width is None else min(cutout.width, cutout.height) / 2
+    if cutout.width is None or cutout.height is None:
+        return None
+    return min(cutout.width, cutout.height) / 2
 
 
 def plate(cutout: CutOut, half: float = 0.0) -> Floats:
@@ -58,7 +60,7 @@ def rectangle(width: float, height: float) -> Floats:
     return np.array([a, b, c, a, c, d], dtype=float)
 
 
-def round_bar(sides: int = 12) -> tuple[Floats, Floats]:
+def round_bar(sides: int = 12) -> tuple[Floats, Ints]:
     """Return vertices (2 n + 2, 3) and faces (m, 3) of a bar along x: length 1, radius 1."""
     angle = np.linspace(0, 2 * np.pi, sides, endpoint=False)
     ring = np.column_stack([np.zeros(sides), np.cos(angle), np.sin(angle)])
@@ -68,7 +70,7 @@ def round_bar(sides: int = 12) -> tuple[Floats, Floats]:
         after = (k + 1) % sides
         faces += [(k, after, sides + k), (after, sides + after, sides + k),
                   (2 * sides, after, k), (2 * sides + 1, sides + k, sides + after)]
-    return vertices, np.array(faces)
+    return vertices, np.array(faces, dtype=np.int64)
 
 
 def tube(points: Floats, radius: float, sides: int = 10) -> tuple[Floats, Floats]:
