@@ -23,11 +23,15 @@ def interrupted_by(check: Callable[[], object]) -> Iterator[None]:
     It is called between their steps, where a deadline is looked at too; what it raises leaves the
     computation. Other threads are not concerned.
 
-    Args:
-        check: function without arguments
+    Parameters
+    ----------
+    check : callable
+        Function without arguments.
 
-    Raises:
-        InvalidTask: it is no function
+    Raises
+    ------
+    InvalidTask
+        It is not a function.
     """
     if callback('check', check) is None:
         raise InvalidTask('check = None: expected a function')
@@ -41,12 +45,18 @@ def interrupted_by(check: Callable[[], object]) -> Iterator[None]:
 class Progress:
     """Reports the steps of one computation and ends it at its deadline.
 
-    Args:
-        report: called as report(done, total) after each step, or None
-        deadline: s from now, after which the next step raises DeadlineExceeded; None: no limit
+    Parameters
+    ----------
+    report : callable, optional
+        Called as report(done, total) after each step, or None.
+    deadline : float, optional
+        Seconds from now, after which the next step raises DeadlineExceeded. If None, there is no
+        limit.
 
-    Raises:
-        InvalidTask: an argument makes no sense; the message names it
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
     """
 
     def __init__(self, report: OnProgress = None, deadline: float | None = None):

@@ -35,22 +35,34 @@ class Phase(Enum):
 class ClosedLoop(Value):
     """The strategy, and the state of one threading in it.
 
-    Attributes:
-        room: distance by which the DLO may miss the center, m
-        look: duration of a LOOK, s; the DLO should swing a few times meanwhile
-        period: time between two corrections on the way, s
-        share: part of the room: if the first bound at the standoff is larger, there is one more
-            look; after that only a bound larger than the room asks for another
-        most_looks: number of looks at the standoff, at most; if the bound still exceeds the room,
-            the phase is STOP
-        phase: Phase
-        since: time at which the phase began, s; None: it begins with the first `advanced`
-        corrected: time of the last correction, s; None: there was none
-        looks: number of looks at the standoff so far
-        at_standoff: whether the gripper has arrived there
+    Attributes
+    ----------
+    room : float
+        Distance by which the DLO may miss the center, m.
+    look : float
+        Duration of a LOOK, s; the DLO should swing a few times in it.
+    period : float
+        Time between two corrections on the way, s.
+    share : float
+        Part of the room: if the first bound at the standoff is larger, there is one more look;
+        after that only a bound larger than the room asks for another.
+    most_looks : int
+        Number of looks at the standoff, at most; if the bound still exceeds the room, the phase is
+        STOP.
+    phase : Phase
+    since : float or None
+        Time at which the phase began, s. If None, it begins with the first `advanced`.
+    corrected : float or None
+        Time of the last correction, s. If None, there was none.
+    looks : int
+        Number of looks at the standoff so far.
+    at_standoff : bool
+        Whether the gripper has arrived there.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     room: float
@@ -92,15 +104,21 @@ class ClosedLoop(Value):
                  finished: bool = False) -> 'ClosedLoop':
         """Return the state at `time`: the same phase, or the next one.
 
-        Args:
-            time: now, s
-            bound: 95 % bound of the miss at the entry, m, of the corrected plan (`Estimate.miss`);
-                may be infinite. Needed when GO is finished, and when PLAN is at the standoff.
-            finished: whether the phase is done: the plan made, the standoff reached, the DLO at
-                its depth (a LOOK ends by its duration)
+        Parameters
+        ----------
+        time : float
+            Present time, s.
+        bound : float, optional
+            95 % bound of the miss at the entry, m, of the corrected plan (`Estimate.miss`); may be
+            infinite. Needed when GO is finished, and when PLAN is at the standoff.
+        finished : bool, optional
+            Whether the phase is done: the plan made, the standoff reached, the DLO at its depth (a
+            LOOK ends by its duration).
 
-        Raises:
-            InvalidTask: an argument makes no sense, or the bound is needed
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense, or the bound is needed.
         """
         time, finished = number('time', time), flag('finished', finished)
         if bound is not None and not (isinstance(bound, float) and bound == float('inf')):

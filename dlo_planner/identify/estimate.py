@@ -33,15 +33,24 @@ from dlo_planner.plan.plan import Plan
 class Estimate(Value):
     """A normal distribution of the n numbers that are uncertain; an `Observer` makes it.
 
-    Attributes:
-        uncertain: the meaning of the numbers, see `identify.uncertain`
-        mean: (n,); covariance: (n, n); logarithms of factors, 1/m, rad, m, as in `names`
-        looks: number of observations that it rests on
-        converged: whether the last observation could be used; if not, this is the one before it
-        misfit: root mean square distance of the points of the last look from the DLO, m, each
-            weighed by the probability that it belongs to the DLO; nan before the first look. Looks
-            at one pose without sway are taken together.
-        outliers: part of the same points that seem not to belong to the DLO; nan before the first
+    Attributes
+    ----------
+    uncertain : Uncertain
+        The meaning of the numbers, see `identify.uncertain`.
+    mean : ndarray, shape (n,)
+        Logarithms of factors, 1/m, rad, m, as in `names`.
+    covariance : ndarray, shape (n, n)
+        Covariance of the same numbers.
+    looks : int
+        Number of observations that it rests on.
+    converged : bool
+        Whether the last observation could be used; if not, this is the one before it.
+    misfit : float
+        Root mean square distance of the points of the last look from the DLO, m, each weighed by
+        the probability that it belongs to the DLO; nan before the first look. Looks at one pose
+        without sway are taken together.
+    outliers : float
+        Part of the same points that seem not to belong to the DLO; nan before the first.
     """
 
     uncertain: Uncertain
@@ -143,11 +152,16 @@ class Estimate(Value):
     def miss(self, plan: Plan, waypoints: ArrayLike | None = None) -> PredictedMiss:
         """Return the PredictedMiss of the DLO at waypoints of a commanded plan.
 
-        Args:
-            plan: Plan whose poses are commanded, and whose centers are as stated
-            waypoints: (k,) indices of waypoints that pass a center; None: all that do
+        Parameters
+        ----------
+        plan : Plan
+            Plan whose poses are commanded, and whose centers are as stated.
+        waypoints : array_like, shape (k,), optional
+            Indices of waypoints that pass a center. If None, all that do.
 
-        Raises:
-            InvalidTask: an argument makes no sense
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense.
         """
         return miss_of(self, judged_plan(self, plan), judged_waypoints(plan, waypoints))

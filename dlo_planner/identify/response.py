@@ -23,10 +23,14 @@ _LONGER = 1e-5  # of the length: step of the difference quotients by the length
 def node_slopes(varied: Varied, z: Floats, shape: Shape) -> Floats:
     """Return (N + 1, 3, n): derivatives of the nodes' positions (m) by the state.
 
-    Args:
-        varied: Varied, on the mesh of the shape
-        z: (n,) the state at which `shape` is an equilibrium
-        shape: Shape in the true pose of the gripper
+    Parameters
+    ----------
+    varied : Varied
+        Varied, on the mesh of the shape.
+    z : ndarray, shape (n,)
+        The state at which `shape` is an equilibrium.
+    shape : Shape
+        Shape in the true pose of the gripper.
     """
     uncertain, sensitivity = varied.uncertain, Sensitivity(shape)
     strains = np.zeros((uncertain.size, *shape.element_strains.shape))

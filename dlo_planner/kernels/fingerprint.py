@@ -41,8 +41,10 @@ class Unseen(TypeError):
 def fingerprint(kernel: Dispatcher) -> str:
     """Return the name of all that the machine code of a kernel depends on, in its sources.
 
-    Raises:
-        Unseen: it reads what cannot be followed
+    Raises
+    ------
+    Unseen
+        It reads what cannot be followed.
     """
     total = hashlib.sha256()
     seen: _Seen = {}

@@ -19,12 +19,14 @@ _SLACK = 1e-9  # of the length
 class FarEnd(Value):
     """What holds the far end of a DLO.
 
-    Attributes:
-        pose: Pose where its frame has to be (x axis = tangent); where pinned only the position
-            counts
-        grip: 'clamped': position and orientation; 'pinned': position; 'sleeve': clamped, but free
-            to slide along the pose's x axis; 'aligned': position and tangent, free to turn about
-            its tangent
+    Attributes
+    ----------
+    pose : Pose
+        Pose of the DLO's end frame (x axis = tangent); only its position counts if pinned.
+    grip : str
+        'clamped': position and orientation; 'pinned': position; 'sleeve': clamped, but free to
+        slide along the pose's x axis; 'aligned': position and tangent, free to turn about its
+        tangent.
     """
 
     pose: Pose
@@ -59,11 +61,14 @@ class FarEnd(Value):
 def held_rows(grip: str, rotation: Floats) -> Floats:
     """Return (K, 6) unit vectors of rotation, then of displacement, that a grip does not allow.
 
-    Args:
-        grip: of GRIPS
-        rotation: (3, 3) of its pose
-
     World axes; where one about or along the pose's x axis is allowed, its y and z axes remain.
+
+    Parameters
+    ----------
+    grip : str
+        One of GRIPS.
+    rotation : ndarray, shape (3, 3)
+        Rotation of its pose.
     """
     across = rotation.T[1:]
     turns = {'pinned': across[:0], 'aligned': across}.get(grip, np.eye(3))

@@ -26,10 +26,14 @@ _ROUNDING = 1e-9   # of the sheet
 class Plane(Value):
     """A floor or wall that fills everything behind it.
 
-    Attributes:
-        point: (3,) m, on the surface
-        normal: (3,) any length but zero, pointing away from the solid
-        friction: Coulomb's coefficient, >= 0
+    Attributes
+    ----------
+    point : ndarray, shape (3,)
+        Point in m, on the surface.
+    normal : ndarray, shape (3,)
+        Normal of any length but zero, pointing away from the solid.
+    friction : float
+        Coulomb's coefficient, >= 0.
     """
 
     point: Floats
@@ -48,7 +52,17 @@ class Plane(Value):
 @renamed_fields(centre='center')
 @dataclass(frozen=True, eq=False, repr=False)
 class Sphere(Value):
-    """A ball; center (3,) m, radius m, friction: Coulomb's coefficient."""
+    """A ball.
+
+    Attributes
+    ----------
+    center : ndarray, shape (3,)
+        Center in m.
+    radius : float
+        Radius in m.
+    friction : float
+        Coulomb's coefficient, >= 0.
+    """
 
     center: Floats
     radius: float
@@ -67,10 +81,14 @@ class Sphere(Value):
 class Capsule(Value):
     """A round bar with round ends: all that is within `radius` of the line from start to end.
 
-    Attributes:
-        start, end: (3,) m, different
-        radius: m
-        friction: Coulomb's coefficient
+    Attributes
+    ----------
+    start, end : ndarray, shape (3,)
+        Ends of the line, m, different.
+    radius : float
+        Radius in m.
+    friction : float
+        Coulomb's coefficient, >= 0.
     """
 
     start: Floats
@@ -96,7 +114,17 @@ class Capsule(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Box(Value):
-    """A block; pose of its center, full sizes (3,) m along the pose's axes, friction."""
+    """A rectangular block.
+
+    Attributes
+    ----------
+    pose : Pose
+        Pose of its center.
+    size : ndarray, shape (3,)
+        Full sizes along the pose's axes, m.
+    friction : float
+        Coulomb's coefficient, >= 0.
+    """
 
     pose: Pose
     size: Floats
@@ -117,15 +145,25 @@ class Box(Value):
 class Sheet(Value):
     """A flat plate with cut-outs; its pose is that of its center, x axis = normal.
 
-    Attributes:
-        pose: Pose of the middle of the plate
-        width, height: m along the pose's y and z axes
-        thickness: m, may be 0
-        cutouts: CutOuts with a size, centered in the middle plane, normal to it
-        friction: Coulomb's coefficient
+    Attributes
+    ----------
+    pose : Pose
+        Pose of the middle of the plate.
+    width : float
+        Width along the pose's y axis, m.
+    height : float
+        Height along the pose's z axis, m.
+    thickness : float
+        Thickness in m, may be 0.
+    cutouts : tuple of CutOut
+        CutOuts with a size, centered in the middle plane, normal to it.
+    friction : float
+        Coulomb's coefficient, >= 0.
 
-    Raises:
-        InvalidTask: a cut-out without size, or one that does not lie in the sheet
+    Raises
+    ------
+    InvalidTask
+        A cut-out without size, or one that does not lie in the sheet.
     """
 
     pose: Pose

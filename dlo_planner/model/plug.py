@@ -26,17 +26,26 @@ def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = No
     as stiff as the rod. Its mass stands in two points with the right mass, center and inertia
     across; inertia about the axis is neglected, as the rod's own is.
 
-    Args:
-        rod: the DLO without it; its tip mass stays where it is
-        length: of the body along the tangent, m
-        mass: kg
-        radius: m; None: as thick as the rod at its tip
-        center: of its mass, from where it begins, m; None: in the middle
-        inertia: about an axis across through its center, kg m^2; None: that of an even cylinder,
-            or the largest that two points inside it can have, if that is less
+    Parameters
+    ----------
+    rod : Rod
+        The DLO without it; its tip mass stays where it is.
+    length : float
+        Length of the body along the tangent, m.
+    mass : float
+        Mass in kg.
+    radius : float, optional
+        Radius in m. If None, as thick as the rod at its tip.
+    center : float, optional
+        Center of its mass, from where it begins, m. If None, in the middle.
+    inertia : float, optional
+        Inertia about an axis across through its center, kg m^2. If None, that of an even cylinder,
+        or the largest that two points inside it can have, if that is less.
 
-    Raises:
-        InvalidRod: an argument makes no sense
+    Raises
+    ------
+    InvalidRod
+        An argument makes no sense.
     """
     instance('rod', rod, Rod, InvalidRod)
     size = number('length', length, InvalidRod, above=0)

@@ -16,13 +16,19 @@ from dlo_planner.model.value import Value, put
 class PointLoad(Value):
     """A force and a moment that keep size and direction however the DLO moves.
 
-    Attributes:
-        force: (3,) N, world axes
-        moment: (3,) N m, world axes
-        s: arc length of the point, m; None: the tip
+    Attributes
+    ----------
+    force : ndarray, shape (3,)
+        Force in N, world axes.
+    moment : ndarray, shape (3,)
+        Moment in N m, world axes.
+    s : float or None
+        Arc length of the point, m. If None, the tip.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     force: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]  # an array from then on

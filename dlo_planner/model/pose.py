@@ -29,13 +29,19 @@ class Pose(Value):
     The gripper's x axis is the DLO's tangent where it leaves the gripper; a cut-out's x axis is
     the direction in which the free end travels through it.
 
-    Attributes:
-        position: (3,) origin, meters, world frame
-        quaternion: (4,) x, y, z, w; normalized here; its sign is kept
-        rotation: (3, 3) columns are the frame's x, y, z axes in the world
+    Attributes
+    ----------
+    position : ndarray, shape (3,)
+        Origin in m, world frame.
+    quaternion : ndarray, shape (4,)
+        Components x, y, z, w; normalized here; its sign is kept.
+    rotation : ndarray, shape (3, 3)
+        Columns are the frame's x, y, z axes in the world.
 
-    Raises:
-        InvalidTask: a component is not finite, or the quaternion is (nearly) zero
+    Raises
+    ------
+    InvalidTask
+        A component is not finite, or the quaternion is (nearly) zero.
     """
 
     position: Floats
@@ -85,8 +91,10 @@ class Pose(Value):
     def from_rotation(cls, position: ArrayLike, rotation: ArrayLike) -> 'Pose':
         """Return the pose with the given origin (3,) and axes (3, 3), made orthonormal.
 
-        Raises:
-            InvalidTask: the axes are no rotation: orthonormal to 1e-5 and right-handed
+        Raises
+        ------
+        InvalidTask
+            The axes are not a rotation: orthonormal to 1e-5 and right-handed.
         """
         if type(rotation) is not np.ndarray or rotation.dtype != float or rotation.shape != (3, 3):
             rotation = array('rotation', rotation, (3, 3))
@@ -118,8 +126,10 @@ class Pose(Value):
     def from_matrix(cls, matrix: ArrayLike) -> 'Pose':
         """Return the pose of a (4, 4) homogeneous transform.
 
-        Raises:
-            InvalidTask: not a rigid transform (rotation orthonormal to 1e-5, last row 0 0 0 1)
+        Raises
+        ------
+        InvalidTask
+            Not a rigid transform (rotation orthonormal to 1e-5, last row 0 0 0 1).
         """
         matrix = array('matrix', matrix, (4, 4))
         if not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
@@ -136,9 +146,12 @@ class Pose(Value):
 
         For a vertical direction, where no roll is more level than another, y stays world y.
 
-        Args:
-            position: (3,) meters
-            direction: (3,) any length but zero
+        Parameters
+        ----------
+        position : array_like, shape (3,)
+            Position in m.
+        direction : array_like, shape (3,)
+            Direction, of any length but zero.
         """
         x = unit('direction', direction)
         y = np.cross(WORLD_UP, x)
@@ -170,8 +183,10 @@ def angle_between(one: Floats, other: Floats) -> float:
 def displaced(pose: Pose, twist: Floats) -> Pose:
     """Return a Pose turned about its origin and then shifted.
 
-    Args:
-        twist: (6,) rotation vector, rad, before displacement, m; world axes
+    Parameters
+    ----------
+    twist : ndarray, shape (6,)
+        Rotation vector, rad, before displacement, m; world axes.
     """
     turn = Rotation.from_rotvec(twist[:3]).as_matrix()
     return Pose.from_rotation(pose.position + twist[3:], turn @ pose.rotation)

@@ -31,32 +31,52 @@ class Rod(Value):
     component may be one of these too. A callable's jumps are found by bisection; what is narrower
     than 1/2000 of the length has to be stated: `Piecewise(function, breaks)`.
 
-    Attributes:
-        length: meters
-        mass_per_length: kg/m (*)
-        bending_stiffness: EI in N m^2; one number, or (EI_n, EI_b), where EI_n resists curvature
-            about n (*); numbers are always stored as the pair
-        torsional_stiffness: GJ in N m^2 (*)
-        natural_curvature: stress-free (k_n, k_b) in 1/m (*)
-        natural_twist: stress-free torsion in 1/m (*)
-        point_masses: ((s in m, mass in kg), ...)
-        tip_mass: kg at s = length
-        damping: (a, b) of Rayleigh: a in 1/s times mass, b in s times stiffness; one number is b;
-            it acts on motions and leaves statics alone
-        radius: of the outside, meters (*), where contact and pictures need it; None = thin line
-        yield_curvature: curvature since the stress-free shape beyond which bending is plastic,
-            1/m; one number, or (about n, about b); None: never
-        yield_torsion: the same for torsion, 1/m
-        section_model: how it goes on yielding: 'fibers' of its section, 'round' or 'rectangular':
-            fibers of such a section with this stiffness and these thresholds; 'ideal' (the paper's:
-            all at once, the moment stays); None: 'fibers' with a section, else 'ideal'
-        hardening: part of the stiffness that never yields, 0 <= hardening < 1
-        max_bend_curvature: curvature not to be exceeded, 1/m; None: any
-        section: cross-section, from which fibers and the strain and stress at the surface follow
-        nodes: further arc lengths in m at which every mesh has a node, as where something jumps
+    Attributes
+    ----------
+    length : float
+        Length in m.
+    mass_per_length : float, tuple or callable
+        Mass per length in kg/m (*).
+    bending_stiffness : float, tuple or callable
+        EI in N m^2; one number, or (EI_n, EI_b), where EI_n resists curvature about n (*); numbers
+        are always stored as the pair.
+    torsional_stiffness : float, tuple or callable
+        GJ in N m^2 (*).
+    natural_curvature : float, tuple or callable
+        Stress-free (k_n, k_b) in 1/m (*).
+    natural_twist : float, tuple or callable
+        Stress-free torsion in 1/m (*).
+    point_masses : tuple of (float, float)
+        Masses fixed to it: ((s in m, mass in kg), ...).
+    tip_mass : float
+        Tip mass in kg at s = length.
+    damping : float or (float, float)
+        Rayleigh damping (a, b): a in 1/s times mass, b in s times stiffness; one number is b. It
+        acts on motions and leaves statics alone.
+    radius : float, tuple or callable or None
+        Radius of the outside in m (*), which contact and pictures need. If None, a thin line.
+    yield_curvature : float or (float, float) or None
+        Curvature since the stress-free shape beyond which bending is plastic, 1/m; one number, or
+        (about n, about b). If None, never.
+    yield_torsion : float or None
+        Torsion since the stress-free shape beyond which it is plastic, 1/m; None: never.
+    section_model : str or None
+        How yielding proceeds. 'fibers': fiber by fiber of its section; 'round' or 'rectangular': of
+        such a section with this stiffness and these thresholds; 'ideal': at once, and the moment
+        stays (as in the paper). If None, 'fibers' with a section, else 'ideal'.
+    hardening : float
+        Part of the stiffness that never yields, 0 <= hardening < 1.
+    max_bend_curvature : float or None
+        Largest curvature that is allowed, 1/m. If None, there is no limit.
+    section : Section or None
+        Cross-section, from which fibers and the strain and stress at the surface follow.
+    nodes : tuple of float
+        Further arc lengths in m at which every mesh has a node.
 
-    Raises:
-        InvalidRod: naming the argument, its value and what would be right
+    Raises
+    ------
+    InvalidRod
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     length: float
@@ -268,13 +288,20 @@ class Rod(Value):
 
         EI = E pi d^4 / 64, GJ = G pi d^4 / 32, G = E / (2 (1 + nu)).
 
-        Args:
-            length, diameter: meters
-            density: kg/m^3
-            youngs_modulus: Pa
-            poisson_ratio: -1 < nu <= 0.5
-            yield_stress: Pa; gives yield_curvature and yield_torsion (von Mises)
-            more: any other argument of `Rod`
+        Parameters
+        ----------
+        length, diameter : float
+            Length and diameter in m.
+        density : float
+            Density in kg/m^3.
+        youngs_modulus : float
+            Young's modulus in Pa.
+        poisson_ratio : float
+            Poisson's ratio nu, -1 < nu <= 0.5.
+        yield_stress : float, optional
+            Yield stress in Pa; gives yield_curvature and yield_torsion (von Mises).
+        more : object
+            Any other argument of `Rod`.
         """
         d = _size('diameter', diameter)
         section = Section.of('round', d / 2, d / 2, youngs_modulus, poisson_ratio)
@@ -302,13 +329,20 @@ class Rod(Value):
 
         EI_n = E w t^3 / 12 (soft if t < w), EI_b = E t w^3 / 12; GJ from Saint-Venant's series.
 
-        Args:
-            length, width, thickness: meters
-            density: kg/m^3
-            youngs_modulus: Pa
-            poisson_ratio: -1 < nu <= 0.5
-            yield_stress: Pa; gives yield_curvature and yield_torsion
-            more: any other argument of `Rod`
+        Parameters
+        ----------
+        length, width, thickness : float
+            Length, width and thickness in m.
+        density : float
+            Density in kg/m^3.
+        youngs_modulus : float
+            Young's modulus in Pa.
+        poisson_ratio : float
+            Poisson's ratio nu, -1 < nu <= 0.5.
+        yield_stress : float, optional
+            Yield stress in Pa; gives yield_curvature and yield_torsion.
+        more : object
+            Any other argument of `Rod`.
         """
         w = _size('width', width)
         t = _size('thickness', thickness)

@@ -23,14 +23,21 @@ _TANGENTS = 400  # terms of Saint-Venant's series
 class Section(Value):
     """A solid or hollow cross-section of one material.
 
-    Attributes:
-        kind: 'round', 'tube' or 'rectangular'
-        half_n, half_b: from the axis to the surface along n and b, m (round: the radius twice)
-        youngs_modulus, shear_modulus: Pa
-        inner: radius of a tube's bore, m
+    Attributes
+    ----------
+    kind : str
+        'round', 'tube' or 'rectangular'.
+    half_n, half_b : float
+        Distances from the axis to the surface along n and b, m (round: the radius twice).
+    youngs_modulus, shear_modulus : float
+        Young's modulus and shear modulus in Pa.
+    inner : float
+        Radius of a tube's bore, m.
 
-    Raises:
-        InvalidRod: naming the argument
+    Raises
+    ------
+    InvalidRod
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     kind: str
@@ -107,8 +114,10 @@ class Section(Value):
     def surface_strain(self, bend: ArrayLike) -> Floats:
         """Return the largest axial and the largest shear strain (n, 2) of (n, 3) strains.
 
-        Args:
-            bend: (n, 3) torsion and curvatures about n and b since the stress-free shape, 1/m
+        Parameters
+        ----------
+        bend : array_like, shape (n, 3)
+            Torsion and curvatures about n and b since the stress-free shape, 1/m.
         """
         bend = array('bend', bend, (None, 3), InvalidRod)
         if self.kind == 'rectangular':

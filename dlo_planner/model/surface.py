@@ -19,10 +19,14 @@ _JUMP = 1e-3    # of the radius: what changes by more at a node has an end face 
 class Surface(Value):
     """How far the outside of a DLO is from its axis.
 
-    Attributes:
-        radius: m, the largest
-        half: (half_n, half_b) of a rectangular section, m; None: round
-        rod: Rod whose radius varies along s, or None
+    Attributes
+    ----------
+    radius : float
+        Radius in m, the largest.
+    half : (float, float) or None
+        (half_n, half_b) of a rectangular section, m. If None, round.
+    rod : Rod or None
+        Rod whose radius varies along s, or None.
     """
 
     radius: float = 0.0

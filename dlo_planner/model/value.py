@@ -120,8 +120,10 @@ def put(value: Value, **contents: object) -> None:
 def brief(value: Value, *parts: str) -> str:
     """Return the repr of a value in a line: its class and what is to be said of it.
 
-    Args:
-        parts: strings; empty ones are left out
+    Parameters
+    ----------
+    parts : str
+        Texts; empty ones are left out.
     """
     text = ', '.join(part for part in parts if part)
     return f'{type(value).__name__}({text if len(text) <= _LONGEST else text[:_LONGEST] + " ..."})'

@@ -14,10 +14,14 @@ from dlo_planner.model.pose import Pose
 def times_at_speed(grippers: Sequence[Pose], linear_speed: float, angular_speed: float) -> Floats:
     """Return (n,) times in s: each leg takes as long as the slower of its two motions.
 
-    Args:
-        grippers: n Pose
-        linear_speed: m/s
-        angular_speed: rad/s
+    Parameters
+    ----------
+    grippers : sequence of Pose
+        The n poses.
+    linear_speed : float
+        Linear speed in m/s.
+    angular_speed : float
+        Angular speed in rad/s.
     """
     if len(grippers) < 2:
         return np.zeros(len(grippers))

@@ -33,13 +33,19 @@ _ROUNDS = 40
 class Workspace(Value):
     """A box that the gripper stays inside, and bodies that it stays outside.
 
-    Attributes:
-        lower, upper: (3,) m, opposite corners of the box, world axes; infinite: no limit
-        keep_out: Plane, Sphere, Capsule, Box, Sheet, in any number
-        gripper_radius: m, of the sphere about the gripper's origin that stands for the gripper
+    Attributes
+    ----------
+    lower, upper : ndarray, shape (3,)
+        Opposite corners of the box in m, world axes; infinite: no limit.
+    keep_out : tuple of obstacle
+        Plane, Sphere, Capsule, Box, Sheet, in any number.
+    gripper_radius : float
+        Radius in m of the sphere about the gripper's origin that stands for it.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     lower: Floats = (-np.inf,) * 3  # type: ignore[assignment]  # an array from then on
@@ -99,12 +105,15 @@ class Workspace(Value):
         distance from a convex body, lie above their tangent planes, and the path within its
         control points; a sheet's distance changes no more than the place does.
 
-        Args:
-            path: GripperPath
+        Parameters
+        ----------
+        path : GripperPath
 
-        Returns:
-            index of the waypoint to which the gripper is going, name of the limit, by how much (m,
-            the most before that waypoint)
+        Returns
+        -------
+        (int, str, float) or None
+            Index of the waypoint to which the gripper is going, name of the limit, and the largest
+            distance in m beyond it before that waypoint.
         """
         instance('path', path, GripperPath)
         limits, found = self._limits(), []
@@ -124,9 +133,12 @@ def _least_on(leg: Leg, rooms: Rooms, sheet: bool) -> tuple[Floats, Floats]:
 
     Exact for pieces on which it is negative, else any room that is not; see `first_beyond`.
 
-    Args:
-        rooms: function of places (n, 3) -> (rooms (n,), slopes (n, 3))
-        sheet: whether the room is the distance from a sheet, not from a convex body
+    Parameters
+    ----------
+    rooms : callable
+        Function of places (n, 3) -> (rooms (n,), slopes (n, 3)).
+    sheet : bool
+        Whether the room is the distance from a sheet, not from a convex body.
     """
     a, b = leg.pieces()
     middles, piece = 0.5 * (a + b), np.arange(a.size)

@@ -41,26 +41,43 @@ class Report(Reported):
 
     A figure that nothing was looked at for is nan, and named in `not_looked_at`.
 
-    Attributes:
-        converged: every pose has an equilibrium that continues the one before, and it is the one
-            of the plan: its `deviation` is below 1 % of the length
-        miss: distance of the DLO from a center that it should pass, m
-        misalignment: angle against a normal along which it should pass, rad
-        residual, stability, bend_margin: of the shapes
-        contact_force: largest force of one contact with the simulator's obstacles, N
-        clearance: m, to the sized cut-outs of the plan and the obstacles given
-        deviation: largest distance between the shapes found and those of the plan, m
-        dynamic_miss, swing, arrival, departure, dynamic_clearance, dynamic_contact_force, duration,
-            step: of the motion, see `InMotion`; the worse of that with the rod's damping and that
-            without any
-        workspace_margin: least distance of the gripper from the limits of its workspace, m
-        mode_margin: see `Trajectory`
-        tolerance: m, of `trajectory`
-        trajectory: Trajectory that was looked at, the one to be executed; None: none
-        reason: why it must not be executed; empty: it may be
-        not_looked_at: names of the figures that are nan
-
     In a motion that could not be simulated to its end, the figures are infinitely bad.
+
+    Attributes
+    ----------
+    converged : bool
+        Every pose has an equilibrium that continues the one before, and it is the one of the plan:
+        its `deviation` is below 1 % of the length.
+    miss : float
+        Distance of the DLO from a center that it should pass, m.
+    misalignment : float
+        Angle against a normal along which it should pass, rad.
+    residual, stability, bend_margin : float
+        Residual, stability and bend margin of the shapes, see `Shape`.
+    contact_force : float
+        Largest force of one contact with the simulator's obstacles, N.
+    clearance : float
+        Clearance in m to the sized cut-outs of the plan and the obstacles given.
+    deviation : float
+        Largest distance between the shapes found and those of the plan, m.
+    dynamic_miss, dynamic_clearance, dynamic_contact_force : float
+        Dynamic miss, dynamic clearance and dynamic contact force of the motion, see `miss`,
+        `clearance` and `contact_force` of `InMotion`; the worse of the motion with the rod's
+        damping and the motion without any.
+    swing, arrival, departure, duration, step : float
+        Swing, arrival, departure, duration and step of the same motions, see `InMotion`.
+    workspace_margin : float
+        Least distance of the gripper from the limits of its workspace, m.
+    mode_margin : float
+        See `Trajectory`.
+    tolerance : float
+        Tolerance in m, of `trajectory`.
+    trajectory : Trajectory or None
+        Trajectory that was looked at, the one to be executed. If None, there was none.
+    reason : str
+        Why the trajectory must not be executed; empty if it may be.
+    not_looked_at : tuple of str
+        Names of the figures that are nan.
     """
 
     converged: bool
@@ -110,8 +127,10 @@ class Report(Reported):
     def load(cls, path: str | PathLike[str]) -> 'Report':
         """Return the Report saved at `path`.
 
-        Raises:
-            InvalidTask: not such a file; the message names it
+        Raises
+        ------
+        InvalidTask
+            Not such a file; the message names it.
         """
         result: Report = load(path, lambda arrays: cls(**report_contents(arrays)), 'Report')
         return result
@@ -129,26 +148,40 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
            deadline: float | None = None) -> Report:
     """Return the Report of a Plan.
 
-    Args:
-        simulator: DirectSimulator, the planner's own or a better one
-        plan: Plan; of an insertion, whose shapes are parts of the DLO, each is held at the mouth
-            as planned
-        obstacles: whose clearance is wanted besides the cut-outs' with a size
-        limits: Limits; a Trajectory is made within them, and looked at (None: none is)
-        tolerance: m, with limits, of that Trajectory
-        trajectory: one of this plan that is looked at instead
-        workspace: whose margin is wanted, or None
-        initial: Shape before the first pose; None: the natural shape is set down there or, if the
-            plan begins in contact, the DLO is in the first shape of the plan
-        progress: called as progress(done, total) after each step of each of its runs
-        deadline: s of computing after which DeadlineExceeded is raised; None: no limit
-
-    Raises:
-        InvalidTask: an argument makes no sense, tolerance without limits, or a motion of more than
-            20000 instants; the message names it
-        DeadlineExceeded: as asked for
-
     A motion that cannot be made calm is reported as it is within limits alone, and is not `safe`.
+
+    Parameters
+    ----------
+    simulator : DirectSimulator
+        DirectSimulator, the planner's own or a better one.
+    plan : Plan
+        Plan. The shapes of an insertion are parts of the DLO; each is held at the mouth as
+        planned.
+    obstacles : iterable of obstacle, optional
+        Obstacles whose clearance is wanted besides the cut-outs' with a size.
+    limits : Limits, optional
+        Limits; a Trajectory is made within them, and looked at (None: none is).
+    tolerance : float, optional
+        Tolerance in m, with limits, of that Trajectory.
+    trajectory : Trajectory, optional
+        One of this plan that is looked at instead.
+    workspace : Workspace, optional
+        Workspace whose margin is wanted, or None.
+    initial : Shape, optional
+        Shape before the first pose. If None, the natural shape is set down there or, if the plan
+        begins in contact, the DLO is in the first shape of the plan.
+    progress : callable, optional
+        Called as progress(done, total) after each step of each of its runs.
+    deadline : float, optional
+        Seconds of computing after which DeadlineExceeded is raised. If None, there is no limit.
+
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense, tolerance without limits, or a motion of more than 20000
+        instants; the message names it.
+    DeadlineExceeded
+        The deadline is over.
     """
     clamping('simulator', simulator)
     if not len(instance('plan', plan, Plan)):

@@ -32,8 +32,11 @@ _STILL = 1e-12    # length of a derivative below which its direction has no mean
 class Bearing:
     """The bounds |slopes u'' + bends u'^2| <= most at each of n parameters, for m quantities.
 
-    Attributes:
-        parameters: (n,); slopes, bends: (n, m); most: (n, m)
+    Attributes
+    ----------
+    parameters : ndarray, shape (n,)
+    slopes, bends : ndarray, shape (n, m)
+    most : ndarray, shape (n, m)
     """
 
     parameters: Floats
@@ -46,13 +49,19 @@ def fastest_rates(leg: Leg, limits: Limits,
                   bearing: Bearing | None = None) -> tuple[Floats, Floats]:
     """Return parameters (m,) and the largest rates du/dt (m,) there, from rest to rest.
 
-    Args:
-        leg: Leg that is no dwell
-        limits: Limits of speed and acceleration; jerks are not kept here
-        bearing: Bearing that is kept as well, or None
+    Parameters
+    ----------
+    leg : Leg
+        Leg that is no dwell.
+    limits : Limits
+        Limits of speed and acceleration; jerks are not kept here.
+    bearing : Bearing, optional
+        Bearing that is kept as well, or None.
 
-    Raises:
-        InvalidTask: no rates were found
+    Raises
+    ------
+    InvalidTask
+        No rates were found.
     """
     import toppra  # noqa: PLC0415  (it imports matplotlib: only where it is used)
     from toppra.algorithm import TOPPRA  # noqa: PLC0415

@@ -15,13 +15,25 @@ from dlo_planner.model.value import Value, put
 class Limits(Value):
     """Limits of the gripper: largest lengths of the vectors; each limit may be infinite.
 
-    Attributes:
-        linear_speed: m/s; angular_speed: rad/s
-        linear_acceleration: m/s^2; angular_acceleration: rad/s^2
-        linear_jerk: m/s^3; angular_jerk: rad/s^3
+    Attributes
+    ----------
+    linear_speed : float
+        Linear speed in m/s.
+    angular_speed : float
+        Angular speed in rad/s.
+    linear_acceleration : float
+        Linear acceleration in m/s^2.
+    angular_acceleration : float
+        Angular acceleration in rad/s^2.
+    linear_jerk : float
+        Linear jerk in m/s^3.
+    angular_jerk : float
+        Angular jerk in rad/s^3.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     linear_speed: float = 0.1

@@ -27,11 +27,16 @@ _HALVINGS = 50  # of the duration by bisection: to rounding
 class TimeLaw(Value):
     """The parameter of a leg as a function of time.
 
-    Attributes:
-        parameters: (m,) u, increasing
-        rates: (m,) du/dt there before smoothing, zero at both ends; u'' is constant in between
-        windows: (k,) widths of the moving averages, s, k >= 1
-        shift: Shift of the gripper beside the leg, or None
+    Attributes
+    ----------
+    parameters : ndarray, shape (m,)
+        Parameters u, increasing.
+    rates : ndarray, shape (m,)
+        Rates du/dt there before smoothing, zero at both ends; u'' is constant in between.
+    windows : ndarray, shape (k,)
+        Widths of the moving averages, s, k >= 1.
+    shift : Shift or None
+        Shift of the gripper beside the leg, or None.
     """
 
     parameters: Floats
