@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Names of the version before: they work, with a warning, until the next version."""
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Callable
 from functools import wraps

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Packages that only some parts need: imported where used, named where they are missing."""
 
+from __future__ import annotations
+
 from importlib import import_module
 from types import ModuleType
 

@@ -7,6 +7,8 @@ the one place from which an import goes up (a stated exception in `pyproject.tom
 methods, when one is called. What they do is written in `dlo_planner.view.looks`, as functions.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
@@ -47,7 +49,7 @@ class Summarized(Value):
 class Reported(Summarized):
     """A value that shows figures and limits."""
 
-    def plot(self, *, ax: 'Axes | None' = None) -> 'Figure':
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Draw the figures beside what they may be; needs matplotlib (extra `figures`).
 
         Parameters
@@ -73,8 +75,8 @@ class Reported(Summarized):
 class Pictured(Summarized):
     """A value that shows a DLO in space."""
 
-    def plot(self, *, ax: 'Axes | None' = None, color: str | None = None,
-             obstacles: Iterable['Obstacle'] = ()) -> 'Figure':
+    def plot(self, *, ax: Axes | None = None, color: str | None = None,
+             obstacles: Iterable[Obstacle] = ()) -> Figure:
         """Draw it with what it passes and touches; needs matplotlib (extra `figures`).
 
         Parameters
@@ -107,7 +109,7 @@ class Filmed(Pictured):
     """A value that shows a DLO over time."""
 
     def animate(self, path: str | PathLike[str], *, color: str = 'curvature',
-                seconds: float | None = None, obstacles: Iterable['Obstacle'] = ()) -> Path:
+                seconds: float | None = None, obstacles: Iterable[Obstacle] = ()) -> Path:
         """Write a film of it: GIF, or MP4 where ffmpeg is installed; needs matplotlib.
 
         Parameters

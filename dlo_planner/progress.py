@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How far a long computation has come, and when it has to end."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -77,7 +79,7 @@ class Progress:
                                   f'of (done, total): {error}') from error
         self.check()
 
-    def silent(self) -> 'Progress':
+    def silent(self) -> Progress:
         """Return one with the same end that reports nothing: for parts of the computation."""
         other = Progress()
         other._seconds, other._begun = self._seconds, self._begun

@@ -2,11 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The site: `make docs`, or rosdoc2, which runs this file from a folder of its own."""
 
-import re
 import sys
 from pathlib import Path
-
-from sphinx.domains.python import PyObject
 
 try:
     import dlo_planner
@@ -44,6 +41,9 @@ napoleon_use_ivar = True   # attributes of a value: one list, not an entry each
 napoleon_use_rtype = False
 autodoc_member_order = 'bysource'
 autodoc_typehints_format = 'short'
+# under these names in signatures; in modules with `from __future__ import annotations`
+autodoc_type_aliases = {name: name for name in (
+    'Floats', 'Ints', 'Bools', 'ArrayLike', 'Along', 'Obstacle', 'Passes', 'OnProgress')}
 autodoc_default_options = {
     'members': True,
     # what comes from a base of the package belongs to a class; of these it would be noise
@@ -63,22 +63,3 @@ rosdoc2_settings = {
     'support_markdown': False,  # myst_parser is among the extensions already
     'enable_autodoc': False,    # so is autodoc, with the mocks above
 }
-
-# Array types under the names that the code has for them (`dlo_planner.model.arrays`).
-ARRAYS = {'float64': 'Floats', 'integer': 'Ints', 'bool': 'Bools'}
-
-
-def short_arrays(_app, _what, _name, _obj, _options, signature, returns):
-    """Return a signature in which arrays have short names."""
-    return tuple(part and re.sub(
-        r'~?(?:numpy\.)?ndarray\[tuple\[.*?\.\.\.\], ~?(?:numpy\.)?dtype\[~?(?:numpy\.)?(\w+)'
-        r'(?:\[.*?\])?\]\]', lambda match: ARRAYS.get(match[1].rstrip('_'), match[0]), part)
-        for part in (signature, returns))
-
-
-def setup(app):
-    """Connect what is above; names of attributes are no references to those of other classes."""
-    for field in PyObject.doc_field_types:
-        if field.name == 'variable':
-            field.rolename = ''
-    app.connect('autodoc-process-signature', short_arrays)

@@ -8,6 +8,8 @@ predicted miss is too large a part of the room, and enter only if the miss is in
 95 %.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -96,12 +98,12 @@ class ClosedLoop(Value):
         moving = self.phase in (Phase.GO, Phase.ENTER)
         return moving and (self.corrected is None or time - self.corrected >= self.period)
 
-    def with_correction(self, time: float) -> 'ClosedLoop':
+    def with_correction(self, time: float) -> ClosedLoop:
         """Return this state after a correction at `time` (s)."""
         return replace(self, corrected=number('time', time))
 
     def advanced(self, time: float, bound: float | None = None, *,
-                 finished: bool = False) -> 'ClosedLoop':
+                 finished: bool = False) -> ClosedLoop:
         """Return the state at `time`: the same phase, or the next one.
 
         Parameters
@@ -138,11 +140,11 @@ class ClosedLoop(Value):
                               f'{here.phase.value!r}')
         return replace(here, at_standoff=True)._at_standoff(time, bound)
 
-    def _at_standoff(self, time: float, bound: float) -> 'ClosedLoop':
+    def _at_standoff(self, time: float, bound: float) -> ClosedLoop:
         if bound > self.share * self.room and self.looks < self.most_looks and (
                 self.looks == 0 or bound > self.room):
             return replace(self, looks=self.looks + 1)._to(Phase.LOOK, time)
         return self._to(Phase.ENTER if bound <= self.room else Phase.STOP, time)
 
-    def _to(self, phase: Phase, time: float) -> 'ClosedLoop':
+    def _to(self, phase: Phase, time: float) -> ClosedLoop:
         return replace(self, phase=phase, since=time)

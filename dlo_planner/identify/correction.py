@@ -7,6 +7,8 @@ the gripper's rotation together, as planning does (`inverse.solvers.aligned`), s
 shape known there. The estimated offset of the gripper is then taken off the poses.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is known of a DLO and of its gripper after some looks: a mean and a covariance."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from typing import Any
 

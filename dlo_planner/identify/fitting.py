@@ -9,6 +9,8 @@ squares, the noise (unless it is known) from what is left, by the number of resi
 was fitted to. To first order, deviations are then those of repeated experiments.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias

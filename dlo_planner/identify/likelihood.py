@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How errors are distributed: what a fit minimizes, and what its minimum tells of them."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias

@@ -8,6 +8,8 @@ Laird and Rubin 1977). As long as the shape fits badly, a scale of the residuals
 from the median of the squared distances, which outliers hardly move.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import cast
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What has been seen of a DLO: points of it at rest, or of it in motion."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Observations as a function of what is unknown: properties of the rod, errors of the poses."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any

@@ -7,6 +7,8 @@ that is drawn anew for each look, plus noise of each point. The state is constan
 `drift`. `identify.smoothing` finds the most likely state.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

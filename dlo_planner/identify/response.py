@@ -7,6 +7,8 @@ equilibrium (`direct.sensitivity`). A change of an element's strain moves all no
 rigid body.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.direct.sensitivity import Sensitivity

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The equilibrium of a DLO at a given state of an estimate."""
 
+from __future__ import annotations
+
 from typing import Any
 
 from dlo_planner.direct.continuation import follow

@@ -54,8 +54,10 @@ class Group:
         Of each look: (points (m, 3), arc lengths from the gripper (m,) or None).
     shape : Shape
         Shape from which the next search begins.
-    noise, sway : float
-        Noise and sway in m, see `Observer`, of these looks.
+    noise : float
+        Noise in m, see `Observer`, of these looks.
+    sway : float
+        Sway in m, see `Observer`, of these looks.
     """
 
     gripper: Pose

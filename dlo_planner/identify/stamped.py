@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pose of the gripper at the time of an image."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 
 import numpy as np

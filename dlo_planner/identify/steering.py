@@ -6,6 +6,8 @@ A correction is multiplied by the response of moving averages to a step. As with
 `plan.motion.time_law`, a vibration whose period is the width of one of the averages is not excited.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -136,7 +138,7 @@ class Steered(Value):
         return brief(self, f'{self.duration:.4g} s', f'{len(self.changes)} changes')
 
     @classmethod
-    def of(cls, trajectory: TimedPath, shape: Shape, tool: Pose | None = None) -> 'Steered':
+    def of(cls, trajectory: TimedPath, shape: Shape, tool: Pose | None = None) -> Steered:
         """Return a Steered whose windows are periods of the DLO in a Shape, and 0.1 s.
 
         The periods are the slowest one and the next that is shorter by more than a factor of 1.2
@@ -254,7 +256,7 @@ class Steered(Value):
         done = np.maximum.accumulate(self.trajectory.progress(times))
         return np.interp(plan_times, done, times)
 
-    def corrected(self, time: float, correction: Correction, reached: ArrayLike) -> 'Steered':
+    def corrected(self, time: float, correction: Correction, reached: ArrayLike) -> Steered:
         """Return the motion that goes over to the poses of a Correction from `time` on.
 
         A correction that did not converge changes nothing.

@@ -15,6 +15,8 @@ Only numbers with a standard deviation above 0 are in it. Shapes show only the r
 weight; the priors divide it between both.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -74,7 +76,7 @@ class Uncertain(Value):
     _each: NDArray[np.str_]  # for each entry of the state: the quantity, and which number of it
     _number: Ints
     _columns: dict[str, tuple[Ints, Ints]]
-    _meshes: 'list[Varied]'
+    _meshes: list[Varied]
 
     def __init__(self, simulator: DirectSimulator, spread: Spread, n_terms: int, bias: float,
                  cutout: float) -> None:
@@ -109,7 +111,7 @@ class Uncertain(Value):
         """The number n of entries of the state."""
         return self.deviations.size
 
-    def varied(self, like: Discretization) -> 'Varied':
+    def varied(self, like: Discretization) -> Varied:
         """Return the Varied on the mesh of a Discretization, scaled to the stated length."""
         length = self.simulator.rod.length
         s = np.append(like.s[:-1] * (length / like.s[-1]), length)

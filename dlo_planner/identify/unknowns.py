@@ -6,6 +6,8 @@ Stiffness and masses are sought by their logarithms, natural strains in units th
 DLO by 0.1 rad, damping in units of about 5 % of critical damping of the slowest vibration.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
@@ -55,7 +57,9 @@ class Unknowns:
     ----------
     size : int
         Number of unknowns.
-    lower, upper : ndarray, shape (n,)
+    lower : ndarray, shape (n,)
+        Bounds of x.
+    upper : ndarray, shape (n,)
         Bounds of x.
     begin : ndarray, shape (n,)
         Where to begin: 0, but off the bounds.

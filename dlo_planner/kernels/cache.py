@@ -10,6 +10,8 @@ Kernels that were compiled when the package was installed are for any processor 
 are used where there are none for this one.
 """
 
+from __future__ import annotations
+
 import hashlib
 import os
 import pickle

@@ -11,6 +11,8 @@ one's own (`module.f`: import the name), and values without an order or a defini
 dictionaries, lists, objects). test_fingerprint.py holds the package to it.
 """
 
+from __future__ import annotations
+
 import dis
 import hashlib
 import inspect

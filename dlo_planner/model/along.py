@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Quantities that vary along a DLO: numbers, tables and functions of arc length s, as values."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias

@@ -5,6 +5,8 @@
 Each function returns the value as it is to be used: what is checked is what is used.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable
 from itertools import islice
 from numbers import Real

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The hole a DLO is threaded through."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 from dlo_planner.errors import InvalidTask

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A second grip: how the free end may be held."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,7 +40,7 @@ class FarEnd(Value):
         super().__post_init__()
 
     @classmethod
-    def of(cls, value: 'FarEnd | Pose | ArrayLike | None') -> 'FarEnd | None':
+    def of(cls, value: FarEnd | Pose | ArrayLike | None) -> FarEnd | None:
         """Return a FarEnd from one, a Pose (clamped), a position (3,) (pinned), or None."""
         if value is None or isinstance(value, FarEnd):
             return value

@@ -8,6 +8,8 @@ stands for both, and what one mirror image of a fiber does, the other three may 
 bending in a plane of symmetry stays in it.
 """
 
+from __future__ import annotations
+
 from functools import cache
 
 import numpy as np

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a DLO may touch: plane, sphere, capsule, box, and sheet with cut-outs."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -83,8 +85,10 @@ class Capsule(Value):
 
     Attributes
     ----------
-    start, end : ndarray, shape (3,)
-        Ends of the line, m, different.
+    start : ndarray, shape (3,)
+        One end of the line, m.
+    end : ndarray, shape (3,)
+        Other end of the line, m, different from start.
     radius : float
         Radius in m.
     friction : float
@@ -190,7 +194,7 @@ class Sheet(Value):
 
     @classmethod
     def around(cls, cutout: CutOut, width: float = 0.4, height: float = 0.4,
-               thickness: float = 1e-3, friction: float = 0.0) -> 'Sheet':
+               thickness: float = 1e-3, friction: float = 0.0) -> Sheet:
         """Return a sheet centered at the one cut-out that it has."""
         instance('cutout', cutout, CutOut)
         return cls(cutout.pose, width, height, thickness, (cutout,), friction)

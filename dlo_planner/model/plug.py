@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A rigid body fixed to the tip of a DLO: a plug, a connector, a nut."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from typing import Any
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A dead load at one point of a DLO."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 

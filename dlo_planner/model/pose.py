@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Position and orientation in the world frame."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -34,7 +36,7 @@ class Pose(Value):
     position : ndarray, shape (3,)
         Origin in m, world frame.
     quaternion : ndarray, shape (4,)
-        Components x, y, z, w; normalized here; its sign is kept.
+        Components x, y, z, w. It is normalized; its sign is kept.
     rotation : ndarray, shape (3, 3)
         Columns are the frame's x, y, z axes in the world.
 
@@ -83,12 +85,12 @@ class Pose(Value):
         return self.rotation[:, 0]
 
     @classmethod
-    def identity(cls) -> 'Pose':
+    def identity(cls) -> Pose:
         """Return the world frame itself."""
         return cls((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
     @classmethod
-    def from_rotation(cls, position: ArrayLike, rotation: ArrayLike) -> 'Pose':
+    def from_rotation(cls, position: ArrayLike, rotation: ArrayLike) -> Pose:
         """Return the pose with the given origin (3,) and axes (3, 3), made orthonormal.
 
         Raises
@@ -123,7 +125,7 @@ class Pose(Value):
         return result
 
     @classmethod
-    def from_matrix(cls, matrix: ArrayLike) -> 'Pose':
+    def from_matrix(cls, matrix: ArrayLike) -> Pose:
         """Return the pose of a (4, 4) homogeneous transform.
 
         Raises
@@ -141,7 +143,7 @@ class Pose(Value):
             raise InvalidTask(f'matrix: expected a rigid transform; {error}') from None
 
     @classmethod
-    def looking_along(cls, position: ArrayLike, direction: ArrayLike) -> 'Pose':
+    def looking_along(cls, position: ArrayLike, direction: ArrayLike) -> Pose:
         """Return the pose whose x axis is `direction` and whose z axis is as far up as it can be.
 
         For a vertical direction, where no roll is more level than another, y stays world y.
@@ -161,13 +163,13 @@ class Pose(Value):
         y /= np.linalg.norm(y)
         return cls.from_rotation(position, np.column_stack([x, y, np.cross(x, y)]))
 
-    def compose(self, other: 'Pose') -> 'Pose':
+    def compose(self, other: Pose) -> Pose:
         """Return self * other: the pose `other`, given in this frame, seen from the world."""
         instance('other', other, Pose)
         return Pose.from_rotation(self.position + self.rotation @ other.position,
                                   self.rotation @ other.rotation)
 
-    def inverse(self) -> 'Pose':
+    def inverse(self) -> Pose:
         """Return the pose of the world in this frame."""
         return Pose.from_rotation(-self.rotation.T @ self.position, self.rotation.T)
 

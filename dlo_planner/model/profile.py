@@ -8,6 +8,8 @@ through their Gauss points tell the function within 1e-8 of its size, which find
 bisection; meshes take integrals of these polynomials.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The deformable linear object: length, mass, stiffness, natural shape."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -283,7 +285,7 @@ class Rod(Value):
 
     @classmethod
     def circular(cls, length: float, diameter: float, density: float, youngs_modulus: float,
-                 poisson_ratio: float, *, yield_stress: float | None = None, **more: Any) -> 'Rod':
+                 poisson_ratio: float, *, yield_stress: float | None = None, **more: Any) -> Rod:
         """Return a rod of solid round section (wire).
 
         EI = E pi d^4 / 64, GJ = G pi d^4 / 32, G = E / (2 (1 + nu)).
@@ -310,7 +312,7 @@ class Rod(Value):
     @classmethod
     def tube(cls, length: float, outer_diameter: float, inner_diameter: float, density: float,
              youngs_modulus: float, poisson_ratio: float, *, yield_stress: float | None = None,
-             **more: Any) -> 'Rod':
+             **more: Any) -> Rod:
         """Return a rod of annular section (hose); arguments as in `circular`."""
         outer = _size('outer_diameter', outer_diameter)
         inner = number('inner_diameter', inner_diameter, InvalidRod, minimum=0)
@@ -324,7 +326,7 @@ class Rod(Value):
     @classmethod
     def rectangular(cls, length: float, width: float, thickness: float, density: float,
                     youngs_modulus: float, poisson_ratio: float, *,
-                    yield_stress: float | None = None, **more: Any) -> 'Rod':
+                    yield_stress: float | None = None, **more: Any) -> Rod:
         """Return a rod of solid rectangular section (leaf spring), `width` along the n axis.
 
         EI_n = E w t^3 / 12 (soft if t < w), EI_b = E t w^3 / 12; GJ from Saint-Venant's series.
@@ -351,7 +353,7 @@ class Rod(Value):
 
     @classmethod
     def _of_section(cls, section: Section, length: float, density: float,
-                    yield_stress: float | None, more: dict[str, Any]) -> 'Rod':
+                    yield_stress: float | None, more: dict[str, Any]) -> Rod:
         given = {'radius': max(section.half_n, section.half_b), 'section': section}
         if yield_stress is not None:
             stress = number('yield_stress', yield_stress, InvalidRod, minimum=MODULI[0],

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The cross-section: its stiffness, its stress, and how it yields beyond the first fiber."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,10 +29,14 @@ class Section(Value):
     ----------
     kind : str
         'round', 'tube' or 'rectangular'.
-    half_n, half_b : float
-        Distances from the axis to the surface along n and b, m (round: the radius twice).
-    youngs_modulus, shear_modulus : float
-        Young's modulus and shear modulus in Pa.
+    half_n : float
+        Distance from the axis to the surface along n, m (round: the radius).
+    half_b : float
+        Distance from the axis to the surface along b, m (round: the radius).
+    youngs_modulus : float
+        Young's modulus in Pa.
+    shear_modulus : float
+        Shear modulus in Pa.
     inner : float
         Radius of a tube's bore, m.
 
@@ -64,7 +70,7 @@ class Section(Value):
 
     @classmethod
     def of(cls, kind: str, half_n: float, half_b: float, youngs_modulus: float,
-           poisson_ratio: float, inner: float = 0.0) -> 'Section':
+           poisson_ratio: float, inner: float = 0.0) -> Section:
         """Return the section, with its material judged (InvalidRod)."""
         modulus = number('youngs_modulus', youngs_modulus, InvalidRod, minimum=10 * MODULI[0],
                          maximum=MODULI[1])

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The outside of a DLO: what contact and clearance need to know of a Rod."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -34,7 +36,7 @@ class Surface(Value):
     rod: Rod | None = None
 
     @classmethod
-    def of(cls, rod: Rod) -> 'Surface':
+    def of(cls, rod: Rod) -> Surface:
         """Return the Surface of a Rod.
 
         A rectangular `Rod.section` counts where `Rod.radius` is its bounding half size; another

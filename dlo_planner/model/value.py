@@ -6,6 +6,8 @@ All that users get or give is such a value. Its arrays are read-only, so that no
 computed from it can be changed through it.
 """
 
+from __future__ import annotations
+
 from collections.abc import Hashable, Sequence
 from dataclasses import MISSING, Field, FrozenInstanceError, fields, is_dataclass
 from math import isnan

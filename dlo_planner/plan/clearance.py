@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How much room a DLO has in its cut-outs, and beside obstacles."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from typing import Any
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a DLO and its gripper go from one planned shape to the next without a leap."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.direct.continuation import shape_change

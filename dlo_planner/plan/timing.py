@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """When the gripper is where: the shortest times under a linear and an angular speed limit."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the gripper may be: a cell is not empty."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -35,8 +37,10 @@ class Workspace(Value):
 
     Attributes
     ----------
-    lower, upper : ndarray, shape (3,)
-        Opposite corners of the box in m, world axes; infinite: no limit.
+    lower : ndarray, shape (3,)
+        Corner of the box with the least coordinates, m, world axes; -inf: no limit.
+    upper : ndarray, shape (3,)
+        Opposite corner, m; inf: no limit.
     keep_out : tuple of obstacle
         Plane, Sphere, Capsule, Box, Sheet, in any number.
     gripper_radius : float

@@ -10,6 +10,8 @@ for e < f,  d2V / du_f du_e = cross_f turning_e,  with 3 x 3 blocks that each de
 element only.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
@@ -58,10 +60,16 @@ class Attached(Record):
     own : ndarray, shape (C, 3, 9)
         Second derivative by the strain of the element itself, beyond that by the twist: with the
         twist and the strain. All (0, ...) where all forces act on the axis.
-    node_moment, node_first, node_matrix : ndarray
-        Likewise (N + 1, ...), at the nodes where sprung.
-    tip_force, tip_moment : ndarray, shape (3,)
-        Derivative by displacement and rotation of the free end.
+    node_moment : ndarray
+        As `moment`, at the nodes where sprung; (0, 3) where all forces act on the axis.
+    node_first : ndarray
+        As `first`, at the nodes.
+    node_matrix : ndarray
+        As `matrix`, at the nodes.
+    tip_force : ndarray, shape (3,)
+        Derivative by the displacement of the free end, N.
+    tip_moment : ndarray, shape (3,)
+        Derivative by the rotation of the free end, N m.
     tip_first : ndarray, shape (3, 3)
         Sum of force r^T of what is fixed to the free end at offsets r.
     tip_matrix : ndarray, shape (6, 6)

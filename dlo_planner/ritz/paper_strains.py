@@ -9,6 +9,8 @@ not defined, and small changes of shape are large changes of q_d: the reason why
 components are what the simulators use.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation

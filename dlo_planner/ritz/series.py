@@ -7,6 +7,8 @@ Every strain is written as its natural value plus a series. The functions are or
 series spans is the paper's, what the minimizer sees is well conditioned.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.model.arrays import Floats

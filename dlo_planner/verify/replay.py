@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Proof with a plan: it is run through the direct simulator, slowly and as it is executed."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from os import PathLike
@@ -51,21 +53,36 @@ class Report(Reported):
     miss : float
         Distance of the DLO from a center that it should pass, m.
     misalignment : float
-        Angle against a normal along which it should pass, rad.
-    residual, stability, bend_margin : float
-        Residual, stability and bend margin of the shapes, see `Shape`.
+        Angle between the DLO and a normal along which it should pass, rad.
+    residual : float
+        Largest residual of the shapes.
+    stability : float
+        Least stability of the shapes.
+    bend_margin : float
+        Least bend margin of the shapes, 1/m.
     contact_force : float
         Largest force of one contact with the simulator's obstacles, N.
     clearance : float
         Clearance in m to the sized cut-outs of the plan and the obstacles given.
     deviation : float
         Largest distance between the shapes found and those of the plan, m.
-    dynamic_miss, dynamic_clearance, dynamic_contact_force : float
-        Dynamic miss, dynamic clearance and dynamic contact force of the motion, see `miss`,
-        `clearance` and `contact_force` of `InMotion`; the worse of the motion with the rod's
-        damping and the motion without any.
-    swing, arrival, departure, duration, step : float
-        Swing, arrival, departure, duration and step of the same motions, see `InMotion`.
+    dynamic_miss : float
+        `InMotion.miss`, m; here and below the worse of two motions: with the rod's damping, and
+        without any.
+    dynamic_clearance : float
+        `InMotion.clearance`, m.
+    dynamic_contact_force : float
+        `InMotion.contact_force`, N.
+    swing : float
+        `InMotion.swing`, m.
+    arrival : float
+        `InMotion.arrival`, m.
+    departure : float
+        `InMotion.departure`, m.
+    duration : float
+        `InMotion.duration`, s.
+    step : float
+        `InMotion.step`, s.
     workspace_margin : float
         Least distance of the gripper from the limits of its workspace, m.
     mode_margin : float
@@ -107,7 +124,7 @@ class Report(Reported):
     def __post_init__(self) -> None:
         put(self, converged=flag('Report.converged', self.converged),
             **{item.name: figure(f'Report.{item.name}', getattr(self, item.name))
-               for item in fields(self) if item.type is float or item.type == 'float'},
+               for item in fields(self) if item.type == 'float'},
             trajectory=instance('Report.trajectory', self.trajectory, Trajectory, optional=True),
             reason=instance('Report.reason', self.reason, str),
             not_looked_at=items('Report.not_looked_at', self.not_looked_at, str))
@@ -124,7 +141,7 @@ class Report(Reported):
         save(path, report_arrays(self), 'Report')
 
     @classmethod
-    def load(cls, path: str | PathLike[str]) -> 'Report':
+    def load(cls, path: str | PathLike[str]) -> Report:
         """Return the Report saved at `path`.
 
         Raises

@@ -7,6 +7,8 @@ which needs no smallness. A miss is the distance of the DLO, extended straight o
 short to get there, from a center that it should pass.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields, replace
@@ -40,8 +42,12 @@ class Spread(Value):
 
     Attributes
     ----------
-    bending_stiffness, torsional_stiffness, mass : float
-        Relative deviations of EI_n and EI_b alike, of GJ, and of all masses alike.
+    bending_stiffness : float
+        Relative deviation of EI_n and EI_b alike.
+    torsional_stiffness : float
+        Relative deviation of GJ.
+    mass : float
+        Relative deviation of all masses alike.
     length : float
         Deviation in m of the length beyond the gripper.
     natural_curvature : float

@@ -7,6 +7,8 @@ Its constraints here are limits of the lengths of vectors, not of single coordin
 the DLO's quasi-static deviation (`Bearing`).
 """
 
+from __future__ import annotations
+
 import logging
 from dataclasses import dataclass
 from types import ModuleType
@@ -35,7 +37,8 @@ class Bearing:
     Attributes
     ----------
     parameters : ndarray, shape (n,)
-    slopes, bends : ndarray, shape (n, m)
+    slopes : ndarray, shape (n, m)
+    bends : ndarray, shape (n, m)
     most : ndarray, shape (n, m)
     """
 

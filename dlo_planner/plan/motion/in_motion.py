@@ -147,8 +147,10 @@ class _Seen:
     shapes : sequence of Shape
     calm : sequence of Shape
         Shapes of the DLO that follows slowly.
-    miss, swing : ndarray, shape (n,)
-        Miss and swing in m.
+    miss : ndarray, shape (n,)
+        Miss in m.
+    swing : ndarray, shape (n,)
+        Swing in m.
     contact_force : float
         Largest contact force, N.
     """

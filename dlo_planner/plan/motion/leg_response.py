@@ -54,7 +54,9 @@ class Response:
         Damping ratios.
     displacements : ndarray, shape (n, m, N + 1, 3)
         Displacements in m at a generalized mass of 1 kg.
-    slopes, bends : ndarray, shape (n, m)
+    slopes : ndarray, shape (n, m)
+        See above.
+    bends : ndarray, shape (n, m)
         See above.
     pulls : ndarray, shape (n, m, 3)
         The same products with a shift of the gripper, of the DLO as it is.

@@ -6,6 +6,8 @@ A wrong stiffness changes more than frequencies: the DLO hangs otherwise, and th
 gripper excites its vibrations otherwise. So its modes are looked at as well.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

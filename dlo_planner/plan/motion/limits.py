@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Limits of a gripper's motion."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A small shift of the gripper beside its path, as a spline in time."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -8,6 +8,8 @@ stays on its path, each window adds one continuous derivative, and a vibration w
 width of a window is not excited (input shaping with box filters). See `docs/theory.md`.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from math import comb, factorial
 
@@ -72,7 +74,7 @@ class TimeLaw(Value):
         out[1:, times != inside] = 0.0
         return out
 
-    def slower(self, factor: float) -> 'TimeLaw':
+    def slower(self, factor: float) -> TimeLaw:
         """Return the law with the rates before smoothing divided by `factor`, without a shift."""
         return TimeLaw(self.parameters, self.rates / factor, self.windows)
 

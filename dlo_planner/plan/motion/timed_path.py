@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A plan as a smooth motion in time: its path, and a time law for each leg of the path."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A plan as the motion that is executed: timed so that the DLO arrives calm, and verified."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import replace
 
