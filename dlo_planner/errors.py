@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class DloPlannerError(Exception):
-    """Base of all errors of this package; each goes through pickle with its evidence."""
+    """Base of all errors of this package; each keeps its evidence through pickle."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _rebuilt, (type(self), self.args, self.__dict__)

@@ -20,10 +20,10 @@ _INTERRUPT: ContextVar[Callable[[], object] | None] = ContextVar('interrupt', de
 
 @contextmanager
 def interrupted_by(check: Callable[[], object]) -> Iterator[None]:
-    """Let `check` end the computations that begin inside, whatever they are made of.
+    """Let `check` end all computations that begin inside the context.
 
-    It is called between their steps, where a deadline is looked at too; what it raises leaves the
-    computation. Other threads are not concerned.
+    It is called between their steps, as deadlines are; an exception that it raises ends the
+    computation. Other threads are not affected.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class Progress:
     def check(self) -> None:
         """Raise DeadlineExceeded if the time is over: called in loops that may be long.
 
-        What a check of `interrupted_by` raises leaves it too.
+        An exception of a check of `interrupted_by` ends them too.
         """
         if self._interrupt is not None:
             self._interrupt()

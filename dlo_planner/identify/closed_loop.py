@@ -35,7 +35,7 @@ class Phase(Enum):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ClosedLoop(Value):
-    """The strategy, and the state of one threading in it.
+    """Strategy of a threading with a camera, and the state that one threading has reached in it.
 
     Attributes
     ----------

@@ -34,7 +34,7 @@ _LOOKED_AT = 3  # waypoints at which the miss that remains is predicted
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Correction(Value):
-    """New poses for the waypoints of a plan from `first` on, m of them.
+    """New gripper poses for the m waypoints of a plan from `first` on.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class Correction(Value):
 
 def correct(estimate: Estimate, plan: Plan, first: int = 0,
             before: Correction | None = None) -> Correction:
-    """Return the Correction of what is left of a plan.
+    """Return the Correction of the remaining waypoints of a plan.
 
     At each waypoint that passes the center, the DLO passes it at the planned arc length, along the
     normal. A waypoint before these is displaced like the first of them. Neither clearance nor

@@ -91,7 +91,7 @@ class Estimate(Value):
 
     @property
     def values(self) -> FrozenDict:
-        """Dict of the n numbers by name: logarithms of factors, 1/m, rad, m."""
+        """Dict of the n numbers by name, in logarithms of factors, 1/m, rad, m."""
         return FrozenDict(zip(self.names, self.mean.tolist(), strict=True))
 
     @property
@@ -101,22 +101,22 @@ class Estimate(Value):
 
     @property
     def rod(self) -> Rod:
-        """The estimated Rod. The ratio of stiffness to weight is known, not each by itself."""
+        """Estimated Rod. Its ratio of stiffness to weight is known; each by itself is not."""
         return self.uncertain.rod(self.mean)
 
     @property
     def simulator(self) -> DirectSimulator:
-        """A DirectSimulator of the estimated Rod, without obstacles, to plan anew with."""
+        """DirectSimulator of the estimated Rod, without obstacles, for a new plan."""
         return self.uncertain.simulator.with_rod(self.rod)
 
     @property
     def gripper_offset(self) -> Pose:
-        """The estimated true Pose of the gripper, in the frame of the commanded one."""
+        """Estimated true Pose of the gripper in the frame of the commanded one."""
         return self.uncertain.offset(self.mean)
 
     @property
     def camera_bias(self) -> Floats:
-        """(3,) estimated bias of the camera, seen minus true, m, world axes."""
+        """Estimated bias (3,) of the camera, seen minus true, m, world axes."""
         return self.uncertain.camera(self.mean)
 
     def actual(self, gripper: Pose) -> Pose:
@@ -125,7 +125,7 @@ class Estimate(Value):
         return result
 
     def commanded(self, gripper: Pose) -> Pose:
-        """Return the Pose to command so that the gripper truly goes to `gripper`."""
+        """Return the Pose to command so that the true pose of the gripper is `gripper`."""
         result: Pose = instance('gripper', gripper, Pose).compose(self.gripper_offset.inverse())
         return result
 
@@ -136,7 +136,7 @@ class Estimate(Value):
         return vector('center', center, 3) + self.uncertain.shifted(self.mean)
 
     def moved_cutout(self, cutout: CutOut) -> CutOut:
-        """Return a stated CutOut at its estimated true place."""
+        """Return a stated CutOut, moved to its estimated true place."""
         pose = instance('cutout', cutout, CutOut).pose
         return CutOut(Pose.from_rotation(self.center(pose.position), pose.rotation),
                       cutout.radius, cutout.width, cutout.height)

@@ -98,7 +98,7 @@ class Fit(Value):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What the n numbers in `values` are, e.g. 'natural_curvature[0]'."""
+        """Names of the n numbers in `values`, e.g. 'natural_curvature[0]'."""
         out = []
         for name, value in self.values.items():
             size = np.size(value)
@@ -107,7 +107,7 @@ class Fit(Value):
 
     @property
     def covariance(self) -> Floats:
-        """(n, n) of the numbers in `values`, SI units, in the order of `names`.
+        """Covariance (n, n) of the numbers in `values`, SI units, in the order of `names`.
 
         Raises
         ------
@@ -132,13 +132,13 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
             deadline: float | None = None, **options: Any) -> Fit:
     """Return the Fit of a rod's properties to observed shapes and motions (least squares).
 
-    Shapes and motions stay the same if all stiffnesses and masses grow alike, so they tell
-    ratios: where all of them are sought, none of them has a finite deviation.
+    Shapes and motions stay the same if all stiffnesses and masses grow alike, so they show only
+    ratios. If all of them are parameters, none of them has a finite deviation.
 
     Parameters
     ----------
     rod : Rod
-        Rod that is right in all else, and a first guess in what is sought.
+        Rod with the known properties, and first guesses of the parameters.
     observations : iterable of Observation, optional
         Observations, best at different poses of the gripper.
     parameters : iterable of str, optional
@@ -153,14 +153,14 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
         Arc lengths, m: natural curvature and twist are sought there, and are straight between. If
         None, they are constant along the rod.
     noise : float, optional
-        Standard deviation of each coordinate of a point, m. If None, from the misfit.
+        Standard deviation of each coordinate of a point, m. If None, it is found from the misfit.
     gripper_position, gripper_rotation : float, optional
         Standard deviations of the grippers' poses, m and rad, about each axis, independent at each
         observation, the same all along a motion; None: those of `prior`, or none. A far end is held
         where it is said to be.
     prior : Spread, optional
-        Spread of what is sought about its value in `rod`; 0 there: nothing is known; of natural
-        curvature, at each knot.
+        Spread of the parameters about their values in `rod`; 0: nothing is known. That of natural
+        curvature applies at each knot.
     loss : str, optional
         How the distance of a point counts: 'linear' (its square), or less if it is large:
         'soft_l1', 'huber', 'cauchy', 'arctan' (as in SciPy's `least_squares`).

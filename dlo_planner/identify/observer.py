@@ -31,7 +31,7 @@ _LONGER = 5.0  # standard deviations of the length by which an arc length may ex
 class Observer(Value):
     """Turns looks at a DLO into an `Estimate` of it.
 
-    It is a value and keeps nothing of the looks; the Estimates do.
+    An Observer keeps nothing of the looks; the Estimates do.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class Observer(Value):
         super().__post_init__()
 
     def begin(self) -> Estimate:
-        """Return the Estimate before any look: the prior."""
+        """Return the prior: the Estimate before any look."""
         return Estimate(self.uncertain, np.zeros(self.uncertain.size),
                         np.diag(self.uncertain.deviations**2))
 
@@ -102,7 +102,7 @@ class Observer(Value):
                sway: float | None = None) -> Estimate:
         """Return the Estimate after one more look.
 
-        If no equilibrium explains the look, the estimate stays as it is, with `converged` False.
+        If no equilibrium explains the look, the same estimate is returned with `converged` False.
 
         Parameters
         ----------

@@ -36,7 +36,7 @@ _POINTS = 1024    # that represent a normal distribution in a plane
 class PredictedMiss(Value):
     """Misses at k waypoints of a plan, in the plane of the center that the DLO has to pass.
 
-    Of several centers at one waypoint it is the one with the largest bound.
+    If a waypoint passes several centers, the center with the largest bound counts.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class PredictedMiss(Value):
 
     @property
     def distance(self) -> Floats:
-        """(k,) most likely distances from the centers, m."""
+        """Most likely distances (k,) from the centers, m."""
         result: Floats = np.linalg.norm(self.off, axis=1)
         return result
 

@@ -40,7 +40,7 @@ _AT_ONCE = 1e-9  # s: waypoints reached so shortly one after the other are one (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Change(Value):
-    """A change of the remaining poses that is blended in from a time on.
+    """Change of the remaining poses, blended in from some time on.
 
     Attributes
     ----------
@@ -98,8 +98,8 @@ class Change(Value):
 class Steered(Value):
     """A Trajectory whose remaining part is corrected while it runs.
 
-    Corrections come on top of the motion and are not limited: the `limits` of the trajectory may be
-    exceeded by what they add.
+    Corrections are added to the motion without a limit of their own: the sum may exceed the
+    `limits` of the trajectory.
 
     Attributes
     ----------
@@ -172,13 +172,13 @@ class Steered(Value):
 
     @property
     def limits(self) -> Limits:
-        """Limits of the trajectory alone; corrections come on top."""
+        """Limits of the trajectory alone, without corrections."""
         return self.trajectory.limits
 
     def at(self, times: ArrayLike) -> tuple[list[Pose], Floats, Floats]:
         """Return Poses to command, velocities (n, 6) and accelerations (n, 6) at `times` (n,) s.
 
-        In the axes and units of `Trajectory.at`. Angular velocities and accelerations have a
+        Axes and units are those of `Trajectory.at`. Angular velocities and accelerations have a
         relative error of second order in the angle of the corrections.
 
         Raises
@@ -209,7 +209,7 @@ class Steered(Value):
         return poses, speeds, accelerations
 
     def progress(self, times: ArrayLike) -> Floats:
-        """Return the plan's own times (n,) that are reached at `times` s, as the trajectory's."""
+        """Return the plan's times (n,) that the trajectory has reached at `times` (n,), s."""
         return self.trajectory.progress(times)
 
     def _offsets(self, times: Floats) -> Floats:
@@ -257,7 +257,7 @@ class Steered(Value):
         return np.interp(plan_times, done, times)
 
     def corrected(self, time: float, correction: Correction, reached: ArrayLike) -> Steered:
-        """Return the motion that goes over to the poses of a Correction from `time` on.
+        """Return the motion that changes to the poses of a Correction from `time` on.
 
         A correction that did not converge changes nothing.
 

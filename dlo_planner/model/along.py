@@ -25,7 +25,7 @@ ONE = 'one'  # how a value is written that is a single number
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Piecewise(Value):
-    """A function of arc length whose jumps are stated, however close together they are.
+    """A function of arc length with stated jumps, which may be arbitrarily close together.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Piecewise(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Table(Value):
-    """Straight between the rows of a table; two rows at the same s are a jump.
+    """Linear interpolation between the rows of a table; two rows at the same s are a jump.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class Components(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SeenFrom(Value):
-    """A function of arc length as one of the distance from `at` (m), one way or the other.
+    """A function of arc length as a function of the distance from `at` (m), in one direction.
 
     Attributes
     ----------
@@ -245,7 +245,7 @@ class Expanded(Value):
 
 
 def breaks_of(content: object) -> Floats:
-    """Return (n,) the arc lengths at which a number or a function says that it jumps, m."""
+    """Return the arc lengths (n,) at which a number or a function states jumps, m."""
     return np.asarray(getattr(content, 'breaks', ()), dtype=float).ravel()
 
 
@@ -258,7 +258,7 @@ def scaled(content: Along, factor: float) -> Along:
 
 
 def varying(name: str, content: Any, written: str = ONE, **limits: float) -> Along:
-    """Return what a user states of a quantity: a float, a tuple of floats, or a function of s.
+    """Return a quantity as a user states it: a float, a tuple of floats, or a function of s.
 
     Parameters
     ----------
@@ -289,7 +289,7 @@ def varying(name: str, content: Any, written: str = ONE, **limits: float) -> Alo
 
 def pair(name: str, value: Any, written: str, judged: Callable[..., Any] | None = None,
          **limits: float) -> tuple[Any, Any]:
-    """Return a pair of numbers; of one number both, if a value may be written so.
+    """Return a pair of numbers. One number gives both, if `written` allows it.
 
     Parameters
     ----------
@@ -319,7 +319,7 @@ def _number(name: str, value: object, **limits: float) -> float:
 
 
 def is_row(value: object) -> bool:
-    """Whether it has places by index: a tuple, list, (n,) array, or an array of ROS parameters."""
+    """Return whether a value has an index: a tuple, list, (n,) array or array of ROS parameters."""
     return (hasattr(value, '__getitem__') and hasattr(value, '__len__')
             and not isinstance(value, str | bytes | dict) and getattr(value, 'ndim', 1) == 1)
 

@@ -15,7 +15,7 @@ from dlo_planner.model.value import Value, put
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CutOut(Value):
-    """A round or rectangular hole in a thin sheet; without a size, just its center and normal.
+    """A round or rectangular hole in a thin sheet; without a size, only a center and a normal.
 
     Attributes
     ----------
@@ -57,10 +57,10 @@ class CutOut(Value):
 
     @property
     def center(self) -> Floats:
-        """(3,) P_goal, meters, world frame."""
+        """Center (3,) P_goal, m, world frame."""
         return self.pose.position
 
     @property
     def normal(self) -> Floats:
-        """(3,) n_goal, unit vector, world frame."""
+        """Normal (3,) n_goal, a unit vector, world frame."""
         return self.pose.direction

@@ -19,7 +19,7 @@ _SLACK = 1e-9  # of the length
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FarEnd(Value):
-    """What holds the far end of a DLO.
+    """A second grip that holds the far end of a DLO.
 
     Attributes
     ----------
@@ -50,12 +50,12 @@ class FarEnd(Value):
 
     @property
     def held(self) -> Floats:
-        """(K, 6) unit vectors of rotation, then of displacement, that the grip does not allow."""
+        """Unit vectors (K, 6) of rotation, then of displacement, that the grip does not allow."""
         return held_rows(self.grip, self.pose.rotation)
 
     @property
     def share(self) -> Floats:
-        """(3,) how much each axis of the end tells of its rotation; 0 where it does not count."""
+        """Weights (3,) of the end's axes in its rotation; 0 for an axis that is free."""
         return np.array({'pinned': (0.0, 0.0, 0.0), 'aligned': (1.0, 0.0, 0.0)}.get(
             self.grip, (0.5, 0.5, 0.5)))
 
@@ -63,7 +63,7 @@ class FarEnd(Value):
 def held_rows(grip: str, rotation: Floats) -> Floats:
     """Return (K, 6) unit vectors of rotation, then of displacement, that a grip does not allow.
 
-    World axes; where one about or along the pose's x axis is allowed, its y and z axes remain.
+    World axes. If the grip allows one about or along the pose's x axis, its y and z axes remain.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def held_rows(grip: str, rotation: Floats) -> Floats:
 
 
 def distance(far_end: FarEnd, gripper: Pose) -> float:
-    """Return the straight distance in m that a DLO has to span, at least, from a gripper."""
+    """Return the least distance in m that a DLO has to span from a gripper."""
     away = far_end.pose.position - gripper.position
     if far_end.grip == 'sleeve':  # it may slide to where this is shortest
         away = away - (away @ far_end.pose.direction) * far_end.pose.direction
@@ -90,7 +90,7 @@ def distance(far_end: FarEnd, gripper: Pose) -> float:
 
 def within_reach(far_end: FarEnd | None, gripper: Pose, length: float,
                  loaded: bool = True) -> bool:
-    """Return whether a DLO of `length` (m) spans the distance, and not only with endless tension.
+    """Return whether a DLO of `length` (m) spans the distance with finite tension.
 
     It hardly stretches: where less than 1e-9 of it is left to sag, its weight decides nothing
     that could be computed. Without any load it may be just as long.

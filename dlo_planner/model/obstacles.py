@@ -81,7 +81,7 @@ class Sphere(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Capsule(Value):
-    """A round bar with round ends: all that is within `radius` of the line from start to end.
+    """A round bar with round ends: all points within `radius` of the line from start to end.
 
     Attributes
     ----------
@@ -147,7 +147,7 @@ class Box(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sheet(Value):
-    """A flat plate with cut-outs; its pose is that of its center, x axis = normal.
+    """A flat rectangular plate with cut-outs; the x axis of its pose is its normal.
 
     Attributes
     ----------
@@ -195,7 +195,7 @@ class Sheet(Value):
     @classmethod
     def around(cls, cutout: CutOut, width: float = 0.4, height: float = 0.4,
                thickness: float = 1e-3, friction: float = 0.0) -> Sheet:
-        """Return a sheet centered at the one cut-out that it has."""
+        """Return a sheet with one cut-out in its center."""
         instance('cutout', cutout, CutOut)
         return cls(cutout.pose, width, height, thickness, (cutout,), friction)
 

@@ -23,15 +23,15 @@ def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = No
               center: float | None = None, inertia: float | None = None) -> Rod:
     """Return the Rod whose last part is a rigid body fixed to its tip.
 
-    Arc length goes on through the body, so that whatever looks at the DLO knows it: it has weight,
-    thickness and inertia, it touches, and it has to go through a hole first. It is a million times
-    as stiff as the rod. Its mass stands in two points with the right mass, center and inertia
-    across; inertia about the axis is neglected, as the rod's own is.
+    Arc length continues through the body, so that it takes part in everything: it has weight,
+    thickness and inertia, it makes contact, and it goes through a hole first. It is a million times
+    as stiff as the rod. Two point masses stand for it, with the right mass, center and inertia
+    across; inertia about the axis is neglected, as for the rod.
 
     Parameters
     ----------
     rod : Rod
-        The DLO without it; its tip mass stays where it is.
+        The DLO without the body; its tip mass stays in its place.
     length : float
         Length of the body along the tangent, m.
     mass : float

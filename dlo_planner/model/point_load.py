@@ -16,7 +16,7 @@ from dlo_planner.model.value import Value, put
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PointLoad(Value):
-    """A force and a moment that keep size and direction however the DLO moves.
+    """A force and a moment of constant size and direction at a point of the DLO.
 
     Attributes
     ----------

@@ -73,7 +73,7 @@ class Pose(Value):
 
     @property
     def matrix(self) -> Floats:
-        """(4, 4) homogeneous transform from this frame to the world."""
+        """Homogeneous transform (4, 4) from this frame to the world."""
         matrix = np.eye(4)
         matrix[:3, :3] = self.rotation
         matrix[:3, 3] = self.position
@@ -81,7 +81,7 @@ class Pose(Value):
 
     @property
     def direction(self) -> Floats:
-        """(3,) the x axis: DLO tangent or cut-out normal, world frame."""
+        """The x axis (3,), which is the DLO's tangent or the cut-out's normal, world frame."""
         return self.rotation[:, 0]
 
     @classmethod
@@ -144,9 +144,9 @@ class Pose(Value):
 
     @classmethod
     def looking_along(cls, position: ArrayLike, direction: ArrayLike) -> Pose:
-        """Return the pose whose x axis is `direction` and whose z axis is as far up as it can be.
+        """Return the pose whose x axis is `direction` and whose z axis points as far up as it can.
 
-        For a vertical direction, where no roll is more level than another, y stays world y.
+        For a vertical direction, the y axis is that of the world.
 
         Parameters
         ----------
@@ -164,7 +164,7 @@ class Pose(Value):
         return cls.from_rotation(position, np.column_stack([x, y, np.cross(x, y)]))
 
     def compose(self, other: Pose) -> Pose:
-        """Return self * other: the pose `other`, given in this frame, seen from the world."""
+        """Return self * other: the pose `other`, given in this frame, in the world frame."""
         instance('other', other, Pose)
         return Pose.from_rotation(self.position + self.rotation @ other.position,
                                   self.rotation @ other.rotation)

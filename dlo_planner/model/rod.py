@@ -28,10 +28,10 @@ class Rod(Value):
 
     Material frame (t, n, b); strains are (torsion, curvature about n, curvature about b), 1/m.
 
-    What may vary along the DLO marked (*) is a number, a table of rows (s, value) that is straight
-    between them (two rows at the same s are a jump), or a callable of s in m; of a pair, each
-    component may be one of these too. A callable's jumps are found by bisection; what is narrower
-    than 1/2000 of the length has to be stated: `Piecewise(function, breaks)`.
+    A quantity marked (*) may vary along the DLO: it is a number, a table of rows (s, value), linear
+    between the rows (two rows at the same s are a jump), or a callable of s in m. Each component of
+    a pair may be one of these too. The jumps of a callable are found by bisection; a feature that
+    is narrower than 1/2000 of the length has to be stated with `Piecewise(function, breaks)`.
 
     Attributes
     ----------
@@ -163,16 +163,16 @@ class Rod(Value):
 
     @property
     def section_outline(self) -> tuple[str, float]:
-        """What yields: 'round', 'tube', 'rectangular', 'ideal'; its bore as part of the radius."""
+        """Section that yields ('round', 'tube', 'rectangular', 'ideal'), and bore over radius."""
         if self.section is None or self.section_model != 'fibers':
             return str(self.section_model), 0.0
         return self.section.kind, self.section.inner / self.section.half_n
 
     @cached_property
     def stiffness(self) -> Floats:
-        """(3,) GJ, EI_n, EI_b in N m^2, in the order of the strains.
+        """Stiffness (3,) GJ, EI_n, EI_b in N m^2, in the order of the strains.
 
-        Where they vary, those of an even DLO that gives way as much on the whole.
+        If they vary along the DLO: those of a uniform DLO with the same total compliance.
         """
         stiffness = self.mean_stiffnesses(np.array([0.0, self.length]))[0]
         stiffness.flags.writeable = False
@@ -181,12 +181,12 @@ class Rod(Value):
 
     @property
     def varies(self) -> bool:
-        """Whether anything of it varies along it."""
+        """Whether any property varies along the DLO."""
         return any(callable(getattr(self, name)) for name in _VARYING)
 
     @property
     def yields(self) -> bool:
-        """Whether there is a threshold beyond which the DLO is set for good."""
+        """Whether there is a threshold beyond which the DLO deforms permanently."""
         return self.yield_curvature is not None or self.yield_torsion is not None
 
     def masses_per_length(self, s: ArrayLike) -> Floats:
@@ -211,18 +211,18 @@ class Rod(Value):
         return np.hstack([self._means(name, s) for name in _NATURAL])
 
     def mean_stiffnesses(self, s: ArrayLike) -> Floats:
-        """Return GJ, EI_n and EI_b (N, 3) that give way as the parts between nodes `s` do, N m^2.
+        """Return GJ, EI_n and EI_b (N, 3) with the compliance of the parts between nodes, N m^2.
 
-        Their inverses are the means of the inverses: under an even moment that is exact.
+        Their inverses are the means of the inverses, which is exact under a constant moment.
         """
         s = _mesh(s)
         return np.hstack([1 / self._means(name, s) if callable(getattr(self, name))
                           else self._means(name, s) for name in _STIFF])
 
     def node_masses(self, s: ArrayLike) -> Floats:
-        """Return the masses (N + 1,) in kg that stand on nodes `s` for the rod's own mass.
+        """Return the masses (N + 1,) in kg at the nodes `s` that represent the rod's own mass.
 
-        Each element's mass goes to its two nodes so that its total and its center are right.
+        The mass of each element is shared by its two nodes, with the right total and center.
         """
         s = _mesh(s)
         if callable(self.mass_per_length):
@@ -236,7 +236,7 @@ class Rod(Value):
 
     @cached_property
     def breaks(self) -> Floats:
-        """(n,) arc lengths inside the DLO at which every mesh has a node, m, ascending."""
+        """Arc lengths (n,) inside the DLO at which every mesh has a node, m, ascending."""
         inner = [s for s in self.nodes if 0 < s < self.length]
         breaks = np.unique(np.concatenate([inner] + [
             profile.breaks for profile in self._profiles.values()]))

@@ -71,7 +71,7 @@ class Section(Value):
     @classmethod
     def of(cls, kind: str, half_n: float, half_b: float, youngs_modulus: float,
            poisson_ratio: float, inner: float = 0.0) -> Section:
-        """Return the section, with its material judged (InvalidRod)."""
+        """Return the section of a material; raises InvalidRod if an argument makes no sense."""
         modulus = number('youngs_modulus', youngs_modulus, InvalidRod, minimum=10 * MODULI[0],
                          maximum=MODULI[1])
         nu = number('poisson_ratio', poisson_ratio, InvalidRod, above=-1, maximum=0.5)
@@ -86,7 +86,7 @@ class Section(Value):
 
     @property
     def bending_stiffness(self) -> tuple[float, float]:
-        """(EI_n, EI_b) in N m^2."""
+        """Bending stiffness (EI_n, EI_b) in N m^2."""
         if self.kind == 'rectangular':
             return (self.youngs_modulus * 4 / 3 * self.half_n * self.half_b**3,
                     self.youngs_modulus * 4 / 3 * self.half_b * self.half_n**3)
@@ -94,7 +94,7 @@ class Section(Value):
 
     @property
     def torsional_stiffness(self) -> float:
-        """GJ in N m^2; a rectangle's J from Saint-Venant's series.
+        """Torsional stiffness GJ in N m^2; J of a rectangle from Saint-Venant's series.
 
         Timoshenko and Goodier, Theory of Elasticity, art. 109.
         """

@@ -120,7 +120,7 @@ def put(value: Value, **contents: object) -> None:
 
 
 def brief(value: Value, *parts: str) -> str:
-    """Return the repr of a value in a line: its class and what is to be said of it.
+    """Return the repr of a value in a line: its class and some texts.
 
     Parameters
     ----------

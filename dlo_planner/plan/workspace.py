@@ -95,14 +95,14 @@ class Workspace(Value):
         return limits
 
     def least_room(self, gripper: Pose) -> tuple[str, float]:
-        """Return (name, m) of the limit that is nearest to a gripper Pose, < 0 beyond it."""
+        """Return name and distance (m) of the limit nearest to a gripper Pose; < 0 beyond it."""
         place = instance('gripper', gripper, Pose).position[None]
         rooms = [(name, float(room(place)[0][0]))
                  for name, room, _ in self._limits()]
         return min(rooms, key=lambda one: one[1], default=('', np.inf))
 
     def first_beyond(self, path: GripperPath) -> tuple[int, str, float] | None:
-        """Return where a gripper on a path first goes beyond a limit, None if it never does.
+        """Return where a gripper on a path first exceeds a limit, None if it never does.
 
         All of the path is checked, not samples of it: a piece of it is halved until it is proved
         to keep its room, or a place beyond the limit is found. The sides of the box, and the

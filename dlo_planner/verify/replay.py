@@ -39,11 +39,11 @@ _MAY_BE_LEFT_OUT = ('miss', 'misalignment', 'clearance', 'dynamic_miss', 'swing'
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Report(Reported):
-    """What the direct simulator says of a plan; worst values over all waypoints, or in motion.
+    """Result of a direct simulation of a plan: worst values over all waypoints, or in motion.
 
-    A figure that nothing was looked at for is nan, and named in `not_looked_at`.
+    A figure that was not computed is nan, and `not_looked_at` names it.
 
-    In a motion that could not be simulated to its end, the figures are infinitely bad.
+    The figures of a motion that could not be simulated to its end are infinitely bad.
 
     Attributes
     ----------
@@ -154,7 +154,7 @@ class Report(Reported):
 
     @property
     def safe(self) -> bool:
-        """Whether `trajectory` may be executed: the DLO follows it, touches nothing, stays calm."""
+        """Whether `trajectory` may be executed: the DLO follows it calmly and touches nothing."""
         return not self.reason
 
 
@@ -163,9 +163,9 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
            trajectory: Trajectory | None = None, workspace: Workspace | None = None,
            initial: Shape | None = None, progress: OnProgress = None,
            deadline: float | None = None) -> Report:
-    """Return the Report of a Plan.
+    """Simulate a Plan, and return the Report.
 
-    A motion that cannot be made calm is reported as it is within limits alone, and is not `safe`.
+    If a motion cannot be made calm, the report is of the motion within limits alone, not `safe`.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ _AT_ONCE = 25   # samples in one piece of work
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Spread(Value):
-    """Standard deviations of what is not known exactly; all independent and normal.
+    """Standard deviations of uncertain quantities, all independent and normal.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ def variation_deviations(count: int) -> Floats:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Robustness(Value):
-    """How far off a plan is under a Spread; n waypoints, m samples.
+    """Misses of a plan under a Spread; n waypoints, m samples.
 
     Attributes
     ----------
@@ -143,11 +143,11 @@ class Robustness(Value):
 
     @property
     def worst(self) -> str:
-        """Name of the cause that hurts most: whose miss is the largest of all waypoints."""
+        """Name of the cause with the largest miss of all waypoints."""
         return self.causes[int(np.argmax(self.by_cause.max(axis=0)))]
 
     def quantile(self, part: float) -> Floats:
-        """Return (n,): the miss that `part` (0 to 1) of the samples do not exceed, m.
+        """Return the misses (n,) that `part` (0 to 1) of the samples do not exceed, m.
 
         Raises
         ------

@@ -15,7 +15,7 @@ from dlo_planner.model.value import Value, put
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Limits(Value):
-    """Limits of the gripper: largest lengths of the vectors; each limit may be infinite.
+    """Limits of the gripper's motion, each for the length of a vector; a limit may be infinite.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Limits(Value):
 
     @property
     def sizes(self) -> Floats:
-        """(3, 2) limits of speed, acceleration, jerk (rows), linear and angular (columns)."""
+        """Limits (3, 2) of speed, acceleration, jerk (rows), linear and angular (columns)."""
         return np.array([[self.linear_speed, self.angular_speed],
                          [self.linear_acceleration, self.angular_acceleration],
                          [self.linear_jerk, self.angular_jerk]])

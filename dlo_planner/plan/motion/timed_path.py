@@ -90,7 +90,7 @@ class TimedPath(Value):
         return list(poses), speeds, accelerations
 
     def progress(self, times: ArrayLike) -> Floats:
-        """Return (n,) how far along the plan the gripper is at `times` (n,) s, as in `Plan.times`.
+        """Return the plan's times (n,), as in `Plan.times`, that are reached at `times` (n,) s.
 
         Raises
         ------

@@ -38,7 +38,7 @@ _SAME = 1e-9        # of the length
 
 
 class Trajectory(TimedPath):
-    """A Plan as the gripper's motion in time: what is checked, proved, published and executed.
+    """A Plan as the gripper's motion in time, which is validated, published and executed.
 
     The path runs through the plan's poses (`plan.path`), with stops at its corners and dwells.
     On each leg between stops it is the fastest motion found that keeps the limits and leaves the
@@ -127,7 +127,7 @@ class Trajectory(TimedPath):
 
 def restored(path: GripperPath, laws: tuple[TimeLaw | None, ...], limits: Limits,
              tolerance: float, motion: InMotion | None, mode_margin: float) -> Trajectory:
-    """Return the Trajectory with these attributes, as it was saved; nothing is searched for."""
+    """Return a saved Trajectory from its attributes, without a search."""
     way = Trajectory.__new__(Trajectory)
     TimedPath.__init__(way, path, laws, limits)
     put(way, tolerance=tolerance, motion=motion, mode_margin=mode_margin)
