@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Names of the version before: they work, with a warning, until the next version."""
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Callable
 from functools import wraps
@@ -14,8 +16,10 @@ _Class = TypeVar('_Class', bound=type)
 def renamed_arguments(**new_names: str) -> Callable[[_Function], _Function]:
     """Return a decorator with which a function still takes arguments by their old names.
 
-    Args:
-        new_names: old name = new name
+    Parameters
+    ----------
+    new_names : str
+        Old name = new name.
     """
     def decorate(function: _Function) -> _Function:
         @wraps(function)
@@ -34,8 +38,10 @@ def renamed_arguments(**new_names: str) -> Callable[[_Function], _Function]:
 def renamed_fields(**new_names: str) -> Callable[[_Class], _Class]:
     """Return a decorator with which a class still takes and gives fields by their old names.
 
-    Args:
-        new_names: old name = new name
+    Parameters
+    ----------
+    new_names : str
+        Old name = new name.
     """
     def decorate(cls: _Class) -> _Class:
         cls.__init__ = renamed_arguments(**new_names)(cls.__init__)  # type: ignore[misc]

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class DloPlannerError(Exception):
-    """Base of all errors of this package; each goes through pickle with its evidence."""
+    """Base of all errors of this package; each keeps its evidence through pickle."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _rebuilt, (type(self), self.args, self.__dict__)
@@ -39,10 +39,12 @@ class MissingExtra(DloPlannerError, ModuleNotFoundError):
 
 
 class NotConverged(DloPlannerError):
-    """The minimizer ended without an equilibrium where one was indispensable.
+    """The minimizer found no equilibrium where one is needed.
 
-    Attributes:
-        shape: the last shape, with `converged` False and its residual (None if there is none)
+    Attributes
+    ----------
+    shape : Shape or None
+        The last shape, with `converged` False and its residual (None if there is none).
     """
 
     def __init__(self, message: str, shape: Shape | None = None) -> None:
@@ -53,11 +55,16 @@ class NotConverged(DloPlannerError):
 class Infeasible(DloPlannerError):
     """The task has no admissible solution from some waypoint on.
 
-    Attributes:
-        waypoint: index of the first waypoint without an admissible solution
-        constraint: short name of what is violated, e.g. 'stability'
-        amount: by how much, in the constraint's own unit (see `constraint`)
-        plan: the plan up to that waypoint (`fraction` < 1), as evidence; may be None
+    Attributes
+    ----------
+    waypoint : int
+        Index of the first waypoint without an admissible solution.
+    constraint : str
+        Short name of what is violated, e.g. 'stability'.
+    amount : float
+        Size of the violation, in the unit of the constraint.
+    plan : Plan or None
+        The plan up to that waypoint (`fraction` < 1), as evidence, or None.
     """
 
     def __init__(self, message: str, waypoint: int, constraint: str, amount: float,
@@ -70,11 +77,14 @@ class Infeasible(DloPlannerError):
 
 
 class DeadlineExceeded(DloPlannerError, TimeoutError):
-    """A computation did not finish within its `deadline`; whether the task can be done is open.
+    """A computation did not finish within its `deadline`; the task may still be feasible.
 
-    Attributes:
-        seconds: that were allowed
-        elapsed: that had passed when the computation was ended
+    Attributes
+    ----------
+    seconds : float
+        Seconds that were allowed.
+    elapsed : float
+        Seconds that had passed when the computation was ended.
     """
 
     def __init__(self, message: str, seconds: float, elapsed: float) -> None:

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Packages that only some parts need: imported where used, named where they are missing."""
 
+from __future__ import annotations
+
 from importlib import import_module
 from types import ModuleType
 
@@ -11,13 +13,19 @@ from dlo_planner.errors import MissingExtra
 def extra(module: str, name: str, purpose: str) -> ModuleType:
     """Return a module of an optional package.
 
-    Args:
-        module: its name, e.g. 'matplotlib.figure'
-        name: of the extra that installs it, e.g. 'figures'
-        purpose: what needs it, for the message: 'pictures'
+    Parameters
+    ----------
+    module : str
+        Its name, e.g. 'matplotlib.figure'.
+    name : str
+        Name of the extra that installs it, e.g. 'figures'.
+    purpose : str
+        What needs it, in the plural, for the message: 'pictures'.
 
-    Raises:
-        MissingExtra: it is not installed; the message names the extra and the command
+    Raises
+    ------
+    MissingExtra
+        It is not installed; the message names the extra and the command.
     """
     package = module.split('.', maxsplit=1)[0]
     try:

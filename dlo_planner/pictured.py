@@ -7,6 +7,8 @@ the one place from which an import goes up (a stated exception in `pyproject.tom
 methods, when one is called. What they do is written in `dlo_planner.view.looks`, as functions.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
@@ -47,18 +49,25 @@ class Summarized(Value):
 class Reported(Summarized):
     """A value that shows figures and limits."""
 
-    def plot(self, *, ax: 'Axes | None' = None) -> 'Figure':
+    def plot(self, *, ax: Axes | None = None) -> Figure:
         """Draw the figures beside what they may be; needs matplotlib (extra `figures`).
 
-        Args:
-            ax: Axes to draw in; None: a new figure
+        Parameters
+        ----------
+        ax : Axes, optional
+            Axes to draw in. If None, a new figure.
 
-        Returns:
-            matplotlib Figure
+        Returns
+        -------
+        Figure
+            Matplotlib Figure.
 
-        Raises:
-            InvalidTask: ax is no Axes
-            MissingExtra: matplotlib is not installed
+        Raises
+        ------
+        InvalidTask
+            ax is not an Axes.
+        MissingExtra
+            Matplotlib is not installed.
         """
         return _looks().plot(self, ax=ax)
 
@@ -66,23 +75,32 @@ class Reported(Summarized):
 class Pictured(Summarized):
     """A value that shows a DLO in space."""
 
-    def plot(self, *, ax: 'Axes | None' = None, color: str | None = None,
-             obstacles: Iterable['Obstacle'] = ()) -> 'Figure':
+    def plot(self, *, ax: Axes | None = None, color: str | None = None,
+             obstacles: Iterable[Obstacle] = ()) -> Figure:
         """Draw it with what it passes and touches; needs matplotlib (extra `figures`).
 
-        Args:
-            ax: Axes to draw in; with projection='3d' in space, else from the side (x and z).
-                None: a new figure in space, seen from where most of it is seen
-            color: 'curvature' or 'yield', see `dlo_planner.view.colors.coloring`; 'time', where
-                there are times. None: 'curvature' of a Shape, 'time' of a Plan or Motion
-            obstacles: drawn besides those that the shapes know
+        Parameters
+        ----------
+        ax : Axes, optional
+            Axes to draw in; with projection='3d' in space, else from the side (x and z). If None, a
+            new figure in space, seen from where most of it is seen.
+        color : str, optional
+            'curvature' or 'yield', see `dlo_planner.view.colors.coloring`; 'time', where there are
+            times. If None, 'curvature' of a Shape, 'time' of a Plan or Motion.
+        obstacles : iterable of obstacle, optional
+            Obstacles drawn besides those that the shapes know.
 
-        Returns:
-            matplotlib Figure; `figure.savefig('picture.png')` writes it
+        Returns
+        -------
+        Figure
+            Matplotlib Figure; `figure.savefig('picture.png')` writes it.
 
-        Raises:
-            InvalidTask: an argument makes no sense; the message names it
-            MissingExtra: matplotlib is not installed
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense; the message names it.
+        MissingExtra
+            Matplotlib is not installed.
         """
         return _looks().plot(self, ax=ax, color=color, obstacles=obstacles)
 
@@ -91,21 +109,31 @@ class Filmed(Pictured):
     """A value that shows a DLO over time."""
 
     def animate(self, path: str | PathLike[str], *, color: str = 'curvature',
-                seconds: float | None = None, obstacles: Iterable['Obstacle'] = ()) -> Path:
+                seconds: float | None = None, obstacles: Iterable[Obstacle] = ()) -> Path:
         """Write a film of it: GIF, or MP4 where ffmpeg is installed; needs matplotlib.
 
-        Args:
-            path: of the film, ends with .gif or .mp4
-            color: 'curvature' or 'yield'
-            seconds: that the film lasts, at most 120; None: as long as the motion, 10 at most
-            obstacles: drawn besides those that the shapes know
+        Parameters
+        ----------
+        path : str or PathLike
+            Path of the film, ends with .gif or .mp4.
+        color : str, optional
+            'curvature' or 'yield'.
+        seconds : float, optional
+            Duration of the film, at most 120. If None, that of the motion, 10 at most.
+        obstacles : iterable of obstacle, optional
+            Obstacles drawn besides those that the shapes know.
 
-        Returns:
-            the path
+        Returns
+        -------
+        Path
+            Path of the film.
 
-        Raises:
-            InvalidTask: an argument makes no sense, or nothing can be written there
-            MissingExtra: matplotlib is not installed; or ffmpeg, for an MP4
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense, or nothing can be written there.
+        MissingExtra
+            Matplotlib is not installed, or, for an MP4, ffmpeg.
         """
         return Path(_looks().animate(self, path, color=color, seconds=seconds,
                                      obstacles=obstacles))

@@ -20,8 +20,10 @@ from time import monotonic
 def main(args: list[str] | None = None) -> int:
     """Fill the folder; return the exit status.
 
-    Args:
-        args: of the command line; None: sys.argv
+    Parameters
+    ----------
+    args : list of str, optional
+        Arguments of the command line. If None, sys.argv.
     """
     parser = argparse.ArgumentParser(prog='python -m dlo_planner.prebuild', description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -45,12 +47,16 @@ def prebuild(into: Path | None = None) -> Path:
 
     Only in a process that has not imported a kernel yet, and that does nothing else.
 
-    Args:
-        into: folder of such folders, one for each Python; None: that of the package
+    Parameters
+    ----------
+    into : Path, optional
+        Folder of such folders, one for each Python. If None, that of the package.
 
-    Raises:
-        RuntimeError: this processor is older than what the kernels are compiled for, or a kernel
-            has been imported already
+    Raises
+    ------
+    RuntimeError
+        This processor is older than what the kernels are compiled for, or a kernel has been
+        imported already.
     """
     from dlo_planner.kernels import cache, folders  # noqa: PLC0415
     folder = folders.IN_PACKAGE if into is None else into / folders.IN_PACKAGE.name

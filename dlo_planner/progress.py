@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How far a long computation has come, and when it has to end."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -18,16 +20,20 @@ _INTERRUPT: ContextVar[Callable[[], object] | None] = ContextVar('interrupt', de
 
 @contextmanager
 def interrupted_by(check: Callable[[], object]) -> Iterator[None]:
-    """Let `check` end the computations that begin inside, whatever they are made of.
+    """Let `check` end all computations that begin inside the context.
 
-    It is called between their steps, where a deadline is looked at too; what it raises leaves the
-    computation. Other threads are not concerned.
+    It is called between their steps, as deadlines are; an exception that it raises ends the
+    computation. Other threads are not affected.
 
-    Args:
-        check: function without arguments
+    Parameters
+    ----------
+    check : callable
+        Function without arguments.
 
-    Raises:
-        InvalidTask: it is no function
+    Raises
+    ------
+    InvalidTask
+        It is not a function.
     """
     if callback('check', check) is None:
         raise InvalidTask('check = None: expected a function')
@@ -41,12 +47,18 @@ def interrupted_by(check: Callable[[], object]) -> Iterator[None]:
 class Progress:
     """Reports the steps of one computation and ends it at its deadline.
 
-    Args:
-        report: called as report(done, total) after each step, or None
-        deadline: s from now, after which the next step raises DeadlineExceeded; None: no limit
+    Parameters
+    ----------
+    report : callable, optional
+        Called as report(done, total) after each step, or None.
+    deadline : float, optional
+        Seconds from now, after which the next step raises DeadlineExceeded. If None, there is no
+        limit.
 
-    Raises:
-        InvalidTask: an argument makes no sense; the message names it
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
     """
 
     def __init__(self, report: OnProgress = None, deadline: float | None = None):
@@ -67,7 +79,7 @@ class Progress:
                                   f'of (done, total): {error}') from error
         self.check()
 
-    def silent(self) -> 'Progress':
+    def silent(self) -> Progress:
         """Return one with the same end that reports nothing: for parts of the computation."""
         other = Progress()
         other._seconds, other._begun = self._seconds, self._begun
@@ -82,7 +94,7 @@ class Progress:
     def check(self) -> None:
         """Raise DeadlineExceeded if the time is over: called in loops that may be long.
 
-        What a check of `interrupted_by` raises leaves it too.
+        An exception of a check of `interrupted_by` ends them too.
         """
         if self._interrupt is not None:
             self._interrupt()

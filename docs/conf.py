@@ -35,12 +35,15 @@ myst_enable_extensions = ['dollarmath', 'colon_fence', 'deflist']
 myst_heading_anchors = 3
 suppress_warnings = ['myst.header']  # tables of benchmarks begin at a deeper level
 
-napoleon_google_docstring = True
-napoleon_numpy_docstring = False
+napoleon_google_docstring = True  # of rooms that are not in NumPy's style as yet
+napoleon_numpy_docstring = True
 napoleon_use_ivar = True   # attributes of a value: one list, not an entry each
 napoleon_use_rtype = False
 autodoc_member_order = 'bysource'
 autodoc_typehints_format = 'short'
+# under these names in signatures; in modules with `from __future__ import annotations`
+autodoc_type_aliases = {name: name for name in (
+    'Floats', 'Ints', 'Bools', 'ArrayLike', 'Along', 'Obstacle', 'Passes', 'OnProgress')}
 autodoc_default_options = {
     'members': True,
     # what comes from a base of the package belongs to a class; of these it would be noise

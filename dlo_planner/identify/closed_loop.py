@@ -8,6 +8,8 @@ predicted miss is too large a part of the room, and enter only if the miss is in
 95 %.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -33,24 +35,36 @@ class Phase(Enum):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ClosedLoop(Value):
-    """The strategy, and the state of one threading in it.
+    """Strategy of a threading with a camera, and the state that one threading has reached in it.
 
-    Attributes:
-        room: distance by which the DLO may miss the center, m
-        look: duration of a LOOK, s; the DLO should swing a few times meanwhile
-        period: time between two corrections on the way, s
-        share: part of the room: if the first bound at the standoff is larger, there is one more
-            look; after that only a bound larger than the room asks for another
-        most_looks: number of looks at the standoff, at most; if the bound still exceeds the room,
-            the phase is STOP
-        phase: Phase
-        since: time at which the phase began, s; None: it begins with the first `advanced`
-        corrected: time of the last correction, s; None: there was none
-        looks: number of looks at the standoff so far
-        at_standoff: whether the gripper has arrived there
+    Attributes
+    ----------
+    room : float
+        Distance by which the DLO may miss the center, m.
+    look : float
+        Duration of a LOOK, s; the DLO should swing a few times in it.
+    period : float
+        Time between two corrections on the way, s.
+    share : float
+        Part of the room: if the first bound at the standoff is larger, there is one more look;
+        after that only a bound larger than the room asks for another.
+    most_looks : int
+        Number of looks at the standoff, at most; if the bound still exceeds the room, the phase is
+        STOP.
+    phase : Phase
+    since : float or None
+        Time at which the phase began, s. If None, it begins with the first `advanced`.
+    corrected : float or None
+        Time of the last correction, s. If None, there was none.
+    looks : int
+        Number of looks at the standoff so far.
+    at_standoff : bool
+        Whether the gripper has arrived there.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     room: float
@@ -84,23 +98,29 @@ class ClosedLoop(Value):
         moving = self.phase in (Phase.GO, Phase.ENTER)
         return moving and (self.corrected is None or time - self.corrected >= self.period)
 
-    def with_correction(self, time: float) -> 'ClosedLoop':
+    def with_correction(self, time: float) -> ClosedLoop:
         """Return this state after a correction at `time` (s)."""
         return replace(self, corrected=number('time', time))
 
     def advanced(self, time: float, bound: float | None = None, *,
-                 finished: bool = False) -> 'ClosedLoop':
+                 finished: bool = False) -> ClosedLoop:
         """Return the state at `time`: the same phase, or the next one.
 
-        Args:
-            time: now, s
-            bound: 95 % bound of the miss at the entry, m, of the corrected plan (`Estimate.miss`);
-                may be infinite. Needed when GO is finished, and when PLAN is at the standoff.
-            finished: whether the phase is done: the plan made, the standoff reached, the DLO at
-                its depth (a LOOK ends by its duration)
+        Parameters
+        ----------
+        time : float
+            Present time, s.
+        bound : float, optional
+            95 % bound of the miss at the entry, m, of the corrected plan (`Estimate.miss`); may be
+            infinite. Needed when GO is finished, and when PLAN is at the standoff.
+        finished : bool, optional
+            Whether the phase is done: the plan made, the standoff reached, the DLO at its depth (a
+            LOOK ends by its duration).
 
-        Raises:
-            InvalidTask: an argument makes no sense, or the bound is needed
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense, or the bound is needed.
         """
         time, finished = number('time', time), flag('finished', finished)
         if bound is not None and not (isinstance(bound, float) and bound == float('inf')):
@@ -120,11 +140,11 @@ class ClosedLoop(Value):
                               f'{here.phase.value!r}')
         return replace(here, at_standoff=True)._at_standoff(time, bound)
 
-    def _at_standoff(self, time: float, bound: float) -> 'ClosedLoop':
+    def _at_standoff(self, time: float, bound: float) -> ClosedLoop:
         if bound > self.share * self.room and self.looks < self.most_looks and (
                 self.looks == 0 or bound > self.room):
             return replace(self, looks=self.looks + 1)._to(Phase.LOOK, time)
         return self._to(Phase.ENTER if bound <= self.room else Phase.STOP, time)
 
-    def _to(self, phase: Phase, time: float) -> 'ClosedLoop':
+    def _to(self, phase: Phase, time: float) -> ClosedLoop:
         return replace(self, phase=phase, since=time)

@@ -7,6 +7,8 @@ the gripper's rotation together, as planning does (`inverse.solvers.aligned`), s
 shape known there. The estimated offset of the gripper is then taken off the poses.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -32,18 +34,25 @@ _LOOKED_AT = 3  # waypoints at which the miss that remains is predicted
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Correction(Value):
-    """New poses for the waypoints of a plan from `first` on, m of them.
+    """New gripper poses for the m waypoints of a plan from `first` on.
 
-    Attributes:
-        first: index of the first one in the plan
-        grippers: m Pose to command
-        offsets: (m, 6) from the plan's poses to these: rotation vector about the gripper's origin,
-            rad, then displacement, m; world axes
-        miss: PredictedMiss that remains, at three of the waypoints that pass the center, the first
-            and the last among them
-        converged: whether every waypoint could be aimed; if not, the poses are the plan's, and a
-            new plan is needed
-        shapes: m Shape: of the estimated DLO where the center is passed, else the plan's
+    Attributes
+    ----------
+    first : int
+        Index of the first of them in the plan.
+    grippers : tuple of Pose
+        The m poses to command.
+    offsets : ndarray, shape (m, 6)
+        Offsets from the plan's poses to these: rotation vector about the gripper's origin, rad,
+        then displacement, m; world axes.
+    miss : PredictedMiss
+        PredictedMiss that remains, at three of the waypoints that pass the center, the first and
+        the last among them.
+    converged : bool
+        Whether every waypoint could be aimed; if not, the poses are the plan's, and a new plan is
+        needed.
+    shapes : tuple of Shape
+        The m shapes: of the estimated DLO where the center is passed, else the plan's.
     """
 
     first: int
@@ -75,21 +84,28 @@ class Correction(Value):
 
 def correct(estimate: Estimate, plan: Plan, first: int = 0,
             before: Correction | None = None) -> Correction:
-    """Return the Correction of what is left of a plan.
+    """Return the Correction of the remaining waypoints of a plan.
 
     At each waypoint that passes the center, the DLO passes it at the planned arc length, along the
     normal. A waypoint before these is displaced like the first of them. Neither clearance nor
     workspace is checked again. The poses are quasi-static; `Steered` blends them into a motion.
 
-    Args:
-        estimate: Estimate of the DLO that the plan is for
-        plan: Plan through one cut-out, in commanded poses, unchanged since it was made
-        first: index of the waypoint to which the gripper goes next
-        before: an earlier Correction of the same plan, whose shapes begin the search; None: those
-            of the plan
+    Parameters
+    ----------
+    estimate : Estimate
+        Estimate of the DLO that the plan is for.
+    plan : Plan
+        Plan through one cut-out, in commanded poses, unchanged since it was made.
+    first : int, optional
+        Index of the waypoint to which the gripper goes next.
+    before : Correction, optional
+        An earlier Correction of the same plan, whose shapes begin the search. If None, those of the
+        plan.
 
-    Raises:
-        InvalidTask: an argument makes no sense
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense.
     """
     judged_plan(instance('estimate', estimate, Estimate), plan)
     if not len(plan):

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is known of a DLO and of its gripper after some looks: a mean and a covariance."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,15 +35,24 @@ from dlo_planner.plan.plan import Plan
 class Estimate(Value):
     """A normal distribution of the n numbers that are uncertain; an `Observer` makes it.
 
-    Attributes:
-        uncertain: the meaning of the numbers, see `identify.uncertain`
-        mean: (n,); covariance: (n, n); logarithms of factors, 1/m, rad, m, as in `names`
-        looks: number of observations that it rests on
-        converged: whether the last observation could be used; if not, this is the one before it
-        misfit: root mean square distance of the points of the last look from the DLO, m, each
-            weighed by the probability that it belongs to the DLO; nan before the first look. Looks
-            at one pose without sway are taken together.
-        outliers: part of the same points that seem not to belong to the DLO; nan before the first
+    Attributes
+    ----------
+    uncertain : Uncertain
+        The meaning of the numbers, see `identify.uncertain`.
+    mean : ndarray, shape (n,)
+        Logarithms of factors, 1/m, rad, m, as in `names`.
+    covariance : ndarray, shape (n, n)
+        Covariance of the same numbers.
+    looks : int
+        Number of observations that it rests on.
+    converged : bool
+        Whether the last observation could be used; if not, this is the one before it.
+    misfit : float
+        Root mean square distance of the points of the last look from the DLO, m, each weighed by
+        the probability that it belongs to the DLO; nan before the first look. Looks at one pose
+        without sway are taken together.
+    outliers : float
+        Part of the same points that seem not to belong to the DLO; nan before the first.
     """
 
     uncertain: Uncertain
@@ -80,7 +91,7 @@ class Estimate(Value):
 
     @property
     def values(self) -> FrozenDict:
-        """Dict of the n numbers by name: logarithms of factors, 1/m, rad, m."""
+        """Dict of the n numbers by name, in logarithms of factors, 1/m, rad, m."""
         return FrozenDict(zip(self.names, self.mean.tolist(), strict=True))
 
     @property
@@ -90,22 +101,22 @@ class Estimate(Value):
 
     @property
     def rod(self) -> Rod:
-        """The estimated Rod. The ratio of stiffness to weight is known, not each by itself."""
+        """Estimated Rod. Its ratio of stiffness to weight is known; each by itself is not."""
         return self.uncertain.rod(self.mean)
 
     @property
     def simulator(self) -> DirectSimulator:
-        """A DirectSimulator of the estimated Rod, without obstacles, to plan anew with."""
+        """DirectSimulator of the estimated Rod, without obstacles, for a new plan."""
         return self.uncertain.simulator.with_rod(self.rod)
 
     @property
     def gripper_offset(self) -> Pose:
-        """The estimated true Pose of the gripper, in the frame of the commanded one."""
+        """Estimated true Pose of the gripper in the frame of the commanded one."""
         return self.uncertain.offset(self.mean)
 
     @property
     def camera_bias(self) -> Floats:
-        """(3,) estimated bias of the camera, seen minus true, m, world axes."""
+        """Estimated bias (3,) of the camera, seen minus true, m, world axes."""
         return self.uncertain.camera(self.mean)
 
     def actual(self, gripper: Pose) -> Pose:
@@ -114,7 +125,7 @@ class Estimate(Value):
         return result
 
     def commanded(self, gripper: Pose) -> Pose:
-        """Return the Pose to command so that the gripper truly goes to `gripper`."""
+        """Return the Pose to command so that the true pose of the gripper is `gripper`."""
         result: Pose = instance('gripper', gripper, Pose).compose(self.gripper_offset.inverse())
         return result
 
@@ -125,7 +136,7 @@ class Estimate(Value):
         return vector('center', center, 3) + self.uncertain.shifted(self.mean)
 
     def moved_cutout(self, cutout: CutOut) -> CutOut:
-        """Return a stated CutOut at its estimated true place."""
+        """Return a stated CutOut, moved to its estimated true place."""
         pose = instance('cutout', cutout, CutOut).pose
         return CutOut(Pose.from_rotation(self.center(pose.position), pose.rotation),
                       cutout.radius, cutout.width, cutout.height)
@@ -143,11 +154,16 @@ class Estimate(Value):
     def miss(self, plan: Plan, waypoints: ArrayLike | None = None) -> PredictedMiss:
         """Return the PredictedMiss of the DLO at waypoints of a commanded plan.
 
-        Args:
-            plan: Plan whose poses are commanded, and whose centers are as stated
-            waypoints: (k,) indices of waypoints that pass a center; None: all that do
+        Parameters
+        ----------
+        plan : Plan
+            Plan whose poses are commanded, and whose centers are as stated.
+        waypoints : array_like, shape (k,), optional
+            Indices of waypoints that pass a center. If None, all that do.
 
-        Raises:
-            InvalidTask: an argument makes no sense
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense.
         """
         return miss_of(self, judged_plan(self, plan), judged_waypoints(plan, waypoints))

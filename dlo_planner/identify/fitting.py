@@ -9,6 +9,8 @@ squares, the noise (unless it is known) from what is left, by the number of resi
 was fitted to. To first order, deviations are then those of repeated experiments.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -43,18 +45,27 @@ _EXACT = 5e-4  # of the length: error estimate that the mesh of a fit has to kee
 class Fit(Value):
     """A rod that explains observations.
 
-    Attributes:
-        rod: Rod with the values found
-        values: dict of the parameters found, SI units: numbers, pairs, and with knots one of these
-            per knot; of what varies along the DLO, the mean
-        deviations: dict of their standard deviations, alike; infinite where the observations do
-            not tell the value, by itself or apart from another one
-        misfit: root mean square distance of the points from the DLO, m
-        converged: whether the search came to its end
-        noise: standard deviation of the points along each axis, m, as given or as found
-        grippers: Poses of the observations at rest, corrected
-        correlations: (n, n) of the errors of all numbers in `values`, row by row as in `names`;
-            between two that are infinite, of what remains open
+    Attributes
+    ----------
+    rod : Rod
+        Rod with the values found.
+    values : dict
+        Parameters found by name, SI units: numbers, pairs, and with knots one of these per
+        knot; of what varies along the DLO, the mean.
+    deviations : dict
+        Their standard deviations, alike; infinite where the observations do not tell the
+        value, by itself or apart from another one.
+    misfit : float
+        Root mean square distance of the points from the DLO, m.
+    converged : bool
+        Whether the search finished.
+    noise : float
+        Standard deviation of the points along each axis, m, as given or as found.
+    grippers : tuple of Pose
+        Poses of the observations at rest, corrected.
+    correlations : ndarray, shape (n, n) or None
+        Correlations of the errors of all numbers in `values`, row by row as in `names`; between two
+        that are infinite, of what remains open.
     """
 
     rod: Rod
@@ -87,7 +98,7 @@ class Fit(Value):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What the n numbers in `values` are, e.g. 'natural_curvature[0]'."""
+        """Names of the n numbers in `values`, e.g. 'natural_curvature[0]'."""
         out = []
         for name, value in self.values.items():
             size = np.size(value)
@@ -96,10 +107,12 @@ class Fit(Value):
 
     @property
     def covariance(self) -> Floats:
-        """(n, n) of the numbers in `values`, SI units, in the order of `names`.
+        """Covariance (n, n) of the numbers in `values`, SI units, in the order of `names`.
 
-        Raises:
-            InvalidTask: the correlations are not known
+        Raises
+        ------
+        InvalidTask
+            The correlations are not known.
         """
         if self.correlations is None:
             raise InvalidTask('Fit.correlations = None: expected a Fit that `fit_rod` returned')
@@ -119,38 +132,56 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
             deadline: float | None = None, **options: Any) -> Fit:
     """Return the Fit of a rod's properties to observed shapes and motions (least squares).
 
-    Shapes and motions stay the same if all stiffnesses and masses grow alike, so they tell
-    ratios: where all of them are sought, none of them has a finite deviation.
+    Shapes and motions stay the same if all stiffnesses and masses grow alike, so they show only
+    ratios. If all of them are parameters, none of them has a finite deviation.
 
-    Args:
-        rod: Rod that is right in all else, and a first guess in what is sought
-        observations: Observations, best at different poses of the gripper
-        parameters: names out of 'bending_stiffness' (a pair keeps its ratio) or
-            'bending_stiffness_n', 'bending_stiffness_b' (each by itself), 'torsional_stiffness',
-            'natural_curvature' (k_n, k_b), 'natural_twist', 'mass_per_length', 'tip_mass',
-            'damping' (a, b; by motions only). What varies along the DLO is scaled as a whole.
-        motions: ObservedMotions, simulated in even parts of their dt, 16 at most, the last
-            halving of which changed the points by less than 1e-4 of the length
-        knots: arc lengths, m: natural curvature and twist are sought there, and are straight
-            between; None: they are constant along the rod
-        noise: standard deviation of each coordinate of a point, m; None: from the misfit
-        gripper_position, gripper_rotation: standard deviations of the grippers' poses, m and rad,
-            about each axis, independent at each observation, the same all along a motion; None:
-            those of `prior`, or none. A far end is held where it is said to be.
-        prior: Spread of what is sought about its value in `rod`; 0 there: nothing is known; of
-            natural curvature, at each knot
-        loss: how the distance of a point counts: 'linear' (its square), or less if it is large:
-            'soft_l1', 'huber', 'cauchy', 'arctan' (as in SciPy's `least_squares`)
-        loss_scale: from how many standard deviations of the noise on it counts less
-        progress: called as progress(done, total) after each of the searches
-        deadline: s of computing after which DeadlineExceeded is raised; None: no limit
-        options: of the `DirectSimulator`; without a mesh among them, one that keeps 1e-3 of the
-            length is chosen, and is the same for all observations
+    Parameters
+    ----------
+    rod : Rod
+        Rod with the known properties, and first guesses of the parameters.
+    observations : iterable of Observation, optional
+        Observations, best at different poses of the gripper.
+    parameters : iterable of str, optional
+        Names out of 'bending_stiffness' (a pair keeps its ratio) or 'bending_stiffness_n',
+        'bending_stiffness_b' (each by itself), 'torsional_stiffness', 'natural_curvature' (k_n,
+        k_b), 'natural_twist', 'mass_per_length', 'tip_mass', 'damping' (a, b; by motions only).
+        What varies along the DLO is scaled as a whole.
+    motions : iterable of ObservedMotion, optional
+        ObservedMotions, simulated in even parts of their dt, 16 at most, the last halving of which
+        changed the points by less than 1e-4 of the length.
+    knots : array_like, optional
+        Arc lengths, m: natural curvature and twist are sought there, and are straight between. If
+        None, they are constant along the rod.
+    noise : float, optional
+        Standard deviation of each coordinate of a point, m. If None, it is found from the misfit.
+    gripper_position, gripper_rotation : float, optional
+        Standard deviations of the grippers' poses, m and rad, about each axis, independent at each
+        observation, the same all along a motion; None: those of `prior`, or none. A far end is held
+        where it is said to be.
+    prior : Spread, optional
+        Spread of the parameters about their values in `rod`; 0: nothing is known. That of natural
+        curvature applies at each knot.
+    loss : str, optional
+        How the distance of a point counts: 'linear' (its square), or less if it is large:
+        'soft_l1', 'huber', 'cauchy', 'arctan' (as in SciPy's `least_squares`).
+    loss_scale : float, optional
+        Number of standard deviations of the noise from which on a distance counts less.
+    progress : callable, optional
+        Called as progress(done, total) after each of the searches.
+    deadline : float, optional
+        Seconds of computing after which DeadlineExceeded is raised. If None, there is no limit.
+    options : object
+        Options of the `DirectSimulator`; without a mesh among them, one that keeps 1e-3 of the
+        length is chosen, and is the same for all observations.
 
-    Raises:
-        InvalidTask: an argument makes no sense
-        NotConverged: no equilibrium is found with the first guess
-        DeadlineExceeded: the deadline is over
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense.
+    NotConverged
+        No equilibrium is found with the first guess.
+    DeadlineExceeded
+        The deadline is over.
     """
     unknowns = Unknowns(instance('rod', rod, Rod), parameters, knots)
     observations, motions = _judged(rod, observations, motions, options)

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How errors are distributed: what a fit minimizes, and what its minimum tells of them."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -32,10 +34,14 @@ LOSSES: dict[str, Loss] = {
 class Statistics:
     """What is left at the most likely unknowns.
 
-    Attributes:
-        deviations: (n,) of the unknowns, infinite where nothing is known
-        correlations: (n, n) of their errors; 0 between what is known and what is not
-        noise: m
+    Attributes
+    ----------
+    deviations : ndarray, shape (n,)
+        Deviations of the unknowns, infinite where nothing is known.
+    correlations : ndarray, shape (n, n)
+        Correlations of their errors; 0 between what is known and what is not.
+    noise : float
+        Noise in m.
     """
 
     deviations: Floats
@@ -46,9 +52,17 @@ class Statistics:
 class Errors:
     """The model of errors: what is minimized, and what its minimum tells.
 
-    Args:
-        observed: Observed; prior: (k,) 1 / standard deviations of its parameters
-        noise: m, or None; loss: of LOSSES; scale: of it, in standard deviations of the noise
+    Parameters
+    ----------
+    observed : Observed
+    prior : ndarray, shape (k,)
+        1 / standard deviations of its parameters.
+    noise : float or None
+        Noise in m, or None.
+    loss : Loss
+        One of LOSSES.
+    scale : float
+        Scale of the loss, in standard deviations of the noise.
     """
 
     def __init__(self, observed: Observed, prior: Floats, noise: float | None, loss: Loss,
@@ -135,10 +149,12 @@ class Errors:
 def _inverse(information: Floats, least: float) -> tuple[Floats, Floats]:
     """Return the inverse (n, n) where it is known, and a basis (n, j) of what nothing is known of.
 
-    Args:
-        information: (n, n)
-        least: of the largest eigenvalue, with all unknowns in their own size: what is less is
-            nothing but errors of the derivatives
+    Parameters
+    ----------
+    information : ndarray, shape (n, n)
+    least : float
+        Least of the largest eigenvalue, with all unknowns in their own size: what is less is
+        nothing but errors of the derivatives.
     """
     size = np.sqrt(np.diag(information))
     size[size == 0] = 1.0

@@ -8,6 +8,8 @@ Laird and Rubin 1977). As long as the shape fits badly, a scale of the residuals
 from the median of the squared distances, which outliers hardly move.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import cast
 
@@ -30,12 +32,17 @@ _BADLY = 4.0  # times the noise's square: above it the shape fits badly
 class Distances:
     """Distances of m points from a shape.
 
-    Attributes:
-        away: (m, d) m, components of the vectors from the DLO to the points: across the DLO (d = 2)
-            if arc lengths are not known, along the world axes (d = 3) if they are
-        axes: (m, d, 3) directions of these components
-        frames: (m, 3, 3) of the DLO at the arc lengths s (m,), m
-        square: (m,) squared lengths of `away`, m^2
+    Attributes
+    ----------
+    away : ndarray, shape (m, d)
+        Components in m of the vectors from the DLO to the points: across the DLO (d = 2) if arc
+        lengths are not known, along the world axes (d = 3) if they are.
+    axes : ndarray, shape (m, d, 3)
+        Directions of these components.
+    frames : ndarray, shape (m, 3, 3)
+        Frames of the DLO at the arc lengths s (m,), m.
+    square : ndarray, shape (m,)
+        Squared lengths of `away`, m^2.
     """
 
     away: Floats
@@ -47,10 +54,16 @@ class Distances:
     def cost(self, scale: float, outliers: float, sway: float, length: float) -> float:
         """Return minus the logarithm of the likelihood, up to a constant.
 
-        Args:
-            scale: noise of a point along each axis, m
-            outliers: part of the points that do not belong to the DLO
-            sway: standard deviation of the free end's sway, m; length: of the DLO, m
+        Parameters
+        ----------
+        scale : float
+            Noise of a point along each axis, m.
+        outliers : float
+            Part of the points that do not belong to the DLO.
+        sway : float
+            Standard deviation of the free end's sway, m.
+        length : float
+            Length of the DLO, m.
         """
         d = self.away.shape[1]
         square, more = self.square, 0.0
@@ -82,10 +95,13 @@ class Distances:
 class Look:
     """Distances with derivatives of the predicted points.
 
-    Attributes:
-        distances: Distances
-        slopes: (m, d, n) derivatives of the predicted points along `axes` by the state
-        swaying: (m, d, 3) the same by the sway of the free end
+    Attributes
+    ----------
+    distances : Distances
+    slopes : ndarray, shape (m, d, n)
+        Derivatives of the predicted points along `axes` by the state.
+    swaying : ndarray, shape (m, d, 3)
+        The same by the sway of the free end.
     """
 
     distances: Distances
@@ -99,11 +115,16 @@ class Told:
 
     Their cost is (x - x0)^T matrix (x - x0) / 2 - vector^T (x - x0), up to a constant.
 
-    Attributes:
-        matrix: (n, n); vector: (n,)
-        misfit: root mean square distance, weighed by the probability to belong to the DLO, m
-        outliers: mean probability of the points not to belong to the DLO
-        scale: noise by which the points were weighed, m
+    Attributes
+    ----------
+    matrix : ndarray, shape (n, n)
+    vector : ndarray, shape (n,)
+    misfit : float
+        Root mean square distance, weighed by the probability to belong to the DLO, m.
+    outliers : float
+        Mean probability of the points not to belong to the DLO.
+    scale : float
+        Noise by which the points were weighed, m.
     """
 
     matrix: Floats
@@ -116,10 +137,13 @@ class Told:
 def squares(shape: Shape, points: Floats, s: Floats | None) -> Distances:
     """Return the Distances of points from a Shape.
 
-    Args:
-        shape: Shape
-        points: (m, 3) m, world axes, less the camera's bias
-        s: (m,) their arc lengths, m; None: not known
+    Parameters
+    ----------
+    shape : Shape
+    points : ndarray, shape (m, 3)
+        Points in m, world axes, less the camera's bias.
+    s : ndarray, shape (m,) or None
+        Their arc lengths, m. If None, not known.
     """
     nodes, kernels = np.array(shape.s), shape.for_kernels  # copies: see `Shape.for_kernels`
     at: Floats = nearest(nodes, *kernels, points)[0] if s is None else np.clip(
@@ -138,11 +162,16 @@ def looked_at(uncertain: Uncertain, shape: Shape, slopes: Floats, off: Distances
               known: bool) -> Look:
     """Return the Look of Distances.
 
-    Args:
-        uncertain: Uncertain; shape: Shape
-        slopes: (N + 1, 3, n) derivatives of the nodes by the state
-        off: Distances from the shape
-        known: whether arc lengths were seen
+    Parameters
+    ----------
+    uncertain : Uncertain
+    shape : Shape
+    slopes : ndarray, shape (N + 1, 3, n)
+        Derivatives of the nodes by the state.
+    off : Distances
+        Distances from the shape.
+    known : bool
+        Whether arc lengths were seen.
     """
     length = shape.s[-1]
     by_state = at_arc_lengths(slopes, shape.s, off.s)

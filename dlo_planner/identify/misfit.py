@@ -36,12 +36,18 @@ _ITERATIONS = 20
 class Misfit:
     """Distances of m points from a DLO.
 
-    Attributes:
-        away: (m, 3) m, in axes of the DLO where an arc length is sought, in the world's else
-        counts: (m, 3) which of them are observed: a nearest point slides along the DLO, but not
-            over its end
-        slopes: function that returns (m, 3, n), their derivatives by the unknowns
-        shape: the Shape, or the last one of the motion; converged: whether all is solved
+    Attributes
+    ----------
+    away : ndarray, shape (m, 3)
+        Distances in m, in axes of the DLO where an arc length is sought, in the world's else.
+    counts : ndarray, shape (m, 3)
+        Which of them are observed: a nearest point slides along the DLO, but not over its end.
+    slopes : callable
+        Function that returns (m, 3, n), their derivatives by the unknowns.
+    shape : Shape
+        The Shape, or the last one of the motion.
+    converged : bool
+        Whether all is solved.
     """
 
     away: Floats
@@ -61,10 +67,13 @@ def nowhere(points: Floats, length: float, size: int, shape: Shape) -> Misfit:
 def at_rest(one: Observation, shape: Shape, nearby: Nearby, errors: PoseErrors) -> Misfit:
     """Return the Misfit of an Observation from its Shape.
 
-    Args:
-        nearby: function (shape) -> (column, Discretization ahead, Discretization back) of each
-            unknown that the rod depends on
-        errors: PoseErrors of this observation
+    Parameters
+    ----------
+    nearby : Nearby
+        Function (shape) -> (column, Discretization ahead, Discretization back) of each unknown that
+        the rod depends on.
+    errors : PoseErrors
+        PoseErrors of this observation.
     """
     m = len(one.points)
     s, counts = one.s, np.ones((m, 3), dtype=bool)
@@ -100,9 +109,12 @@ def in_motion(one: ObservedMotion, x: Floats,
               columns: Sequence[tuple[int, bool]], size: int, length: float) -> Misfit:
     """Return the Misfit of an ObservedMotion at unknowns x (n,).
 
-    Args:
-        positions_at: function (x) -> (k, m, 3) where the points are then, or None; and a Shape
-        columns: (column, whether x may be less there) of each unknown that the motion depends on
+    Parameters
+    ----------
+    positions_at : callable
+        Function (x) -> (k, m, 3) where the points are then, or None; and a Shape.
+    columns : sequence of (int, bool)
+        (column, whether x may be less there) of each unknown that the motion depends on.
     """
     points = one.points.reshape(-1, 3)
     positions, shape = positions_at(x)
@@ -151,10 +163,14 @@ def _moving(motion: Motion, index: int, s: Floats) -> tuple[Floats, Floats]:
 class PoseErrors:
     """The error of the gripper's pose in one observation, unknown in standard deviations.
 
-    Args:
-        deviations: (count, 6) unit twists times standard deviations, rad before m
-        where: slice of the unknowns x; size: n of all
-        x: (n,)
+    Parameters
+    ----------
+    deviations : ndarray, shape (count, 6)
+        Unit twists times standard deviations, rad before m.
+    where : slice
+        Slice of the unknowns x that belong to it.
+    x : ndarray, shape (n,)
+        All unknowns.
     """
 
     def __init__(self, deviations: Floats, where: slice, x: Floats) -> None:

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What has been seen of a DLO: points of it at rest, or of it in motion."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -23,15 +25,20 @@ _ROUNDING = 1e-9  # of the duration
 class Observation(Value):
     """Points of a DLO at rest, seen at a known pose of the gripper.
 
-    Attributes:
-        gripper: Pose
-        points: (m, 3) m, world
-        s: (m,) their arc lengths, m; None: not known, the nearest points of the DLO count
-        far_end: what holds the far end: FarEnd, Pose that clamps it, position (3,) that pins it, or
-            None
+    Attributes
+    ----------
+    gripper : Pose
+    points : ndarray, shape (m, 3)
+        Points in m, world.
+    s : ndarray, shape (m,) or None
+        Their arc lengths, m. If None, not known, the nearest points of the DLO count.
+    far_end : FarEnd or Pose or array_like or None
+        What holds the far end: FarEnd, Pose that clamps it, position (3,) that pins it, or None.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     gripper: Pose
@@ -52,16 +59,25 @@ class Observation(Value):
 class ObservedMotion(Value):
     """Marked points of a DLO in motion, seen while the gripper moves as prescribed.
 
-    Attributes:
-        grippers: n Pose at the times 0, dt, 2 dt, ..., as for `DirectSimulator.simulate`
-        dt: s
-        times: (k,) s, when the points were seen, from 0 to (n - 1) dt
-        points: (k, m, 3) m, world
-        s: (m,) their arc lengths, m
-        initial: Shape at time 0, at rest, in equilibrium or not; None: the static shape
+    Attributes
+    ----------
+    grippers : iterable of Pose
+        The n poses at the times 0, dt, 2 dt, ..., as for `DirectSimulator.simulate`.
+    dt : float
+        Time step in s.
+    times : ndarray, shape (k,)
+        Times in s, when the points were seen, from 0 to (n - 1) dt.
+    points : ndarray, shape (k, m, 3)
+        Points in m, world.
+    s : ndarray, shape (m,)
+        Their arc lengths, m.
+    initial : Shape or None
+        Shape at time 0, at rest, in equilibrium or not. If None, the static shape.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     grippers: Iterable[Pose]

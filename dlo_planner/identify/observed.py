@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Observations as a function of what is unknown: properties of the rod, errors of the poses."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any
@@ -25,7 +27,7 @@ from dlo_planner.identify.misfit import (
 from dlo_planner.identify.observation import Observation, ObservedMotion
 from dlo_planner.identify.uncertain import mesh_of
 from dlo_planner.identify.unknowns import Unknowns
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.progress import Progress
@@ -38,10 +40,25 @@ _KEPT = 4  # values of x whose misfits are remembered
 class Misfits:
     """The Misfits of all observations, as one.
 
-    Attributes:
-        away: (m, 3) m; counts: (m, 3), as of a Misfit
-        shapes: of the observations; converged: whether all are solved, and any: whether one is
+    Attributes
+    ----------
+    away : ndarray, shape (m, 3)
+        Distances in m.
+    counts : ndarray of bool, shape (m, 3)
+        As of a Misfit.
+    shapes : tuple of Shape
+        Shapes of the observations.
+    converged : bool
+        Whether all are solved.
+    any : bool
+        Whether one is.
     """
+
+    away: Floats
+    counts: Bools
+    shapes: tuple[Shape, ...]
+    converged: bool
+    any: bool
 
     def __init__(self, parts: Sequence[Misfit]) -> None:
         self._parts = parts
@@ -62,12 +79,16 @@ class Observed:
 
     Errors of each pose are in standard deviations; that of a motion is the same all along.
 
-    Args:
-        unknowns: Unknowns
-        observations: Observations; motions: ObservedMotions
-        pose: (k, 6) unit vectors times standard deviations, rad before m, of the errors to be found
-        options: of the `DirectSimulator`
-        progress: Progress
+    Parameters
+    ----------
+    unknowns : Unknowns
+    observations : sequence of Observation
+    motions : sequence of ObservedMotion
+    pose : ndarray, shape (k, 6)
+        Unit vectors times standard deviations, rad before m, of the errors to be found.
+    options : dict
+        Options of the `DirectSimulator`.
+    progress : Progress
     """
 
     def __init__(self, unknowns: Unknowns, observations: Sequence[Observation],

@@ -7,6 +7,8 @@ that is drawn anew for each look, plus noise of each point. The state is constan
 `drift`. `identify.smoothing` finds the most likely state.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np
@@ -29,25 +31,37 @@ _LONGER = 5.0  # standard deviations of the length by which an arc length may ex
 class Observer(Value):
     """Turns looks at a DLO into an `Estimate` of it.
 
-    It is a value and keeps nothing of the looks; the Estimates do.
+    An Observer keeps nothing of the looks; the Estimates do.
 
-    Args:
-        simulator: DirectSimulator of the DLO as stated, or its Rod. The DLO hangs freely from a
-            clamped gripper: obstacles are left out, and it does not yield.
-        spread: Spread of the DLO and of the gripper's pose about what is stated: the prior
-        noise: standard deviation of a seen point along each axis, m
-        bias: standard deviation of the camera's constant error along each world axis, m
-        cutout: standard deviation of the cut-out's place along each world axis, m
-        outliers: part of the points that do not belong to the DLO, 0 to below 1
-        sway: standard deviation of the free end about its equilibrium along each world axis, m,
-            drawn anew for each look; a point at s sways by (s / L)^2 of it. Looks that are spread
-            over a period of the swing average it out.
-        drift: standard deviation by which the state wanders in 1 s, as a part of the prior's; it
-            grows with the square root of time
-        n_terms: Legendre terms along s of each component of the natural curvature
+    Parameters
+    ----------
+    simulator : DirectSimulator or Rod
+        DirectSimulator of the DLO as stated, or its Rod. The DLO hangs freely from a clamped
+        gripper: obstacles are left out, and it does not yield.
+    spread : Spread
+        Spread of the DLO and of the gripper's pose about what is stated: the prior.
+    noise : float, optional
+        Standard deviation of a seen point along each axis, m.
+    bias : float, optional
+        Standard deviation of the camera's constant error along each world axis, m.
+    cutout : float, optional
+        Standard deviation of the cut-out's place along each world axis, m.
+    outliers : float, optional
+        Part of the points that do not belong to the DLO, 0 to below 1.
+    sway : float, optional
+        Standard deviation of the free end about its equilibrium along each world axis, m, drawn
+        anew for each look; a point at s sways by (s / L)^2 of it. Looks that are spread over a
+        period of the swing average it out.
+    drift : float, optional
+        Standard deviation by which the state wanders in 1 s, as a part of the prior's; it grows
+        with the square root of time.
+    n_terms : int, optional
+        Legendre terms along s of each component of the natural curvature.
 
-    Raises:
-        InvalidTask: an argument makes no sense; the message names it
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
     """
 
     PARTS = ('uncertain', 'noise', 'outliers', 'sway', 'drift')
@@ -79,7 +93,7 @@ class Observer(Value):
         super().__post_init__()
 
     def begin(self) -> Estimate:
-        """Return the Estimate before any look: the prior."""
+        """Return the prior: the Estimate before any look."""
         return Estimate(self.uncertain, np.zeros(self.uncertain.size),
                         np.diag(self.uncertain.deviations**2))
 
@@ -88,20 +102,27 @@ class Observer(Value):
                sway: float | None = None) -> Estimate:
         """Return the Estimate after one more look.
 
-        Args:
-            estimate: of this observer
-            observation: Observation; its gripper is the commanded one at the time of the image
-                (`gripper_at` finds it in stamped poses). Points in any order; arc lengths, if
-                known, all from the same end, whichever it is.
-            elapsed: s since the look before, in which the state has wandered by `drift`
-            noise, sway: m, for this look alone; None: the observer's. In motion both are larger: an
-                error dt of the stamp displaces all m points alike by v dt at the speed v. State
-                a noise of sqrt(m) v dt to account for it.
+        If no equilibrium explains the look, the same estimate is returned with `converged` False.
 
-        If no equilibrium explains the look, the estimate stays as it is, with `converged` False.
+        Parameters
+        ----------
+        estimate : Estimate
+            An Estimate of this observer.
+        observation : Observation
+            Observation; its gripper is the commanded one at the time of the image (`gripper_at`
+            finds it in stamped poses). Points in any order; arc lengths, if known, all from the
+            same end, whichever it is.
+        elapsed : float, optional
+            Seconds since the look before, in which the state has wandered by `drift`.
+        noise, sway : float, optional
+            Noise and sway in m, for this look alone. If None, the observer's. In motion both are
+            larger: an error dt of the stamp displaces all m points alike by v dt at the speed v.
+            State a noise of sqrt(m) v dt to account for it.
 
-        Raises:
-            InvalidTask: an argument makes no sense
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense.
         """
         self._own(estimate)
         elapsed = number('elapsed', elapsed, minimum=0)
@@ -121,13 +142,21 @@ class Observer(Value):
 
         The camera displaces DLO and cut-out alike, so its bias cancels in the predicted miss.
 
-        Args:
-            estimate: of this observer
-            stated: (3,) center of the cut-out as stated, m, world axes; seen: (3,) as seen
-            noise: standard deviation of `seen` along each axis, m; None: the observer's noise
+        Parameters
+        ----------
+        estimate : Estimate
+            An Estimate of this observer.
+        stated : array_like, shape (3,)
+            Center of the cut-out as stated, m, world axes.
+        seen : array_like, shape (3,)
+            As seen.
+        noise : float, optional
+            Standard deviation of `seen` along each axis, m. If None, the observer's noise.
 
-        Raises:
-            InvalidTask: an argument makes no sense, or the cut-out's place is not uncertain
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense, or the cut-out's place is not uncertain.
         """
         self._own(estimate)
         off = vector('seen', seen, 3) - vector('stated', stated, 3)

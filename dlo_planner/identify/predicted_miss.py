@@ -36,15 +36,20 @@ _POINTS = 1024    # that represent a normal distribution in a plane
 class PredictedMiss(Value):
     """Misses at k waypoints of a plan, in the plane of the center that the DLO has to pass.
 
-    Of several centers at one waypoint it is the one with the largest bound.
+    If a waypoint passes several centers, the center with the largest bound counts.
 
-    Attributes:
-        waypoints: (k,) their indices in the plan
-        off: (k, 3) from the center to where the estimated DLO crosses its plane, m, world axes; a
-            DLO that is too short is extended straight on
-        covariance: (k, 3, 3) of `off`, m^2
-        bound: (k,) radii about the center inside which the DLO crosses with a probability of 95 %,
-            m; infinite where no shape was found
+    Attributes
+    ----------
+    waypoints : ndarray, shape (k,)
+        Their indices in the plan.
+    off : ndarray, shape (k, 3)
+        Vectors in m from the center to where the estimated DLO crosses its plane, world axes; a DLO
+        that is too short is extended straight on.
+    covariance : ndarray, shape (k, 3, 3)
+        Covariance of `off`, m^2.
+    bound : ndarray, shape (k,)
+        Radii about the center inside which the DLO crosses with a probability of 95 %, m; infinite
+        where no shape was found.
     """
 
     waypoints: Floats
@@ -72,7 +77,7 @@ class PredictedMiss(Value):
 
     @property
     def distance(self) -> Floats:
-        """(k,) most likely distances from the centers, m."""
+        """Most likely distances (k,) from the centers, m."""
         result: Floats = np.linalg.norm(self.off, axis=1)
         return result
 
@@ -86,10 +91,15 @@ def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
             shapes: Sequence[Shape] | None = None) -> PredictedMiss:
     """Return the PredictedMiss of an Estimate at some waypoints of a Plan.
 
-    Args:
-        estimate: Estimate; plan: Plan of the same DLO
-        waypoints: indices of waypoints that pass a center
-        shapes: Shapes of the estimated DLO there; None: they are computed
+    Parameters
+    ----------
+    estimate : Estimate
+    plan : Plan
+        Plan of the same DLO.
+    waypoints : sequence of int
+        Indices of waypoints that pass a center.
+    shapes : sequence of Shape, optional
+        Shapes of the estimated DLO there. If None, they are computed.
     """
     off = np.full((len(waypoints), 3), np.inf)
     covariance, bound = np.full((len(waypoints), 3, 3), np.inf), np.full(len(waypoints), np.inf)
@@ -129,8 +139,10 @@ def judged_plan(estimate: Estimate, plan: Plan) -> Plan:
 def judged_waypoints(plan: Plan, waypoints: ArrayLike | None) -> list[int]:
     """Return indices of waypoints that pass a center; None stands for all of them.
 
-    Raises:
-        InvalidTask: one passes no center
+    Raises
+    ------
+    InvalidTask
+        One passes no center.
     """
     known = passing(plan)
     if waypoints is None:
@@ -146,8 +158,10 @@ def _miss_at(estimate: Estimate, slopes: Floats, shape: Shape, center: Floats, s
              normal: Floats | None) -> tuple[Floats, Floats, float]:
     """Return the miss (3,) of one entry of `Plan.passes`, its covariance (3, 3) and bound, m.
 
-    Args:
-        slopes: (N + 1, 3, n) of the nodes by the state
+    Parameters
+    ----------
+    slopes : ndarray, shape (N + 1, 3, n)
+        Slopes of the nodes by the state.
     """
     off, normal, tangent, s = crossing(shape, estimate.center(center), normal, s)
     slopes = at_arc_lengths(slopes, shape.s, np.array([s]))[0]
@@ -163,12 +177,18 @@ def crossing(shape: Shape, center: Floats, normal: Floats | None,
              s: float) -> tuple[Floats, Floats, Floats, float]:
     """Return where a Shape, extended straight on at its end, crosses a plane near `s` (m).
 
-    Args:
-        center: (3,) m, in the plane; normal: (3,) of the plane, or None: the DLO's tangent
+    Parameters
+    ----------
+    center : ndarray, shape (3,)
+        Center in m, in the plane.
+    normal : ndarray, shape (3,) or None
+        Normal of the plane, or None: the DLO's tangent.
 
-    Returns:
-        vector from the center to the crossing (3,), m; normal (3,); tangent there (3,); arc length,
-        m, at most the length
+    Returns
+    -------
+    (ndarray, ndarray, ndarray, float)
+        Vector (3,) from the center to the crossing in m, normal (3,), tangent (3,) there, and arc
+        length in m, at most the length.
     """
     for _ in range(_CROSSINGS):
         inside = min(max(s, 0.0), shape.s[-1])

@@ -7,6 +7,8 @@ equilibrium (`direct.sensitivity`). A change of an element's strain moves all no
 rigid body.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.direct.sensitivity import Sensitivity
@@ -23,10 +25,14 @@ _LONGER = 1e-5  # of the length: step of the difference quotients by the length
 def node_slopes(varied: Varied, z: Floats, shape: Shape) -> Floats:
     """Return (N + 1, 3, n): derivatives of the nodes' positions (m) by the state.
 
-    Args:
-        varied: Varied, on the mesh of the shape
-        z: (n,) the state at which `shape` is an equilibrium
-        shape: Shape in the true pose of the gripper
+    Parameters
+    ----------
+    varied : Varied
+        Varied, on the mesh of the shape.
+    z : ndarray, shape (n,)
+        The state at which `shape` is an equilibrium.
+    shape : Shape
+        Shape in the true pose of the gripper.
     """
     uncertain, sensitivity = varied.uncertain, Sensitivity(shape)
     strains = np.zeros((uncertain.size, *shape.element_strains.shape))

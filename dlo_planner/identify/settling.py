@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The equilibrium of a DLO at a given state of an estimate."""
 
+from __future__ import annotations
+
 from typing import Any
 
 from dlo_planner.direct.continuation import follow
@@ -17,13 +19,18 @@ def settled(varied: Varied, z: Floats, gripper: Pose, before: Shape | None = Non
             followed: bool = True) -> Shape:
     """Return the Shape at a state z (n,), `converged` or not.
 
-    Args:
-        varied: Varied
-        z: (n,) state
-        gripper: true Pose of the gripper
-        before: Shape from which the DLO comes; None: set down in its natural shape
-        followed: whether the gripper's way from there is followed in small steps, so that the DLO
-            does not jump; else Newton's method begins with `before`, in one step
+    Parameters
+    ----------
+    varied : Varied
+    z : ndarray, shape (n,)
+        State.
+    gripper : Pose
+        True Pose of the gripper.
+    before : Shape, optional
+        Shape from which the DLO comes. If None, set down in its natural shape.
+    followed : bool, optional
+        Whether the gripper's way from there is followed in small steps, so that the DLO does not
+        jump; else Newton's method begins with `before`, in one step.
     """
     mesh = varied.at(z)
 

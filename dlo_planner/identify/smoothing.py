@@ -46,11 +46,18 @@ _LOOKS = 32       # remembered at each of them
 class Group:
     """Looks at one pose of the gripper, oldest first.
 
-    Attributes:
-        gripper: Pose as commanded
-        looks: tuple of (points (m, 3), arc lengths from the gripper (m,) or None)
-        shape: Shape from which the next search begins
-        noise, sway: m, see `Observer`, of these looks
+    Attributes
+    ----------
+    gripper : Pose
+        Pose as commanded.
+    looks : tuple of (ndarray, ndarray or None)
+        Of each look: (points (m, 3), arc lengths from the gripper (m,) or None).
+    shape : Shape
+        Shape from which the next search begins.
+    noise : float
+        Noise in m, see `Observer`, of these looks.
+    sway : float
+        Sway in m, see `Observer`, of these looks.
     """
 
     gripper: Pose
@@ -79,9 +86,14 @@ class Group:
 class Memory:
     """The information in an estimate; the state x in standard deviations of the prior.
 
-    Attributes:
-        x: (n,), matrix: (n, n): mean and information matrix of the prior and of forgotten looks
-        groups: tuple of Group
+    Attributes
+    ----------
+    x : ndarray, shape (n,)
+        Mean of the prior and of forgotten looks.
+    matrix : ndarray, shape (n, n)
+        Their information matrix.
+    groups : tuple of Group
+        The looks that are remembered, oldest first.
     """
 
     x: Floats
@@ -129,10 +141,16 @@ class Evaluated(NamedTuple):
 class Search:
     """One more look at the DLO.
 
-    Args:
-        observer: Observer; estimate: Estimate before; observation: Observation
-        wandered: variance by which the state has wandered since, as a part of the prior's
-        noise, sway: m, of this look
+    Parameters
+    ----------
+    observer : Observer
+    estimate : Estimate
+        Estimate before the look.
+    observation : Observation
+    wandered : float
+        Variance by which the state has wandered since, as a part of the prior's.
+    noise, sway : float
+        Noise and sway in m, of this look.
     """
 
     def __init__(self, observer: Observer, estimate: Estimate, observation: Observation,

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pose of the gripper at the time of an image."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 
 import numpy as np
@@ -19,13 +21,19 @@ def gripper_at(stamps: ArrayLike, grippers: Iterable[Pose], stamp: float) -> Pos
 
     Between two poses the position is linear in time, and the rotation turns evenly about one axis.
 
-    Args:
-        stamps: (n,) s, ascending, of the poses; on the clock of the image
-        grippers: n Pose
-        stamp: s, of the image: when it was taken, not when it arrived
+    Parameters
+    ----------
+    stamps : array_like, shape (n,)
+        Stamps in s, ascending, of the poses; on the clock of the image.
+    grippers : iterable of Pose
+        The n poses.
+    stamp : float
+        Stamp in s, of the image: when it was taken, not when it arrived.
 
-    Raises:
-        InvalidTask: an argument makes no sense, or the stamp is outside those of the poses
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense, or the stamp is outside those of the poses.
     """
     stamps, grippers = row('stamps', stamps), poses(grippers, 1)
     stamp = number('stamp', stamp)

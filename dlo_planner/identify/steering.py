@@ -6,6 +6,8 @@ A correction is multiplied by the response of moving averages to a step. As with
 `plan.motion.time_law`, a vibration whose period is the width of one of the averages is not excited.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -38,16 +40,21 @@ _AT_ONCE = 1e-9  # s: waypoints reached so shortly one after the other are one (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Change(Value):
-    """A change of the remaining poses that is blended in from a time on.
+    """Change of the remaining poses, blended in from some time on.
 
-    Attributes:
-        since: time at which the blending begins, s
-        times: (m,) times at which the remaining waypoints are reached, s, none before the last
-        offsets: (m, 6) change of their poses: rotation vector, rad, then displacement, m; world
-            axes
+    Attributes
+    ----------
+    since : float
+        Time at which the blending begins, s.
+    times : ndarray, shape (m,)
+        Times at which the remaining waypoints are reached, s, none before the last.
+    offsets : ndarray, shape (m, 6)
+        Change of their poses: rotation vector, rad, then displacement, m; world axes.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     since: float
@@ -91,19 +98,25 @@ class Change(Value):
 class Steered(Value):
     """A Trajectory whose remaining part is corrected while it runs.
 
-    Corrections come on top of the motion and are not limited: the `limits` of the trajectory may be
-    exceeded by what they add.
+    Corrections are added to the motion without a limit of their own: the sum may exceed the
+    `limits` of the trajectory.
 
-    Attributes:
-        trajectory: Trajectory, or another TimedPath
-        windows: (k,) widths of the moving averages that blend corrections in, s, k >= 3, each 0.02
-            to 5 s
-        changes: tuple of Change so far
-        tool: Pose of the commanded frame in the trajectory's frame of the gripper, as the inverse
-            of `Estimate.gripper_offset`
+    Attributes
+    ----------
+    trajectory : TimedPath
+        Trajectory, or another TimedPath.
+    windows : ndarray, shape (k,)
+        Widths of the moving averages that blend corrections in, s, k >= 3, each 0.02 to 5 s.
+    changes : tuple of Change
+        Changes so far.
+    tool : Pose
+        Pose of the commanded frame in the trajectory's frame of the gripper, as the inverse of
+        `Estimate.gripper_offset`.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     trajectory: TimedPath
@@ -125,19 +138,25 @@ class Steered(Value):
         return brief(self, f'{self.duration:.4g} s', f'{len(self.changes)} changes')
 
     @classmethod
-    def of(cls, trajectory: TimedPath, shape: Shape, tool: Pose | None = None) -> 'Steered':
+    def of(cls, trajectory: TimedPath, shape: Shape, tool: Pose | None = None) -> Steered:
         """Return a Steered whose windows are periods of the DLO in a Shape, and 0.1 s.
 
         The periods are the slowest one and the next that is shorter by more than a factor of 1.2
         (the slowest vibrations in two planes often differ by less).
 
-        Args:
-            trajectory: Trajectory, or another TimedPath
-            shape: Shape, at rest, where the DLO must not swing: as a rule at the end
-            tool: as of the class; None: the frame of the trajectory
+        Parameters
+        ----------
+        trajectory : TimedPath
+            Trajectory, or another TimedPath.
+        shape : Shape
+            Shape, at rest, where the DLO must not swing: as a rule at the end.
+        tool : Pose, optional
+            Tool frame as of the class. If None, the frame of the trajectory.
 
-        Raises:
-            InvalidTask: naming the argument
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense; the message names it, its value and what would be right.
         """
         periods = 1 / instance('shape', shape, Shape).modes(_MODES).frequencies
         others = periods[periods * _DIFFERENT < periods[0]]
@@ -153,17 +172,19 @@ class Steered(Value):
 
     @property
     def limits(self) -> Limits:
-        """Limits of the trajectory alone; corrections come on top."""
+        """Limits of the trajectory alone, without corrections."""
         return self.trajectory.limits
 
     def at(self, times: ArrayLike) -> tuple[list[Pose], Floats, Floats]:
         """Return Poses to command, velocities (n, 6) and accelerations (n, 6) at `times` (n,) s.
 
-        In the axes and units of `Trajectory.at`. Angular velocities and accelerations have a
+        Axes and units are those of `Trajectory.at`. Angular velocities and accelerations have a
         relative error of second order in the angle of the corrections.
 
-        Raises:
-            InvalidTask: a time is no finite number
+        Raises
+        ------
+        InvalidTask
+            A time is not a finite number.
         """
         times = row('times', times, most=_MOST)
         poses, speeds, accelerations = self.trajectory.at(times)
@@ -188,7 +209,7 @@ class Steered(Value):
         return poses, speeds, accelerations
 
     def progress(self, times: ArrayLike) -> Floats:
-        """Return the plan's own times (n,) that are reached at `times` s, as the trajectory's."""
+        """Return the plan's times (n,) that the trajectory has reached at `times` (n,), s."""
         return self.trajectory.progress(times)
 
     def _offsets(self, times: Floats) -> Floats:
@@ -220,30 +241,39 @@ class Steered(Value):
     def reached(self, plan_times: ArrayLike) -> Floats:
         """Return the times (n,) in s at which the trajectory reaches waypoints of its plan.
 
-        Args:
-            plan_times: (n,) s, from `Plan.times`, ascending
+        Parameters
+        ----------
+        plan_times : array_like, shape (n,)
+            Plan times in s, from `Plan.times`, ascending.
 
-        Raises:
-            InvalidTask: a time is no finite number
+        Raises
+        ------
+        InvalidTask
+            A time is not a finite number.
         """
         plan_times = row('plan_times', plan_times, most=_MOST)
         times = np.linspace(0, self.trajectory.duration, _GRID)
         done = np.maximum.accumulate(self.trajectory.progress(times))
         return np.interp(plan_times, done, times)
 
-    def corrected(self, time: float, correction: Correction, reached: ArrayLike) -> 'Steered':
-        """Return the motion that goes over to the poses of a Correction from `time` on.
+    def corrected(self, time: float, correction: Correction, reached: ArrayLike) -> Steered:
+        """Return the motion that changes to the poses of a Correction from `time` on.
 
         A correction that did not converge changes nothing.
 
-        Args:
-            time: time of the motion, s
-            correction: Correction, in commanded poses, of the trajectory's plan
-            reached: (m,) ascending times at which the correction's waypoints are reached, s, from
-                `reached`
+        Parameters
+        ----------
+        time : float
+            Time of the motion, s.
+        correction : Correction
+            Correction, in commanded poses, of the trajectory's plan.
+        reached : array_like, shape (m,)
+            Ascending times at which the correction's waypoints are reached, s, from `reached`.
 
-        Raises:
-            InvalidTask: an argument makes no sense
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense.
         """
         time = number('time', time)
         instance('correction', correction, Correction)
@@ -269,10 +299,13 @@ def step_response(times: Floats, windows: Floats, order: int = 0) -> Floats:
     In closed form: the Laplace transform of a step is 1 / s, and a window of width w multiplies it
     by (1 - exp(-s w)) / (s w).
 
-    Args:
-        times: (n,) s
-        windows: (k,) widths, s
-        order: of the derivative by time, below k
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+    windows : ndarray, shape (k,)
+        Widths, s.
+    order : int, optional
+        Order of the derivative by time, below k.
     """
     power, out = len(windows) - order, np.zeros(np.shape(times))
     times = np.minimum(times, np.sum(windows))  # at rest from there on

@@ -15,6 +15,8 @@ Only numbers with a standard deviation above 0 are in it. Shapes show only the r
 weight; the priors divide it between both.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -44,14 +46,22 @@ _PART = 1e-4  # of the length: step of the difference quotients by the length
 class Uncertain(Value):
     """The n numbers of an estimate's state: which they are, and what they change.
 
-    Args:
-        simulator: DirectSimulator of the DLO as stated, elastic, without obstacles
-        spread: Spread; n_terms: Legendre terms of each natural curvature
-        bias, cutout: standard deviations of the camera's bias and of the cut-out's place, m
+    Parameters
+    ----------
+    simulator : DirectSimulator
+        DirectSimulator of the DLO as stated, elastic, without obstacles.
+    spread : Spread
+    n_terms : int
+        Legendre terms of each natural curvature.
+    bias, cutout : float
+        Standard deviations of the camera's bias and of the cut-out's place, m.
 
-    Attributes:
-        deviations: (n,) prior standard deviations, all > 0
-        names: n strings
+    Attributes
+    ----------
+    deviations : ndarray, shape (n,)
+        Prior standard deviations, all > 0.
+    names : tuple of str
+        Names of the n numbers.
     """
 
     PARTS = ('simulator', 'spread', 'n_terms', 'bias', 'cutout')
@@ -66,7 +76,7 @@ class Uncertain(Value):
     _each: NDArray[np.str_]  # for each entry of the state: the quantity, and which number of it
     _number: Ints
     _columns: dict[str, tuple[Ints, Ints]]
-    _meshes: 'list[Varied]'
+    _meshes: list[Varied]
 
     def __init__(self, simulator: DirectSimulator, spread: Spread, n_terms: int, bias: float,
                  cutout: float) -> None:
@@ -101,7 +111,7 @@ class Uncertain(Value):
         """The number n of entries of the state."""
         return self.deviations.size
 
-    def varied(self, like: Discretization) -> 'Varied':
+    def varied(self, like: Discretization) -> Varied:
         """Return the Varied on the mesh of a Discretization, scaled to the stated length."""
         length = self.simulator.rod.length
         s = np.append(like.s[:-1] * (length / like.s[-1]), length)
@@ -181,16 +191,27 @@ def mesh_of(shape: Shape) -> Discretization:
 class Varied:
     """The Discretization of the DLO at a state z on one mesh, without computing it from the Rod.
 
-    Args:
-        uncertain: Uncertain; mesh: Discretization of the DLO as stated
+    Parameters
+    ----------
+    uncertain : Uncertain
+    mesh : Discretization
+        Discretization of the DLO as stated.
 
-    Attributes:
-        legendre: (N, n_terms) means of P_j over the elements
-        by_length: derivatives of the System's fields by the length, by name; {} if it is certain
+    Attributes
+    ----------
+    legendre : ndarray, shape (N, n_terms)
+        Means of P_j over the elements.
+    by_length : dict
+        Derivatives of the System's fields by the length, by name; {} if it is certain.
 
-    Raises:
-        InvalidTask: the length is uncertain and something jumps along the DLO
+    Raises
+    ------
+    InvalidTask
+        The length is uncertain and something jumps along the DLO.
     """
+
+    legendre: Floats
+    by_length: dict[str, Floats]
 
     def __init__(self, uncertain: Uncertain, mesh: Discretization) -> None:
         self.uncertain, self.mesh = uncertain, mesh

@@ -6,6 +6,8 @@ Stiffness and masses are sought by their logarithms, natural strains in units th
 DLO by 0.1 rad, damping in units of about 5 % of critical damping of the slowest vibration.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
@@ -15,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.along import Along, Scaled, Table, scaled
-from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.checks import choice, items, row
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.section import Section
@@ -42,20 +44,42 @@ PARAMETERS = (*_SCALES, *_STRAINS, 'damping')
 class Unknowns:
     """Parameters of a Rod as unknowns x (n,).
 
-    Args:
-        rod: Rod, x = 0
-        names: out of PARAMETERS
-        knots: arc lengths (k,), m, between which natural strains are straight; None: they are
-            constant
+    Parameters
+    ----------
+    rod : Rod
+        Rod, x = 0.
+    names : iterable of str
+        Names out of PARAMETERS.
+    knots : array_like, optional
+        Arc lengths (k,), m, between which natural strains are straight. If None, they are constant.
 
-    Attributes:
-        size: n; lower, upper: (n,) bounds of x
-        begin: (n,) where to begin: 0, but off the bounds; stiff: (n,) 1 for stiffness, 0 else
-        at_rest: (n,) whether shapes at rest depend on it
+    Attributes
+    ----------
+    size : int
+        Number of unknowns.
+    lower : ndarray, shape (n,)
+        Bounds of x.
+    upper : ndarray, shape (n,)
+        Bounds of x.
+    begin : ndarray, shape (n,)
+        Where to begin: 0, but off the bounds.
+    stiff : ndarray, shape (n,)
+        1 for stiffness, 0 else.
+    at_rest : ndarray of bool, shape (n,)
+        Whether shapes at rest depend on it.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
+
+    size: int
+    lower: Floats
+    upper: Floats
+    begin: Floats
+    stiff: Floats
+    at_rest: Bools
 
     def __init__(self, rod: Rod, names: Iterable[str], knots: ArrayLike | None = None) -> None:
         self.rod, self.names = rod, items('parameters', names, str, least=1)

@@ -29,10 +29,12 @@ if COMPILED:
 def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Callable[..., Any]:
     """Compile a function when it is first called, and keep what was compiled for the next process.
 
-    Args:
-        options: of `numba.njit`, but `cache`
-
     Where nothing can be written it is compiled anew in each process.
+
+    Parameters
+    ----------
+    options : object
+        Options of `numba.njit`, but `cache`.
     """
     if function is None:
         return partial(kernel, **options)

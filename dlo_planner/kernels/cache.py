@@ -10,6 +10,8 @@ Kernels that were compiled when the package was installed are for any processor 
 are used where there are none for this one.
 """
 
+from __future__ import annotations
+
 import hashlib
 import os
 import pickle
@@ -133,8 +135,10 @@ def environment() -> tuple[Any, ...]:
 def accepted(target: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
     """Return the processors whose machine code this one runs, the best first.
 
-    Args:
-        target: that of the process, as numba writes it: triple, name, features
+    Parameters
+    ----------
+    target : tuple of str
+        Target of the process, as numba writes it: triple, name, features.
     """
     asked = numba.config.CPU_NAME is not None or numba.config.CPU_FEATURES is not None
     return (target,) if asked or not _runs_generic() else (target, (target[0], *generic()))
@@ -158,8 +162,10 @@ def _runs_generic() -> bool:
 def compile_generic() -> None:
     """Compile for the processor of `generic` from now on.
 
-    Raises:
-        RuntimeError: this one does not run that, or a kernel has been imported already
+    Raises
+    ------
+    RuntimeError
+        This one does not run that, or a kernel has been imported already.
     """
     if not _runs_generic():
         raise RuntimeError(f'this processor does not run what is compiled for {generic()[0]}')

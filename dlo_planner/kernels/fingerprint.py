@@ -11,6 +11,8 @@ one's own (`module.f`: import the name), and values without an order or a defini
 dictionaries, lists, objects). test_fingerprint.py holds the package to it.
 """
 
+from __future__ import annotations
+
 import dis
 import hashlib
 import inspect
@@ -41,8 +43,10 @@ class Unseen(TypeError):
 def fingerprint(kernel: Dispatcher) -> str:
     """Return the name of all that the machine code of a kernel depends on, in its sources.
 
-    Raises:
-        Unseen: it reads what cannot be followed
+    Raises
+    ------
+    Unseen
+        It reads what cannot be followed.
     """
     total = hashlib.sha256()
     seen: _Seen = {}

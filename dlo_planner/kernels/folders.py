@@ -6,6 +6,8 @@ In order: NUMBA_CACHE_DIR, the user's cache folder, one among temporary files th
 alone, and the folder in the package that is filled when it is installed (`dlo_planner.prebuild`).
 """
 
+from __future__ import annotations
+
 import os
 import stat
 import sys

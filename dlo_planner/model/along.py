@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Quantities that vary along a DLO: numbers, tables and functions of arc length s, as values."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -23,14 +25,19 @@ ONE = 'one'  # how a value is written that is a single number
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Piecewise(Value):
-    """A function of arc length whose jumps are stated, however close together they are.
+    """A function of arc length with stated jumps, which may be arbitrarily close together.
 
-    Attributes:
-        function: callable of s (m)
-        breaks: (n,) arc lengths in m at which it jumps
+    Attributes
+    ----------
+    function : callable
+        Callable of s (m).
+    breaks : ndarray, shape (n,)
+        Arc lengths in m at which it jumps.
 
-    Raises:
-        InvalidRod: the function cannot be called, or the breaks are no numbers
+    Raises
+    ------
+    InvalidRod
+        The function cannot be called, or the breaks are not numbers.
     """
 
     function: Callable[[float], Any]
@@ -53,11 +60,14 @@ class Piecewise(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Table(Value):
-    """Straight between the rows of a table; two rows at the same s are a jump.
+    """Linear interpolation between the rows of a table; two rows at the same s are a jump.
 
-    Attributes:
-        s: (n,) m, ascending
-        values: (n,) or (n, k); before the first row and after the last one they stay
+    Attributes
+    ----------
+    s : ndarray, shape (n,)
+        Arc length in m, ascending.
+    values : ndarray, shape (n,) or (n, k)
+        Values there; before the first row and after the last one they stay.
     """
 
     s: Floats
@@ -96,11 +106,16 @@ class Components(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SeenFrom(Value):
-    """A function of arc length as one of the distance from `at` (m), one way or the other.
+    """A function of arc length as a function of the distance from `at` (m), in one direction.
 
-    Attributes:
-        known: the function; way: 1 on, -1 back
-        signs: factors of the components that it returns; (): none
+    Attributes
+    ----------
+    known : callable
+        The function.
+    way : int
+        1: on, -1: back.
+    signs : tuple of float
+        Factors of the components that it returns; (): none.
     """
 
     known: Callable[[float], Any]
@@ -123,9 +138,12 @@ class SeenFrom(Value):
 class Stepwise(Value):
     """Constant on each element of a mesh.
 
-    Attributes:
-        s: (N + 1,) nodes, m
-        values: (N, ...) of the elements
+    Attributes
+    ----------
+    s : ndarray, shape (N + 1,)
+        Nodes, m.
+    values : ndarray, shape (N, ...)
+        Values of the elements.
     """
 
     s: Floats
@@ -200,10 +218,14 @@ class Shifted(Value):
 class Expanded(Value):
     """A number, pair or function plus a series of Legendre polynomials on [0, length].
 
-    Attributes:
-        known: what the series is added to
-        coefficients: (m, k) of P_0 ... P_{m-1} in 2 s / length - 1
-        length: m
+    Attributes
+    ----------
+    known : float, tuple or callable
+        What the series is added to.
+    coefficients : ndarray, shape (m, k)
+        Coefficients of P_0 ... P_{m-1} in 2 s / length - 1.
+    length : float
+        Length in m.
     """
 
     known: Along
@@ -223,7 +245,7 @@ class Expanded(Value):
 
 
 def breaks_of(content: object) -> Floats:
-    """Return (n,) the arc lengths at which a number or a function says that it jumps, m."""
+    """Return the arc lengths (n,) at which a number or a function states jumps, m."""
     return np.asarray(getattr(content, 'breaks', ()), dtype=float).ravel()
 
 
@@ -236,16 +258,23 @@ def scaled(content: Along, factor: float) -> Along:
 
 
 def varying(name: str, content: Any, written: str = ONE, **limits: float) -> Along:
-    """Return what a user states of a quantity: a float, a tuple of floats, or a function of s.
+    """Return a quantity as a user states it: a float, a tuple of floats, or a function of s.
 
-    Args:
-        name: how the user knows it
-        content: a number, ((s, value), ...) or a callable of s; a pair also by its components
-        written: how a value is: ONE number, or a pair
-        limits: of each number, as for `checks.number`
+    Parameters
+    ----------
+    name : str
+        Name by which the user knows it.
+    content : object
+        A number, ((s, value), ...) or a callable of s; a pair also by its components.
+    written : str, optional
+        How a value is: ONE number, or a pair.
+    limits : float
+        Limits of each number, as for `checks.number`.
 
-    Raises:
-        InvalidRod: anything else
+    Raises
+    ------
+    InvalidRod
+        Anything else.
     """
     if callable(content):
         result: Along = content
@@ -260,14 +289,19 @@ def varying(name: str, content: Any, written: str = ONE, **limits: float) -> Alo
 
 def pair(name: str, value: Any, written: str, judged: Callable[..., Any] | None = None,
          **limits: float) -> tuple[Any, Any]:
-    """Return a pair of numbers; of one number both, if a value may be written so.
+    """Return a pair of numbers. One number gives both, if `written` allows it.
 
-    Args:
-        written: 'a or (b, c)' where one number does, '(b, c)' where it does not
-        judged: function that judges a component; None: it is a number
+    Parameters
+    ----------
+    written : str
+        'a or (b, c)' where one number does, '(b, c)' where it does not.
+    judged : callable, optional
+        Function that judges a component. If None, it is a number.
 
-    Raises:
-        InvalidRod: something else
+    Raises
+    ------
+    InvalidRod
+        Something else.
     """
     sizes = (1, 2) if ' or ' in written else (2,)
     parts = value if is_row(value) else [value]
@@ -285,7 +319,7 @@ def _number(name: str, value: object, **limits: float) -> float:
 
 
 def is_row(value: object) -> bool:
-    """Whether it has places by index: a tuple, list, (n,) array, or an array of ROS parameters."""
+    """Return whether a value has an index: a tuple, list, (n,) array or array of ROS parameters."""
     return (hasattr(value, '__getitem__') and hasattr(value, '__len__')
             and not isinstance(value, str | bytes | dict) and getattr(value, 'ndim', 1) == 1)
 

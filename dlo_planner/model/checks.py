@@ -5,6 +5,8 @@
 Each function returns the value as it is to be used: what is checked is what is used.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable
 from itertools import islice
 from numbers import Real
@@ -39,11 +41,15 @@ def number(name: str, value: object, error: type[Exception] = InvalidTask, *,
     Numbers are Python's and NumPy's real ones; strings and booleans are none. Their size is at most
     1e75, and 1e-75 at least where they have to be above 0: products of a few stay finite.
 
-    Args:
-        name: how the caller knows the argument
-        value: anything
-        error: the class to raise
-        minimum, above, maximum, below: closed lower, open lower, closed upper, open upper limit
+    Parameters
+    ----------
+    name : str
+        Name by which the caller knows the argument.
+    value : object
+    error : type, optional
+        The class to raise.
+    minimum, above, maximum, below : float, optional
+        Closed lower, open lower, closed upper and open upper limit.
     """
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
@@ -124,9 +130,12 @@ def array(name: str, value: Any, shape: tuple[int | None, ...],
           error: type[Exception] = InvalidTask, finite: bool | None = True) -> Floats:
     """Return `value` as a new float array, or raise `error`.
 
-    Args:
-        shape: wanted; None stands for any size > 0, e.g. (None, 3)
-        finite: True: all entries have to be finite; False: some may be infinite; None: or nan
+    Parameters
+    ----------
+    shape : tuple of int or None
+        Expected shape; None stands for any size > 0, e.g. (None, 3).
+    finite : bool or None, optional
+        Whether all entries have to be finite. If False, some may be infinite; if None, also nan.
     """
     sizes = ', '.join('n' if size is None else str(size) for size in shape)
     expected = f'{shape[0]} numbers' if len(shape) == 1 and shape[0] else f'numbers ({sizes})'
@@ -167,9 +176,12 @@ def row(name: str, value: Any, error: type[Exception] = InvalidTask, *, least: i
         most: int | None = None, **limits: float) -> Floats:
     """Return one number, or a sequence of them, as a new float array (n,), or raise `error`.
 
-    Args:
-        least, most: how many there are to be
-        limits: of each, as for `number`
+    Parameters
+    ----------
+    least, most : int, optional
+        Smallest and largest number of entries.
+    limits : float
+        Limits of each, as for `number`.
     """
     if isinstance(value, Real) or isinstance(value, np.ndarray) and value.ndim == 0:
         value = [value]

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The hole a DLO is threaded through."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 from dlo_planner.errors import InvalidTask
@@ -13,16 +15,24 @@ from dlo_planner.model.value import Value, put
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CutOut(Value):
-    """A round or rectangular hole in a thin sheet; without a size, just its center and normal.
+    """A round or rectangular hole in a thin sheet; without a size, only a center and a normal.
 
-    Attributes:
-        pose: origin = center P_goal (m), x axis = normal n_goal, the way the free end travels
-        radius: of a round hole, meters; None if rectangular or unspecified
-        width: along the pose's y axis, meters; None if round or unspecified
-        height: along the pose's z axis, meters; None if round or unspecified
+    Attributes
+    ----------
+    pose : Pose
+        Frame with its origin in the center P_goal (m), and its x axis along the normal n_goal, the
+        direction in which the free end travels.
+    radius : float or None
+        Radius of a round hole, m; None if rectangular or unspecified.
+    width : float or None
+        Width along the pose's y axis, m; None if round or unspecified.
+    height : float or None
+        Height along the pose's z axis, m; None if round or unspecified.
 
-    Raises:
-        InvalidTask: sizes contradict each other or are not positive
+    Raises
+    ------
+    InvalidTask
+        Sizes contradict each other or are not positive.
     """
 
     pose: Pose
@@ -47,10 +57,10 @@ class CutOut(Value):
 
     @property
     def center(self) -> Floats:
-        """(3,) P_goal, meters, world frame."""
+        """Center (3,) P_goal, m, world frame."""
         return self.pose.position
 
     @property
     def normal(self) -> Floats:
-        """(3,) n_goal, unit vector, world frame."""
+        """Normal (3,) n_goal, a unit vector, world frame."""
         return self.pose.direction

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A second grip: how the free end may be held."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,14 +19,16 @@ _SLACK = 1e-9  # of the length
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FarEnd(Value):
-    """What holds the far end of a DLO.
+    """A second grip that holds the far end of a DLO.
 
-    Attributes:
-        pose: Pose where its frame has to be (x axis = tangent); where pinned only the position
-            counts
-        grip: 'clamped': position and orientation; 'pinned': position; 'sleeve': clamped, but free
-            to slide along the pose's x axis; 'aligned': position and tangent, free to turn about
-            its tangent
+    Attributes
+    ----------
+    pose : Pose
+        Pose of the DLO's end frame (x axis = tangent); only its position counts if pinned.
+    grip : str
+        'clamped': position and orientation; 'pinned': position; 'sleeve': clamped, but free to
+        slide along the pose's x axis; 'aligned': position and tangent, free to turn about its
+        tangent.
     """
 
     pose: Pose
@@ -36,7 +40,7 @@ class FarEnd(Value):
         super().__post_init__()
 
     @classmethod
-    def of(cls, value: 'FarEnd | Pose | ArrayLike | None') -> 'FarEnd | None':
+    def of(cls, value: FarEnd | Pose | ArrayLike | None) -> FarEnd | None:
         """Return a FarEnd from one, a Pose (clamped), a position (3,) (pinned), or None."""
         if value is None or isinstance(value, FarEnd):
             return value
@@ -46,12 +50,12 @@ class FarEnd(Value):
 
     @property
     def held(self) -> Floats:
-        """(K, 6) unit vectors of rotation, then of displacement, that the grip does not allow."""
+        """Unit vectors (K, 6) of rotation, then of displacement, that the grip does not allow."""
         return held_rows(self.grip, self.pose.rotation)
 
     @property
     def share(self) -> Floats:
-        """(3,) how much each axis of the end tells of its rotation; 0 where it does not count."""
+        """Weights (3,) of the end's axes in its rotation; 0 for an axis that is free."""
         return np.array({'pinned': (0.0, 0.0, 0.0), 'aligned': (1.0, 0.0, 0.0)}.get(
             self.grip, (0.5, 0.5, 0.5)))
 
@@ -59,11 +63,14 @@ class FarEnd(Value):
 def held_rows(grip: str, rotation: Floats) -> Floats:
     """Return (K, 6) unit vectors of rotation, then of displacement, that a grip does not allow.
 
-    Args:
-        grip: of GRIPS
-        rotation: (3, 3) of its pose
+    World axes. If the grip allows one about or along the pose's x axis, its y and z axes remain.
 
-    World axes; where one about or along the pose's x axis is allowed, its y and z axes remain.
+    Parameters
+    ----------
+    grip : str
+        One of GRIPS.
+    rotation : ndarray, shape (3, 3)
+        Rotation of its pose.
     """
     across = rotation.T[1:]
     turns = {'pinned': across[:0], 'aligned': across}.get(grip, np.eye(3))
@@ -74,7 +81,7 @@ def held_rows(grip: str, rotation: Floats) -> Floats:
 
 
 def distance(far_end: FarEnd, gripper: Pose) -> float:
-    """Return the straight distance in m that a DLO has to span, at least, from a gripper."""
+    """Return the least distance in m that a DLO has to span from a gripper."""
     away = far_end.pose.position - gripper.position
     if far_end.grip == 'sleeve':  # it may slide to where this is shortest
         away = away - (away @ far_end.pose.direction) * far_end.pose.direction
@@ -83,7 +90,7 @@ def distance(far_end: FarEnd, gripper: Pose) -> float:
 
 def within_reach(far_end: FarEnd | None, gripper: Pose, length: float,
                  loaded: bool = True) -> bool:
-    """Return whether a DLO of `length` (m) spans the distance, and not only with endless tension.
+    """Return whether a DLO of `length` (m) spans the distance with finite tension.
 
     It hardly stretches: where less than 1e-9 of it is left to sag, its weight decides nothing
     that could be computed. Without any load it may be just as long.

@@ -8,6 +8,8 @@ stands for both, and what one mirror image of a fiber does, the other three may 
 bending in a plane of symmetry stays in it.
 """
 
+from __future__ import annotations
+
 from functools import cache
 
 import numpy as np
@@ -28,9 +30,12 @@ def fibers(kind: str, bore: float = 0.0) -> tuple[Floats, Floats]:
     the product of the heights is 0. `docs/validation.md` says how near yielding comes to the
     continuous section.
 
-    Args:
-        kind: of KINDS
-        bore: radius of a tube's bore as a part of the outer one
+    Parameters
+    ----------
+    kind : str
+        One of KINDS.
+    bore : float, optional
+        Radius of a tube's bore as a part of the outer one.
     """
     heights, weights = _in_square() if kind == 'rectangular' else _in_ring(bore)
     return heights, weights / (weights @ heights[:, 0] ** 2)
@@ -42,10 +47,13 @@ def layers(measure: str, bore: float = 0.0) -> tuple[Floats, Floats]:
 
     The sum of weight times height squared is 1.
 
-    Args:
-        measure: how much of the section is at a height: 'rectangular', 'round', 'tube': bending in
-            one plane; 'torsion': around the middle of a round one
-        bore: as for `fibers`
+    Parameters
+    ----------
+    measure : str
+        How much of the section is at a height: 'rectangular', 'round', 'tube': bending in one
+        plane; 'torsion': around the middle of a round one.
+    bore : float, optional
+        As for `fibers`.
     """
     inside = bore if measure == 'torsion' else 0.0
     heights = inside + (1 - inside) * (np.arange(_LAYERS) + 0.5) / _LAYERS

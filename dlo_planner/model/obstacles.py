@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a DLO may touch: plane, sphere, capsule, box, and sheet with cut-outs."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -26,10 +28,14 @@ _ROUNDING = 1e-9   # of the sheet
 class Plane(Value):
     """A floor or wall that fills everything behind it.
 
-    Attributes:
-        point: (3,) m, on the surface
-        normal: (3,) any length but zero, pointing away from the solid
-        friction: Coulomb's coefficient, >= 0
+    Attributes
+    ----------
+    point : ndarray, shape (3,)
+        Point in m, on the surface.
+    normal : ndarray, shape (3,)
+        Normal of any length but zero, pointing away from the solid.
+    friction : float
+        Coulomb's coefficient, >= 0.
     """
 
     point: Floats
@@ -48,7 +54,17 @@ class Plane(Value):
 @renamed_fields(centre='center')
 @dataclass(frozen=True, eq=False, repr=False)
 class Sphere(Value):
-    """A ball; center (3,) m, radius m, friction: Coulomb's coefficient."""
+    """A ball.
+
+    Attributes
+    ----------
+    center : ndarray, shape (3,)
+        Center in m.
+    radius : float
+        Radius in m.
+    friction : float
+        Coulomb's coefficient, >= 0.
+    """
 
     center: Floats
     radius: float
@@ -65,12 +81,18 @@ class Sphere(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Capsule(Value):
-    """A round bar with round ends: all that is within `radius` of the line from start to end.
+    """A round bar with round ends: all points within `radius` of the line from start to end.
 
-    Attributes:
-        start, end: (3,) m, different
-        radius: m
-        friction: Coulomb's coefficient
+    Attributes
+    ----------
+    start : ndarray, shape (3,)
+        One end of the line, m.
+    end : ndarray, shape (3,)
+        Other end of the line, m, different from start.
+    radius : float
+        Radius in m.
+    friction : float
+        Coulomb's coefficient, >= 0.
     """
 
     start: Floats
@@ -96,7 +118,17 @@ class Capsule(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Box(Value):
-    """A block; pose of its center, full sizes (3,) m along the pose's axes, friction."""
+    """A rectangular block.
+
+    Attributes
+    ----------
+    pose : Pose
+        Pose of its center.
+    size : ndarray, shape (3,)
+        Full sizes along the pose's axes, m.
+    friction : float
+        Coulomb's coefficient, >= 0.
+    """
 
     pose: Pose
     size: Floats
@@ -115,17 +147,27 @@ class Box(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sheet(Value):
-    """A flat plate with cut-outs; its pose is that of its center, x axis = normal.
+    """A flat rectangular plate with cut-outs; the x axis of its pose is its normal.
 
-    Attributes:
-        pose: Pose of the middle of the plate
-        width, height: m along the pose's y and z axes
-        thickness: m, may be 0
-        cutouts: CutOuts with a size, centered in the middle plane, normal to it
-        friction: Coulomb's coefficient
+    Attributes
+    ----------
+    pose : Pose
+        Pose of the middle of the plate.
+    width : float
+        Width along the pose's y axis, m.
+    height : float
+        Height along the pose's z axis, m.
+    thickness : float
+        Thickness in m, may be 0.
+    cutouts : tuple of CutOut
+        CutOuts with a size, centered in the middle plane, normal to it.
+    friction : float
+        Coulomb's coefficient, >= 0.
 
-    Raises:
-        InvalidTask: a cut-out without size, or one that does not lie in the sheet
+    Raises
+    ------
+    InvalidTask
+        A cut-out without size, or one that does not lie in the sheet.
     """
 
     pose: Pose
@@ -152,8 +194,8 @@ class Sheet(Value):
 
     @classmethod
     def around(cls, cutout: CutOut, width: float = 0.4, height: float = 0.4,
-               thickness: float = 1e-3, friction: float = 0.0) -> 'Sheet':
-        """Return a sheet centered at the one cut-out that it has."""
+               thickness: float = 1e-3, friction: float = 0.0) -> Sheet:
+        """Return a sheet with one cut-out in its center."""
         instance('cutout', cutout, CutOut)
         return cls(cutout.pose, width, height, thickness, (cutout,), friction)
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A part of a DLO as a DLO of its own."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Values as plain Python: what JSON, YAML and pandas understand."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum

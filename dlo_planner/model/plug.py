@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A rigid body fixed to the tip of a DLO: a plug, a connector, a nut."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from typing import Any
 
@@ -21,22 +23,31 @@ def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = No
               center: float | None = None, inertia: float | None = None) -> Rod:
     """Return the Rod whose last part is a rigid body fixed to its tip.
 
-    Arc length goes on through the body, so that whatever looks at the DLO knows it: it has weight,
-    thickness and inertia, it touches, and it has to go through a hole first. It is a million times
-    as stiff as the rod. Its mass stands in two points with the right mass, center and inertia
-    across; inertia about the axis is neglected, as the rod's own is.
+    Arc length continues through the body, so that it takes part in everything: it has weight,
+    thickness and inertia, it makes contact, and it goes through a hole first. It is a million times
+    as stiff as the rod. Two point masses stand for it, with the right mass, center and inertia
+    across; inertia about the axis is neglected, as for the rod.
 
-    Args:
-        rod: the DLO without it; its tip mass stays where it is
-        length: of the body along the tangent, m
-        mass: kg
-        radius: m; None: as thick as the rod at its tip
-        center: of its mass, from where it begins, m; None: in the middle
-        inertia: about an axis across through its center, kg m^2; None: that of an even cylinder,
-            or the largest that two points inside it can have, if that is less
+    Parameters
+    ----------
+    rod : Rod
+        The DLO without the body; its tip mass stays in its place.
+    length : float
+        Length of the body along the tangent, m.
+    mass : float
+        Mass in kg.
+    radius : float, optional
+        Radius in m. If None, as thick as the rod at its tip.
+    center : float, optional
+        Center of its mass, from where it begins, m. If None, in the middle.
+    inertia : float, optional
+        Inertia about an axis across through its center, kg m^2. If None, that of an even cylinder,
+        or the largest that two points inside it can have, if that is less.
 
-    Raises:
-        InvalidRod: an argument makes no sense
+    Raises
+    ------
+    InvalidRod
+        An argument makes no sense.
     """
     instance('rod', rod, Rod, InvalidRod)
     size = number('length', length, InvalidRod, above=0)

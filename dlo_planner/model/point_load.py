@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A dead load at one point of a DLO."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,15 +16,21 @@ from dlo_planner.model.value import Value, put
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PointLoad(Value):
-    """A force and a moment that keep size and direction however the DLO moves.
+    """A force and a moment of constant size and direction at a point of the DLO.
 
-    Attributes:
-        force: (3,) N, world axes
-        moment: (3,) N m, world axes
-        s: arc length of the point, m; None: the tip
+    Attributes
+    ----------
+    force : ndarray, shape (3,)
+        Force in N, world axes.
+    moment : ndarray, shape (3,)
+        Moment in N m, world axes.
+    s : float or None
+        Arc length of the point, m. If None, the tip.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     force: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]  # an array from then on

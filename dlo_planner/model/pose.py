@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Position and orientation in the world frame."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -29,13 +31,19 @@ class Pose(Value):
     The gripper's x axis is the DLO's tangent where it leaves the gripper; a cut-out's x axis is
     the direction in which the free end travels through it.
 
-    Attributes:
-        position: (3,) origin, meters, world frame
-        quaternion: (4,) x, y, z, w; normalized here; its sign is kept
-        rotation: (3, 3) columns are the frame's x, y, z axes in the world
+    Attributes
+    ----------
+    position : ndarray, shape (3,)
+        Origin in m, world frame.
+    quaternion : ndarray, shape (4,)
+        Components x, y, z, w. It is normalized; its sign is kept.
+    rotation : ndarray, shape (3, 3)
+        Columns are the frame's x, y, z axes in the world.
 
-    Raises:
-        InvalidTask: a component is not finite, or the quaternion is (nearly) zero
+    Raises
+    ------
+    InvalidTask
+        A component is not finite, or the quaternion is (nearly) zero.
     """
 
     position: Floats
@@ -65,7 +73,7 @@ class Pose(Value):
 
     @property
     def matrix(self) -> Floats:
-        """(4, 4) homogeneous transform from this frame to the world."""
+        """Homogeneous transform (4, 4) from this frame to the world."""
         matrix = np.eye(4)
         matrix[:3, :3] = self.rotation
         matrix[:3, 3] = self.position
@@ -73,20 +81,22 @@ class Pose(Value):
 
     @property
     def direction(self) -> Floats:
-        """(3,) the x axis: DLO tangent or cut-out normal, world frame."""
+        """The x axis (3,), which is the DLO's tangent or the cut-out's normal, world frame."""
         return self.rotation[:, 0]
 
     @classmethod
-    def identity(cls) -> 'Pose':
+    def identity(cls) -> Pose:
         """Return the world frame itself."""
         return cls((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
     @classmethod
-    def from_rotation(cls, position: ArrayLike, rotation: ArrayLike) -> 'Pose':
+    def from_rotation(cls, position: ArrayLike, rotation: ArrayLike) -> Pose:
         """Return the pose with the given origin (3,) and axes (3, 3), made orthonormal.
 
-        Raises:
-            InvalidTask: the axes are no rotation: orthonormal to 1e-5 and right-handed
+        Raises
+        ------
+        InvalidTask
+            The axes are not a rotation: orthonormal to 1e-5 and right-handed.
         """
         if type(rotation) is not np.ndarray or rotation.dtype != float or rotation.shape != (3, 3):
             rotation = array('rotation', rotation, (3, 3))
@@ -115,11 +125,13 @@ class Pose(Value):
         return result
 
     @classmethod
-    def from_matrix(cls, matrix: ArrayLike) -> 'Pose':
+    def from_matrix(cls, matrix: ArrayLike) -> Pose:
         """Return the pose of a (4, 4) homogeneous transform.
 
-        Raises:
-            InvalidTask: not a rigid transform (rotation orthonormal to 1e-5, last row 0 0 0 1)
+        Raises
+        ------
+        InvalidTask
+            Not a rigid transform (rotation orthonormal to 1e-5, last row 0 0 0 1).
         """
         matrix = array('matrix', matrix, (4, 4))
         if not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
@@ -131,14 +143,17 @@ class Pose(Value):
             raise InvalidTask(f'matrix: expected a rigid transform; {error}') from None
 
     @classmethod
-    def looking_along(cls, position: ArrayLike, direction: ArrayLike) -> 'Pose':
-        """Return the pose whose x axis is `direction` and whose z axis is as far up as it can be.
+    def looking_along(cls, position: ArrayLike, direction: ArrayLike) -> Pose:
+        """Return the pose whose x axis is `direction` and whose z axis points as far up as it can.
 
-        For a vertical direction, where no roll is more level than another, y stays world y.
+        For a vertical direction, the y axis is that of the world.
 
-        Args:
-            position: (3,) meters
-            direction: (3,) any length but zero
+        Parameters
+        ----------
+        position : array_like, shape (3,)
+            Position in m.
+        direction : array_like, shape (3,)
+            Direction, of any length but zero.
         """
         x = unit('direction', direction)
         y = np.cross(WORLD_UP, x)
@@ -148,13 +163,13 @@ class Pose(Value):
         y /= np.linalg.norm(y)
         return cls.from_rotation(position, np.column_stack([x, y, np.cross(x, y)]))
 
-    def compose(self, other: 'Pose') -> 'Pose':
-        """Return self * other: the pose `other`, given in this frame, seen from the world."""
+    def compose(self, other: Pose) -> Pose:
+        """Return self * other: the pose `other`, given in this frame, in the world frame."""
         instance('other', other, Pose)
         return Pose.from_rotation(self.position + self.rotation @ other.position,
                                   self.rotation @ other.rotation)
 
-    def inverse(self) -> 'Pose':
+    def inverse(self) -> Pose:
         """Return the pose of the world in this frame."""
         return Pose.from_rotation(-self.rotation.T @ self.position, self.rotation.T)
 
@@ -170,8 +185,10 @@ def angle_between(one: Floats, other: Floats) -> float:
 def displaced(pose: Pose, twist: Floats) -> Pose:
     """Return a Pose turned about its origin and then shifted.
 
-    Args:
-        twist: (6,) rotation vector, rad, before displacement, m; world axes
+    Parameters
+    ----------
+    twist : ndarray, shape (6,)
+        Rotation vector, rad, before displacement, m; world axes.
     """
     turn = Rotation.from_rotvec(twist[:3]).as_matrix()
     return Pose.from_rotation(pose.position + twist[3:], turn @ pose.rotation)

@@ -8,6 +8,8 @@ through their Gauss points tell the function within 1e-8 of its size, which find
 bisection; meshes take integrals of these polynomials.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -43,10 +45,14 @@ _AT_ENDS = np.vander([0.0, 1.0], _POINTS, increasing=True) @ _POWERS
 class Profile(Value):
     """A quantity with k components along a DLO.
 
-    Attributes:
-        edges: (m + 1,) of the panels, m
-        values: (m, 5, k) at their Gauss points
-        breaks: (n,) arc lengths inside the DLO at which it jumps, m
+    Attributes
+    ----------
+    edges : ndarray, shape (m + 1,)
+        Edges of the panels, m.
+    values : ndarray, shape (m, 5, k)
+        At their Gauss points.
+    breaks : ndarray, shape (n,)
+        Arc lengths inside the DLO at which it jumps, m.
     """
 
     edges: Floats
@@ -84,13 +90,19 @@ def resolved(name: str, function: Callable[[float], Any], length: float, stated:
              error: type[Exception] = InvalidRod) -> Profile:
     """Return the Profile of a function of s on [0, length].
 
-    Args:
-        name: how the user knows it
-        function: callable of s (m) that returns (k,) finite numbers, or raises `error`
-        stated: arc lengths, m, where it is known to jump
+    Parameters
+    ----------
+    name : str
+        Name by which the user knows it.
+    function : callable
+        Callable of s (m) that returns (k,) finite numbers, or raises `error`.
+    stated : array_like, optional
+        Arc lengths, m, where it is known to jump.
 
-    Raises:
-        error: it varies too wildly to be described
+    Raises
+    ------
+    error
+        It varies too wildly to be described.
     """
     stated = np.unique(stated)
     stated = stated[(stated > 0) & (stated < length)]

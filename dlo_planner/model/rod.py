@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The deformable linear object: length, mass, stiffness, natural shape."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,37 +28,57 @@ class Rod(Value):
 
     Material frame (t, n, b); strains are (torsion, curvature about n, curvature about b), 1/m.
 
-    What may vary along the DLO marked (*) is a number, a table of rows (s, value) that is straight
-    between them (two rows at the same s are a jump), or a callable of s in m; of a pair, each
-    component may be one of these too. A callable's jumps are found by bisection; what is narrower
-    than 1/2000 of the length has to be stated: `Piecewise(function, breaks)`.
+    A quantity marked (*) may vary along the DLO: it is a number, a table of rows (s, value), linear
+    between the rows (two rows at the same s are a jump), or a callable of s in m. Each component of
+    a pair may be one of these too. The jumps of a callable are found by bisection; a feature that
+    is narrower than 1/2000 of the length has to be stated with `Piecewise(function, breaks)`.
 
-    Attributes:
-        length: meters
-        mass_per_length: kg/m (*)
-        bending_stiffness: EI in N m^2; one number, or (EI_n, EI_b), where EI_n resists curvature
-            about n (*); numbers are always stored as the pair
-        torsional_stiffness: GJ in N m^2 (*)
-        natural_curvature: stress-free (k_n, k_b) in 1/m (*)
-        natural_twist: stress-free torsion in 1/m (*)
-        point_masses: ((s in m, mass in kg), ...)
-        tip_mass: kg at s = length
-        damping: (a, b) of Rayleigh: a in 1/s times mass, b in s times stiffness; one number is b;
-            it acts on motions and leaves statics alone
-        radius: of the outside, meters (*), where contact and pictures need it; None = thin line
-        yield_curvature: curvature since the stress-free shape beyond which bending is plastic,
-            1/m; one number, or (about n, about b); None: never
-        yield_torsion: the same for torsion, 1/m
-        section_model: how it goes on yielding: 'fibers' of its section, 'round' or 'rectangular':
-            fibers of such a section with this stiffness and these thresholds; 'ideal' (the paper's:
-            all at once, the moment stays); None: 'fibers' with a section, else 'ideal'
-        hardening: part of the stiffness that never yields, 0 <= hardening < 1
-        max_bend_curvature: curvature not to be exceeded, 1/m; None: any
-        section: cross-section, from which fibers and the strain and stress at the surface follow
-        nodes: further arc lengths in m at which every mesh has a node, as where something jumps
+    Attributes
+    ----------
+    length : float
+        Length in m.
+    mass_per_length : float, tuple or callable
+        Mass per length in kg/m (*).
+    bending_stiffness : float, tuple or callable
+        EI in N m^2; one number, or (EI_n, EI_b), where EI_n resists curvature about n (*); numbers
+        are always stored as the pair.
+    torsional_stiffness : float, tuple or callable
+        GJ in N m^2 (*).
+    natural_curvature : float, tuple or callable
+        Stress-free (k_n, k_b) in 1/m (*).
+    natural_twist : float, tuple or callable
+        Stress-free torsion in 1/m (*).
+    point_masses : tuple of (float, float)
+        Masses fixed to it: ((s in m, mass in kg), ...).
+    tip_mass : float
+        Tip mass in kg at s = length.
+    damping : float or (float, float)
+        Rayleigh damping (a, b): a in 1/s times mass, b in s times stiffness; one number is b. It
+        acts on motions and leaves statics alone.
+    radius : float, tuple or callable or None
+        Radius of the outside in m (*), which contact and pictures need. If None, a thin line.
+    yield_curvature : float or (float, float) or None
+        Curvature since the stress-free shape beyond which bending is plastic, 1/m; one number, or
+        (about n, about b). If None, never.
+    yield_torsion : float or None
+        Torsion since the stress-free shape beyond which it is plastic, 1/m; None: never.
+    section_model : str or None
+        How yielding proceeds. 'fibers': fiber by fiber of its section; 'round' or 'rectangular': of
+        such a section with this stiffness and these thresholds; 'ideal': at once, and the moment
+        stays (as in the paper). If None, 'fibers' with a section, else 'ideal'.
+    hardening : float
+        Part of the stiffness that never yields, 0 <= hardening < 1.
+    max_bend_curvature : float or None
+        Largest curvature that is allowed, 1/m. If None, there is no limit.
+    section : Section or None
+        Cross-section, from which fibers and the strain and stress at the surface follow.
+    nodes : tuple of float
+        Further arc lengths in m at which every mesh has a node.
 
-    Raises:
-        InvalidRod: naming the argument, its value and what would be right
+    Raises
+    ------
+    InvalidRod
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     length: float
@@ -141,16 +163,16 @@ class Rod(Value):
 
     @property
     def section_outline(self) -> tuple[str, float]:
-        """What yields: 'round', 'tube', 'rectangular', 'ideal'; its bore as part of the radius."""
+        """Section that yields ('round', 'tube', 'rectangular', 'ideal'), and bore over radius."""
         if self.section is None or self.section_model != 'fibers':
             return str(self.section_model), 0.0
         return self.section.kind, self.section.inner / self.section.half_n
 
     @cached_property
     def stiffness(self) -> Floats:
-        """(3,) GJ, EI_n, EI_b in N m^2, in the order of the strains.
+        """Stiffness (3,) GJ, EI_n, EI_b in N m^2, in the order of the strains.
 
-        Where they vary, those of an even DLO that gives way as much on the whole.
+        If they vary along the DLO: those of a uniform DLO with the same total compliance.
         """
         stiffness = self.mean_stiffnesses(np.array([0.0, self.length]))[0]
         stiffness.flags.writeable = False
@@ -159,12 +181,12 @@ class Rod(Value):
 
     @property
     def varies(self) -> bool:
-        """Whether anything of it varies along it."""
+        """Whether any property varies along the DLO."""
         return any(callable(getattr(self, name)) for name in _VARYING)
 
     @property
     def yields(self) -> bool:
-        """Whether there is a threshold beyond which the DLO is set for good."""
+        """Whether there is a threshold beyond which the DLO deforms permanently."""
         return self.yield_curvature is not None or self.yield_torsion is not None
 
     def masses_per_length(self, s: ArrayLike) -> Floats:
@@ -189,18 +211,18 @@ class Rod(Value):
         return np.hstack([self._means(name, s) for name in _NATURAL])
 
     def mean_stiffnesses(self, s: ArrayLike) -> Floats:
-        """Return GJ, EI_n and EI_b (N, 3) that give way as the parts between nodes `s` do, N m^2.
+        """Return GJ, EI_n and EI_b (N, 3) with the compliance of the parts between nodes, N m^2.
 
-        Their inverses are the means of the inverses: under an even moment that is exact.
+        Their inverses are the means of the inverses, which is exact under a constant moment.
         """
         s = _mesh(s)
         return np.hstack([1 / self._means(name, s) if callable(getattr(self, name))
                           else self._means(name, s) for name in _STIFF])
 
     def node_masses(self, s: ArrayLike) -> Floats:
-        """Return the masses (N + 1,) in kg that stand on nodes `s` for the rod's own mass.
+        """Return the masses (N + 1,) in kg at the nodes `s` that represent the rod's own mass.
 
-        Each element's mass goes to its two nodes so that its total and its center are right.
+        The mass of each element is shared by its two nodes, with the right total and center.
         """
         s = _mesh(s)
         if callable(self.mass_per_length):
@@ -214,7 +236,7 @@ class Rod(Value):
 
     @cached_property
     def breaks(self) -> Floats:
-        """(n,) arc lengths inside the DLO at which every mesh has a node, m, ascending."""
+        """Arc lengths (n,) inside the DLO at which every mesh has a node, m, ascending."""
         inner = [s for s in self.nodes if 0 < s < self.length]
         breaks = np.unique(np.concatenate([inner] + [
             profile.breaks for profile in self._profiles.values()]))
@@ -263,18 +285,25 @@ class Rod(Value):
 
     @classmethod
     def circular(cls, length: float, diameter: float, density: float, youngs_modulus: float,
-                 poisson_ratio: float, *, yield_stress: float | None = None, **more: Any) -> 'Rod':
+                 poisson_ratio: float, *, yield_stress: float | None = None, **more: Any) -> Rod:
         """Return a rod of solid round section (wire).
 
         EI = E pi d^4 / 64, GJ = G pi d^4 / 32, G = E / (2 (1 + nu)).
 
-        Args:
-            length, diameter: meters
-            density: kg/m^3
-            youngs_modulus: Pa
-            poisson_ratio: -1 < nu <= 0.5
-            yield_stress: Pa; gives yield_curvature and yield_torsion (von Mises)
-            more: any other argument of `Rod`
+        Parameters
+        ----------
+        length, diameter : float
+            Length and diameter in m.
+        density : float
+            Density in kg/m^3.
+        youngs_modulus : float
+            Young's modulus in Pa.
+        poisson_ratio : float
+            Poisson's ratio nu, -1 < nu <= 0.5.
+        yield_stress : float, optional
+            Yield stress in Pa; gives yield_curvature and yield_torsion (von Mises).
+        more : object
+            Any other argument of `Rod`.
         """
         d = _size('diameter', diameter)
         section = Section.of('round', d / 2, d / 2, youngs_modulus, poisson_ratio)
@@ -283,7 +312,7 @@ class Rod(Value):
     @classmethod
     def tube(cls, length: float, outer_diameter: float, inner_diameter: float, density: float,
              youngs_modulus: float, poisson_ratio: float, *, yield_stress: float | None = None,
-             **more: Any) -> 'Rod':
+             **more: Any) -> Rod:
         """Return a rod of annular section (hose); arguments as in `circular`."""
         outer = _size('outer_diameter', outer_diameter)
         inner = number('inner_diameter', inner_diameter, InvalidRod, minimum=0)
@@ -297,18 +326,25 @@ class Rod(Value):
     @classmethod
     def rectangular(cls, length: float, width: float, thickness: float, density: float,
                     youngs_modulus: float, poisson_ratio: float, *,
-                    yield_stress: float | None = None, **more: Any) -> 'Rod':
+                    yield_stress: float | None = None, **more: Any) -> Rod:
         """Return a rod of solid rectangular section (leaf spring), `width` along the n axis.
 
         EI_n = E w t^3 / 12 (soft if t < w), EI_b = E t w^3 / 12; GJ from Saint-Venant's series.
 
-        Args:
-            length, width, thickness: meters
-            density: kg/m^3
-            youngs_modulus: Pa
-            poisson_ratio: -1 < nu <= 0.5
-            yield_stress: Pa; gives yield_curvature and yield_torsion
-            more: any other argument of `Rod`
+        Parameters
+        ----------
+        length, width, thickness : float
+            Length, width and thickness in m.
+        density : float
+            Density in kg/m^3.
+        youngs_modulus : float
+            Young's modulus in Pa.
+        poisson_ratio : float
+            Poisson's ratio nu, -1 < nu <= 0.5.
+        yield_stress : float, optional
+            Yield stress in Pa; gives yield_curvature and yield_torsion.
+        more : object
+            Any other argument of `Rod`.
         """
         w = _size('width', width)
         t = _size('thickness', thickness)
@@ -317,7 +353,7 @@ class Rod(Value):
 
     @classmethod
     def _of_section(cls, section: Section, length: float, density: float,
-                    yield_stress: float | None, more: dict[str, Any]) -> 'Rod':
+                    yield_stress: float | None, more: dict[str, Any]) -> Rod:
         given = {'radius': max(section.half_n, section.half_b), 'section': section}
         if yield_stress is not None:
             stress = number('yield_stress', yield_stress, InvalidRod, minimum=MODULI[0],

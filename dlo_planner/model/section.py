@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The cross-section: its stiffness, its stress, and how it yields beyond the first fiber."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,14 +25,25 @@ _TANGENTS = 400  # terms of Saint-Venant's series
 class Section(Value):
     """A solid or hollow cross-section of one material.
 
-    Attributes:
-        kind: 'round', 'tube' or 'rectangular'
-        half_n, half_b: from the axis to the surface along n and b, m (round: the radius twice)
-        youngs_modulus, shear_modulus: Pa
-        inner: radius of a tube's bore, m
+    Attributes
+    ----------
+    kind : str
+        'round', 'tube' or 'rectangular'.
+    half_n : float
+        Distance from the axis to the surface along n, m (round: the radius).
+    half_b : float
+        Distance from the axis to the surface along b, m (round: the radius).
+    youngs_modulus : float
+        Young's modulus in Pa.
+    shear_modulus : float
+        Shear modulus in Pa.
+    inner : float
+        Radius of a tube's bore, m.
 
-    Raises:
-        InvalidRod: naming the argument
+    Raises
+    ------
+    InvalidRod
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     kind: str
@@ -57,8 +70,8 @@ class Section(Value):
 
     @classmethod
     def of(cls, kind: str, half_n: float, half_b: float, youngs_modulus: float,
-           poisson_ratio: float, inner: float = 0.0) -> 'Section':
-        """Return the section, with its material judged (InvalidRod)."""
+           poisson_ratio: float, inner: float = 0.0) -> Section:
+        """Return the section of a material; raises InvalidRod if an argument makes no sense."""
         modulus = number('youngs_modulus', youngs_modulus, InvalidRod, minimum=10 * MODULI[0],
                          maximum=MODULI[1])
         nu = number('poisson_ratio', poisson_ratio, InvalidRod, above=-1, maximum=0.5)
@@ -73,7 +86,7 @@ class Section(Value):
 
     @property
     def bending_stiffness(self) -> tuple[float, float]:
-        """(EI_n, EI_b) in N m^2."""
+        """Bending stiffness (EI_n, EI_b) in N m^2."""
         if self.kind == 'rectangular':
             return (self.youngs_modulus * 4 / 3 * self.half_n * self.half_b**3,
                     self.youngs_modulus * 4 / 3 * self.half_b * self.half_n**3)
@@ -81,7 +94,7 @@ class Section(Value):
 
     @property
     def torsional_stiffness(self) -> float:
-        """GJ in N m^2; a rectangle's J from Saint-Venant's series.
+        """Torsional stiffness GJ in N m^2; J of a rectangle from Saint-Venant's series.
 
         Timoshenko and Goodier, Theory of Elasticity, art. 109.
         """
@@ -107,8 +120,10 @@ class Section(Value):
     def surface_strain(self, bend: ArrayLike) -> Floats:
         """Return the largest axial and the largest shear strain (n, 2) of (n, 3) strains.
 
-        Args:
-            bend: (n, 3) torsion and curvatures about n and b since the stress-free shape, 1/m
+        Parameters
+        ----------
+        bend : array_like, shape (n, 3)
+            Torsion and curvatures about n and b since the stress-free shape, 1/m.
         """
         bend = array('bend', bend, (None, 3), InvalidRod)
         if self.kind == 'rectangular':

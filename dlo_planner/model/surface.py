@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The outside of a DLO: what contact and clearance need to know of a Rod."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -19,10 +21,14 @@ _JUMP = 1e-3    # of the radius: what changes by more at a node has an end face 
 class Surface(Value):
     """How far the outside of a DLO is from its axis.
 
-    Attributes:
-        radius: m, the largest
-        half: (half_n, half_b) of a rectangular section, m; None: round
-        rod: Rod whose radius varies along s, or None
+    Attributes
+    ----------
+    radius : float
+        Radius in m, the largest.
+    half : (float, float) or None
+        (half_n, half_b) of a rectangular section, m. If None, round.
+    rod : Rod or None
+        Rod whose radius varies along s, or None.
     """
 
     radius: float = 0.0
@@ -30,7 +36,7 @@ class Surface(Value):
     rod: Rod | None = None
 
     @classmethod
-    def of(cls, rod: Rod) -> 'Surface':
+    def of(cls, rod: Rod) -> Surface:
         """Return the Surface of a Rod.
 
         A rectangular `Rod.section` counts where `Rod.radius` is its bounding half size; another

@@ -6,6 +6,8 @@ All that users get or give is such a value. Its arrays are read-only, so that no
 computed from it can be changed through it.
 """
 
+from __future__ import annotations
+
 from collections.abc import Hashable, Sequence
 from dataclasses import MISSING, Field, FrozenInstanceError, fields, is_dataclass
 from math import isnan
@@ -119,10 +121,12 @@ def put(value: Value, **contents: object) -> None:
 
 
 def brief(value: Value, *parts: str) -> str:
-    """Return the repr of a value in a line: its class and what is to be said of it.
+    """Return the repr of a value in a line: its class and some texts.
 
-    Args:
-        parts: strings; empty ones are left out
+    Parameters
+    ----------
+    parts : str
+        Texts; empty ones are left out.
     """
     text = ', '.join(part for part in parts if part)
     return f'{type(value).__name__}({text if len(text) <= _LONGEST else text[:_LONGEST] + " ..."})'

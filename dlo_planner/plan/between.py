@@ -64,14 +64,19 @@ def broken_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequence[
                    brief: Brief, known: Sequence[float | None] | None = None) -> Broken | None:
     """Return what a plan breaks between its waypoints as a Broken, None if nothing.
 
-    Args:
-        path: GripperPath through the gripper poses of the plan
-        shapes: n Shape at its waypoints
-        sheets: (Sheet, normal (3,)) around the cut-outs
-        brief: Brief: workspace, obstacles, surface; its simulator finds the shapes between the
-            waypoints; without one, and for shapes that are parts of its rod, the DLO is not
-            looked at
-        known: n least rooms in the sheets at the waypoints, m; each None, or all: computed
+    Parameters
+    ----------
+    path : GripperPath
+        GripperPath through the gripper poses of the plan.
+    shapes : sequence of Shape
+        The n shapes at its waypoints.
+    sheets : sequence of SheetSide
+        (Sheet, normal (3,)) around the cut-outs.
+    brief : Brief
+        Brief: workspace, obstacles, surface; its simulator finds the shapes between the waypoints;
+        without one, and for shapes that are parts of its rod, the DLO is not looked at.
+    known : sequence of float or None, optional
+        Least room in the sheets at each waypoint, m; what is None is computed.
     """
     found = None
     if brief.workspace is not None:
@@ -89,10 +94,19 @@ def broken_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequence[
 class _Look:
     """A Shape at a parameter of the path, and how much room it has.
 
-    Attributes:
-        u: parameter; shape: Shape
-        arms: (N + 1, 3) m, from the gripper to the nodes; levers: (N + 1,) their lengths
-        rooms: (N,) m, of each element, a lower bound; least: m, of all, exact
+    Attributes
+    ----------
+    u : float
+        Parameter.
+    shape : Shape
+    arms : ndarray, shape (N + 1, 3)
+        Vectors in m from the gripper to the nodes.
+    levers : ndarray, shape (N + 1,)
+        Lengths of the arms, m.
+    rooms : ndarray, shape (N,)
+        Lower bounds of the room of each element, m.
+    least : float
+        Least room of all in m, exact.
     """
 
     u: float
@@ -154,8 +168,10 @@ class _Sweep:
                  halvings: int) -> Violation | None:
         """Return constraint, amount and words of what is broken between two Looks, or None.
 
-        Args:
-            bends: (2,) bounds of the path's second derivatives in between, linear and angular
+        Parameters
+        ----------
+        bends : ndarray, shape (2,)
+            Bounds of the path's second derivatives in between, linear and angular.
         """
         short, far = _short(one, other, bends)
         if short <= 0:

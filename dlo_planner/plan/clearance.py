@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How much room a DLO has in its cut-outs, and beside obstacles."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from typing import Any
 
@@ -54,10 +56,13 @@ def sheet_of(cutout: CutOut, length: float, obstacles: Iterable[Obstacle] = ()) 
 def clearance(obstacles: Iterable[Obstacle], surface: Surface | float, shape: Shape) -> float:
     """Return the smallest distance in m between a DLO's surface and obstacles (< 0: inside).
 
-    Args:
-        obstacles: sequence of obstacles
-        surface: Surface of the DLO, or its radius in m
-        shape: Shape
+    Parameters
+    ----------
+    obstacles : iterable of obstacle
+        The obstacles.
+    surface : Surface or float
+        Surface of the DLO, or its radius in m.
+    shape : Shape
     """
     scene = build_scene(obstacles, surface, shape.s, sharp=True)
     return float(_smallest(scene, *shape.for_kernels, np.zeros(3), np.inf)[3])
@@ -72,9 +77,12 @@ def room_in(sheet: Sheet, normal: ArrayLike, surface: Surface | float, shape: Sh
     part that does not exist, negative where the DLO would be in the material. Of a rectangular DLO
     the four edges count, each where it is.
 
-    Args:
-        normal: (3,) from before the plate to behind it
-        surface: Surface of the DLO, or its radius in m
+    Parameters
+    ----------
+    normal : array_like, shape (3,)
+        Normal from before the plate to behind it.
+    surface : Surface or float
+        Surface of the DLO, or its radius in m.
     """
     middle = np.array(sheet.pose.position)
     scene = build_scene([sheet], surface, shape.s, sharp=True)._replace(origin=middle)
@@ -274,8 +282,11 @@ def _room_in_plane(scene: Scene, o: int, x: Floats) -> Any:
 def nearest(scene: Scene, shape: Shape) -> list[tuple[float, float, Floats]]:
     """Return [(gap in m, arc length in m, unit normal (3,))] of the DLO's nearest points.
 
-    Args:
-        scene: of `energy.distance.build_scene` for a round DLO, one entry per body; shape: Shape
+    Parameters
+    ----------
+    scene : Scene
+        Scene of `energy.distance.build_scene` for a round DLO, one entry per body.
+    shape : Shape
     """
     s = np.array(shape.s)
     return [_nearest(scene, o, s, *shape.for_kernels) for o in range(scene.kind.size)]

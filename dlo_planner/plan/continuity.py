@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a DLO and its gripper go from one planned shape to the next without a leap."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.direct.continuation import shape_change
@@ -36,10 +38,14 @@ def excess(one: tuple[Floats, Floats], other: tuple[Floats, Floats], step: float
 
     A turn counts as the way of a point at the DLO's length from the gripper.
 
-    Args:
-        one, other: (rotation (3, 3), position (3,)) of the gripper before and after
-        step: of the depth, relative to the length
-        length: of the DLO, m
+    Parameters
+    ----------
+    one, other : (ndarray, ndarray)
+        (rotation (3, 3), position (3,)) of the gripper before and after.
+    step : float
+        Step of the depth, relative to the length.
+    length : float
+        Length of the DLO, m.
     """
     turn = angle_between(one[0], other[0])
     shift = float(np.linalg.norm(other[1] - one[1])) / length
@@ -51,11 +57,14 @@ def leap(simulator: DirectSimulator, before: Shape | None, shape: Shape) -> floa
 
     The direct simulation decides where the shape changes more than the gripper's turn causes.
 
-    Args:
-        simulator: DirectSimulator
-        before: Shape where the gripper comes from; None: the DLO is set down at the new pose in
-            its natural shape
-        shape: Shape that is planned
+    Parameters
+    ----------
+    simulator : DirectSimulator
+    before : Shape or None
+        Shape where the gripper comes from. If None, the DLO is set down at the new pose in its
+        natural shape.
+    shape : Shape
+        Shape that is planned.
     """
     if before is None:
         there = simulator.solve(shape.gripper)

@@ -24,9 +24,12 @@ Passes: TypeAlias = Sequence[tuple[Floats, float, Floats | None]]
 def worst_miss(shape: Shape, passes: Passes, later: Passes) -> float:
     """Return the largest distance in m of a Shape from the centers to be passed, 0 if none is.
 
-    Args:
-        shape: Shape at or between two waypoints
-        passes, later: the entries of `Plan.passes` at the waypoints before and after it
+    Parameters
+    ----------
+    shape : Shape
+        Shape at or between two waypoints.
+    passes, later : Passes
+        The entries of `Plan.passes` at the waypoints before and after it.
     """
     return max(_misses(shape, passes, later), default=0.0)
 

@@ -38,10 +38,13 @@ class Leg(Value):
 
     SciPy's cubic spline of the positions and its rotation spline.
 
-    Attributes:
-        knots: (m,) parameters of the poses, increasing, m >= 2
-        positions: (m, 3) m
-        rotations: (m, 3, 3)
+    Attributes
+    ----------
+    knots : ndarray, shape (m,)
+        Parameters of the poses, increasing, m >= 2.
+    positions : ndarray, shape (m, 3)
+        Positions in m.
+    rotations : ndarray, shape (m, 3, 3)
     """
 
     knots: Floats
@@ -70,11 +73,13 @@ class Leg(Value):
     def at(self, u: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Return positions (n, 3), rotations (n, 3, 3), first and second derivatives (n, 6).
 
-        Args:
-            u: (n,) parameters
-
         Derivatives are by u; the linear ones before the angular ones, world axes: of what turns
         the gripper, not of coordinates of its rotation.
+
+        Parameters
+        ----------
+        u : ndarray, shape (n,)
+            Parameters.
         """
         positions, rotations = self.poses(u)
         since = np.clip(u, *self.knots[[0, -1]]) - self.knots[0]
@@ -87,10 +92,12 @@ class Leg(Value):
     def control_points(self, a: Floats, b: Floats) -> Floats:
         """Return (n, 4, 3) m: the way of the origin from a to b is in the convex hull of the four.
 
-        Args:
-            a, b: (n,) parameters; no knot lies between the two
-
         They are those of a Bezier curve, so their polygon is no shorter than the way.
+
+        Parameters
+        ----------
+        a, b : ndarray, shape (n,)
+            Parameters; no knot lies between the two.
         """
         from_a, from_b, middle = a - self.knots[0], b - self.knots[0], self._middle(a, b)
         third = (b - a)[:, None] / 3
@@ -103,14 +110,16 @@ class Leg(Value):
     def bounds(self, a: Floats, b: Floats) -> Floats:
         """Return (n, 2, 3) bounds of derivatives by u between parameters a and b.
 
-        Args:
-            a, b: (n,) parameters; no knot lies between the two
-
         [:, 0]: of the sizes of the position's first to third derivative. [:, 1]: of the angular
         rate and of its first two derivatives. Polynomials are bounded by their control points. The
         rate is J phi' of the rotation vector phi since the last knot, a cubic polynomial, and
         J = integral of exp(-s phi) over s = 0...1: |J| <= 1, |J'| <= |phi'| / 2,
         |J''| <= |phi''| / 2 + |phi'|^2 / 3.
+
+        Parameters
+        ----------
+        a, b : ndarray, shape (n,)
+            Parameters; no knot lies between the two.
         """
         middle = self._middle(a, b)
         place, turn = (_polynomial_bounds(spline.c[:, middle], a - self.knots[0] - spline.x[middle],
@@ -136,8 +145,11 @@ class Leg(Value):
 def _polynomial_bounds(c: Floats, a: Floats, b: Floats) -> Floats:
     """Return (n, 3) bounds of the sizes of a cubic's first to third derivatives within [a, b].
 
-    Args:
-        c: (4, n, 3) coefficients, highest power first; a, b: (n,)
+    Parameters
+    ----------
+    c : ndarray, shape (4, n, 3)
+        Coefficients, highest power first.
+    a, b : ndarray, shape (n,)
     """
     a, b = a[:, None], b[:, None]
     slopes = [(3 * c[0] * x + 2 * c[1]) * x + c[2] for x in (a, b)]
@@ -151,9 +163,12 @@ def _polynomial_bounds(c: Floats, a: Floats, b: Floats) -> Floats:
 class GripperPath(Value):
     """The whole way: legs from stop to stop, one after the other.
 
-    Attributes:
-        times: (n,) the parameters of the waypoints it was made of
-        legs: Legs; each begins with the pose and the parameter with which the one before ends
+    Attributes
+    ----------
+    times : ndarray, shape (n,)
+        The parameters of the waypoints it was made of.
+    legs : tuple of Leg
+        Legs; each begins with the pose and the parameter with which the one before ends.
     """
 
     times: Floats
@@ -166,8 +181,10 @@ class GripperPath(Value):
         The gripper stops at corners and where a bore takes the DLO; where a pose comes again later
         it stays.
 
-        Raises:
-            InvalidTask: naming the argument: less than two poses, or no time between two
+        Raises
+        ------
+        InvalidTask
+            Naming the argument: less than two poses, or no time between two.
         """
         if len(plan) < 2:
             raise InvalidTask(f'plan has {len(plan)} poses: expected two or more')
@@ -181,9 +198,12 @@ class GripperPath(Value):
                 stops: Iterable[int] = ()) -> GripperPath:
         """Return the path through n Poses at parameters `times` (n,).
 
-        Args:
-            length: of the DLO, m: what a turn of the gripper by 1 rad counts as
-            stops: indices of poses at which the gripper stops as at a corner
+        Parameters
+        ----------
+        length : float
+            Length of the DLO, m: what a turn of the gripper by 1 rad counts as.
+        stops : iterable of int, optional
+            Indices of poses at which the gripper stops as at a corner.
         """
         times = array('plan.times', times, (len(grippers),))
         if (np.diff(times) < 0).any():
@@ -227,11 +247,15 @@ class GripperPath(Value):
 def pose_at_arc_length(plan: Plan, known: Floats, s: float) -> Pose:
     """Return the Pose on a Plan's path at which the arc length `s`, m, first passes a cut-out.
 
-    Args:
-        known: (n,) arc lengths that pass it at the waypoints, m, nan where none does
+    Parameters
+    ----------
+    known : ndarray, shape (n,)
+        Arc lengths that pass it at the waypoints, m, nan where none does.
 
-    Raises:
-        InvalidTask: it does not pass between the waypoints
+    Raises
+    ------
+    InvalidTask
+        It does not pass between the waypoints.
     """
     between = np.flatnonzero((known[1:] - s) * (known[:-1] - s) <= 0)
     if not between.size:
@@ -258,8 +282,10 @@ def _between_corners(knots: Sequence[int], grippers: Sequence[Pose], times: Floa
                      stopped: Iterable[int]) -> list[Leg]:
     """Return the Legs through those of n Poses with the indices `knots`, which all differ.
 
-    Args:
-        stopped: indices of poses at which the gripper stops
+    Parameters
+    ----------
+    stopped : iterable of int
+        Indices of poses at which the gripper stops.
     """
     if len(knots) < 2:
         return []

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """When the gripper is where: the shortest times under a linear and an angular speed limit."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,10 +16,14 @@ from dlo_planner.model.pose import Pose
 def times_at_speed(grippers: Sequence[Pose], linear_speed: float, angular_speed: float) -> Floats:
     """Return (n,) times in s: each leg takes as long as the slower of its two motions.
 
-    Args:
-        grippers: n Pose
-        linear_speed: m/s
-        angular_speed: rad/s
+    Parameters
+    ----------
+    grippers : sequence of Pose
+        The n poses.
+    linear_speed : float
+        Linear speed in m/s.
+    angular_speed : float
+        Angular speed in rad/s.
     """
     if len(grippers) < 2:
         return np.zeros(len(grippers))

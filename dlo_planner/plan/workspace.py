@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the gripper may be: a cell is not empty."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -33,13 +35,21 @@ _ROUNDS = 40
 class Workspace(Value):
     """A box that the gripper stays inside, and bodies that it stays outside.
 
-    Attributes:
-        lower, upper: (3,) m, opposite corners of the box, world axes; infinite: no limit
-        keep_out: Plane, Sphere, Capsule, Box, Sheet, in any number
-        gripper_radius: m, of the sphere about the gripper's origin that stands for the gripper
+    Attributes
+    ----------
+    lower : ndarray, shape (3,)
+        Corner of the box with the least coordinates, m, world axes; -inf: no limit.
+    upper : ndarray, shape (3,)
+        Opposite corner, m; inf: no limit.
+    keep_out : tuple of obstacle
+        Plane, Sphere, Capsule, Box, Sheet, in any number.
+    gripper_radius : float
+        Radius in m of the sphere about the gripper's origin that stands for it.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     lower: Floats = (-np.inf,) * 3  # type: ignore[assignment]  # an array from then on
@@ -85,26 +95,29 @@ class Workspace(Value):
         return limits
 
     def least_room(self, gripper: Pose) -> tuple[str, float]:
-        """Return (name, m) of the limit that is nearest to a gripper Pose, < 0 beyond it."""
+        """Return name and distance (m) of the limit nearest to a gripper Pose; < 0 beyond it."""
         place = instance('gripper', gripper, Pose).position[None]
         rooms = [(name, float(room(place)[0][0]))
                  for name, room, _ in self._limits()]
         return min(rooms, key=lambda one: one[1], default=('', np.inf))
 
     def first_beyond(self, path: GripperPath) -> tuple[int, str, float] | None:
-        """Return where a gripper on a path first goes beyond a limit, None if it never does.
+        """Return where a gripper on a path first exceeds a limit, None if it never does.
 
         All of the path is checked, not samples of it: a piece of it is halved until it is proved
         to keep its room, or a place beyond the limit is found. The sides of the box, and the
         distance from a convex body, lie above their tangent planes, and the path within its
         control points; a sheet's distance changes no more than the place does.
 
-        Args:
-            path: GripperPath
+        Parameters
+        ----------
+        path : GripperPath
 
-        Returns:
-            index of the waypoint to which the gripper is going, name of the limit, by how much (m,
-            the most before that waypoint)
+        Returns
+        -------
+        (int, str, float) or None
+            Index of the waypoint to which the gripper is going, name of the limit, and the largest
+            distance in m beyond it before that waypoint.
         """
         instance('path', path, GripperPath)
         limits, found = self._limits(), []
@@ -124,9 +137,12 @@ def _least_on(leg: Leg, rooms: Rooms, sheet: bool) -> tuple[Floats, Floats]:
 
     Exact for pieces on which it is negative, else any room that is not; see `first_beyond`.
 
-    Args:
-        rooms: function of places (n, 3) -> (rooms (n,), slopes (n, 3))
-        sheet: whether the room is the distance from a sheet, not from a convex body
+    Parameters
+    ----------
+    rooms : callable
+        Function of places (n, 3) -> (rooms (n,), slopes (n, 3)).
+    sheet : bool
+        Whether the room is the distance from a sheet, not from a convex body.
     """
     a, b = leg.pieces()
     middles, piece = 0.5 * (a + b), np.arange(a.size)

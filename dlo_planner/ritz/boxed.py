@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Records as numba has them: pointers to structures that it lays out."""
 
+from __future__ import annotations
+
 import sys
 from collections.abc import Iterable
 from typing import Any, ClassVar

@@ -10,6 +10,8 @@ for e < f,  d2V / du_f du_e = cross_f turning_e,  with 3 x 3 blocks that each de
 element only.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
@@ -34,20 +36,44 @@ from dlo_planner.ritz.record import Record
 class Attached(Record):
     """What acts on the DLO elsewhere than as a force on a node: C points inside elements, the tip.
 
-    Attributes:
-        element: (C,) and fraction: (C,) of its length; order: (C,) the points by their elements
-        force: (C, 3) derivative of the potential by the point's position, N
-        matrix: (C, 6, 6) its second derivative by the twist (rotation, displacement) of the frame
-            there, the part that is not due to `force` being carried along
-        spring: (N + 1, 3, 3) second derivative by the node positions, N/m, where sprung (N + 1,)
-        moment: (C, 3) derivative by the rotation of the frame at the point; first: (C, 3, 3) sum of
-            force r^T of what is fixed to it at offsets r; own: (C, 3, 9) second derivative by the
-            strain of the element itself, beyond that by the twist: with the twist and the strain.
-            All (0, ...) where all forces act on the axis
-        node_moment, node_first, node_matrix: likewise (N + 1, ...), at the nodes where sprung
-        tip_force, tip_moment: (3,) derivative by displacement and rotation of the free end
-        tip_first: (3, 3) sum of force r^T of what is fixed to the free end at offsets r
-        tip_matrix: (6, 6) as `matrix`
+    Attributes
+    ----------
+    element : ndarray of int, shape (C,)
+        Index of the element of each point.
+    fraction : ndarray, shape (C,)
+        Place of each point, as a part of the element's length.
+    order : ndarray of int, shape (C,)
+        The points by their elements.
+    force : ndarray, shape (C, 3)
+        Derivative of the potential by the point's position, N.
+    matrix : ndarray, shape (C, 6, 6)
+        Its second derivative by the twist (rotation, displacement) of the frame there, the part
+        that is not due to `force` being carried along.
+    spring : ndarray, shape (N + 1, 3, 3)
+        Second derivative by the node positions, N/m.
+    sprung : ndarray of bool, shape (N + 1,)
+        Where there is such a spring.
+    moment : ndarray, shape (C, 3)
+        Derivative by the rotation of the frame at the point.
+    first : ndarray, shape (C, 3, 3)
+        Sum of force r^T of what is fixed to it at offsets r.
+    own : ndarray, shape (C, 3, 9)
+        Second derivative by the strain of the element itself, beyond that by the twist: with the
+        twist and the strain. All (0, ...) where all forces act on the axis.
+    node_moment : ndarray
+        As `moment`, at the nodes where sprung; (0, 3) where all forces act on the axis.
+    node_first : ndarray
+        As `first`, at the nodes.
+    node_matrix : ndarray
+        As `matrix`, at the nodes.
+    tip_force : ndarray, shape (3,)
+        Derivative by the displacement of the free end, N.
+    tip_moment : ndarray, shape (3,)
+        Derivative by the rotation of the free end, N m.
+    tip_first : ndarray, shape (3, 3)
+        Sum of force r^T of what is fixed to the free end at offsets r.
+    tip_matrix : ndarray, shape (6, 6)
+        As `matrix`.
     """
 
     element: Ints

@@ -9,6 +9,8 @@ not defined, and small changes of shape are large changes of q_d: the reason why
 components are what the simulators use.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
@@ -51,9 +53,12 @@ def element_rotation(described: ArrayLike, length: float) -> Floats:
     R(t, q_d) R(n, q_kappa ds) R(t, -q_d) R(t, q_tau ds): bending first, then torsion. For
     ds -> 0 it is the exponential of the components, which treats both alike.
 
-    Args:
-        described: (3,) q_d, q_kappa, q_tau
-        length: ds, m
+    Parameters
+    ----------
+    described : array_like, shape (3,)
+        q_d, q_kappa, q_tau.
+    length : float
+        Length of the element (ds), m.
     """
     direction, amount, torsion = np.asarray(described, dtype=float)
     return (_about_t(direction) @ _about_n(amount * length) @ _about_t(-direction)

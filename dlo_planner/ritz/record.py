@@ -8,6 +8,8 @@ Record is one pointer (numba's structref, see `boxed`). Its fields never change,
 contents may. Where kernels are plain Python, so is a Record.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import Any, ClassVar, Self
 

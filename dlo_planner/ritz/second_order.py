@@ -42,17 +42,23 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
 
     All derivatives are by the scaled strains, u = natural + scale * (unknown).
 
-    Args:
-        scale: (N, 3)
-        pull: (N + 1, 3) derivative of the potential by the node positions, constant
-        turning: (N, 3 or 6, 3) filled (first three rows): world rotation of all that lies
-            beyond, per scaled strain
-        cross: (N, 3, 3 or 6) filled (first three columns): change of this element's gradient per
-            world rotation of all that lies between the gripper and it
-        diagonal: (N, 3, 3) filled: second derivative by this element's own strain
+    Parameters
+    ----------
+    scale : (N, 3)
+    pull : (N + 1, 3)
+        Derivative of the potential by the node positions, constant.
+    turning : (N, 3 or 6, 3)
+        Filled (first three rows): world rotation of all that lies beyond, per scaled strain.
+    cross : (N, 3, 3 or 6)
+        Filled (first three columns): change of this element's gradient per world rotation of all
+        that lies between the gripper and it.
+    diagonal : (N, 3, 3)
+        Filled: second derivative by this element's own strain.
 
-    Returns:
-        the (3, 3) change of the moment about the gripper's origin per rotation of the gripper
+    Returns
+    -------
+    (3, 3)
+        Change of the moment about the gripper's origin per rotation of the gripper.
     """
     n = lengths.size
     place = attached.element.size - 1

@@ -7,6 +7,8 @@ Every strain is written as its natural value plus a series. The functions are or
 series spans is the paper's, what the minimizer sees is well conditioned.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.model.arrays import Floats
@@ -53,10 +55,14 @@ def orthonormal_basis(basis: str, n_terms: int, s: Floats) -> Floats:
     N strains are all that N elements can have, so m is n_terms or N, whichever is less: further
     terms could not be told from the first N, and nothing is lost without them.
 
-    Args:
-        basis: of BASES; 'local' gives (N, 0), one unknown strain per element
-        n_terms: N_c
-        s: (N + 1,) nodes, s[0] = 0, s[-1] = L
+    Parameters
+    ----------
+    basis : str
+        One of BASES; 'local' gives (N, 0), one unknown strain per element.
+    n_terms : int
+        Number of terms, N_c.
+    s : ndarray, shape (N + 1,)
+        Nodes, s[0] = 0, s[-1] = L.
     """
     if basis == 'local':
         return np.zeros((s.size - 1, 0))

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Proof with a plan: it is run through the direct simulator, slowly and as it is executed."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from os import PathLike
@@ -37,30 +39,62 @@ _MAY_BE_LEFT_OUT = ('miss', 'misalignment', 'clearance', 'dynamic_miss', 'swing'
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Report(Reported):
-    """What the direct simulator says of a plan; worst values over all waypoints, or in motion.
+    """Result of a direct simulation of a plan: worst values over all waypoints, or in motion.
 
-    A figure that nothing was looked at for is nan, and named in `not_looked_at`.
+    A figure that was not computed is nan, and `not_looked_at` names it.
 
-    Attributes:
-        converged: every pose has an equilibrium that continues the one before, and it is the one
-            of the plan: its `deviation` is below 1 % of the length
-        miss: distance of the DLO from a center that it should pass, m
-        misalignment: angle against a normal along which it should pass, rad
-        residual, stability, bend_margin: of the shapes
-        contact_force: largest force of one contact with the simulator's obstacles, N
-        clearance: m, to the sized cut-outs of the plan and the obstacles given
-        deviation: largest distance between the shapes found and those of the plan, m
-        dynamic_miss, swing, arrival, departure, dynamic_clearance, dynamic_contact_force, duration,
-            step: of the motion, see `InMotion`; the worse of that with the rod's damping and that
-            without any
-        workspace_margin: least distance of the gripper from the limits of its workspace, m
-        mode_margin: see `Trajectory`
-        tolerance: m, of `trajectory`
-        trajectory: Trajectory that was looked at, the one to be executed; None: none
-        reason: why it must not be executed; empty: it may be
-        not_looked_at: names of the figures that are nan
+    The figures of a motion that could not be simulated to its end are infinitely bad.
 
-    In a motion that could not be simulated to its end, the figures are infinitely bad.
+    Attributes
+    ----------
+    converged : bool
+        Every pose has an equilibrium that continues the one before, and it is the one of the plan:
+        its `deviation` is below 1 % of the length.
+    miss : float
+        Distance of the DLO from a center that it should pass, m.
+    misalignment : float
+        Angle between the DLO and a normal along which it should pass, rad.
+    residual : float
+        Largest residual of the shapes.
+    stability : float
+        Least stability of the shapes.
+    bend_margin : float
+        Least bend margin of the shapes, 1/m.
+    contact_force : float
+        Largest force of one contact with the simulator's obstacles, N.
+    clearance : float
+        Clearance in m to the sized cut-outs of the plan and the obstacles given.
+    deviation : float
+        Largest distance between the shapes found and those of the plan, m.
+    dynamic_miss : float
+        `InMotion.miss`, m; here and below the worse of two motions: with the rod's damping, and
+        without any.
+    dynamic_clearance : float
+        `InMotion.clearance`, m.
+    dynamic_contact_force : float
+        `InMotion.contact_force`, N.
+    swing : float
+        `InMotion.swing`, m.
+    arrival : float
+        `InMotion.arrival`, m.
+    departure : float
+        `InMotion.departure`, m.
+    duration : float
+        `InMotion.duration`, s.
+    step : float
+        `InMotion.step`, s.
+    workspace_margin : float
+        Least distance of the gripper from the limits of its workspace, m.
+    mode_margin : float
+        See `Trajectory`.
+    tolerance : float
+        Tolerance in m, of `trajectory`.
+    trajectory : Trajectory or None
+        Trajectory that was looked at, the one to be executed. If None, there was none.
+    reason : str
+        Why the trajectory must not be executed; empty if it may be.
+    not_looked_at : tuple of str
+        Names of the figures that are nan.
     """
 
     converged: bool
@@ -90,7 +124,7 @@ class Report(Reported):
     def __post_init__(self) -> None:
         put(self, converged=flag('Report.converged', self.converged),
             **{item.name: figure(f'Report.{item.name}', getattr(self, item.name))
-               for item in fields(self) if item.type is float or item.type == 'float'},
+               for item in fields(self) if item.type == 'float'},
             trajectory=instance('Report.trajectory', self.trajectory, Trajectory, optional=True),
             reason=instance('Report.reason', self.reason, str),
             not_looked_at=items('Report.not_looked_at', self.not_looked_at, str))
@@ -107,18 +141,20 @@ class Report(Reported):
         save(path, report_arrays(self), 'Report')
 
     @classmethod
-    def load(cls, path: str | PathLike[str]) -> 'Report':
+    def load(cls, path: str | PathLike[str]) -> Report:
         """Return the Report saved at `path`.
 
-        Raises:
-            InvalidTask: not such a file; the message names it
+        Raises
+        ------
+        InvalidTask
+            Not such a file; the message names it.
         """
         result: Report = load(path, lambda arrays: cls(**report_contents(arrays)), 'Report')
         return result
 
     @property
     def safe(self) -> bool:
-        """Whether `trajectory` may be executed: the DLO follows it, touches nothing, stays calm."""
+        """Whether `trajectory` may be executed: the DLO follows it calmly and touches nothing."""
         return not self.reason
 
 
@@ -127,28 +163,42 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
            trajectory: Trajectory | None = None, workspace: Workspace | None = None,
            initial: Shape | None = None, progress: OnProgress = None,
            deadline: float | None = None) -> Report:
-    """Return the Report of a Plan.
+    """Simulate a Plan, and return the Report.
 
-    Args:
-        simulator: DirectSimulator, the planner's own or a better one
-        plan: Plan; of an insertion, whose shapes are parts of the DLO, each is held at the mouth
-            as planned
-        obstacles: whose clearance is wanted besides the cut-outs' with a size
-        limits: Limits; a Trajectory is made within them, and looked at (None: none is)
-        tolerance: m, with limits, of that Trajectory
-        trajectory: one of this plan that is looked at instead
-        workspace: whose margin is wanted, or None
-        initial: Shape before the first pose; None: the natural shape is set down there or, if the
-            plan begins in contact, the DLO is in the first shape of the plan
-        progress: called as progress(done, total) after each step of each of its runs
-        deadline: s of computing after which DeadlineExceeded is raised; None: no limit
+    If a motion cannot be made calm, the report is of the motion within limits alone, not `safe`.
 
-    Raises:
-        InvalidTask: an argument makes no sense, tolerance without limits, or a motion of more than
-            20000 instants; the message names it
-        DeadlineExceeded: as asked for
+    Parameters
+    ----------
+    simulator : DirectSimulator
+        DirectSimulator, the planner's own or a better one.
+    plan : Plan
+        Plan. The shapes of an insertion are parts of the DLO; each is held at the mouth as
+        planned.
+    obstacles : iterable of obstacle, optional
+        Obstacles whose clearance is wanted besides the cut-outs' with a size.
+    limits : Limits, optional
+        Limits; a Trajectory is made within them, and looked at (None: none is).
+    tolerance : float, optional
+        Tolerance in m, with limits, of that Trajectory.
+    trajectory : Trajectory, optional
+        One of this plan that is looked at instead.
+    workspace : Workspace, optional
+        Workspace whose margin is wanted, or None.
+    initial : Shape, optional
+        Shape before the first pose. If None, the natural shape is set down there or, if the plan
+        begins in contact, the DLO is in the first shape of the plan.
+    progress : callable, optional
+        Called as progress(done, total) after each step of each of its runs.
+    deadline : float, optional
+        Seconds of computing after which DeadlineExceeded is raised. If None, there is no limit.
 
-    A motion that cannot be made calm is reported as it is within limits alone, and is not `safe`.
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense, tolerance without limits, or a motion of more than 20000
+        instants; the message names it.
+    DeadlineExceeded
+        The deadline is over.
     """
     clamping('simulator', simulator)
     if not len(instance('plan', plan, Plan)):

@@ -7,6 +7,8 @@ which needs no smallness. A miss is the distance of the DLO, extended straight o
 short to get there, from a center that it should pass.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields, replace
@@ -36,18 +38,28 @@ _AT_ONCE = 25   # samples in one piece of work
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Spread(Value):
-    """Standard deviations of what is not known exactly; all independent and normal.
+    """Standard deviations of uncertain quantities, all independent and normal.
 
-    Attributes:
-        bending_stiffness, torsional_stiffness, mass: relative, of EI_n and EI_b alike, of GJ, and
-            of all masses alike
-        length: m, of the part beyond the gripper
-        natural_curvature: 1/m, of each of its two components, the same all along
-        gripper_position: m, along each axis; gripper_rotation: rad, about each axis; constant
-            during a plan, as a calibration is
-        curvature_variation: 1/m, of each of the natural curvature's two components about its mean,
-            as root mean square along the DLO: Legendre polynomials P_1, P_2, ..., the higher the
-            less, see `variation_deviations`
+    Attributes
+    ----------
+    bending_stiffness : float
+        Relative deviation of EI_n and EI_b alike.
+    torsional_stiffness : float
+        Relative deviation of GJ.
+    mass : float
+        Relative deviation of all masses alike.
+    length : float
+        Deviation in m of the length beyond the gripper.
+    natural_curvature : float
+        Deviation in 1/m of each of its two components, the same all along.
+    gripper_position : float
+        Deviation in m along each axis.
+    gripper_rotation : float
+        Deviation in rad about each axis; constant during a plan, as a calibration is.
+    curvature_variation : float
+        Deviation in 1/m of each of the natural curvature's two components about its
+        mean, as root mean square along the DLO: Legendre polynomials P_1, P_2, ..., the higher the
+        less, see `variation_deviations`.
     """
 
     bending_stiffness: float = 0.0
@@ -86,15 +98,21 @@ def variation_deviations(count: int) -> Floats:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Robustness(Value):
-    """How far off a plan is under a Spread; n waypoints, m samples.
+    """Misses of a plan under a Spread; n waypoints, m samples.
 
-    Attributes:
-        causes: names in Spread
-        by_cause: (n, len(causes)) root mean square of the miss due to each alone, to first order, m
-        first_order: (n,) the same due to all together
-        sampled: (m, n) misses of the samples, m; infinite where one has no stable shape
-        success: part of the samples that miss by less than the room at the rim, at every waypoint;
-            nan without samples or without a size of a cut-out
+    Attributes
+    ----------
+    causes : tuple of str
+        Names in Spread.
+    by_cause : ndarray
+        (n, len(causes)) root mean square of the miss due to each alone, to first order, m.
+    first_order : ndarray, shape (n,)
+        The same due to all together.
+    sampled : ndarray, shape (m, n)
+        Misses of the samples, m; infinite where one has no stable shape.
+    success : float
+        Part of the samples that miss by less than the room at the rim, at every waypoint; nan
+        without samples or without a size of a cut-out.
     """
 
     causes: tuple[str, ...]
@@ -125,14 +143,16 @@ class Robustness(Value):
 
     @property
     def worst(self) -> str:
-        """Name of the cause that hurts most: whose miss is the largest of all waypoints."""
+        """Name of the cause with the largest miss of all waypoints."""
         return self.causes[int(np.argmax(self.by_cause.max(axis=0)))]
 
     def quantile(self, part: float) -> Floats:
-        """Return (n,): the miss that `part` (0 to 1) of the samples do not exceed, m.
+        """Return the misses (n,) that `part` (0 to 1) of the samples do not exceed, m.
 
-        Raises:
-            InvalidTask: no such part, or there are no samples
+        Raises
+        ------
+        InvalidTask
+            No such part, or there are no samples.
         """
         part = number('part', part, minimum=0, maximum=1)
         if not len(self.sampled):
@@ -146,19 +166,30 @@ def robustness(simulator: DirectSimulator, plan: Plan, spread: Spread, *, sample
               deadline: float | None = None) -> Robustness:
     """Return the Robustness of a plan under a Spread.
 
-    Args:
-        simulator: DirectSimulator for which the plan was made
-        plan: Plan of a threading, which is looked at without obstacles, or of a contact
-        samples: how many to draw; 0: first order only
-        seed: of the draws
-        executor: a `concurrent.futures.Executor` for the samples, e.g. a ProcessPoolExecutor; None:
-            one after the other. The result does not depend on it.
-        progress: called as progress(done, total) after each batch of samples
-        deadline: s of computing after which DeadlineExceeded is raised; None: no limit
+    Parameters
+    ----------
+    simulator : DirectSimulator
+        DirectSimulator for which the plan was made.
+    plan : Plan
+        Plan of a threading, which is looked at without obstacles, or of a contact.
+    samples : int, optional
+        Number of samples; 0: first order only.
+    seed : int, optional
+        Seed of the draws.
+    executor : Executor, optional
+        A `concurrent.futures.Executor` for the samples, e.g. a ProcessPoolExecutor; None: one after
+        the other. The result does not depend on it.
+    progress : callable, optional
+        Called as progress(done, total) after each batch of samples.
+    deadline : float, optional
+        Seconds of computing after which DeadlineExceeded is raised. If None, there is no limit.
 
-    Raises:
-        InvalidTask: an argument makes no sense; the message names it
-        DeadlineExceeded: the deadline is over; samples that an executor has begun go on
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
+    DeadlineExceeded
+        The deadline is over; samples that an executor has begun go on.
     """
     clamping('simulator', simulator)
     if not len(instance('plan', plan, Plan)):

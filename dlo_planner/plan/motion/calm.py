@@ -47,12 +47,18 @@ _ROUNDS = 4          # of slowing down to make room for a shift
 class LegTask:
     """A leg to be gone through calmly.
 
-    Attributes:
-        leg: Leg; response: Response on it; limits: Limits
-        holes: (k, n) arc lengths that pass the k centers at the parameters of `response`, m, nan
-            where none does
-        last: whether the plan ends with it
-        wrong: Responses, at the same parameters, of DLOs whose stiffness is wrong
+    Attributes
+    ----------
+    leg : Leg
+    response : Response
+        Response on it.
+    limits : Limits
+    holes : ndarray, shape (k, n)
+        Arc lengths that pass the k centers at the parameters of `response`, m, nan where none does.
+    last : bool
+        Whether the plan ends with it.
+    wrong : tuple of Response
+        Responses, at the same parameters, of DLOs whose stiffness is wrong.
     """
 
     leg: Leg
@@ -115,10 +121,16 @@ class LegTask:
 class Passage:
     """How a DLO passes a center; n parameters and m modes as of its Response.
 
-    Attributes:
-        before: (n,) m, of the free end from the center, as far as it is not passed; 0 from then on
-        across: (n, m, 3) m, displacements by the modes of what passes, of the free end before
-        tangents: (n, 3) there; ahead: (n, m) m, displacements along them
+    Attributes
+    ----------
+    before : ndarray, shape (n,)
+        Distance in m of the free end from the center before it is passed; 0 from then on.
+    across : ndarray, shape (n, m, 3)
+        Displacements in m by the modes of what passes; before that, of the free end.
+    tangents : ndarray, shape (n, 3)
+        Tangents there.
+    ahead : ndarray, shape (n, m)
+        Displacements in m along the tangents.
     """
 
     before: Floats
@@ -140,8 +152,14 @@ class Passage:
     def deviation(self, response: Response, u: Floats, place: Floats, shift: Floats) -> Floats:
         """Return (k, 3) m: where the moving DLO passes, at those instants at which it does.
 
-        Args:
-            u: (t,) parameters; place: (t, m) of the modes; shift: (t, 3) m, of the gripper
+        Parameters
+        ----------
+        u : ndarray, shape (t,)
+            Parameters.
+        place : ndarray, shape (t, m)
+            Place of the modes.
+        shift : ndarray, shape (t, 3)
+            Shift of the gripper, m.
         """
         ahead = (np.einsum('tm,tm->t', response.between(self.ahead, u), place)
                  + np.einsum('ti,ti->t', response.between(self.tangents, u), shift))
@@ -156,9 +174,15 @@ class Passage:
 class Case:
     """One of the DLOs with which a law is judged.
 
-    Attributes:
-        response: Response; holes, last: as of its LegTask
-        allowed: times the tolerance by which it may deviate
+    Attributes
+    ----------
+    response : Response
+    holes : ndarray
+        As of its LegTask.
+    last : bool
+        Whether the plan ends with its leg.
+    allowed : float
+        Allowed deviation, as a multiple of the tolerance.
     """
 
     response: Response

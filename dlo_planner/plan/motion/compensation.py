@@ -34,9 +34,11 @@ def compensated(task: LegTask, law: TimeLaw,
                 begins: Sequence[Floats] | None = None) -> Shift | None:
     """Return the Shift that makes the deviations of a LegTask's DLOs least, None on a short leg.
 
-    Args:
-        law: TimeLaw
-        begins: (2, m) states of the cases at the beginning; None: at rest
+    Parameters
+    ----------
+    law : TimeLaw
+    begins : sequence of ndarray, optional
+        (2, m) states of the cases at the beginning. If None, at rest.
     """
     knots, inner = _knots(law.duration, 2 * np.pi / task.response.rates.min())
     if not inner.size:
@@ -56,9 +58,12 @@ def compensated(task: LegTask, law: TimeLaw,
 def _answers(case: Case, law: TimeLaw, begin: Floats, basis: BSpline) -> tuple[Floats, Floats]:
     """Return what counts of the deviation of a Case, by the coefficients (r, 3 k) and before (r,).
 
-    Args:
-        begin: (2, m) state at the beginning
-        basis: BSpline with k pieces; coefficients along x come first, then y, then z
+    Parameters
+    ----------
+    begin : ndarray, shape (2, m)
+        State at the beginning.
+    basis : BSpline
+        BSpline with k pieces; coefficients along x come first, then y, then z.
     """
     response = case.response
     times, u, *oscillators = response.oscillators(law)

@@ -7,6 +7,8 @@ Its constraints here are limits of the lengths of vectors, not of single coordin
 the DLO's quasi-static deviation (`Bearing`).
 """
 
+from __future__ import annotations
+
 import logging
 from dataclasses import dataclass
 from types import ModuleType
@@ -32,8 +34,12 @@ _STILL = 1e-12    # length of a derivative below which its direction has no mean
 class Bearing:
     """The bounds |slopes u'' + bends u'^2| <= most at each of n parameters, for m quantities.
 
-    Attributes:
-        parameters: (n,); slopes, bends: (n, m); most: (n, m)
+    Attributes
+    ----------
+    parameters : ndarray, shape (n,)
+    slopes : ndarray, shape (n, m)
+    bends : ndarray, shape (n, m)
+    most : ndarray, shape (n, m)
     """
 
     parameters: Floats
@@ -46,13 +52,19 @@ def fastest_rates(leg: Leg, limits: Limits,
                   bearing: Bearing | None = None) -> tuple[Floats, Floats]:
     """Return parameters (m,) and the largest rates du/dt (m,) there, from rest to rest.
 
-    Args:
-        leg: Leg that is no dwell
-        limits: Limits of speed and acceleration; jerks are not kept here
-        bearing: Bearing that is kept as well, or None
+    Parameters
+    ----------
+    leg : Leg
+        Leg that is no dwell.
+    limits : Limits
+        Limits of speed and acceleration; jerks are not kept here.
+    bearing : Bearing, optional
+        Bearing that is kept as well, or None.
 
-    Raises:
-        InvalidTask: no rates were found
+    Raises
+    ------
+    InvalidTask
+        No rates were found.
     """
     import toppra  # noqa: PLC0415  (it imports matplotlib: only where it is used)
     from toppra.algorithm import TOPPRA  # noqa: PLC0415

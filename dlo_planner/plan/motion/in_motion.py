@@ -40,20 +40,31 @@ class InMotion(Value):
 
     Distances of a DLO that could not be simulated to the end are infinitely bad.
 
-    Attributes:
-        converged: whether every step was solved
-        miss: distance from the centers to be passed, between all waypoints: of the nearest arc
-            length between those of both waypoints; a center that the free end only comes to on that
-            way counts from then on; nan if there is none. A DLO in a bore cannot miss it: there the
-            `swing` of what is outside counts
-        swing: largest distance of the DLO from its equilibrium in the same gripper
-        arrival: the same at the first instant that counts for `miss`, or nan
-        departure: the same in the slowest period after the motion's end
-        clearance: from the sheets around sized cut-outs and from the obstacles given, nan if none
-        calm_clearance: the same of the DLO that follows slowly on the same way
-        contact_force: largest force of one contact with the simulator's obstacles, or of the mouth
-            of a bore, N
-        duration: of the motion, s; step: between two instants looked at, s
+    Attributes
+    ----------
+    converged : bool
+        Whether every step was solved.
+    miss : float
+        Distance from the centers to be passed, between all waypoints: of the nearest arc length
+        between those of both waypoints; a center that the free end only comes to on that way counts
+        from then on; nan if there is none. A DLO in a bore cannot miss it: there the `swing` of
+        what is outside counts.
+    swing : float
+        Largest distance of the DLO from its equilibrium in the same gripper.
+    arrival : float
+        The same at the first instant that counts for `miss`, or nan.
+    departure : float
+        The same in the slowest period after the motion's end.
+    clearance : float
+        Clearance from the sheets around sized cut-outs and from the obstacles given, nan if none.
+    calm_clearance : float
+        The same of the DLO that follows slowly on the same way.
+    contact_force : float
+        Largest force of one contact with the simulator's obstacles, or of the mouth of a bore, N.
+    duration : float
+        Duration of the motion, s.
+    step : float
+        Step between two instants looked at, s.
     """
 
     converged: bool
@@ -91,15 +102,22 @@ def in_motion(simulator: DirectSimulator, plan: Plan, way: TimedPath, first: Sha
               obstacles: tuple[Obstacle, ...], progress: Progress) -> InMotion:
     """Return InMotion of a Plan's DLO.
 
-    Args:
-        simulator: DirectSimulator; plan: Plan
-        way: TimedPath of the plan
-        first: Shape at its beginning, at rest
-        obstacles: tuple of obstacles whose clearance is wanted
-        progress: Progress
+    Parameters
+    ----------
+    simulator : DirectSimulator
+    plan : Plan
+    way : TimedPath
+        TimedPath of the plan.
+    first : Shape
+        Shape at its beginning, at rest.
+    obstacles : tuple of obstacle
+        Obstacles whose clearance is wanted.
+    progress : Progress
 
-    Raises:
-        InvalidTask: the motion has more than 20000 instants
+    Raises
+    ------
+    InvalidTask
+        The motion has more than 20000 instants.
     """
     period = slowest_period(simulator.rod)
     times = np.linspace(0, way.duration + period, _instants(way.duration + period, period))
@@ -124,10 +142,17 @@ def in_motion(simulator: DirectSimulator, plan: Plan, way: TimedPath, first: Sha
 class _Seen:
     """What a simulated motion shows at n instants.
 
-    Attributes:
-        shapes: list; calm: those of the DLO that follows slowly
-        miss, swing: (n,) m
-        contact_force: largest one, N
+    Attributes
+    ----------
+    shapes : sequence of Shape
+    calm : sequence of Shape
+        Shapes of the DLO that follows slowly.
+    miss : ndarray, shape (n,)
+        Miss in m.
+    swing : ndarray, shape (n,)
+        Swing in m.
+    contact_force : float
+        Largest contact force, N.
     """
 
     shapes: Sequence[Shape]

@@ -52,11 +52,18 @@ _TOLERANCE = 1e-3  # of the length: of the simulation, as `simulate` has it
 class Feed:
     """How a plan pushes a DLO into a bore.
 
-    Attributes:
-        simulator: DirectSimulator of the whole DLO
-        mouth: Pose, x axis into the bore
-        times: (n,) of the plan, s; depths: (n,) m
-        borne: (n,) part of the weight at the mouth that the mouth carries, N, against gravity
+    Attributes
+    ----------
+    simulator : DirectSimulator
+        DirectSimulator of the whole DLO.
+    mouth : Pose
+        Pose, x axis into the bore.
+    times : ndarray, shape (n,)
+        Times of the plan, s.
+    depths : ndarray, shape (n,)
+        Depths in m.
+    borne : ndarray, shape (n,)
+        Part of the weight at the mouth that the mouth carries, N, against gravity.
     """
 
     simulator: DirectSimulator
@@ -93,9 +100,12 @@ class Feed:
     def outside(self, depth: float, lifted: float) -> Discretization:
         """Return the Discretization of the DLO that ends at the mouth, without obstacles.
 
-        Args:
-            depth: m that are inside
-            lifted: N of the weight at the mouth that the mouth carries
+        Parameters
+        ----------
+        depth : float
+            Length in m that is inside.
+        lifted : float
+            Weight at the mouth that the mouth carries, N.
         """
         around, rod = self.simulator.surroundings, self.simulator.rod
         end = rod.length - depth
@@ -133,10 +143,16 @@ def _up(gravity: Floats) -> Floats:
 class Outside:
     """What is outside of the bore at n instants, up to where the motion could be simulated.
 
-    Attributes:
-        shapes: n Shape in motion; calm: n Shape, the equilibria in the same gripper
-        forces: (n,) N, sizes of what the mouth exerts
-        converged: whether every step was solved
+    Attributes
+    ----------
+    shapes : list of Shape
+        The n shapes in motion.
+    calm : list of Shape
+        The n shapes, the equilibria in the same gripper.
+    forces : ndarray, shape (n,)
+        Sizes of the forces that the mouth exerts, N.
+    converged : bool
+        Whether every step was solved.
     """
 
     shapes: list[Shape]
@@ -149,11 +165,17 @@ def pushed(feed: Feed, grippers: Sequence[Pose], u: Floats, dt: float, start: Sh
            velocity: Floats | None, progress: Progress) -> Outside:
     """Return what is Outside while the gripper goes through n Poses.
 
-    Args:
-        u: (n,) the plan's times that are reached there; dt: s between two instants
-        start: Shape of the DLO at the first one, at least as long as what is outside
-        velocity: (N + 1, 3) m/s of its nodes; None: the DLO is in equilibrium, at rest
-        progress: Progress
+    Parameters
+    ----------
+    u : ndarray, shape (n,)
+        The plan's times that are reached there.
+    dt : float
+        Seconds between two instants.
+    start : Shape
+        Shape of the DLO at the first one, at least as long as what is outside.
+    velocity : ndarray, shape (N + 1, 3) or None
+        Velocity in m/s of its nodes. If None, the DLO is in equilibrium, at rest.
+    progress : Progress
     """
     guide = Guide(grippers, dt, velocity is None)
     shapes, calm, forces, k = [start], [start], [0.0], 0

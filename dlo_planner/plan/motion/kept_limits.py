@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a motion keeps its limits: bounds of its speeds, accelerations and jerks at all times."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -43,15 +43,27 @@ _FEWEST, _MOST = 200, 20_000  # instants
 class Response:
     """What is known of a DLO at n parameters of a leg; m modes, N + 1 nodes.
 
-    Attributes:
-        parameters: (n,)
-        shapes: n Shape
-        rates: (n, m) angular frequencies, 1/s; damping: (n, m) ratios
-        displacements: (n, m, N + 1, 3) m, of generalized mass 1 kg
-        slopes, bends: (n, m), see above
-        pulls: (n, m, 3) the same products with a shift of the gripper, of the DLO as it is
-        masses: (N + 1,) of the nodes, kg
-        turning: (n - 1, m, m) skew: how fast the modes turn into one another between parameters
+    Attributes
+    ----------
+    parameters : ndarray, shape (n,)
+    shapes : tuple of Shape
+        The n shapes.
+    rates : ndarray, shape (n, m)
+        Angular frequencies, 1/s.
+    damping : ndarray, shape (n, m)
+        Damping ratios.
+    displacements : ndarray, shape (n, m, N + 1, 3)
+        Displacements in m at a generalized mass of 1 kg.
+    slopes : ndarray, shape (n, m)
+        See above.
+    bends : ndarray, shape (n, m)
+        See above.
+    pulls : ndarray, shape (n, m, 3)
+        The same products with a shift of the gripper, of the DLO as it is.
+    masses : ndarray, shape (N + 1,)
+        Masses of the nodes, kg.
+    turning : ndarray, shape (n - 1, m, m)
+        Skew matrices: rates at which the modes turn into one another between parameters.
     """
 
     parameters: Floats
@@ -70,12 +82,16 @@ class Response:
            parameters: Floats | None = None) -> Response:
         """Return the Response on a Leg that begins in the Shape `first`.
 
-        Args:
-            simulator: DirectSimulator
-            parameters: (n,) where the modes are looked at; None: closer where they change fast
+        Parameters
+        ----------
+        simulator : DirectSimulator
+        parameters : ndarray, shape (n,), optional
+            Where the modes are looked at. If None, closer where they change fast.
 
-        Raises:
-            InvalidTask: a shape on the way has no modes
+        Raises
+        ------
+        InvalidTask
+            A shape on the way has no modes.
         """
         u, shapes, modes = (_places(simulator, leg, first) if parameters is None else
                             (parameters, *_known(simulator, leg, first, parameters)))
@@ -99,8 +115,10 @@ class Response:
     def bearing(self, deviation: float, sizes: Floats) -> Bearing:
         """Return the Bearing that keeps the slowly built-up deviation of each mode below, m.
 
-        Args:
-            sizes: (n, m) of the displacements that count, m
+        Parameters
+        ----------
+        sizes : ndarray, shape (n, m)
+            Sizes of the displacements that count, m.
         """
         stiff = sizes / self.rates**2
         return Bearing(self.parameters, self.slopes * stiff, self.bends * stiff,
@@ -115,8 +133,9 @@ class Response:
 
         The last three are those of `vibrated`.
 
-        Args:
-            law: TimeLaw
+        Parameters
+        ----------
+        law : TimeLaw
         """
         periods = law.duration * self.rates.min() / (2 * np.pi)
         count = int(np.clip(periods * _PER_PERIOD, _FEWEST, _MOST))
@@ -131,9 +150,12 @@ class Response:
     def excited(self, law: TimeLaw, begin: Floats) -> tuple[Floats, Floats, Floats]:
         """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
 
-        Args:
-            law: TimeLaw, with its shift
-            begin: (2, m) y and y'/w at its beginning
+        Parameters
+        ----------
+        law : TimeLaw
+            TimeLaw, with its shift.
+        begin : ndarray, shape (2, m)
+            y and y'/w at its beginning.
         """
         times, u, *oscillators = self.oscillators(law)
         middle = 0.5 * (times[1:] + times[:-1])
@@ -153,8 +175,12 @@ class Response:
     def taken_over(self, before: Response, end: Floats) -> Floats:
         """Return (2, m) y and y'/w at the beginning of a DLO that moves as at the end of a leg.
 
-        Args:
-            before: Response on the leg before, with k modes; end: (2, k) y and y'/w at its end
+        Parameters
+        ----------
+        before : Response
+            Response on the leg before, with k modes.
+        end : ndarray, shape (2, k)
+            y and y'/w at its end.
         """
         moved = end * np.stack([np.ones(len(before.rates[-1])), before.rates[-1]])
         here = moved @ np.einsum('k,ski,mki->sm', self.masses, before.displacements[-1],

@@ -6,6 +6,8 @@ A wrong stiffness changes more than frequencies: the DLO hangs otherwise, and th
 gripper excites its vibrations otherwise. So its modes are looked at as well.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -30,10 +32,16 @@ def leg_tasks(simulator: DirectSimulator, plan: Plan, path: GripperPath, limits:
               first: Shape, check: Callable[[], None]) -> list[LegTask | None]:
     """Return a LegTask for each leg of a path; None for a dwell, or where modes are not known.
 
-    Args:
-        simulator: DirectSimulator; plan: Plan; path: GripperPath; limits: Limits
-        first: Shape at the beginning, at rest
-        check: called before each leg; it may raise
+    Parameters
+    ----------
+    simulator : DirectSimulator
+    plan : Plan
+    path : GripperPath
+    limits : Limits
+    first : Shape
+        Shape at the beginning, at rest.
+    check : callable
+        Called before each leg; it may raise.
     """
     quick, bore = _quick(simulator), held_after(plan)
     wrong = [_Wrong(quick, factor) for factor in _WRONG]
@@ -61,8 +69,12 @@ def leg_tasks(simulator: DirectSimulator, plan: Plan, path: GripperPath, limits:
 class _Wrong:
     """A DLO whose stiffness is wrong, leg by leg.
 
-    Args:
-        quick: DirectSimulator of the DLO as it is given; factor: of its stiffness
+    Parameters
+    ----------
+    quick : DirectSimulator
+        DirectSimulator of the DLO as it is given.
+    factor : float
+        Factor of its stiffness.
     """
 
     quick: DirectSimulator

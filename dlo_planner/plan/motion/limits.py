@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Limits of a gripper's motion."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,15 +15,27 @@ from dlo_planner.model.value import Value, put
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Limits(Value):
-    """Limits of the gripper: largest lengths of the vectors; each limit may be infinite.
+    """Limits of the gripper's motion, each for the length of a vector; a limit may be infinite.
 
-    Attributes:
-        linear_speed: m/s; angular_speed: rad/s
-        linear_acceleration: m/s^2; angular_acceleration: rad/s^2
-        linear_jerk: m/s^3; angular_jerk: rad/s^3
+    Attributes
+    ----------
+    linear_speed : float
+        Linear speed in m/s.
+    angular_speed : float
+        Angular speed in rad/s.
+    linear_acceleration : float
+        Linear acceleration in m/s^2.
+    angular_acceleration : float
+        Angular acceleration in rad/s^2.
+    linear_jerk : float
+        Linear jerk in m/s^3.
+    angular_jerk : float
+        Angular jerk in rad/s^3.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     linear_speed: float = 0.1
@@ -39,7 +53,7 @@ class Limits(Value):
 
     @property
     def sizes(self) -> Floats:
-        """(3, 2) limits of speed, acceleration, jerk (rows), linear and angular (columns)."""
+        """Limits (3, 2) of speed, acceleration, jerk (rows), linear and angular (columns)."""
         return np.array([[self.linear_speed, self.angular_speed],
                          [self.linear_acceleration, self.angular_acceleration],
                          [self.linear_jerk, self.angular_jerk]])

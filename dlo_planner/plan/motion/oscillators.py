@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Oscillators whose frequencies and axes change slowly, step by step."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.kernels import kernel

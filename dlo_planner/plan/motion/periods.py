@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The slowest period of a DLO, roughly."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.model.rod import Rod

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A small shift of the gripper beside its path, as a spline in time."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,10 +20,13 @@ DEGREE = 4  # jerks are continuous
 class Shift(Value):
     """A displacement (3,) of the gripper over the time of a leg, m, world axes; zero at both ends.
 
-    Attributes:
-        knots: (k,) s, of a BSpline of degree 4, clamped at both ends
-        coefficients: (k - 5, 3) m; the first and the last four are zero, so that the shift and its
-            first three derivatives vanish at both ends
+    Attributes
+    ----------
+    knots : ndarray, shape (k,)
+        Knots in s, of a BSpline of degree 4, clamped at both ends.
+    coefficients : ndarray, shape (k - 5, 3)
+        Coefficients in m; the first and the last four are zero, so that the shift and its first
+        three derivatives vanish at both ends.
     """
 
     knots: Floats

@@ -8,6 +8,8 @@ stays on its path, each window adds one continuous derivative, and a vibration w
 width of a window is not excited (input shaping with box filters). See `docs/theory.md`.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from math import comb, factorial
 
@@ -27,11 +29,16 @@ _HALVINGS = 50  # of the duration by bisection: to rounding
 class TimeLaw(Value):
     """The parameter of a leg as a function of time.
 
-    Attributes:
-        parameters: (m,) u, increasing
-        rates: (m,) du/dt there before smoothing, zero at both ends; u'' is constant in between
-        windows: (k,) widths of the moving averages, s, k >= 1
-        shift: Shift of the gripper beside the leg, or None
+    Attributes
+    ----------
+    parameters : ndarray, shape (m,)
+        Parameters u, increasing.
+    rates : ndarray, shape (m,)
+        Rates du/dt there before smoothing, zero at both ends; u'' is constant in between.
+    windows : ndarray, shape (k,)
+        Widths of the moving averages, s, k >= 1.
+    shift : Shift or None
+        Shift of the gripper beside the leg, or None.
     """
 
     parameters: Floats
@@ -67,7 +74,7 @@ class TimeLaw(Value):
         out[1:, times != inside] = 0.0
         return out
 
-    def slower(self, factor: float) -> 'TimeLaw':
+    def slower(self, factor: float) -> TimeLaw:
         """Return the law with the rates before smoothing divided by `factor`, without a shift."""
         return TimeLaw(self.parameters, self.rates / factor, self.windows)
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A plan as a smooth motion in time: its path, and a time law for each leg of the path."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -23,14 +25,20 @@ _MOST = 100_000   # times in one call
 class TimedPath(Value):
     """The gripper's motion in time, from rest to rest, with continuous acceleration.
 
-    Args:
-        path: GripperPath
-        laws: TimeLaw of each of its legs; None for a dwell, which takes as long as in the plan
-        limits: Limits that the motion keeps
+    Parameters
+    ----------
+    path : GripperPath
+    laws : tuple of TimeLaw or None
+        TimeLaw of each of its legs; None for a dwell, which takes as long as in the plan.
+    limits : Limits
+        Limits that the motion keeps.
 
-    Attributes:
-        duration: s
-        starts: (k + 1,) times at which the k legs begin, s, and the duration
+    Attributes
+    ----------
+    duration : float
+        Duration in s.
+    starts : ndarray, shape (k + 1,)
+        Times at which the k legs begin, s, and the duration.
     """
 
     PARTS: tuple[str, ...] = ('path', 'laws', 'limits')
@@ -59,8 +67,10 @@ class TimedPath(Value):
         of the rotation that takes world coordinates, velocity = skew part of dR/dt R^T, and its
         derivative. At rest outside [0, duration].
 
-        Raises:
-            InvalidTask: a time is no finite number
+        Raises
+        ------
+        InvalidTask
+            A time is not a finite number.
         """
         which, since = self._split(times)
         poses = np.empty(since.size, dtype=object)
@@ -80,10 +90,12 @@ class TimedPath(Value):
         return list(poses), speeds, accelerations
 
     def progress(self, times: ArrayLike) -> Floats:
-        """Return (n,) how far along the plan the gripper is at `times` (n,) s, as in `Plan.times`.
+        """Return the plan's times (n,), as in `Plan.times`, that are reached at `times` (n,) s.
 
-        Raises:
-            InvalidTask: a time is no finite number
+        Raises
+        ------
+        InvalidTask
+            A time is not a finite number.
         """
         which, since = self._split(times)
         done = np.empty(since.size)
@@ -110,8 +122,10 @@ def fastest_law(leg: Leg, limits: Limits) -> TimeLaw | None:
 
     The largest rates within the limits, smoothed by a window as wide as the limits of jerk need.
 
-    Raises:
-        InvalidTask: no rates were found
+    Raises
+    ------
+    InvalidTask
+        No rates were found.
     """
     if leg.still:
         return None
@@ -122,10 +136,14 @@ def smoothed(leg: Leg, limits: Limits, parameters: Floats, rates: Floats,
              windows: Floats) -> TimeLaw:
     """Return a TimeLaw slowed down evenly until it keeps the limits.
 
-    Args:
-        leg: Leg; limits: Limits
-        parameters, rates: (m,) from `fastest_rates`
-        windows: (k,) widths of moving averages, s; with k = 0 one is chosen that bounds the jerk
+    Parameters
+    ----------
+    leg : Leg
+    limits : Limits
+    parameters, rates : ndarray, shape (m,)
+        Parameters and rates from `fastest_rates`.
+    windows : ndarray, shape (k,)
+        Widths of moving averages, s; with k = 0 one is chosen that bounds the jerk.
     """
     law = TimeLaw(parameters, rates, windows) if len(windows) else _within_jerk(
         leg, limits, parameters, rates)

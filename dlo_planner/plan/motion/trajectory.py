@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A plan as the motion that is executed: timed so that the DLO arrives calm, and verified."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -36,7 +38,7 @@ _SAME = 1e-9        # of the length
 
 
 class Trajectory(TimedPath):
-    """A Plan as the gripper's motion in time: what is checked, proved, published and executed.
+    """A Plan as the gripper's motion in time, which is validated, published and executed.
 
     The path runs through the plan's poses (`plan.path`), with stops at its corners and dwells.
     On each leg between stops it is the fastest motion found that keeps the limits and leaves the
@@ -44,35 +46,51 @@ class Trajectory(TimedPath):
     is run through `DirectSimulator.simulate`, with the damping that the rod has and with none. If
     the DLO then misses by more than the tolerance, the laws are made calmer.
 
-    Args:
-        plan: Plan with two poses at least
-        limits: Limits; None: the default ones
-        tolerance: m, by which the DLO in motion may miss the centers of its cut-outs more than the
-            plan does, come nearer to a rim or an obstacle than the plan says (or by a quarter of
-            that room, if it is more), or still vibrate when the gripper has stopped; what is
-            outside of a bore may deviate by as much from its shape at rest. None: a quarter of the
-            least room at the rims, 1 mm where no cut-out has a size. Infinite: the fastest motion
-            within limits, nothing is simulated.
-        simulator: DirectSimulator that verifies; None: one of the plan's shapes' DLO, with its
-            load, and with its obstacles if the plan touches them
-        initial: Shape at the first pose, at rest; None: the plan's first
-        obstacles: from which the DLO has to stay away in motion, besides the sheets of the plan
-        progress, deadline: as for `InverseSimulator.thread`
+    Parameters
+    ----------
+    plan : Plan
+        Plan with two poses at least.
+    limits : Limits, optional
+        Limits. If None, the default ones.
+    tolerance : float, optional
+        Tolerance in m, by which the DLO in motion may miss the centers of its cut-outs more than
+        the plan does, come nearer to a rim or an obstacle than the plan says (or by a quarter of
+        that room, if it is more), or still vibrate when the gripper has stopped; what is outside of
+        a bore may deviate by as much from its shape at rest. If None, a quarter of the least room
+        at the rims, 1 mm where no cut-out has a size. Infinite: the fastest motion within limits,
+        nothing is simulated.
+    simulator : DirectSimulator, optional
+        DirectSimulator that verifies. If None, one of the plan's shapes' DLO, with its load, and
+        with its obstacles if the plan touches them.
+    initial : Shape, optional
+        Shape at the first pose, at rest. If None, the plan's first.
+    obstacles : iterable of obstacle, optional
+        Obstacles from which the DLO has to stay away in motion, besides the sheets of the plan.
+    progress : callable, optional
+        Called as progress(done, total) after each step.
+    deadline : float, optional
+        Seconds of computing after which DeadlineExceeded is raised. If None, there is no limit.
 
-    Attributes:
-        path: GripperPath; laws: TimeLaw of each leg, None for a dwell; limits: Limits
-        duration: s
-        tolerance: m
-        motion: InMotion, the worse of both runs; None with an infinite tolerance
-        mode_margin: part by which all natural frequencies may be off, up or down, until the miss is
-            twice the tolerance, as far as the modes tell; nan where that is not known
+    Attributes
+    ----------
+    tolerance : float
+        Tolerance in m.
+    motion : InMotion or None
+        InMotion, the worse of both runs; None with an infinite tolerance.
+    mode_margin : float
+        Part by which all natural frequencies may be off, up or down, until the miss is twice the
+        tolerance, as far as the modes tell; nan where that is not known.
 
-    Raises:
-        InvalidTask: naming the argument
-        Infeasible: the DLO cannot be made calm within 16 times the fastest duration; the constraint
-            is 'miss', 'clearance', 'contact' (a touch that is not planned), 'departure' or
-            'motion', the amount is in m
-        DeadlineExceeded: as asked for
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
+    Infeasible
+        The DLO cannot be made calm within 16 times the fastest duration; the constraint is 'miss',
+        'clearance', 'contact' (a touch that is not planned), 'departure' or 'motion', the amount is
+        in m.
+    DeadlineExceeded
+        The deadline is over.
     """
 
     PARTS: tuple[str, ...] = ('path', 'laws', 'limits', 'tolerance', 'motion', 'mode_margin')
@@ -109,7 +127,7 @@ class Trajectory(TimedPath):
 
 def restored(path: GripperPath, laws: tuple[TimeLaw | None, ...], limits: Limits,
              tolerance: float, motion: InMotion | None, mode_margin: float) -> Trajectory:
-    """Return the Trajectory with these attributes, as it was saved; nothing is searched for."""
+    """Return a saved Trajectory from its attributes, without a search."""
     way = Trajectory.__new__(Trajectory)
     TimedPath.__init__(way, path, laws, limits)
     put(way, tolerance=tolerance, motion=motion, mode_margin=mode_margin)
@@ -119,11 +137,19 @@ def restored(path: GripperPath, laws: tuple[TimeLaw | None, ...], limits: Limits
 class _Search:
     """Looks for the fastest laws with which a plan's DLO stays calm.
 
-    Args:
-        plan: Plan; fastest: TimedPath within limits alone; tolerance: m
-        simulator: DirectSimulator that verifies
-        first: Shape at the beginning
-        obstacles: tuple; progress: Progress
+    Parameters
+    ----------
+    plan : Plan
+    fastest : TimedPath
+        TimedPath within limits alone.
+    tolerance : float
+        Tolerance in m.
+    simulator : DirectSimulator
+        DirectSimulator that verifies.
+    first : Shape
+        Shape at the beginning.
+    obstacles : tuple of obstacle
+    progress : Progress
     """
 
     def __init__(self, plan: Plan, fastest: TimedPath, tolerance: float, simulator: DirectSimulator,
@@ -250,8 +276,10 @@ def _simulator(simulator: DirectSimulator | None, plan: Plan) -> DirectSimulator
 def simulator_of(shape: Shape, touching: bool) -> DirectSimulator:
     """Return a DirectSimulator of the DLO that a Shape is of, with its load.
 
-    Args:
-        touching: whether its obstacles are touched; else there are none
+    Parameters
+    ----------
+    touching : bool
+        Whether its obstacles are touched; else there are none.
     """
     if shape._discretization is None:
         raise InvalidTask('simulator = None: expected a DirectSimulator, the shapes of this plan '
