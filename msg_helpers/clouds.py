@@ -55,7 +55,8 @@ def points_from_cloud(msg: PointCloud2, name: str) -> Floats:
     points = np.ndarray((msg.height, msg.width), kind, bytes(msg.data),
                         strides=(msg.row_step, msg.point_step)).reshape(-1)
     out = np.stack([points[axis].astype(float) for axis in _AXES], axis=1)
-    return out[np.isfinite(out).all(axis=1)]
+    result: Floats = out[np.isfinite(out).all(axis=1)]
+    return result
 
 
 def cloud_msg(points: ArrayLike, frame_id: str, stamp: Time | None = None) -> PointCloud2:

@@ -11,7 +11,7 @@ from visualization_msgs.msg import MarkerArray
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.checks import instance, integer, items
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import Box, Capsule, Sphere
+from dlo_planner.model.obstacles import Box, Capsule, Obstacle, Sphere
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.view.dlo_items import (
@@ -158,7 +158,8 @@ def estimate_markers(shape: Shape, radius: float | None, points: ArrayLike, fram
     return markers_from_items(estimate_items(shape, radius, points), frame_id, stamp)
 
 
-def obstacle_markers(obstacles: Iterable, before: int, frame_id: str, stamp: Time) -> MarkerArray:
+def obstacle_markers(obstacles: Iterable[Obstacle], before: int, frame_id: str,
+                     stamp: Time) -> MarkerArray:
     """Return MarkerArray: obstacles (Box, Sphere, Capsule), half transparent.
 
     Parameters

@@ -103,7 +103,7 @@ class Chain:
 
     def link(self, frame: int) -> str:
         """Return the name of the link with the index `frame` in the model."""
-        return self.model.frames[frame].name.removeprefix(_LINK)
+        return str(self.model.frames[frame].name.removeprefix(_LINK))
 
     @property
     def middle(self) -> Floats:
@@ -201,7 +201,8 @@ def _standing(model: Any, others: Sequence[int], fixed: Mapping[str, float],
             turned[model.joints[k].idx_v] = value
         elif name in fixed:
             raise InvalidTask(f'fixed[{name!r}] = {value:g}: expected a joint with one coordinate')
-    return pin.integrate(model, pin.neutral(model), turned)
+    result: Floats = pin.integrate(model, pin.neutral(model), turned)
+    return result
 
 
 def _fixed_at(name: str, fixed: Mapping[str, float],

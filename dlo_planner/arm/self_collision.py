@@ -95,7 +95,7 @@ class SelfCollision:
     def _adjacent(self, one: Any, other: Any) -> bool:
         parents = self._chain.model.parents
         a, b = one.parentJoint, other.parentJoint
-        return a == b or a == parents[b] or b == parents[a]
+        return bool(a == b or a == parents[b] or b == parents[a])
 
     def _keep(self, wanted: Callable[[Any, Any], bool]) -> None:
         """Keep the pairs of shapes for which `wanted` holds."""

@@ -112,7 +112,8 @@ def _spread(chain: Chain, number: int) -> Floats:
     half = np.where(chain.turning, np.pi, 1.0)
     lower, upper = (np.clip(limit, chain.middle - half, chain.middle + half)
                     for limit in (chain.lower, chain.upper))
-    return lower + (upper - lower) * qmc.Halton(len(chain.names), scramble=False).random(number)
+    shares: Floats = qmc.Halton(len(chain.names), scramble=False).random(number)
+    return lower + (upper - lower) * shares
 
 
 def _wound(chain: Chain, positions: Floats, reference: Floats) -> Floats:

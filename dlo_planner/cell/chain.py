@@ -94,7 +94,9 @@ def chain_of(rod: Rod, truth: Truth, cells: int) -> Chain:
 
 def _means(values: Floats, cells: int) -> Floats:
     """Return the means (cells, k) of values at Gauss points (cells * 5, k)."""
-    return np.einsum('cgk,g->ck', values.reshape(cells, _GAUSS[1].size, -1), 0.5 * _GAUSS[1])
+    weights = 0.5 * _GAUSS[1]
+    means: Floats = np.einsum('cgk,g->ck', values.reshape(cells, weights.size, -1), weights)
+    return means
 
 
 def _masses(rod: Rod, truth: Truth, joints: Floats, ends: Floats) -> tuple[Floats, Floats, Floats]:

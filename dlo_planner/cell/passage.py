@@ -54,3 +54,28 @@ def passage_of(cutout: CutOut, s: Floats, places: Floats) -> Passage:
     first = s[pierced[0]] + part[0, 0] * (s[1] - s[0])
     worst = misses.argmax()
     return Passage(float(s[-1] - first), float(misses[worst]), *map(float, places[worst]))
+
+
+def between(places: Floats, tangents: Floats, scaled: Floats, cell: float) -> Floats:
+    """Return places on the cubic curve through nodes with unit tangents.
+
+    Parameters
+    ----------
+    places, tangents : ndarray, shape (n + 1, 3)
+        Of the nodes, evenly spaced by `cell` along the curve; m and no unit.
+    scaled : ndarray, shape (k,)
+        Arc lengths in cells, 0 to n.
+    cell : float
+        Length of a cell, m.
+
+    Returns
+    -------
+    ndarray, shape (k, 3)
+        Places in m.
+    """
+    k = np.minimum(scaled.astype(int), len(places) - 2)
+    x = (scaled - k)[:, None]
+    curve: Floats = (
+        places[k] * (1 - x) ** 2 * (1 + 2 * x) + places[k + 1] * x**2 * (3 - 2 * x)
+        + cell * x * (1 - x) * (tangents[k] * (1 - x) - tangents[k + 1] * x))
+    return curve

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.cell.chain import add_chain, add_gripper, chain_of, set_springs
 from dlo_planner.cell.engine import mujoco
-from dlo_planner.cell.passage import Passage, passage_of
+from dlo_planner.cell.passage import Passage, between, passage_of
 from dlo_planner.cell.scenery import add_obstacle
 from dlo_planner.cell.truth import Truth
 from dlo_planner.cell.vibrations import linear
@@ -280,13 +280,8 @@ class Plant:
 
     def _curve(self, s: Floats) -> Floats:
         """Return places (n, 3) at arc lengths (n,), cubic between the nodes."""
-        places, tangents = self._nodes(self._data)
-        cells = len(places) - 1
-        scaled = np.asarray(s) / self._chain.cell
-        k = np.minimum(scaled.astype(int), cells - 1)
-        x = (scaled - k)[:, None]
-        return (places[k] * (1 - x) ** 2 * (1 + 2 * x) + places[k + 1] * x**2 * (3 - 2 * x)
-                + self._chain.cell * x * (1 - x) * (tangents[k] * (1 - x) - tangents[k + 1] * x))
+        return between(*self._nodes(self._data), np.asarray(s) / self._chain.cell,
+                       self._chain.cell)
 
     def _displacement(self, data: Any, rest: Floats, vector: Floats) -> Floats:
         """Return how the nodes (n + 1, 3) move with a vector of the joints, 1 at most."""
@@ -297,4 +292,5 @@ class Plant:
             data.qpos[7:] += sign * small * vector
             ends.append(self._nodes(data)[0])
         moved = ends[0] - ends[1]
-        return moved / np.linalg.norm(moved, axis=1).max()
+        result: Floats = moved / np.linalg.norm(moved, axis=1).max()
+        return result

@@ -45,7 +45,8 @@ class Commands(click.Group):
         """Return one of them."""
         if name not in _COMMANDS:
             return None
-        return import_module(f'dlo_planner.cli.{_COMMANDS[name]}').command
+        result: click.Command | None = import_module(f'dlo_planner.cli.{_COMMANDS[name]}').command
+        return result
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of them without importing any."""

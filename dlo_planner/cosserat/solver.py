@@ -91,7 +91,8 @@ def cord_of(rod: RodOfScenario, scenario: Scenario, n: int) -> Cord:
     for load in rod.loads:
         if load.at is End.END:
             pull += load.force
-    material = rod.material
+    material, grip = rod.material, _GRIPS[rod.start]
+    assert grip is not None  # it is not free
     return Cord(rod.length, rod.radius, material.density, material.youngs_modulus,
-                material.shear_modulus, rod.nodes(n), rod.directors(n), _GRIPS[rod.start],
+                material.shear_modulus, rod.nodes(n), rod.directors(n), grip,
                 _GRIPS[rod.end], pull, np.array(scenario.gravity, dtype=float))

@@ -60,11 +60,13 @@ class Stretch:
 
     def to_stretched(self, s: ArrayLike) -> Floats:
         """Return stretched arc lengths of unstretched ones, m."""
-        return np.interp(np.asarray(s, dtype=float), self.free, self.stretched)
+        result: Floats = np.interp(np.asarray(s, dtype=float), self.free, self.stretched)
+        return result
 
     def to_free(self, s: ArrayLike) -> Floats:
         """Return unstretched arc lengths of stretched ones, m."""
-        return np.interp(np.asarray(s, dtype=float), self.stretched, self.free)
+        result: Floats = np.interp(np.asarray(s, dtype=float), self.stretched, self.free)
+        return result
 
     def change(self, other: 'Stretch') -> float:
         """Return the largest difference of strain to another one."""

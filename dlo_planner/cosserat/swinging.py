@@ -111,4 +111,5 @@ def _middle(directors: Floats, positions: Floats) -> Floats:
     along = np.diff(positions, axis=1)
     along /= np.linalg.norm(along, axis=2)[..., None]
     directors = directors - np.sum(directors * along, axis=2)[..., None] * along
-    return directors / np.linalg.norm(directors, axis=2)[..., None]
+    result: Floats = directors / np.linalg.norm(directors, axis=2)[..., None]
+    return result

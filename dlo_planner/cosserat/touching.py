@@ -105,7 +105,8 @@ class Contact:
         across = np.eye(3) - np.outer(self.normal, self.normal)
         found = least_squares(lambda places: across @ np.subtract(*self._points(places)),
                               self.places, diff_step=1e-6, xtol=1e-13, ftol=1e-15, gtol=1e-15)
-        return found.x
+        result: Floats = found.x
+        return result
 
     def _points(self, places: Floats) -> list[Floats]:
         return [shape.frame_at(float(np.clip(stretch.to_stretched(s), 0.0, shape.s[-1])))[1]
@@ -151,7 +152,7 @@ def _force(contact: Contact, step: float, most: float) -> float:
         low, high = high, 2 * high
         if high > most:
             raise FloatingPointError('the cords cannot be pressed apart')
-    return brentq(contact.rest, low, high, xtol=1e-3 * step)
+    return float(brentq(contact.rest, low, high, xtol=1e-3 * step))
 
 
 def _refined(contact: Contact, force: float) -> float:
@@ -171,4 +172,5 @@ def _line(cord: Cord) -> Floats:
 def _normal(tangents: Sequence[Floats], side: Floats) -> Floats:
     """Return the unit normal (3,) of two tangents, to the side of (3,) another vector."""
     normal = np.cross(tangents[0], tangents[1])
-    return normal * (np.sign(normal @ side) / np.linalg.norm(normal))
+    result: Floats = normal * (np.sign(normal @ side) / np.linalg.norm(normal))
+    return result

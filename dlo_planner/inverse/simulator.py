@@ -60,6 +60,9 @@ class InverseSimulator(Value):
 
     PARTS = ('simulator', 'workspace', '_yielding', '_alone', '_given')
 
+    simulator: DirectSimulator
+    workspace: Workspace | None
+
     def __init__(self, simulator: DirectSimulator, *, workspace: Workspace | None = None,
                  may_yield: bool = True):
         clamping('simulator', simulator)

@@ -96,12 +96,14 @@ class CapabilityMap(Value):
     @property
     def threaded(self) -> Floats:
         """(P, D, R) whether the cut-out can be threaded."""
-        return self.outcome == THREADED
+        result: Floats = self.outcome == THREADED
+        return result
 
     @property
     def least_radius(self) -> Floats:
         """(P, D) m, of the narrowest cut-out there that can be threaded; infinite: none can."""
-        return np.where(self.threaded, self.grid.radii, np.inf).min(axis=2)
+        result: Floats = np.where(self.threaded, self.grid.radii, np.inf).min(axis=2)
+        return result
 
     @classmethod
     def load(cls, folder: str | PathLike[str]) -> 'CapabilityMap':

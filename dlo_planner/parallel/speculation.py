@@ -95,6 +95,7 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
     steps = Progress(progress, deadline)
     grippers = poses(grippers)
     instance('initial', initial, (Shape, Motion), optional=True)
+    at_first = initial if isinstance(initial, Shape) else None
     if dt is None and isinstance(initial, Motion):
         raise InvalidTask(f'initial = {initial!r}: expected a Shape where dt is None')
     if dt is not None:
@@ -102,15 +103,17 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
     alone = any(getattr(simulator.surroundings, name) for name in _NO_MATTER)
     if executor is None or tasks == 1 or alone:
         if dt is None:
-            return simulator.track(grippers, progress, initial, deadline=deadline)
+            return simulator.track(grippers, progress, at_first, deadline=deadline)
         return simulator.simulate(grippers, dt, initial, velocity=velocity, tolerance=tolerance,
                                   integrator=integrator, progress=progress, deadline=deadline)
     with Crew(executor, steps.check) as crew:
         rounds = Rounds(crew, tasks)
         if dt is None:
-            return Tracker(simulator, rounds).track(grippers, initial, steps)
-        return simulator.motion_by(partial(AheadStepper, rounds, len(grippers) - 1), grippers, dt,
-                                 initial, None, velocity, tolerance, integrator, steps)
+            return Tracker(simulator, rounds).track(grippers, at_first, steps)
+        make = partial(AheadStepper, rounds, len(grippers) - 1)
+        motion: Motion = simulator.motion_by(make, grippers, dt, initial, None, velocity, tolerance,
+                                             integrator, steps)
+        return motion
 
 
 def _work(shape: Shape) -> int:
@@ -155,7 +158,8 @@ class AheadStepper(Stepper):
             return Stepped(after, vain + _work(after.shape), judging,
                            'none' if seen is None else 'refused')
 
-        return self._rounds.make(place, ahead, step)
+        result: Instant = self._rounds.make(place, ahead, step)
+        return result
 
     def _ahead(self, before: Instant, place: float, scheme: Scheme, usual: Floats,
                most: int) -> dict[float, Task]:
@@ -175,7 +179,9 @@ class AheadStepper(Stepper):
         return tasks
 
     def _system(self, before: Instant, place: float, scheme: Scheme) -> System:
-        return self.moving(before.nodes, before.bends, before.shape.history, place, scheme)[0]
+        system: System = self.moving(before.nodes, before.bends, before.shape.history, place,
+                                     scheme)[0]
+        return system
 
 
 def _unknowns(system: Any, strains: Floats) -> Floats:
@@ -251,4 +257,5 @@ class Tracker:
             return Stepped(shape, vain + _work(shape), judging,
                            'none' if seen is None else 'refused')
 
-        return self._rounds.make(place, ahead, step)
+        result: Shape = self._rounds.make(place, ahead, step)
+        return result

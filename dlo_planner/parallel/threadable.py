@@ -80,7 +80,7 @@ def answer(question: Question, cutout: CutOut) -> dict[str, Any]:
 def _rank(line: Mapping[str, Any]) -> float:
     """Return a number that is larger the better a line is: threaded, undecided, refused."""
     if line['outcome'] == THREADED:
-        return 2.0 + line['stability']
+        return float(2.0 + line['stability'])
     return 1.5 if line['outcome'] == UNDECIDED else line['fraction']
 
 

@@ -80,7 +80,7 @@ class ArmOutput:
         DloPlannerError
             Refused, with the reason; nothing is published.
         """
-        if not self._value('arm.tool_link'):
+        if trajectory is None or not self._value('arm.tool_link'):
             return None
         started, known = monotonic(), self._positions
         arm = self._arm({name: value for name, (value, _) in known.items()})

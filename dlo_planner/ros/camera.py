@@ -35,6 +35,7 @@ from dlo_planner.ros.planning import Made
 from dlo_planner.ros.qos import LATEST
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import State
+from dlo_planner.view.dlo_items import drawn_radius
 from msg_helpers.clouds import points_from_cloud
 from msg_helpers.markers import estimate_markers
 
@@ -118,7 +119,7 @@ class Camera:
             shape, scene = estimate.shape(state.gripper), state.scene
             if shape.converged:
                 self._picture.show('estimate', lambda: (estimate_markers(
-                    shape, scene.direct.rod.radius, points, scene.frame_id, stamp),))
+                    shape, drawn_radius(scene.direct.rod), points, scene.frame_id, stamp),))
 
     def _observing_of(self, state: State) -> Observing | None:
         """Return the Observing of the DLO as it is stated; None where nothing is uncertain."""
@@ -246,8 +247,9 @@ def points_in(scene: Scene, msg: PointCloud2, name: str, frames: OneFrame) -> Fl
         raise Refused(Cause.INVALID_POINTS, str(error)) from None
     if origin is not None:
         points = points @ origin.rotation.T + origin.position
-    return points[np.linalg.norm(points, axis=1) <= scene.reach]
+    result: Floats = points[np.linalg.norm(points, axis=1) <= scene.reach]
+    return result
 
 
 def _seconds(stamp: Time) -> float:
-    return stamp.sec + 1e-9 * stamp.nanosec
+    return float(stamp.sec + 1e-9 * stamp.nanosec)

@@ -191,7 +191,8 @@ class PlannerClient:
         request = SetParameters.Request(parameters=[
             Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
             for name, value in values.items()])
-        return self._call(SetParameters, 'set_parameters', request)[0].results
+        answer, _ = self._call(SetParameters, 'set_parameters', request)
+        return list(answer.results)
 
     def proof(self, path: Path, timeout: float = 60.0) -> dict[str, str]:
         """Return what /diagnostics says of a plan (Path), name -> text, once its proof is done.

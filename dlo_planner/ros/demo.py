@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
@@ -96,7 +97,8 @@ def turn_gripper(client: PlannerClient, folder: Path) -> Row:
     reference = DirectSimulator(wire(1e-3), basis='local', n_elements=512)
     grippers = [gripper_at(angle) for angle in ANGLES]
     truth = reference.track(grippers)
-    shapes, latencies, residuals, errors, jumps = [], [], [], [], []
+    shapes: list[Floats] = []
+    latencies, residuals, errors, jumps = [], [], [], []
     for number, (gripper, true, angle) in enumerate(zip(grippers, truth, ANGLES, strict=True)):
         path, seconds = client.shape_for(gripper)
         poses = poses_from_path(path)
@@ -224,7 +226,7 @@ def refuse_soft_wire(client: PlannerClient) -> Row:
     client.set_parameters(rod__diameter=TOO_SOFT)
     path, seconds = client.plan_threading(Pose.looking_along((-1.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
                                           GOAL)
-    stiffness = wire(TOO_SOFT).bending_stiffness[0]
+    stiffness = wire(TOO_SOFT).stiffness[1]
     return Row(f'thread, EI {1e3 * stiffness:.1f} mN m2', 'a refusal: unstable',
                'refused' if not path.poses else f'{len(path.poses)} gripper poses', seconds,
                float('nan'), 'reason: see the warning above', not path.poses)

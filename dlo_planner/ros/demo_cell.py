@@ -103,7 +103,8 @@ def close_the_loop(client: PlannerClient, folder: Path,
                           observe__period=_EACH, threading__deepest=0.7,
                           incoming_command_timeout=0.5)
     client.trigger('reset')
-    heard = {name: queue.Queue() for name in ('shape', 'outcome', 'cutout', 'pose')}
+    heard: dict[str, queue.Queue[Any]] = {
+        name: queue.Queue() for name in ('shape', 'outcome', 'cutout', 'pose')}
     for kind, topic, qos in ((PathMsg, 'shape', LATCHED), (DiagnosticStatus, 'outcome', LATCHED),
                              (PoseStamped, 'cutout', LATCHED)):
         client.node.create_subscription(kind, f'/dlo_cell/{topic}', heard[topic].put, qos)

@@ -253,7 +253,8 @@ def _pierced(points: Floats, goal: Pose) -> Floats | None:
     last = np.flatnonzero(depth[:-1] < 0)[-1]
     share = -depth[last] / (depth[last + 1] - depth[last])
     place = points[last] + share * (points[last + 1] - points[last]) - goal.position
-    return place @ goal.rotation[:, 1:]
+    result: Floats | None = place @ goal.rotation[:, 1:]
+    return result
 
 
 def _draw_sheet(axis: Any, goal: Pose) -> None:

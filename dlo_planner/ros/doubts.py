@@ -70,11 +70,11 @@ def doubts(correction: Correction, observing: Observing, scene: Scene) -> str:
 
 def _leaves(correction: Correction, scene: Scene) -> str:
     """Return in words what the gripper or the DLO would run into."""
-    rooms = [scene.inverse.workspace.least_room(pose) for pose in correction.grippers]
+    rooms = [scene.workspace.least_room(pose) for pose in correction.grippers]
     name, room = min(rooms, key=lambda one: one[1])
     if room < 0:
         return f'it moves the gripper {-room:.3g} m beyond {name}'
-    bodies, surface = scene.inverse.workspace.keep_out, Surface.of(scene.direct.rod)
+    bodies, surface = scene.workspace.keep_out, Surface.of(scene.direct.rod)
     for index, body in enumerate(bodies):
         room = min(clearance([body], surface, shape) for shape in correction.shapes)
         if room < 0:
@@ -100,7 +100,7 @@ def kept_out(correction: Correction, scene: Scene, entry: float, now: float) -> 
         Now in s of the motion.
     """
     radius, thick = scene.cutout_radius, scene.direct.rod.radius or 0.0
-    if radius is None or callable(thick) or not entry - _STOPPING <= now < entry:
+    if radius is None or not isinstance(thick, float) or not entry - _STOPPING <= now < entry:
         return ''
     bound, room = float(correction.miss.bound.max(initial=0.0)), radius - thick
     return '' if bound <= room else (

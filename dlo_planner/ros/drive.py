@@ -139,7 +139,7 @@ class Drive:
         self._out.publish(status_msg(name, self._store.state.scene.name, level, message, values))
 
 
-def described(execution: Execution | None) -> tuple[bytes, str, dict]:
+def described(execution: Execution | None) -> tuple[bytes, str, dict[str, Any]]:
     """Return level, message and values of an Execution for diagnostics."""
     if execution is None:
         return OK, 'nothing was executed yet', {'state': 'idle', 'code': 0, 'cause': 'DONE'}

@@ -36,7 +36,7 @@ _REPORTED = {  # figures of a Report
     'mode_margin': 'frequency margin', 'duration': 'duration [s]'}
 
 
-def stamp_text(stamp: Time | None) -> str:
+def stamp_text(stamp: Time) -> str:
     """Return a builtin_interfaces/Time as seconds with nine digits."""
     return f'{stamp.sec}.{stamp.nanosec:09d}'
 

@@ -67,8 +67,8 @@ def _times(value: Any, factor: float) -> Any:
 
 def _sum(known: Sequence[float], terms: Floats) -> list[float]:
     """Return the sum of pairs that follow each other and of rows (n, 2), as pairs in a row."""
-    known = np.asarray(known, dtype=float).reshape(-1, 2)
-    out = np.zeros((max(len(known), len(terms)), 2))
-    out[:len(known)] += known
+    pairs = np.asarray(known, dtype=float).reshape(-1, 2)
+    out = np.zeros((max(len(pairs), len(terms)), 2))
+    out[:len(pairs)] += pairs
     out[:len(terms)] += terms
     return out.ravel().tolist()

@@ -23,6 +23,7 @@ from dlo_planner.ros.parts import Parts
 from dlo_planner.ros.picture import markers_of_shape
 from dlo_planner.ros.qos import LATCHED, LATEST
 from dlo_planner.ros.state import State
+from dlo_planner.view.dlo_items import drawn_radius
 from msg_helpers.paths import shape_path
 
 
@@ -75,7 +76,8 @@ class LiveShapes:
         self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
         self._reporter, self._picture = parts.reporter, parts.picture
         self._frames = parts.frames
-        self._waiting, self._newest, self._closed = Condition(), None, False
+        self._waiting, self._closed = Condition(), False
+        self._newest: tuple[Pose, Time, float] | None = None
         self._out = node.create_publisher(Path, '~/predicted_shape', LATCHED)
         node.create_subscription(PoseStamped, '~/gripper_pose', self._on_pose, LATEST,
                                  callback_group=hearing)
@@ -113,6 +115,8 @@ class LiveShapes:
                 if self._closed:
                     return
                 newest, self._newest = self._newest, None
+            if newest is None:
+                continue
             with self._reporter.answering('gripper_pose', counter='poses refused', told=False):
                 self._predict(*newest)
 
@@ -127,7 +131,7 @@ class LiveShapes:
         frame_id = before.scene.frame_id
         self._out.publish(shape_path(shape, frame_id, stamp))
         self._health.shape_done(shape, monotonic() - arrived)
-        radius, color = before.scene.direct.rod.radius, before.scene.color
+        radius, color = drawn_radius(before.scene.direct.rod), before.scene.color
         self._picture.show('shape', lambda: markers_of_shape(shape, radius, frame_id, stamp, color))
 
     def _on_predict_shape(self, request: GetPlan.Request,

@@ -127,7 +127,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
         return self._passed(state, LifecycleNodeMixin.on_error, 'unconfigured', self.deactivate,
                             self.clean_up)
 
-    def _passed(self, state: Any, after: Callable[[], object] | None, label: str,
+    def _passed(self, state: Any, after: Callable[..., Any] | None, label: str,
                 *steps: Callable[..., Any]) -> TransitionCallbackReturn:
         try:
             for step in steps:

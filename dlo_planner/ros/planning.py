@@ -13,7 +13,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.scene import Scene
-from dlo_planner.settings.threading import Present, way_through
+from dlo_planner.settings.threading import Present, Wanted, way_through
 
 
 @dataclass(frozen=True)
@@ -58,5 +58,7 @@ def make_plan(scene: Scene, poses: Sequence[Pose], start: Pose | None,
     cutouts = [CutOut(pose, radius=scene.cutout_radius) for pose in poses]
     here = (shape is not None and start is not None and scene.standoff
             and np.allclose(shape.gripper.matrix, start.matrix, atol=1e-9))
-    plan = way_through(scene.inverse, cutouts, scene, Present(start, shape if here else None))
+    wanted = Wanted(scene.waypoints, scene.deepest, scene.linear_speed, scene.angular_speed,
+                    scene.standoff, scene.gripper_clearance)
+    plan = way_through(scene.inverse, cutouts, wanted, Present(start, shape if here else None))
     return plan, cutouts, shape if here else None

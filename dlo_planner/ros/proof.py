@@ -72,7 +72,7 @@ def proofs(replayed: Callable[..., Report | None], scene: Scene, plan: Plan,
     before : Shape or None
         Shape before the first pose, or None.
     """
-    workspace = scene.inverse.workspace
+    workspace = scene.workspace
     slowly = {'simulator': scene.direct, 'plan': plan, 'initial': before, 'workspace': workspace,
               'obstacles': workspace.keep_out}
     moving = {**slowly, 'limits': scene.limits, 'tolerance': scene.tolerance,

@@ -29,7 +29,8 @@ class Throttle:
     """Lets one line in a second through, of each kind; safe to use from several threads."""
 
     def __init__(self, quiet: float = _QUIET) -> None:
-        self._quiet, self._lock, self._last = quiet, Lock(), {}
+        self._quiet, self._lock = quiet, Lock()
+        self._last: dict[object, float] = {}
 
     def passes(self, key: object, now: float) -> bool:
         """Whether a line of this kind may be written at `now` s."""
@@ -45,14 +46,15 @@ class Outcome:
 
     Attributes
     ----------
-    message
+    message : str
         One line.
-    values
-        dict of what else there is to say.
+    values : dict
+        What else there is to say, by name.
     """
 
     def __init__(self) -> None:
-        self.message, self.values = 'done', {}
+        self.message = 'done'
+        self.values: dict[str, Any] = {}
 
 
 class Reporter:
@@ -68,7 +70,8 @@ class Reporter:
 
     def __init__(self, node: Gate, store: Store, health: Health) -> None:
         self._node, self._store, self._health = node, store, health
-        self._log, self._throttle, self._seen = node.get_logger(), Throttle(), set()
+        self._log, self._throttle = node.get_logger(), Throttle()
+        self._seen: set[Any] = set()
         self._out = node.create_publisher(DiagnosticStatus, '~/status', LATCHED)
 
     @contextmanager

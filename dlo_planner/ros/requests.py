@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cut-outs in, gripper trajectories out: one plan at a time is made, and can be canceled."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from threading import Lock
 from time import monotonic
@@ -29,6 +29,7 @@ from dlo_planner.ros.proof import Proof
 from dlo_planner.ros.qos import LATCHED, REQUEST
 from dlo_planner.ros.reporter import Outcome
 from dlo_planner.ros.state import State
+from dlo_planner.view.dlo_items import drawn_radius
 from msg_helpers.paths import plan_path
 
 
@@ -77,16 +78,17 @@ class Planning:
         self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
         self._reporter, self._picture = parts.reporter, parts.picture
         self._frames = parts.frames
-        self._lock, self._run, self._ended = Lock(), None, ''
+        self._lock, self._ended = Lock(), ''
+        self._run: Run | None = None
         self._out = node.create_publisher(Path, '~/gripper_trajectory', LATCHED)
         for kind, name, callback in ((PoseStamped, 'task_goal', self._on_goal),
                                      (Goals, 'task_goals', self._on_goals)):
             node.create_subscription(kind, f'~/{name}', callback, REQUEST, callback_group=group)
-        for kind, name, callback in (
+        for kind, name, answer in (
                 (GetPlan, 'plan_threading', self._on_plan_threading),
                 (GetPlan, 'plan_two_cutouts', self._on_plan_two_cutouts),
                 (Trigger, 'replan', self._on_replan)):
-            node.create_service(kind, f'~/{name}', callback, callback_group=group)
+            node.create_service(kind, f'~/{name}', answer, callback_group=group)
 
     def cancel(self, reason: str, for_good: bool = False) -> bool:
         """End the plan that is being made; return whether there was one.
@@ -159,7 +161,7 @@ class Planning:
 
     # ---- the plan ---------------------------------------------------------------------------
 
-    def _plan(self, outcome: Outcome, state: State, goals: Sequence[Pose],
+    def _plan(self, outcome: Outcome, state: State, goals: tuple[Pose, ...],
               start: Pose | None) -> Path:
         """Plan, publish and return the trajectory of the tool frame as a Path.
 
@@ -185,8 +187,8 @@ class Planning:
         path = plan_path([pose.compose(back) for pose in plan.grippers], plan.times,
                          scene.frame_id, stamp)
         self._out.publish(path)
-        self._picture.show('plan', lambda: markers_of_plan(plan, cutouts, scene.direct.rod.radius,
-                                                           scene.frame_id, stamp))
+        self._picture.show('plan', lambda: markers_of_plan(
+            plan, cutouts, drawn_radius(scene.direct.rod), scene.frame_id, stamp))
         self._health.plan_proved(Proof(plan))  # what was said of the plan before is over
         self._health.plan_done(plan, seconds, stamp)
         outcome.message = f'{len(plan)} gripper poses'
@@ -196,7 +198,7 @@ class Planning:
                             f'smallest stability {plan.stability.min():.2f}')
         return path
 
-    def _made(self, state: State, goals: Sequence[Pose],
+    def _made(self, state: State, goals: tuple[Pose, ...],
               start: Pose | None) -> tuple[Plan, list[CutOut], Shape | None]:
         run = Run(state.scene.planning_deadline)
         with self._lock:

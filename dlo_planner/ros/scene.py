@@ -64,6 +64,12 @@ class Scene:
         """Whether a DLO hangs in another Scene as it does in this one."""
         return self.direct == other.direct
 
+    @property
+    def workspace(self) -> Workspace:
+        """Where the gripper may be; in the node there always is one."""
+        assert self.inverse.workspace is not None
+        return self.inverse.workspace
+
     def keeps_plans(self, other: 'Scene') -> bool:
         """Whether what was planned and proved in this Scene holds in another one."""
         return all(getattr(self, name) == getattr(other, name) for name in (

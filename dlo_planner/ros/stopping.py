@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.timed_path import TimedPath
@@ -43,7 +44,7 @@ class Deceleration:
         return self.start + self.length * (x - 2.5 * x**4 + 3 * x**5 - x**6)
 
 
-def decelerate(way: TimedPath, start: float, shortest: float) -> Deceleration:
+def decelerate(way: TimedPath | Steered, start: float, shortest: float) -> Deceleration:
     """Return a short Deceleration of `way` within its limits of acceleration.
 
     It exceeds those of jerk by half at most.
@@ -63,7 +64,7 @@ def decelerate(way: TimedPath, start: float, shortest: float) -> Deceleration:
     return Deceleration(start, length)
 
 
-def _used(way: TimedPath, deceleration: Deceleration) -> float:
+def _used(way: TimedPath | Steered, deceleration: Deceleration) -> float:
     """Return the largest part that a Deceleration uses of what it may."""
     limits: Limits = way.limits
     length = deceleration.length
@@ -73,7 +74,7 @@ def _used(way: TimedPath, deceleration: Deceleration) -> float:
     _, speeds, accelerations = way.at(deceleration.at(x * length))
     acceleration = accelerations * rate**2 + speeds * change
     jerk = np.diff(acceleration, axis=0) / (length / (_SAMPLES - 1))
-    return max(np.linalg.norm(rows[:, part], axis=1).max() / (limit * allowed)
+    return max(float(np.linalg.norm(rows[:, part], axis=1).max() / (limit * allowed))
                for rows, row, allowed in zip((acceleration, jerk), limits.sizes[1:], _ALLOWED,
                                              strict=True)
                for part, limit in zip((slice(0, 3), slice(3, 6)), row, strict=True))

@@ -136,7 +136,7 @@ def in_the_way(state: State, bodies: Mapping[tuple[str, int], Any]) -> str:
     grippers = way.at(np.linspace(here, way.duration, _LOOKS))[0]
     since = float(way.progress([here])[0])
     shapes = [shape for shape, time in zip(plan.shapes, plan.times, strict=True) if time >= since]
-    surface, radius = Surface.of(scene.direct.rod), scene.inverse.workspace.gripper_radius
+    surface, radius = Surface.of(scene.direct.rod), scene.workspace.gripper_radius
     said = []
     for key, body in list(bodies.items())[:_MOST_NAMED]:
         space = Workspace(keep_out=(body,), gripper_radius=radius)

@@ -46,7 +46,8 @@ class Verification:
                  group: Any) -> None:
         self._arm = arm
         self._store, self._health, self._reporter = parts.store, parts.health, parts.reporter
-        self._prover, self._begun = prover, None  # Made whose proof has begun
+        self._prover = prover
+        self._begun: Made | None = None  # whose proof has begun
         self._out = node.create_publisher(MultiDOFJointTrajectory, '~/gripper_trajectory_timed',
                                           LATCHED)
         node.create_timer(_LOOK, self._prove, callback_group=group, clock=clock)

@@ -78,7 +78,8 @@ def tolerance_of(values: Values) -> float | None:
     if not 0 < value <= _MOST_TOLERANCE:
         raise InvalidTask(f'parameter threading.tolerance = {value!r}: expected more than 0 and at '
                           f'most {_MOST_TOLERANCE:g} m; 0 or nan for the default')
-    return value
+    result: float | None = value
+    return result
 
 
 def _judge(values: Values) -> None:
@@ -135,7 +136,8 @@ def _natural_curvature(values: Values) -> Expanded | list[float]:
         raise InvalidTask(f'parameter rod.natural_curvature_terms = {terms!r}: expected pairs of '
                           'finite numbers')
     if not any(terms):
-        return even
+        result: Expanded | list[float] = even
+        return result
     rows = np.vstack([np.zeros(2), np.reshape(terms, (-1, 2))])
     return Expanded(tuple(vector('rod.natural_curvature', even, 2)), rows, values['rod.length'])
 

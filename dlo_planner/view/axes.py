@@ -93,7 +93,7 @@ class Frame:
     @property
     def space(self) -> bool:
         """Whether the axes have three dimensions."""
-        return self.axes.name == '3d'
+        return bool(self.axes.name == '3d')
 
     def show(self, low: Floats, high: Floats) -> None:
         """Show the box between two corners (3,) in m, with equal scales and units."""
@@ -160,7 +160,7 @@ class Frame:
         side = min(place.width * width, place.height * height)
         room = (_ROOM * side,) * 2 if self.bar is None else (
             _ROOM_ALONE[0] * width, _ROOM_ALONE[1] * height)
-        return min(room[0] / across, room[1] / tall) / (_UNIT * side)
+        return float(min(room[0] / across, room[1] / tall) / (_UNIT * side))
 
 
 def box_around(points: Floats) -> tuple[Floats, Floats]:

@@ -12,6 +12,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, number
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
 from dlo_planner.view.colors import GRAY, ORANGE, VERMILION, coloring
 from dlo_planner.view.item import Item, rows_of_points
 
@@ -23,6 +24,11 @@ _GHOST = 0.4      # alpha
 _GHOST_COLOR = (0.1, 0.3, 0.5)
 _ARROW = (0.004, 0.008, 0.01)  # m: shaft, head, length of the head
 _LETTER = 0.03    # of the DLO's length
+
+
+def drawn_radius(rod: Rod) -> float | None:
+    """Return the radius in m with which a Rod is drawn; None where it has none or it varies."""
+    return rod.radius if isinstance(rod.radius, float) else None
 
 
 def dlo_items(shape: Shape, radius: float | None = None, color: str = 'curvature') -> list[Item]:

@@ -146,7 +146,8 @@ def eye(low: Floats, high: Floats) -> Floats:
     up_slope = np.tan(0.5 * _FIELD)
     across = np.abs(corners @ right) / (_ASPECT * up_slope)
     upward = np.abs(corners @ np.cross(back, right)) / up_slope
-    return 0.5 * (low + high) + (np.maximum(across, upward) + corners @ back).max() * back
+    result: Floats = 0.5 * (low + high) + (np.maximum(across, upward) + corners @ back).max() * back
+    return result
 
 
 def pose_of(handle: Any) -> Pose:

@@ -16,7 +16,13 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.view import tables
 from dlo_planner.view.colors import COLORINGS
-from dlo_planner.view.dlo_items import axes_items, contact_items, dlo_items, ghost_items
+from dlo_planner.view.dlo_items import (
+    axes_items,
+    contact_items,
+    dlo_items,
+    drawn_radius,
+    ghost_items,
+)
 from dlo_planner.view.item import Item
 from dlo_planner.view.latest import Latest
 from dlo_planner.view.page import Page, pose_of, put_at
@@ -204,8 +210,7 @@ def _end(plan: Plan) -> float:
 
 
 def _radius(shape: Shape) -> float | None:
-    radius = None if shape.rod is None else shape.rod.radius
-    return radius if isinstance(radius, float) else None
+    return None if shape.rod is None else drawn_radius(shape.rod)
 
 
 def checked(plan: Plan) -> Plan:

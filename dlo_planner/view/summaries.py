@@ -108,10 +108,14 @@ def _of_motion(motion: Motion) -> list[Row]:
         ('duration', figure(motion.times[-1] - motion.times[0]), 's'),
         ('far end, last', _point(motion.shapes[-1].positions[-1]), 'm'),
         ('largest speed of the far end', figure(tip.max()), 'm/s'),
-        ('work of the gripper', figure(motion.work[-1]), 'J'),
-        ('dissipated', figure(motion.dissipated[-1]), 'J'),
-        ('numerical loss', figure(motion.numerical_loss[-1]), 'J'),
+        ('work of the gripper', figure(_last(motion.work)), 'J'),
+        ('dissipated', figure(_last(motion.dissipated)), 'J'),
+        ('numerical loss', figure(_last(motion.numerical_loss)), 'J'),
         ('tolerance', figure(motion.tolerance), 'm')]
+
+
+def _last(values: Floats | None) -> float:
+    return np.nan if values is None else float(values[-1])
 
 
 def _of_report(report: Report) -> list[Row]:

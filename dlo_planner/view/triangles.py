@@ -73,7 +73,7 @@ def round_bar(sides: int = 12) -> tuple[Floats, Ints]:
     return vertices, np.array(faces, dtype=np.int64)
 
 
-def tube(points: Floats, radius: float, sides: int = 10) -> tuple[Floats, Floats]:
+def tube(points: Floats, radius: float, sides: int = 10) -> tuple[Floats, Ints]:
     """Return vertices (n sides, 3) and faces (m, 3) of a tube through points (n, 3), n > 1."""
     along = np.gradient(points, axis=0)
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
