@@ -5,6 +5,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from inspect import signature
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -254,7 +255,7 @@ class DirectSimulator(Value):
         far_end = FarEnd.of(far_end)
         self._check(gripper, initial, far_end)
         shape, kicks = self._equilibrium(gripper, initial, far_end)
-        if initial is None or not self.made(initial):
+        if initial is None or not self._made(initial):
             return shape
         jumped = shape.jumped or leapt(self._equilibrium, initial, shape, kicks)
         return replace(shape, jumped=True) if jumped and not shape.jumped else shape
@@ -330,10 +331,10 @@ class DirectSimulator(Value):
         Where the motion cannot go on it ends: `Motion.converged` is False then, and `status` and
         `message` say why, and when.
         """
-        return self.motion_by(Stepper, grippers, dt, initial, far_ends, velocity, tolerance,
+        return self._motion(Stepper, grippers, dt, initial, far_ends, velocity, tolerance,
                             integrator, Progress(progress, deadline))
 
-    def motion_by(self, make, grippers, dt, initial, far_ends, velocity, tolerance,
+    def _motion(self, make, grippers, dt, initial, far_ends, velocity, tolerance,
                   integrator, steps):
         """Return what `simulate` does; `make` makes the Stepper."""
         grippers = poses(grippers, 1)
@@ -379,7 +380,7 @@ class DirectSimulator(Value):
         self._check(gripper, shape)
         if self.accuracy is None:
             return self._discretization
-        if (shape is not None and self.made(shape)
+        if (shape is not None and self._made(shape)
                 and shape._discretization.basis in (self.basis, self._fine)
                 and within(shape, self.accuracy)):
             return shape._discretization
@@ -398,14 +399,14 @@ class DirectSimulator(Value):
         if far_end is not None and self.method != 'newton':
             raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with a far end')
 
-    def made(self, shape: Shape) -> bool:
+    def _made(self, shape: Shape) -> bool:
         """Whether a Shape is of this DLO, with all that acts on it here."""
         known = shape._discretization
         return known is not None and same(known.surroundings, self.surroundings)
 
     def _settled(self, shape):
         """Return what a Shape or None, made anywhere, becomes here in its grippers; or None."""
-        if shape is None or self.made(shape):
+        if shape is None or self._made(shape):
             return shape
         found, _ = self._equilibrium(shape.gripper, shape, shape.far_end)
         return found if found.converged else None
@@ -430,6 +431,25 @@ class DirectSimulator(Value):
         if away > farthest:
             raise InvalidTask(f'{name} = {pose!r}: expected within {farthest:g} m of the gripper, '
                               f'is {away:.3g} m off')
+
+
+def made_by(simulator: DirectSimulator, shape: Shape) -> bool:
+    """Whether a Shape is of a simulator's DLO, with all that acts on it there."""
+    return simulator._made(shape)
+
+
+def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, *task: Any) -> Motion:
+    """Return what `DirectSimulator.simulate` does, with another Stepper.
+
+    Parameters
+    ----------
+    make : callable
+        Makes the Stepper, of its mesh, grips, period and method.
+    simulator : DirectSimulator
+    task : object
+        Grippers, dt, initial, far ends, velocity, tolerance, integrator and Progress.
+    """
+    return simulator._motion(make, *task)
 
 
 def clamping(name: str, simulator: object) -> DirectSimulator:

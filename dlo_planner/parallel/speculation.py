@@ -30,7 +30,7 @@ from dlo_planner.direct.grips import poses
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.simulator import DirectSimulator, made_by, motion_by
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.stepping import Instant, Stepper
 from dlo_planner.energy.potential import System, unknowns_of
@@ -111,9 +111,8 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
         if dt is None:
             return Tracker(simulator, rounds).track(grippers, at_first, steps)
         make = partial(AheadStepper, rounds, len(grippers) - 1)
-        motion: Motion = simulator.motion_by(make, grippers, dt, initial, None, velocity, tolerance,
-                                             integrator, steps)
-        return motion
+        return motion_by(make, simulator, grippers, dt, initial, None, velocity, tolerance,
+                         integrator, steps)
 
 
 def _work(shape: Shape) -> int:
@@ -221,7 +220,7 @@ class Tracker:
         """Whether steps after the Shape `before` can be looked at."""
         simulator = self._simulator
         return (simulator.accuracy is None and simulator.strains == 'components'
-                and simulator.made(before) and before.far_end is None and before.parts is None)
+                and made_by(simulator, before) and before.far_end is None and before.parts is None)
 
     def _step(self, grippers: tuple[Pose, ...], place: int, before: Shape,
               steps: Progress) -> Shape:
