@@ -21,7 +21,8 @@ from dlo_planner.plan.motion.shift import DEGREE, Shift
 from dlo_planner.plan.motion.time_law import TimeLaw
 
 if TYPE_CHECKING:
-    from dlo_planner.plan.motion.calm import Case, LegTask
+    from dlo_planner.plan.motion.calm import LegTask
+    from dlo_planner.plan.motion.cases import Case
 
 _PER_PERIOD = 5   # pieces of the spline in the slowest period
 _SMALL = 3e-2     # weight of the shift beside the deviation: none that hardly helps
