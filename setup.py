@@ -83,7 +83,7 @@ setup(
         'cell': ['mujoco>=3.13', 'matplotlib'],
         'docs': ['sphinx>=7', 'furo', 'myst-parser', 'sphinx-copybutton'],
         'test': ['pytest', 'hypothesis', 'import-linter', 'ros-domain-coordinator',
-                 'playwright', 'pyyaml', 'build', 'setuptools', 'wheel'],
+                 'playwright', 'pyyaml', 'mypy', 'build', 'setuptools', 'wheel'],
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),

@@ -25,7 +25,7 @@ from dlo_planner.parallel.mapping import solve_many
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.ros.warm_up import warm_up, warm_up_proofs
 from dlo_planner.verify.replay import replay
-from dlo_planner.verify.robustness import Spread
+from dlo_planner.verify.spread import Spread
 
 _ROD = Rod(1.0, 0.1, (1.0, 2.0), 0.7, natural_curvature=(0.1, 0.2))
 _YIELDING = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, yield_curvature=0.2, hardening=0.1)

@@ -52,7 +52,8 @@ from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import Plan, PlanStatus, joined
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.verify.replay import Report, replay
-from dlo_planner.verify.robustness import Robustness, Spread, robustness
+from dlo_planner.verify.robustness import Robustness, robustness
+from dlo_planner.verify.spread import Spread
 
 __all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact', 'Correction',
            'CutOut', 'DeadlineExceeded', 'DirectSimulator', 'DirectionAt', 'DloPlannerError',

@@ -27,7 +27,7 @@ from dlo_planner import (
 )
 from dlo_planner.identify.predicted_miss import crossing
 from dlo_planner.model.along import Expanded
-from dlo_planner.verify.robustness import variation_deviations
+from dlo_planner.verify.spread import variation_deviations
 
 SPREAD = Spread(bending_stiffness=0.05, torsional_stiffness=0.05, mass=0.02, length=1e-3,
                 natural_curvature=0.05, curvature_variation=0.03, gripper_position=0.5e-3,

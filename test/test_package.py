@@ -54,7 +54,8 @@ def archives(tmp_path_factory):
 def test_the_wheel_has_all_modules_and_files(archives):
     names = set(zipfile.ZipFile(archives[1]).namelist())
     modules = {str(path.relative_to(ROOT)) for package in ('dlo_planner', 'msg_helpers')
-               for path in (ROOT / package).rglob('*.py')}
+               for path in (ROOT / package).rglob('*.py')} | {
+                   f'{package}/py.typed' for package in ('dlo_planner', 'msg_helpers')}
     assert modules <= names
     shared = {name.split('/data/share/dlo_planner/')[-1] for name in names
               if '/data/share/dlo_planner/' in name}

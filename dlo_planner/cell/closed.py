@@ -30,7 +30,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import PlanStatus, first_part, joined
-from dlo_planner.verify.robustness import Spread
+from dlo_planner.verify.spread import Spread
 
 _STAMPS = 0.1       # s after an arrival whose images are left out: their stamps may be wrong
 _FOR_MOTION = 0.25  # part of the room that is kept for the deviation of the DLO in motion

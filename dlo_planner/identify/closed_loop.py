@@ -125,20 +125,21 @@ class ClosedLoop(Value):
         time, finished = number('time', time), flag('finished', finished)
         if bound is not None and not (isinstance(bound, float) and bound == float('inf')):
             bound = number('bound', bound, minimum=0)
-        here = self if self.since is not None else replace(self, since=time)
-        if here.phase is Phase.LOOK:
-            over = here.since is not None and time - here.since >= here.look
-            return here._to(Phase.PLAN, time) if over else here
-        if not finished or here.phase in (Phase.DONE, Phase.STOP):
-            return here
-        if here.phase is Phase.ENTER:
-            return here._to(Phase.DONE, time)
-        if here.phase is Phase.PLAN and not here.at_standoff:
-            return here._to(Phase.GO, time)
+        since = time if self.since is None else self.since
+        state = replace(self, since=since)
+        if state.phase is Phase.LOOK:
+            over = time - since >= state.look
+            return state._to(Phase.PLAN, time) if over else state
+        if not finished or state.phase in (Phase.DONE, Phase.STOP):
+            return state
+        if state.phase is Phase.ENTER:
+            return state._to(Phase.DONE, time)
+        if state.phase is Phase.PLAN and not state.at_standoff:
+            return state._to(Phase.GO, time)
         if bound is None:
             raise InvalidTask(f'bound = None: expected the predicted miss at the standoff, phase '
-                              f'{here.phase.value!r}')
-        return replace(here, at_standoff=True)._at_standoff(time, bound)
+                              f'{state.phase.value!r}')
+        return replace(state, at_standoff=True)._at_standoff(time, bound)
 
     def _at_standoff(self, time: float, bound: float) -> ClosedLoop:
         if bound > self.share * self.room and self.looks < self.most_looks and (

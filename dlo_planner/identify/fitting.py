@@ -32,7 +32,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, Value, brief, figures, put
 from dlo_planner.progress import OnProgress, Progress
-from dlo_planner.verify.robustness import Spread
+from dlo_planner.verify.spread import Spread
 
 _Seen: TypeAlias = tuple[tuple[Observation, ...], tuple[ObservedMotion, ...]]
 _STARTS = (0.0, -0.7, 0.7)  # logarithms of stiffness from which the search begins

@@ -23,7 +23,7 @@ from dlo_planner.identify.uncertain import Uncertain
 from dlo_planner.model.checks import instance, integer, number, vector
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
-from dlo_planner.verify.robustness import Spread
+from dlo_planner.verify.spread import Spread
 
 _LONGER = 5.0  # standard deviations of the length by which an arc length may exceed it
 

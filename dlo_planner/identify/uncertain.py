@@ -36,7 +36,7 @@ from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
-from dlo_planner.verify.robustness import Spread, variation_deviations
+from dlo_planner.verify.spread import Spread, variation_deviations
 
 _KEPT = 8     # meshes whose Varied is remembered
 _SAME = 1e-9  # of the length: nodes closer than this are the same

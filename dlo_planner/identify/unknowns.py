@@ -21,7 +21,7 @@ from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.checks import choice, items, row
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.section import Section
-from dlo_planner.verify.robustness import Spread
+from dlo_planner.verify.spread import Spread
 
 _BENT = 0.1    # rad along the length: how far a natural strain is moved as one unit
 _DAMPED = 0.1  # twice the damping ratio that is one unit of damping

@@ -14,11 +14,12 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.deprecated import warn_renamed
 from dlo_planner.errors import InvalidRod
-from dlo_planner.model.along import ONE, Along, Table, breaks_of, is_row, pair, varying
+from dlo_planner.model.along import Along, Table, breaks_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, choice, instance, number, returned, row, shown
 from dlo_planner.model.profile import resolved, straight
 from dlo_planner.model.section import MODELS, MODULI, SIZES, Section
+from dlo_planner.model.stated import ONE, is_row, pair, varying
 from dlo_planner.model.value import FrozenDict, Value, brief, put
 
 

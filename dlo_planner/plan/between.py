@@ -78,16 +78,16 @@ def broken_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequence[
     known : sequence of float or None, optional
         Least room in the sheets at each waypoint, m; what is None is computed.
     """
-    found = None
+    outside = None
     if brief.workspace is not None:
         beyond = brief.workspace.first_beyond(path)
         if beyond is not None:
-            found = Broken(*beyond, f'on the way there the gripper comes {beyond[2]:.3g} m beyond '
-                           f'{beyond[1]}')
+            outside = Broken(*beyond, 'on the way there the gripper comes '
+                             f'{beyond[2]:.3g} m beyond {beyond[1]}')
     if brief.simulator is None or not (sheets or brief.obstacles) or any(
             shape.s[-1] != brief.simulator.rod.length for shape in shapes):
-        return found
-    return _Sweep(path, sheets, brief).broken(shapes, known, found) or found
+        return outside
+    return _Sweep(path, sheets, brief).broken(shapes, known, outside) or outside
 
 
 @dataclass(frozen=True)

@@ -67,15 +67,15 @@ def leap(simulator: DirectSimulator, before: Shape | None, shape: Shape) -> floa
         Shape that is planned.
     """
     if before is None:
-        there = simulator.solve(shape.gripper)
+        reached = simulator.solve(shape.gripper)
     else:
         turn = angle_between(before.gripper.rotation, shape.gripper.rotation)
         if shape_change(before, shape) < _QUIET + turn:
             return 0.0
-        there = simulator.track([shape.gripper], initial=before)[0]
-    if there.converged and not there.jumped and same(there, shape):
+        reached = simulator.track([shape.gripper], initial=before)[0]
+    if reached.converged and not reached.jumped and same(reached, shape):
         return 0.0
-    return float(max(apart(there, shape), _SAME * shape.s[-1]))
+    return float(max(apart(reached, shape), _SAME * shape.s[-1]))
 
 
 def same(one: Shape, other: Shape) -> bool:
@@ -88,8 +88,8 @@ def apart(one: Shape, other: Shape) -> float:
 
     Where `other` is shorter, its end counts.
     """
-    there = other.positions_at(np.minimum(one.s, other.s[-1]))
-    return float(np.linalg.norm(one.positions - there, axis=1).max())
+    positions = other.positions_at(np.minimum(one.s, other.s[-1]))
+    return float(np.linalg.norm(one.positions - positions, axis=1).max())
 
 
 def gripper_motion(one: Pose, other: Pose, length: float) -> float:

@@ -235,8 +235,8 @@ class GripperPath(Value):
                         0, len(self.legs) - 1)
         positions, rotations = np.empty((u.size, 3)), np.empty((u.size, 3, 3))
         for k in np.unique(which):
-            here = which == k
-            positions[here], rotations[here] = self.legs[k].poses(u[here])
+            of_leg = which == k
+            positions[of_leg], rotations[of_leg] = self.legs[k].poses(u[of_leg])
         return positions, rotations
 
     def goal(self, u: float) -> int:

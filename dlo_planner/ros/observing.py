@@ -24,7 +24,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.motion.periods import slowest_period
 from dlo_planner.plan.plan import Plan
-from dlo_planner.verify.robustness import Spread
+from dlo_planner.verify.spread import Spread
 
 _REMEMBERED = 1000   # gripper poses: 2 s of them at 500 Hz
 _ABOUT = 0.25        # s before and after a stamp: of which speed and acceleration are told

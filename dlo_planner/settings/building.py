@@ -17,7 +17,7 @@ from dlo_planner.model.checks import vector
 from dlo_planner.model.rod import Rod
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.verify.robustness import Spread
+from dlo_planner.verify.spread import Spread
 
 SECTIONS = ('round', 'tube', 'rectangular', 'stiffness')
 _FINEST = 1e-6         # accuracy, of the length: a shape takes less than a second

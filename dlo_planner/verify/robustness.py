@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -21,79 +21,21 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.penalties import Through
-from dlo_planner.model.along import Along, Expanded, Shifted, scaled
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
-from dlo_planner.model.pose import Pose, displaced
+from dlo_planner.model.pose import displaced
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, brief, put, same
 from dlo_planner.plan.passing import Passes
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.verify.spread import CAUSES, DRAWN, Spread, twist, varied
 
 _SMALL = 1e-3   # of a spread: step of the differences
 _NEAR = 0.1     # of the length: how far from the planned arc length the DLO may pass a center
 _AT_ONCE = 25   # samples in one piece of work
 
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Spread(Value):
-    """Standard deviations of uncertain quantities, all independent and normal.
-
-    Attributes
-    ----------
-    bending_stiffness : float
-        Relative deviation of EI_n and EI_b alike.
-    torsional_stiffness : float
-        Relative deviation of GJ.
-    mass : float
-        Relative deviation of all masses alike.
-    length : float
-        Deviation in m of the length beyond the gripper.
-    natural_curvature : float
-        Deviation in 1/m of each of its two components, the same all along.
-    gripper_position : float
-        Deviation in m along each axis.
-    gripper_rotation : float
-        Deviation in rad about each axis; constant during a plan, as a calibration is.
-    curvature_variation : float
-        Deviation in 1/m of each of the natural curvature's two components about its
-        mean, as root mean square along the DLO: Legendre polynomials P_1, P_2, ..., the higher the
-        less, see `variation_deviations`.
-    """
-
-    bending_stiffness: float = 0.0
-    torsional_stiffness: float = 0.0
-    mass: float = 0.0
-    length: float = 0.0
-    natural_curvature: float = 0.0
-    gripper_position: float = 0.0
-    gripper_rotation: float = 0.0
-    curvature_variation: float = 0.0
-
-    def __post_init__(self) -> None:
-        put(self, **{name: number(f'Spread.{name}', getattr(self, name), minimum=0)
-                     for name in CAUSES})
-        super().__post_init__()
-
-
 _Work: TypeAlias = tuple[DirectSimulator, Sequence[Shape], Sequence[Passes], Spread, Floats]
-CAUSES = tuple(field.name for field in fields(Spread))
-# one number of a standard normal distribution for each, three or two for some
-_VARIATION = 5  # Legendre polynomials by which the natural curvature varies
-_DRAWN = tuple(name for name in CAUSES for _ in range(
-    {'natural_curvature': 2, 'curvature_variation': 2 * _VARIATION, 'gripper_position': 3,
-     'gripper_rotation': 3}.get(name, 1)))
-
-
-def variation_deviations(count: int) -> Floats:
-    """Return (count,): standard deviations of the coefficients of P_1 ... P_count.
-
-    Of a variation whose mean square along the DLO is 1: P_j has the mean square 1 / (2 j + 1), and
-    its part of the whole falls like 1 / j^2, as in a curve whose slope is bounded.
-    """
-    j = np.arange(1, count + 1)
-    return np.sqrt((2 * j + 1) / j**2 / np.sum(1 / j**2)) if count else np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -210,7 +152,7 @@ def robustness(simulator: DirectSimulator, plan: Plan, spread: Spread, *, sample
     if not any(shape.contacts for shape in plan.shapes):
         simulator = simulator.without_obstacles()  # a rim would hold it back, and hide the miss
     by_cause = _first_order(simulator.rod, plan, spread, steps)
-    draws = np.random.default_rng(seed).normal(size=(samples, len(_DRAWN)))
+    draws = np.random.default_rng(seed).normal(size=(samples, len(DRAWN)))
     work = [(simulator, plan.shapes, plan.passes, spread, draws[k:k + _AT_ONCE])
             for k in range(0, samples, _AT_ONCE)]
     run = map if executor is None else executor.map
@@ -240,10 +182,10 @@ def _acts_alike(shape: Shape, simulator: DirectSimulator) -> bool:
 def _first_order(rod: Rod, plan: Plan, spread: Spread, progress: Progress) -> Floats:
     """Return (n, causes) root mean square misses."""
     out = np.zeros((len(plan), len(CAUSES)))
-    columns = [CAUSES.index(name) for name in _DRAWN]
-    steps = [_SMALL * step for step, name in zip(np.eye(len(_DRAWN)), _DRAWN, strict=True)
+    columns = [CAUSES.index(name) for name in DRAWN]
+    steps = [_SMALL * step for step, name in zip(np.eye(len(DRAWN)), DRAWN, strict=True)
              if getattr(spread, name)]
-    rods = [(_varied(rod, spread, step), _varied(rod, spread, -step)) for step in steps]
+    rods = [(varied(rod, spread, step), varied(rod, spread, -step)) for step in steps]
     for k, (shape, passes) in enumerate(zip(plan.shapes, plan.passes, strict=True)):
         if not passes or not steps:
             continue
@@ -253,7 +195,7 @@ def _first_order(rod: Rod, plan: Plan, spread: Spread, progress: Progress) -> Fl
         for step, both in zip(steps, rods, strict=True):
             ahead, back = (
                 sensitivity.predicted(one) if one is not rod
-                else sensitivity.moved(_twist(shape.gripper, spread, sign * step))
+                else sensitivity.moved(twist(shape.gripper, spread, sign * step))
                 for one, sign in zip(both, (1, -1), strict=True))
             for j, (center, s, _) in enumerate(passes):
                 off = (_off(ahead, center, s) - _off(back, center, s)) / (2 * _SMALL)
@@ -267,14 +209,14 @@ def _sampled(work: _Work) -> Floats:
     simulator, shapes, passes, spread, draws = work
     out = np.empty((len(draws), len(shapes)))
     for i, draw in enumerate(draws):
-        rod = _varied(simulator.rod, spread, draw)
-        varied = simulator if rod is simulator.rod else simulator.with_rod(rod)
+        rod = varied(simulator.rod, spread, draw)
+        drawn = simulator if rod is simulator.rod else simulator.with_rod(rod)
         initial = None
         for k, shape in enumerate(shapes):
-            gripper = displaced(shape.gripper, _twist(shape.gripper, spread, draw))
+            gripper = displaced(shape.gripper, twist(shape.gripper, spread, draw))
             # it starts where the plan does, and then goes its own way
             start = _stretched(shape, rod.length) if initial is None else initial
-            found = varied.track([gripper], initial=start)[0]
+            found = drawn.track([gripper], initial=start)[0]
             initial = found if found.converged else initial
             out[i, k] = max((np.linalg.norm(_off(found, center, s))
                              for center, s, _ in passes[k]), default=0.0)
@@ -293,37 +235,3 @@ def _stretched(shape: Shape, length: float) -> Shape:
 def _off(shape: Shape, center: Floats, s: float) -> Floats:
     """Return (3,): from a center to where the DLO passes it."""
     return Through(center, max(0.0, min(s, shape.s[-1]) - _NEAR * shape.s[-1])).residuals(shape)
-
-
-def _varied(rod: Rod, spread: Spread, draw: Floats) -> Rod:
-    """Return the Rod that (k,) draws stand for; `rod` itself if they leave it alone."""
-    by = {name: [d * getattr(spread, name) for d, drawn in zip(draw, _DRAWN, strict=True)
-                 if drawn == name] for name in CAUSES}
-    if not any(np.any(by[name]) for name in CAUSES if not name.startswith('gripper')):
-        return rod
-    # exp: relative deviations, which never make a stiffness negative
-    bend, twist, mass = (float(np.exp(by[name][0])) for name in (
-        'bending_stiffness', 'torsional_stiffness', 'mass'))
-    length = rod.length + by['length'][0]
-    known = rod.natural_curvature
-    curve = np.array(by['natural_curvature'])
-    natural: Along = Shifted(known, curve) if callable(known) else tuple(curve + known)
-    if spread.curvature_variation:
-        terms = np.reshape(by['curvature_variation'], (_VARIATION, 2))
-        terms = terms * variation_deviations(_VARIATION)[:, None]
-        natural = Expanded(natural, np.vstack([np.zeros(2), terms]), length)
-    return replace(
-        rod, length=length, bending_stiffness=scaled(rod.bending_stiffness, bend),
-        torsional_stiffness=scaled(rod.torsional_stiffness, twist),
-        mass_per_length=scaled(rod.mass_per_length, mass),
-        tip_mass=mass * rod.tip_mass,
-        point_masses=tuple((min(s, length), mass * m) for s, m in rod.point_masses),
-        natural_curvature=natural)
-
-
-def _twist(gripper: Pose, spread: Spread, draw: Floats) -> Floats:
-    """Return the gripper's deviation (6,), rotation before displacement, world axes."""
-    turn, shift = (np.array([d * getattr(spread, name) for d, drawn in zip(
-        draw, _DRAWN, strict=True) if drawn == name])
-        for name in ('gripper_rotation', 'gripper_position'))
-    return np.concatenate([gripper.rotation @ turn, gripper.rotation @ shift])

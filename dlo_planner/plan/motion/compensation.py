@@ -21,7 +21,8 @@ from dlo_planner.plan.motion.shift import DEGREE, Shift
 from dlo_planner.plan.motion.time_law import TimeLaw
 
 if TYPE_CHECKING:
-    from dlo_planner.plan.motion.calm import Case, LegTask
+    from dlo_planner.plan.motion.calm import LegTask
+    from dlo_planner.plan.motion.cases import Case
 
 _PER_PERIOD = 5   # pieces of the spline in the slowest period
 _SMALL = 3e-2     # weight of the shift beside the deviation: none that hardly helps
@@ -44,14 +45,14 @@ def compensated(task: LegTask, law: TimeLaw,
     if not inner.size:
         return None
     basis = BSpline(knots, np.eye(knots.size - DEGREE - 1)[:, inner], DEGREE)
-    normal, wanted = _SMALL**2 * np.eye(3 * inner.size), np.zeros(3 * inner.size)
+    normal, right = _SMALL**2 * np.eye(3 * inner.size), np.zeros(3 * inner.size)
     for case, begin in zip(task.cases, task.rest if begins is None else begins, strict=True):
         rows, own = _answers(case, law, begin, basis)
         normal += rows.T @ rows / case.allowed**2
-        wanted -= rows.T @ own / case.allowed**2
+        right -= rows.T @ own / case.allowed**2
     coefficients = np.zeros((knots.size - DEGREE - 1, 3))
     # the small weight of the shift itself keeps that well posed
-    coefficients[inner] = np.linalg.solve(normal, wanted).reshape(3, -1).T
+    coefficients[inner] = np.linalg.solve(normal, right).reshape(3, -1).T
     return Shift(knots, coefficients)
 
 

@@ -96,10 +96,10 @@ class _Wrong:
         try:
             if self._shape is None:
                 self._shape = self._simulator.solve(begin.gripper, begin)
-            found = Response.of(self._simulator, leg, self._shape, response.parameters)
-            if all(shape.converged and not shape.jumped for shape in found.shapes):
-                self._shape = found.shapes[-1]
-                return found
+            wrong = Response.of(self._simulator, leg, self._shape, response.parameters)
+            if all(shape.converged and not shape.jumped for shape in wrong.shapes):
+                self._shape = wrong.shapes[-1]
+                return wrong
         except InvalidTask:
             pass
         self._shape = None

@@ -52,9 +52,9 @@ class Shift(Value):
     @property
     def most(self) -> Floats:
         """(4,) bounds of the lengths of the shift, m, and of its three derivatives by time."""
-        found, spline = [], self._spline
+        bounds, spline = [], self._spline
         for _ in range(4):
             # a spline lies in the convex hull of its coefficients
-            found.append(np.linalg.norm(spline.c[:spline.t.size - spline.k - 1], axis=1).max())
+            bounds.append(np.linalg.norm(spline.c[:spline.t.size - spline.k - 1], axis=1).max())
             spline = spline.derivative()
-        return np.array(found)
+        return np.array(bounds)

@@ -23,7 +23,8 @@ from dlo_planner import (
     Trajectory,
 )
 from dlo_planner.errors import DeadlineExceeded
-from dlo_planner.plan.motion.calm import Case, LegTask, calm_law, margin, predicted
+from dlo_planner.plan.motion.calm import LegTask, calm_law, margin, predicted
+from dlo_planner.plan.motion.cases import Case
 from dlo_planner.plan.motion.fastest import fastest_rates
 from dlo_planner.plan.motion.in_motion import in_motion
 from dlo_planner.plan.motion.periods import slowest_period
