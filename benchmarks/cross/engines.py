@@ -6,19 +6,24 @@ MuJoCo has a chain of rigid pieces (`dlo_planner.cell`), which shares no code wi
 """
 
 from dataclasses import dataclass
+from functools import partial
 from math import ceil, pi
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.cross.scenes import CONTACT, MOTION, STATIC, Scene
+from benchmarks.cross.scenes import MOTION, STATIC, Scene
 from dlo_planner import DirectSimulator
 from dlo_planner.errors import NotConverged
+
+if TYPE_CHECKING:
+    from dlo_planner.cell.plant import Plant
 
 Floats = NDArray[np.float64]
 _SAMPLES = 41
 _CALM, _CALM_FOR, _LONGEST = 1e-6, 0.25, 20.0  # m in s: what moves no more is at rest; s
-_ALMOST_CRITICAL = 0.4  # damping ratio of the slowest vibration where only the rest is wanted
+_QUITE_CALM = 0.4  # damping ratio of the slowest vibration where only the rest is wanted
 
 
 @dataclass(frozen=True)
@@ -61,33 +66,24 @@ def by_mujoco(scene: Scene, cells: int, step: float) -> Floats:
     from dlo_planner.cell.plant import Plant  # noqa: PLC0415  an extra
 
     s, first = arcs(scene), scene.way(0.0)
-    plant = Plant(scene.rod, first, scene.obstacles, cells=cells, step=step,
-                  damping=_ALMOST_CRITICAL)
+    start = partial(Plant, scene.rod, first, scene.obstacles, cells=cells, step=step)
+    plant = start(damping=_QUITE_CALM)
+    if scene.kind == STATIC:
+        return plant.points(s)[None]
     if scene.kind == MOTION:
-        # stiffness and damping in the same ratio as in the rod
-        ratio = pi * plant.frequencies[0] * scene.rod.damping[1]
-        plant = Plant(scene.rod, first, scene.obstacles, cells=cells, step=step, damping=ratio)
-        places = [plant.points(s)]
-        for k in range(round(scene.seconds / scene.interval)):
-            _follow(plant, scene, k * scene.interval, step)
-            places.append(plant.points(s))
-        return np.array(places)
-    if scene.kind == CONTACT:
-        _follow(plant, scene, 0.0, step, scene.seconds)
-        _rest(plant, scene, s)
-    return plant.points(s)[None]
+        # damping and stiffness in the ratio that the rod states
+        plant = start(damping=pi * plant.frequencies[0] * scene.rod.damping[1])
+    places = [plant.points(s)]
+    parts = ceil(scene.interval / step - 1e-9)
+    for k in range(round(scene.seconds / scene.interval)):
+        for part in range(1, parts + 1):
+            plant.move(scene.way((k + part / parts) * scene.interval), scene.interval / parts)
+        places.append(plant.points(s))
+    return np.array(places) if scene.kind == MOTION else _at_rest(plant, scene, s)[None]
 
 
-def _follow(plant, scene, begin, step, seconds=None):
-    """Move along the way of the gripper from a time on, in as even parts as steps of time."""
-    seconds = scene.interval if seconds is None else seconds
-    count = ceil(seconds / max(step, 1e-3 if scene.kind == CONTACT else 0) - 1e-9)
-    for k in range(1, count + 1):
-        plant.move(scene.way(begin + k / count * seconds), seconds / count)
-
-
-def _rest(plant, scene, s):
-    """Wait until nothing moves.
+def _at_rest(plant: 'Plant', scene: Scene, s: Floats) -> Floats:
+    """Return the places (n, 3) when nothing moves any more.
 
     Raises:
         NotConverged: something goes on moving
@@ -97,9 +93,7 @@ def _rest(plant, scene, s):
         plant.move(last, _CALM_FOR)
         now = plant.points(s)
         if np.abs(now - before).max() < _CALM:
-            return
+            return now
         before = now
     raise NotConverged(f'{scene.name}: the chain of MuJoCo does not come to rest')
 
-
-__all__ = ['STATIC', 'Found', 'arcs', 'by_mujoco', 'by_package']

@@ -1,0 +1,71 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The page: its words are in page.md, its tables those of the JSON."""
+
+import json
+from pathlib import Path
+
+from benchmarks import report
+from benchmarks.page import text
+from benchmarks.validation import asserted, scripted
+
+_WORDS = Path(__file__).parent / 'page.md'
+_NAME = 'validation.json'
+
+
+def load(folder: Path) -> dict:
+    """Return what is kept in a folder, an empty dict if nothing is."""
+    path = folder / _NAME
+    return json.loads(path.read_text()) if path.exists() else {}
+
+
+def write(folder: Path, found: dict) -> None:
+    """Write the JSON and the tables into a folder, and the page beside it."""
+    (folder / _NAME).write_text(json.dumps(found, indent=1, allow_nan=False) + '\n')
+    for name, table in tables(found).items():
+        (folder / f'{name}.md').write_text(f'# {name.capitalize()}\n\n{table}')
+    folder.with_suffix('.md').write_text(text(_WORDS.read_text(), folder))
+
+
+def tables(found: dict) -> dict[str, str]:
+    """Return the tables in Markdown by their names."""
+    parts = []
+    for group in found.get('asserted', {}).values():
+        table = report.markdown(asserted.HEADS, asserted.lines(group))
+        parts.append(f'### {group["title"]}\n\n{table}\n{_when([group])}')
+    scripts = found.get('scripts', {})
+    return {'scripts': report.markdown(scripted.HEADS, scripted.lines(scripts))
+            + '\n' + _when(scripts.values()), 'asserted': '\n'.join(parts),
+            'summary': _summary(found)}
+
+
+def broken(found: dict) -> list[str]:
+    """Return what does not keep its limit, or has failed."""
+    lines = [f'{name}: {scripted.met(row)}' for name, row in found.get('scripts', {}).items()
+             if '**' in scripted.met(row) or row['why'].startswith('status')]
+    return lines + [f'{row["shows"]}: {asserted.met(row)}'
+                    for group in found.get('asserted', {}).values() for row in group['rows']
+                    if '**' in asserted.met(row)]
+
+
+def counts(found: dict) -> dict[str, int]:
+    """Return how many rows, tests and comparisons there are, and how many rows keep their limit."""
+    rows = [row for group in found['asserted'].values() for row in group['rows']]
+    scripts = list(found['scripts'].values())
+    good = [asserted.met(row) for row in rows] + [scripted.met(row) for row in scripts]
+    return {'rows': len(good), 'met': good.count('yes'),
+            'tests': sum(row['passed'] for row in rows),
+            'checks': sum(row['checks'] for row in rows), 'scripts': len(scripts)}
+
+
+def _summary(found):
+    n = counts(found)
+    return (f'{n["met"]} of {n["rows"]} rows keep their limits: {n["rows"] - n["scripts"]} of '
+            f'them are asserted by {n["tests"]} tests (a test may stand in several rows) with '
+            f'{n["checks"]} comparisons, {n["scripts"]} are printed by scripts.\n')
+
+
+def _when(rows):
+    when = sorted({f'{row["measured"]["date"]}, commit {row["measured"]["commit"]}'
+                   for row in rows})
+    return f'*Measured {"; ".join(when)}.*\n' if when else ''
