@@ -70,15 +70,7 @@ def others_than(*good: str) -> Callable[[str], float]:
     """Return what counts outcomes of another kind in the last line of '12 kind, 3 other kind'."""
     def read(text: str) -> float:
         line = _counts(text)
-        return float(sum(int(number) for number, kind in line if kind not in good))
-    return read
-
-
-def share_of(kind: str) -> Callable[[str], float]:
-    """Return what reads the share of a kind in the last line of '12 kind, 3 other kind'."""
-    def read(text: str) -> float:
-        line = _counts(text)
-        return sum(int(n) for n, one in line if one == kind) / sum(int(n) for n, _ in line)
+        return float(sum(int(number) for number, kind in line if kind.split(',')[0] not in good))
     return read
 
 
@@ -94,7 +86,8 @@ def _of_all(pattern, choose):
 
 
 def _counts(text):
-    lines = re.findall(r'^(?:\d+ [a-z_. ]+(?:, |$))+', text, re.MULTILINE)
+    one = r'\d+ [^\d\n,][^\d\n]*'  # '3 refused, stability' is one kind
+    lines = re.findall(rf'^{one}(?:, {one})*$', text, re.MULTILINE)
     if not lines:
         raise ValueError('no line with numbers of outcomes was printed')
-    return re.findall(r'(\d+) ([a-z_. ]+)', lines[-1])
+    return re.findall(r'(\d+) (.+?)(?=, \d|$)', lines[-1])

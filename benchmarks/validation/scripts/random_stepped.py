@@ -9,7 +9,7 @@ ENTRY = Validation(
     shows='mass, load, natural strains, stiffness: the accuracy asked for, an honest estimate',
     against='Runge-Kutta from jump to jump (SciPy)',
     script='test/random_stepped.py',
-    arguments=('25', '0'),
+    arguments=('6', '0'),
     whole=('200', '0'),
     measures=(Measure('answers that are not good', others_than('good'), 0),
               Measure('smallest estimate / error', smallest('estimate / error {} to'), 0.1,
