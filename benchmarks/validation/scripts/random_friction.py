@@ -11,5 +11,6 @@ ENTRY = Validation(
     script='test/random_friction.py',
     arguments=('30', '0'),
     whole=('127', '0'),
-    measures=(Measure('steps in contact that do not converge', others_than('converged', 'away'), 1),),
+    measures=(Measure('steps in contact that do not converge',
+                      others_than('converged', 'away'), 1),),
 )
