@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
 from benchmarks.cross.scenes import STATIC
-from benchmarks.figures._drawing import held, picture, side, views
+from benchmarks.figures._drawing import held, plt, side, views
 from dlo_planner import Capsule, Plane, Sheet, Sphere
 
 if TYPE_CHECKING:
@@ -22,7 +22,8 @@ _GRAY = {'color': '0.6', 'zorder': 0}
 
 
 def draw(folder: Path, found: Sequence['Compared']) -> None:
-    """Draw one picture for each kind of scene: `cross_check_<kind>.png` and `.svg`."""
+    """Draw one picture for each kind of scene, `cross_check_<kind>.png`."""
+    folder.mkdir(parents=True, exist_ok=True)
     for kind in dict.fromkeys(one.scene.kind for one in found):
         some = [one for one in found if one.scene.kind == kind]
         columns = min(3, len(some))
@@ -34,9 +35,10 @@ def draw(folder: Path, found: Sequence['Compared']) -> None:
             axis.remove()
         axes.flat[0].legend(fontsize=8)
         what = {STATIC: 'Wires that hang freely'}.get(kind, f'Scenes in {kind}')
-        picture(figure, folder, f'cross_check_{kind}',
-                f'{what}: this package (lines) and the limit of MuJoCo\'s chains (dots), '
-                'seen along y')
+        figure.suptitle(f'{what}: this package (lines), limit of MuJoCo\'s chains (dots), seen '
+                        'along y', fontsize=10)
+        figure.savefig(folder / f'cross_check_{kind}.png', dpi=90)
+        plt.close(figure)
 
 
 def _shapes(axis: Axes, one: 'Compared') -> None:
