@@ -13,6 +13,7 @@ ENTRY = Validation(
     arguments=('{output}/protocols.png',),
     measures=(Measure('width, height, default accuracy',
                       largest('default: width off by {}, height by {} L'), 1e-3, 'L'),
+              Measure('aspect up to w L^3/EI = 100', largest('up to 100: {}'), 1e-3),
               Measure('aspect, accuracy=1e-5', largest('accuracy 1e-5: .* aspect by {} '), 1e-3),
               Measure('lateral buckling, from SciPy', largest("buckling, .* off by {} of SciPy's"),
                       1e-3),
