@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
 from benchmarks.cross.scenes import STATIC
-from benchmarks.figures._drawing import held, plt, side, views
+from benchmarks.figures._drawing import held, side, views
 from dlo_planner import Capsule, Plane, Sheet, Sphere
 
 if TYPE_CHECKING:

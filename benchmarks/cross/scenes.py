@@ -42,9 +42,9 @@ class Scene:
         return [self.way(k * self.interval) for k in range(count + 1)]
 
 
-def copper(diameter: float, **more: object) -> Rod:
+def copper(diameter: float, damping: float = 0.0) -> Rod:
     """Return a copper wire of 1 m."""
-    return Rod.circular(1.0, diameter, 8960.0, 110e9, 0.34, **more)
+    return Rod.circular(1.0, diameter, 8960.0, 110e9, 0.34, damping=damping)
 
 
 def still(pose: Pose) -> Way:

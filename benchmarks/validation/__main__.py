@@ -6,6 +6,7 @@ python -m benchmarks.validation [--jobs 2] [--output FOLDER] [words in the names
 """
 
 import argparse
+import resource
 import subprocess
 import sys
 from datetime import UTC, datetime
@@ -14,6 +15,7 @@ from time import perf_counter
 
 from benchmarks import report
 from benchmarks.validation import asserted, page, scripted
+from benchmarks.validation.asserted import Json
 
 ROOT = Path(__file__).resolve().parents[2]
 _DOCS = ROOT / 'docs' / 'validation'
@@ -37,20 +39,21 @@ def main(arguments: list[str] | None = None) -> int:
     output = given.output.resolve()
     output.mkdir(parents=True, exist_ok=True)
     now = {'date': f'{datetime.now(UTC):%Y-%m-%d}', 'commit': _commit()} | report.machine()
-    found = {'scripts': scripted.run(scripts, given.jobs, output),
+    found: Json = {'scripts': scripted.run(scripts, given.jobs, output),
              'asserted': asserted.run(groups, given.jobs) if groups else {}}
     for part in found.values():
         for one in part.values():
             one['measured'] = now
-    seconds = perf_counter() - begun
+    seconds, used = perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
     known = merged(page.load(output), found)
     page.write(output, known)
     bad = page.broken(known)
-    print('\n'.join(bad) or 'all limits are kept', f'\n{seconds:.0f} s; written to {output}')
+    print('\n'.join(bad) or 'all limits are kept')
+    print(f'{seconds:.0f} s, {used.ru_utime + used.ru_stime:.0f} s of CPU; written to {output}')
     return 1 if bad else 0
 
 
-def merged(known: dict, found: dict) -> dict:
+def merged(known: Json, found: Json) -> Json:
     """Return what was measured before with what was measured now, as far as it still exists."""
     names = {'scripts': [one.name for one in scripted.entries()],
              'asserted': [one.name for one in asserted.groups()]}
@@ -58,13 +61,13 @@ def merged(known: dict, found: dict) -> dict:
             for part in names for both in [known.get(part, {}) | found[part]]}
 
 
-def _wanted(name, words):
+def _wanted(name: str, words: list[str]) -> bool:
     return not words or any(word in name for word in words)
 
 
-def _commit():
+def _commit() -> str:
     """Return the commit that is checked out, with + if something is changed."""
-    def git(*rest):
+    def git(*rest: str) -> str:
         return subprocess.run(['git', *rest], cwd=ROOT, capture_output=True, text=True,
                               check=False).stdout.strip()
     name = git('rev-parse', '--short', 'HEAD')

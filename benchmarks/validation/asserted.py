@@ -11,7 +11,9 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+Json = dict[str, Any]
 ROOT = Path(__file__).resolve().parents[2]
 _ROWS = Path(__file__).parent / 'asserted'
 _NOTHING_RAN = 5  # pytest's exit status
@@ -48,7 +50,7 @@ def groups() -> list[Group]:
     return found
 
 
-def run(chosen: Sequence[Group], jobs: int) -> dict[str, object]:
+def run(chosen: Sequence[Group], jobs: int) -> dict[str, Json]:
     """Run the tests of groups; return what was measured by the groups' names."""
     wanted = sorted({test for group in chosen for row in group.rows for test in row.tests})
     records = _records(wanted, jobs)
@@ -57,7 +59,7 @@ def run(chosen: Sequence[Group], jobs: int) -> dict[str, object]:
             for group in chosen}
 
 
-def _records(wanted, jobs):
+def _records(wanted: list[str], jobs: int) -> dict[str, Json]:
     """Return the records (name of a test -> record) of all tests that are wanted."""
     files = sorted({test.split('::')[0] for test in wanted})
     with tempfile.TemporaryDirectory() as name:
@@ -75,7 +77,7 @@ def _records(wanted, jobs):
             cwd=ROOT, env=environment, check=False)
         if done.returncode not in (0, 1, _NOTHING_RAN):
             raise RuntimeError(f'pytest ended with status {done.returncode}')
-        records = {}
+        records: dict[str, Json] = {}
         for path in (folder / 'records').glob('*.json'):
             for test, record in json.loads(path.read_text()).items():
                 if record['seconds'] and record['checks'] >= records.get(test, {}).get(
@@ -84,7 +86,7 @@ def _records(wanted, jobs):
     return records
 
 
-def _judged(row, records):
+def _judged(row: Row, records: dict[str, Json]) -> Json:
     """Return a row with what its tests have measured, as JSON can hold it."""
     own = [record for test, record in records.items() if test.startswith(row.tests)]
     outcomes = [record['outcome'] for record in own]
@@ -98,23 +100,23 @@ def _judged(row, records):
                                             strict=True))}
 
 
-def lines(group: dict) -> list[list[str]]:
+def lines(group: Json) -> list[list[str]]:
     """Return the cells of a group's table."""
     return [[row['shows'], row['against'], row['claim'], _tests(row), _nearest(row['nearest']),
              met(row)] for row in group['rows']]
 
 
-def met(row: dict) -> str:
+def met(row: Json) -> str:
     """Return whether all tests of a row that were run have passed."""
     if row['failed']:
         return f'**no**: {row["failed"]} fail'
     return 'yes' if row['passed'] else '*not run*'
 
 
-def _tests(row):
+def _tests(row: Json) -> str:
     names = dict.fromkeys(test.split('::')[0].removeprefix('test/') for test in row['tests'])
     return f'{row["passed"]} of {", ".join(f"`{name}`" for name in names)}'
 
 
-def _nearest(nearest):
+def _nearest(nearest: Json | None) -> str:
     return f'{nearest["measured"]:.2g} of {nearest["limit"]:.2g}' if nearest else ''

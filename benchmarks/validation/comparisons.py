@@ -38,23 +38,26 @@ def comparison(source: str, explained: str) -> tuple[str, float, float] | None:
     return ' '.join(source.split('#', maxsplit=1)[0].split()), measured, limit
 
 
-def _approximation(source, line):
+def _approximation(source: str, line: str) -> tuple[str, float, float] | None:
     found = re.fullmatch(r'(.+) == (\S+) ± (\S+)', line)
     if not found:
         return None
-    values = []
+    values: list[float] = []
     for text in found.groups():
         try:
-            values.append(_value(ast.parse(text, mode='eval').body))
+            value = _value(ast.parse(text, mode='eval').body)
         except SyntaxError:
             return None
-    if None in values or not values[2] > 0:
-        return None
+        if value is None:
+            return None
+        values.append(value)
     measured, true, allowed = values
+    if not allowed > 0:
+        return None
     return ' '.join(source.split()), abs(measured - true), allowed
 
 
-def _is_number(source):
+def _is_number(source: str) -> bool:
     """Return whether the left side of a comparison is a number written in the test."""
     try:
         tree = ast.parse(source.strip(), mode='eval').body
@@ -64,7 +67,7 @@ def _is_number(source):
             and _value(tree.left) is not None)
 
 
-def _value(node):
+def _value(node: ast.AST) -> float | None:
     """Return the value of an expression of numbers, None if it is none."""
     if isinstance(node, ast.Constant) and type(node.value) in (int, float):
         return float(node.value) if math.isfinite(node.value) else None

@@ -74,7 +74,7 @@ def others_than(*good: str) -> Callable[[str], float]:
     return read
 
 
-def _of_all(pattern, choose):
+def _of_all(pattern: str, choose: Callable[[list[float]], float]) -> Callable[[str], float]:
     looked_for = re.compile(pattern.replace('{}', NUMBER), re.MULTILINE)
 
     def read(text: str) -> float:
@@ -85,7 +85,7 @@ def _of_all(pattern, choose):
     return read
 
 
-def _counts(text):
+def _counts(text: str) -> list[tuple[str, str]]:
     one = r'\d+ [^\d\n,][^\d\n]*'  # '3 refused, stability' is one kind
     lines = re.findall(rf'^{one}(?:, {one})*$', text, re.MULTILINE)
     if not lines:

@@ -3,23 +3,26 @@
 """The page: its words are in page.md, its tables those of the JSON."""
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 
 from benchmarks import report
 from benchmarks.page import text
 from benchmarks.validation import asserted, scripted
+from benchmarks.validation.asserted import Json
 
 _WORDS = Path(__file__).parent / 'page.md'
 _NAME = 'validation.json'
 
 
-def load(folder: Path) -> dict:
+def load(folder: Path) -> Json:
     """Return what is kept in a folder, an empty dict if nothing is."""
     path = folder / _NAME
-    return json.loads(path.read_text()) if path.exists() else {}
+    found: Json = json.loads(path.read_text()) if path.exists() else {}
+    return found
 
 
-def write(folder: Path, found: dict) -> None:
+def write(folder: Path, found: Json) -> None:
     """Write the JSON and the tables into a folder, and the page beside it."""
     (folder / _NAME).write_text(json.dumps(found, indent=1, allow_nan=False) + '\n')
     for name, table in tables(found).items():
@@ -27,7 +30,7 @@ def write(folder: Path, found: dict) -> None:
     folder.with_suffix('.md').write_text(text(_WORDS.read_text(), folder))
 
 
-def tables(found: dict) -> dict[str, str]:
+def tables(found: Json) -> dict[str, str]:
     """Return the tables in Markdown by their names."""
     parts = []
     for group in found.get('asserted', {}).values():
@@ -39,7 +42,7 @@ def tables(found: dict) -> dict[str, str]:
             'summary': _summary(found)}
 
 
-def broken(found: dict) -> list[str]:
+def broken(found: Json) -> list[str]:
     """Return what does not keep its limit, or has failed."""
     lines = [f'{name}: {scripted.met(row)}' for name, row in found.get('scripts', {}).items()
              if '**' in scripted.met(row) or row['why'].startswith('status')]
@@ -48,7 +51,7 @@ def broken(found: dict) -> list[str]:
                     if '**' in asserted.met(row)]
 
 
-def counts(found: dict) -> dict[str, int]:
+def counts(found: Json) -> dict[str, int]:
     """Return how many rows, tests and comparisons there are, and how many rows keep their limit."""
     rows = [row for group in found['asserted'].values() for row in group['rows']]
     scripts = list(found['scripts'].values())
@@ -58,14 +61,14 @@ def counts(found: dict) -> dict[str, int]:
             'checks': sum(row['checks'] for row in rows), 'scripts': len(scripts)}
 
 
-def _summary(found):
+def _summary(found: Json) -> str:
     n = counts(found)
     return (f'{n["met"]} of {n["rows"]} rows keep their limits: {n["rows"] - n["scripts"]} of '
             f'them are asserted by {n["tests"]} tests (a test may stand in several rows) with '
             f'{n["checks"]} comparisons, {n["scripts"]} are printed by scripts.\n')
 
 
-def _when(rows):
+def _when(rows: Iterable[Json]) -> str:
     when = sorted({f'{row["measured"]["date"]}, commit {row["measured"]["commit"]}'
                    for row in rows})
     return f'*Measured {"; ".join(when)}.*\n' if when else ''

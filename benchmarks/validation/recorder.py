@@ -10,9 +10,11 @@ count (DLO_VALIDATION_TESTS, a JSON list of what their names begin with) and whe
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from benchmarks.validation.comparisons import comparison
 
@@ -24,7 +26,8 @@ class Recorder:
 
     def __init__(self, wanted: list[str], folder: Path):
         self._wanted, self._folder = tuple(wanted), folder
-        self._now, self.records = '', {}
+        self._now = ''
+        self.records: dict[str, dict[str, Any]] = {}
         self._close = np.testing.assert_allclose
 
     def pytest_configure(self) -> None:
@@ -62,7 +65,8 @@ class Recorder:
         worker = os.environ.get('PYTEST_XDIST_WORKER', 'main')
         (self._folder / f'{worker}.json').write_text(json.dumps(self.records))
 
-    def _compare_arrays(self, actual, desired, rtol=1e-7, atol=0, **more):
+    def _compare_arrays(self, actual: ArrayLike, desired: ArrayLike, rtol: float = 1e-7,
+                        atol: float = 0, **more: Any) -> None:  # noqa: ANN401  numpy's own
         self._close(actual, desired, rtol=rtol, atol=atol, **more)
         off = np.abs(np.asarray(actual, float) - np.asarray(desired, float))
         allowed = atol + rtol * np.abs(np.asarray(desired, float))
@@ -75,7 +79,7 @@ class Recorder:
         else:
             self._keep(None)
 
-    def _keep(self, found):
+    def _keep(self, found: tuple[str, float, float] | None) -> None:
         if self._now not in self.records:
             return
         record = self.records[self._now]

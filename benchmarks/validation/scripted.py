@@ -10,9 +10,11 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 from benchmarks.validation.entry import Validation
 
+Json = dict[str, Any]
 ROOT = Path(__file__).resolve().parents[2]
 _SCRIPTS = Path(__file__).parent / 'scripts'
 HEADS = ['what', 'against', 'measured (limit)', 'met', 'script, its sample']
@@ -21,10 +23,12 @@ HEADS = ['what', 'against', 'measured (limit)', 'met', 'script, its sample']
 def entries() -> list[Validation]:
     """Return all Validations, in the order of their files' names."""
     names = sorted(path.stem for path in _SCRIPTS.glob('[a-z]*.py'))
-    return [import_module(f'benchmarks.validation.scripts.{name}').ENTRY for name in names]
+    found: list[Validation] = [import_module(f'benchmarks.validation.scripts.{name}').ENTRY
+                               for name in names]
+    return found
 
 
-def run(chosen: list[Validation], jobs: int, output: Path) -> dict[str, dict]:
+def run(chosen: list[Validation], jobs: int, output: Path) -> dict[str, Json]:
     """Run the scripts, so many at once; return what was measured by their names."""
     with ThreadPoolExecutor(jobs) as pool:
         found = pool.map(lambda entry: _run(entry, output), chosen)
@@ -37,9 +41,9 @@ def command(entry: Validation, arguments: tuple[str, ...]) -> str:
                                               for one in arguments)])
 
 
-def _run(entry, output):
+def _run(entry: Validation, output: Path) -> Json:
     """Run a script; return what was measured as JSON can hold it."""
-    about = {'shows': entry.shows, 'against': entry.against,
+    about: Json = {'shows': entry.shows, 'against': entry.against,
              'script': command(entry, entry.arguments),
              'whole': command(entry, entry.whole) if entry.whole else ''}
     if entry.extra and not find_spec(entry.extra):
@@ -59,25 +63,25 @@ def _run(entry, output):
                     'seconds': seconds}
 
 
-def lines(found: dict[str, dict]) -> list[list[str]]:
+def lines(found: dict[str, Json]) -> list[list[str]]:
     """Return the cells of the table."""
     return [[f'{name}: {row["shows"]}', row['against'], _measured(row), met(row), _script(row)]
             for name, row in found.items()]
 
 
-def met(row: dict) -> str:
+def met(row: Json) -> str:
     """Return whether all that a script printed keeps its limits."""
     if row['why']:
         return f'*not run*: {row["why"]}'
     return 'yes' if all(one['met'] for one in row['measures']) else '**no**'
 
 
-def _measured(row):
+def _measured(row: Json) -> str:
     return '; '.join(
         f'{one["what"]} {one["measured"]:.3g} ({"at least " if one["least"] else ""}'
         f'{one["limit"]:g}{" " if one["unit"] else ""}{one["unit"]})' for one in row['measures'])
 
 
-def _script(row):
+def _script(row: Json) -> str:
     whole = f'; the whole: `{row["whole"]}`' if row['whole'] else ''
     return f'`{row["script"]}`{whole}'
