@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Measure again what the documentation says; write docs/validation.md, its tables and its JSON.
+"""Measure again what the docs say; write docs/validation.md, its JSON, the README's numbers.
 
 python -m benchmarks.validation [--jobs 2] [--output FOLDER] [words in the names of some ...]
 """
@@ -14,7 +14,7 @@ from pathlib import Path
 from time import perf_counter
 
 from benchmarks import report
-from benchmarks.validation import asserted, page, scripted
+from benchmarks.validation import asserted, page, readme, scripted
 from benchmarks.validation.asserted import Json
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -47,6 +47,9 @@ def main(arguments: list[str] | None = None) -> int:
     seconds, used = perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
     known = merged(page.load(output), found)
     page.write(output, known)
+    if output == _DOCS:
+        text = (ROOT / 'README.md').read_text()
+        (ROOT / 'README.md').write_text(readme.updated(text))
     bad = page.broken(known)
     print('\n'.join(bad) or 'all limits are kept')
     print(f'{seconds:.0f} s, {used.ru_utime + used.ru_stime:.0f} s of CPU; written to {output}')
