@@ -58,10 +58,12 @@ def main(arguments: list[str] | None = None) -> int:
 
 def merged(known: Json, found: Json) -> Json:
     """Return what was measured before with what was measured now, as far as it still exists."""
-    names = {'scripts': [one.name for one in scripted.entries()],
-             'asserted': [one.name for one in asserted.groups()]}
-    return {part: {name: both[name] for name in names[part] if name in both}
-            for part in names for both in [known.get(part, {}) | found[part]]}
+    scripts = known.get('scripts', {}) | found['scripts']
+    groups = known.get('asserted', {}) | found['asserted']
+    return {'scripts': {one.name: scripts[one.name] for one in scripted.entries()
+                        if one.name in scripts},
+            'asserted': {one.name: groups.get(one.name) or asserted.unmeasured(one)
+                         for one in asserted.groups()}}
 
 
 def _wanted(name: str, words: list[str]) -> bool:

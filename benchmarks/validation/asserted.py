@@ -59,6 +59,11 @@ def run(chosen: Sequence[Group], jobs: int) -> dict[str, Json]:
             for group in chosen}
 
 
+def unmeasured(group: Group) -> Json:
+    """Return a group that was never run, as JSON can hold it."""
+    return {'title': group.title, 'rows': [_judged(row, {}) for row in group.rows]}
+
+
 def _records(wanted: list[str], jobs: int) -> dict[str, Json]:
     """Return the records (name of a test -> record) of all tests that are wanted."""
     files = sorted({test.split('::')[0] for test in wanted})

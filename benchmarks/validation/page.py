@@ -70,5 +70,5 @@ def _summary(found: Json) -> str:
 
 def _when(rows: Iterable[Json]) -> str:
     when = sorted({f'{row["measured"]["date"]}, commit {row["measured"]["commit"]}'
-                   for row in rows})
+                   for row in rows if 'measured' in row})
     return f'*Measured {"; ".join(when)}.*\n' if when else ''
