@@ -57,15 +57,18 @@ def counts(found: Json) -> dict[str, int]:
     scripts = list(found['scripts'].values())
     good = [asserted.met(row) for row in rows] + [scripted.met(row) for row in scripts]
     return {'rows': len(good), 'met': good.count('yes'),
+            'run': sum('not run' not in one for one in good),
             'tests': sum(row['passed'] for row in rows),
             'checks': sum(row['checks'] for row in rows), 'scripts': len(scripts)}
 
 
 def _summary(found: Json) -> str:
     n = counts(found)
-    return (f'{n["met"]} of {n["rows"]} rows keep their limits: {n["rows"] - n["scripts"]} of '
-            f'them are asserted by {n["tests"]} tests (a test may stand in several rows) with '
-            f'{n["checks"]} comparisons, {n["scripts"]} are printed by scripts.\n')
+    left = n['rows'] - n['run']
+    return (f'{n["met"]} of the {n["run"]} rows that were run keep their limits'
+            f'{f"; {left} were not run yet" if left else ""}. {n["scripts"]} rows are printed by '
+            f'scripts, the others asserted by {n["tests"]} tests (a test may stand in several '
+            f'rows) with {n["checks"]} comparisons.\n')
 
 
 def _when(rows: Iterable[Json]) -> str:

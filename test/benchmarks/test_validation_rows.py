@@ -76,5 +76,6 @@ def test_what_fails_is_broken_and_what_is_not_run_is_not_met():
            'failed': 0, 'skipped': 0, 'checks': 2, 'seconds': 0.1, 'nearest': None}
     found = {'scripts': {}, 'asserted': {'g': {'title': 'G', 'rows': [
         row, row | {'passed': 0}, row | {'failed': 1}]}}}
-    assert page.counts(found) == {'rows': 3, 'met': 1, 'tests': 2, 'checks': 6, 'scripts': 0}
+    assert page.counts(found) == {'rows': 3, 'met': 1, 'run': 2, 'tests': 2,
+                                  'checks': 6, 'scripts': 0}
     assert page.broken(found) == ['a: **no**: 1 fail']
