@@ -62,7 +62,7 @@ def merged(known: Json, found: Json) -> Json:
     groups = known.get('asserted', {}) | found['asserted']
     return {'scripts': {one.name: scripts[one.name] for one in scripted.entries()
                         if one.name in scripts},
-            'asserted': {one.name: groups.get(one.name) or asserted.unmeasured(one)
+            'asserted': {one.name: asserted.filled(one, groups.get(one.name, {}))
                          for one in asserted.groups()}}
 
 

@@ -59,9 +59,11 @@ def run(chosen: Sequence[Group], jobs: int) -> dict[str, Json]:
             for group in chosen}
 
 
-def unmeasured(group: Group) -> Json:
-    """Return a group that was never run, as JSON can hold it."""
-    return {'title': group.title, 'rows': [_judged(row, {}) for row in group.rows]}
+def filled(group: Group, known: Json) -> Json:
+    """Return what is known of a group with the rows that it has now; new ones were not run."""
+    rows = {row['shows']: row for row in known.get('rows', [])}
+    return known | {'title': group.title, 'rows': [rows.get(row.shows) or _judged(row, {})
+                                                   for row in group.rows]}
 
 
 def _records(wanted: list[str], jobs: int) -> dict[str, Json]:

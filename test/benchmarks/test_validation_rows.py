@@ -79,3 +79,13 @@ def test_what_fails_is_broken_and_what_is_not_run_is_not_met():
     assert page.counts(found) == {'rows': 3, 'met': 1, 'run': 2, 'tests': 2,
                                   'checks': 6, 'scripts': 0}
     assert page.broken(found) == ['a: **no**: 1 fail']
+
+
+def test_a_row_that_is_new_was_not_run_and_the_others_keep_what_was_measured():
+    one = asserted.Row('a', 'b', 'c', ('test/x.py',))
+    new = asserted.Row('new', 'b', 'c', ('test/y.py',))
+    known = {'title': 'old', 'measured': {}, 'rows': [
+        {'shows': 'a', 'passed': 7}, {'shows': 'gone', 'passed': 8}]}
+    found = asserted.filled(asserted.Group('g', 'G', (one, new)), known)
+    assert found['title'] == 'G' and found['measured'] == {}
+    assert [(row['shows'], row['passed']) for row in found['rows']] == [('a', 7), ('new', 0)]
