@@ -59,10 +59,15 @@ class Compared:
         return self.apart <= self.limit
 
 
-def compare(scene: Scene, cells: Sequence[int] | None = None) -> Compared:
-    """Return a scene by both engines, MuJoCo's by chains of ever more cells (three at least)."""
+def compare(scene: Scene, cells: Sequence[int] | None = None, step: float = _STEP) -> Compared:
+    """Return a scene by both engines.
+
+    Args:
+        cells: of MuJoCo's chains, three at least
+        step: of time in s where the DLO comes to rest in contact
+    """
     cells, mine = cells or CELLS[scene.kind], by_package(scene)
-    found = np.array([by_mujoco(scene, n, _BY_SQUARE / n**2 if scene.kind == MOTION else _STEP)
+    found = np.array([by_mujoco(scene, n, _BY_SQUARE / n**2 if scene.kind == MOTION else step)
                       for n in cells])
     chain = refinement.limit(cells, found)
     return Compared(scene, mine.places, chain, refinement.largest(mine.places - chain),
