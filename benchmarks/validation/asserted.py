@@ -16,6 +16,7 @@ from typing import Any
 Json = dict[str, Any]
 ROOT = Path(__file__).resolve().parents[2]
 _ROWS = Path(__file__).parent / 'asserted'
+_MEASURED = ('passed', 'failed', 'skipped', 'checks', 'seconds', 'nearest')
 _NOTHING_RAN = 5  # pytest's exit status
 HEADS = ['what', 'against', 'asserted', 'tests', 'nearest to its limit', 'met']
 
@@ -61,9 +62,10 @@ def run(chosen: Sequence[Group], jobs: int) -> dict[str, Json]:
 
 def filled(group: Group, known: Json) -> Json:
     """Return what is known of a group with the rows that it has now; new ones were not run."""
-    rows = {row['shows']: row for row in known.get('rows', [])}
-    return known | {'title': group.title, 'rows': [rows.get(row.shows) or _judged(row, {})
-                                                   for row in group.rows]}
+    before = {row['shows']: {name: row[name] for name in _MEASURED if name in row}
+              for row in known.get('rows', [])}
+    return known | {'title': group.title, 'rows': [
+        _judged(row, {}) | before.get(row.shows, {}) for row in group.rows]}
 
 
 def _records(wanted: list[str], jobs: int) -> dict[str, Json]:
