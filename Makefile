@@ -2,6 +2,7 @@
 # make test   the tests
 # make bench  timings beside a hand-written loop, peers, the paper's figures: docs/benchmarks
 # make figures  all figures of the paper, a few minutes; figures_output/ (docs/reproduction.md)
+# make validation  what docs/validation.md says, measured again; below ten minutes
 # make bench-check  fails where a ratio to that loop has grown by 30 %
 # make cell   20 tasks in a physics engine; table and film in cell_output/
 # make soak   a node under odd messages, load and faults for 10 minutes; report in soak_output/
@@ -18,7 +19,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 KERNELS := $(shell grep -rl --include=*.py 'dlo_planner.kernels' dlo_planner)
 
-.PHONY: demo test bench figures bench-check cell soak docs check lint types imports lock clean
+.PHONY: demo test bench figures validation bench-check cell soak docs check lint types imports lock clean
 demo: $(VENV)/compiled
 	$(RUN) -m dlo_planner.ros.demo
 
@@ -31,6 +32,9 @@ bench: $(VENV)/compiled
 
 figures: $(VENV)/compiled
 	$(RUN) -m benchmarks.figures
+
+validation: $(VENV)/compiled
+	OPENBLAS_NUM_THREADS=1 $(RUN) -m benchmarks.validation
 
 bench-check: $(VENV)/compiled
 	$(RUN) -m benchmarks check

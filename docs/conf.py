@@ -27,7 +27,7 @@ extensions = [
     'sphinx.ext.mathjax',
     'sphinx_copybutton',
 ]
-exclude_patterns = ['_build', 'benchmarks/*.md']
+exclude_patterns = ['_build', 'benchmarks/*.md', 'validation/*.md']
 html_theme = 'furo'
 html_title = f'dlo_planner {release}'
 

@@ -170,5 +170,6 @@ def _add_geom(body: Any, chain: Chain, k: int, length: float) -> None:
         turn = (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0)  # its axis from z to x
     else:
         shape, size, turn = mujoco.mjtGeom.mjGEOM_BOX, (half, *chain.box), (1.0, 0.0, 0.0, 0.0)
+    # The engine takes the larger friction of the two that touch: it is the obstacle's alone.
     body.add_geom(type=shape, size=size, quat=turn, pos=(half, 0, 0), contype=DLO,
-                  conaffinity=SCENE)
+                  conaffinity=SCENE, condim=1, friction=(0, 0, 0))

@@ -178,6 +178,19 @@ def test_force_of_a_prop(prop):
     assert plant.largest_forces[1] >= plant.forces[1]
 
 
+@pytest.mark.parametrize(('friction', 'follows'), [(0.0, True), (0.3, False)])
+def test_the_friction_of_a_contact_is_the_obstacles(friction, follows):
+    wire = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+    floor = Plane((0, 0, 0), (0, 0, 1), friction)
+    plant = Plant(wire, at(z=0.6), [floor], cells=10, step=4e-3, damping=0.4)
+    plant.move(at(z=0.3), 0.5)
+    plant.move(at(y=0.05, z=0.3), 0.5)  # aside, while its free end lies on the floor
+    plant.move(at(y=0.05, z=0.3), 1.5)
+    behind = 0.05 - plant.tip.position[1]
+    assert plant.forces[0] > 0.02
+    assert abs(behind) < 1e-3 if follows else behind > 0.02
+
+
 @pytest.mark.parametrize(('y', 'touches'), [(0.0, False), (0.007, False), (0.0095, True)])
 @pytest.mark.parametrize('square', [False, True])
 def test_holes(y, touches, square):
