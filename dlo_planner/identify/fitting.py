@@ -198,7 +198,9 @@ def _first_mesh(rod, observations, motions, options, meshes):
     for index in range(len(meshes) - 1):
         direct = DirectSimulator(rod, **{**meshes[index], **options})
         shapes = [direct.solve(one.gripper, far_end=one.far_end) for one in observations]
-        shapes += [direct.solve(one.grippers[0]) for one in motions]
+        shapes += [direct.solve(one.grippers[0],
+                                far_end=None if one.far_ends is None else one.far_ends[0])
+                   for one in motions]
         if _exact(shapes, rod):
             return index
     return len(meshes) - 1

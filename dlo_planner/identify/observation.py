@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.grips import poses
+from dlo_planner.direct.grips import ends_of, poses
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import array, instance, number, row, shown, vector
@@ -59,6 +59,8 @@ class ObservedMotion(Value):
         points: (k, m, 3) m, world
         s: (m,) their arc lengths, m
         initial: Shape at time 0, at rest, in equilibrium or not; None: the static shape
+        far_ends: n FarEnd, all with the same grip, what holds the far end at those times, or what
+            `FarEnd.of` takes; None: it is free
 
     Raises:
         InvalidTask: naming the argument
@@ -70,9 +72,11 @@ class ObservedMotion(Value):
     points: np.ndarray
     s: np.ndarray
     initial: Shape | None = None
+    far_ends: Iterable | None = None
 
     def __post_init__(self):
         grippers = tuple(poses(self.grippers, 2))
+        far_ends = self._checked_ends(len(grippers))
         dt = number('ObservedMotion.dt', self.dt, above=0)
         duration = (len(grippers) - 1) * dt
         times = row('ObservedMotion.times', self.times, minimum=0)
@@ -86,5 +90,14 @@ class ObservedMotion(Value):
             raise InvalidTask(f'ObservedMotion.points has shape {points.shape}: expected as many '
                               f'rows as ObservedMotion.times, {times.size}, with as many points as '
                               f'ObservedMotion.s, {s.size}')
-        put(self, grippers=grippers, dt=dt, times=times, s=s, points=points)
+        put(self, grippers=grippers, dt=dt, times=times, s=s, points=points, far_ends=far_ends)
         super().__post_init__()
+
+    def _checked_ends(self, count):
+        """Return the far ends as FarEnds of one grip, or None where it is free."""
+        ends = ends_of(self.far_ends, count)
+        grips = {None if end is None else end.grip for end in ends}
+        if len(grips) > 1:
+            raise InvalidTask(f'ObservedMotion.far_ends: expected one grip for all times, got '
+                              f'{sorted(map(str, grips))}')
+        return None if grips == {None} else tuple(ends)

@@ -17,6 +17,7 @@ from dlo_planner.identify.misfit import (
     nowhere,
     seen_in,
 )
+from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 
 _AT_REST, _IN_MOTION = 1e-6, 1e-4  # relative errors of the derivatives
@@ -150,15 +151,25 @@ class Observed:
     def _seen(self, index, one, x):
         """Return where the points of a motion are at x, (k, m, 3) or None; and its last Shape."""
         parts, errors = self._parts[index], self.errors(len(self.observations) + index, x)
-        grippers = [errors.applied(pose) for pose in one.grippers]
-        if parts > 1:
-            guide = Guide(grippers, one.dt)
-            grippers = [guide.at(k / parts) for k in range((len(grippers) - 1) * parts + 1)]
-        motion = self._simulator(x).simulate(grippers, one.dt / parts, one.initial,
+        grippers = _refined([errors.applied(pose) for pose in one.grippers], one.dt, parts)
+        ends = one.far_ends
+        if ends is not None:
+            grip = ends[0].grip
+            ends = [FarEnd(pose, grip)
+                    for pose in _refined([end.pose for end in ends], one.dt, parts)]
+        motion = self._simulator(x).simulate(grippers, one.dt / parts, one.initial, far_ends=ends,
                                              tolerance=np.inf)
         self._progress.check()
         solved = motion.converged and len(motion) == len(grippers)
         return (seen_in(motion, one.times, one.s) if solved else None), motion.shapes[-1]
+
+
+def _refined(given, dt, parts):
+    """Return Poses at `parts` times as many instants, on the smooth way through those given."""
+    if parts == 1:
+        return given
+    guide = Guide(given, dt)
+    return [guide.at(k / parts) for k in range((len(given) - 1) * parts + 1)]
 
 
 class _Nearby:
