@@ -23,22 +23,40 @@ import numpy as np
 
 from benchmarks import report
 from benchmarks.deform_data import DT, Array, Recording, arc_lengths, recordings
-from dlo_planner import DirectSimulator, Fit, Observation, ObservedMotion, Rod, fit_rod
+from dlo_planner import DirectSimulator, Fit, ObservedMotion, Rod, fit_rod
 
 FOLDER = Path(__file__).parent.parent / 'docs' / 'benchmarks'
 PUBLISHED = {1: 0.0103, 2: 0.0102, 3: 0.0100, 4: 0.0115}  # m, the best in their own logs
 CABLES = 1, 2, 3, 4, 5
 HORIZON = range(2, 502)   # frames that are predicted
-_WEIGHT = 0.02            # kg/m, assumed: motions and shapes tell no more than ratios
+_WEIGHT = 0.02            # kg/m, assumed: motions tell no more than ratios
 _TWIST = 0.75             # GJ / EI of a round cable that keeps its volume
-_SOFTNESSES = 1.0, 10.0, 100.0, 1000.0  # w L^3 / EI, from which the search begins
-_KNOTS = 5                # of the natural curvature
-_MESH = {'basis': 'local', 'n_elements': 48}
-_SNAPSHOTS, _MOTIONS = 24, 4
-_APART = 50               # frames between the snapshots of a recording at least
-_WINDOW = 250             # frames of a motion in a fit
-_STEP, _SEEN = 2, 10      # frames between the poses given, and between those compared
-_FIRST_SEEN = 50          # frames after which a motion is compared: how it began is forgotten
+_DAMPING = 0.5, 0.0       # 1/s and s, from which the search begins
+_SOFTNESSES = 2.0, 6.0, 20.0, 60.0, 200.0  # w L^3 / EI, one of which the search begins with
+_STEP, _SEEN = 4, 12      # frames between the poses given, and between those compared
+_FIRST_SEEN = 48          # frames after which a motion is compared: how it began is forgotten
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much of the training recordings is used.
+
+    Attributes:
+        motions: number of recordings, evenly picked
+        window: frames of each
+        knots: number of places along the cable between which natural curvature is straight
+        elements: of the cable
+    """
+
+    motions: int = 4
+    window: int = 300
+    knots: int = 4
+    elements: int = 40
+
+    @property
+    def mesh(self) -> dict:
+        """Options of the `DirectSimulator`."""
+        return {'basis': 'local', 'n_elements': self.elements}
 
 
 @dataclass(frozen=True)
@@ -49,34 +67,32 @@ class Cable:
         rod: Rod of the free length
         s: (markers - 2,) m, of the markers from the second to the last but one
         fit: the Fit of motions
+        effort: with which it was found
         seconds: that it took
     """
 
     rod: Rod
     s: Array
     fit: Fit
+    effort: Effort
     seconds: float
 
 
-def identified(found: list[Recording]) -> Cable:
+def identified(found: list[Recording], effort: Effort = Effort()) -> Cable:  # noqa: B008  frozen
     """Return the Cable of training Recordings.
 
-    First from the calmest frames, as shapes at rest: stiffness and natural curvature; then from
-    motions: stiffness and damping.
+    First stiffness and damping of a straight cable, then natural curvature along it with them.
     """
     began = perf_counter()
     s = arc_lengths(found)
-    at_rest = _at_rest(found, s)
-    rod = _first_guess(s[-1], at_rest)
-    knots = np.linspace(0, s[-1], _KNOTS)
-    shaped = fit_rod(rod, at_rest, ('bending_stiffness', 'natural_curvature'), knots=knots,
-                     loss='huber', **_MESH).rod
-    shaped = replace(shaped, torsional_stiffness=_TWIST * shaped.bending_stiffness[0])
-    picked = [found[k] for k in np.linspace(0, len(found) - 1, min(_MOTIONS, len(found)))
-              .round().astype(int)]
-    fit = fit_rod(shaped, motions=[_motion(one, s) for one in picked],
-                  parameters=('bending_stiffness', 'damping'), loss='huber', **_MESH)
-    return Cable(fit.rod, s, fit, perf_counter() - began)
+    picked = np.linspace(0, len(found) - 1, min(effort.motions, len(found))).round().astype(int)
+    motions = [_motion(found[k], s, effort.window) for k in picked]
+    straight = fit_rod(_first_guess(s[-1], motions, effort), motions=motions,
+                       parameters=('bending_stiffness', 'damping'), loss='huber', **effort.mesh).rod
+    rod = replace(straight, torsional_stiffness=_TWIST * straight.bending_stiffness[0])
+    fit = fit_rod(rod, motions=motions, loss='huber', knots=np.linspace(0, s[-1], effort.knots),
+                  parameters=('bending_stiffness', 'damping', 'natural_curvature'), **effort.mesh)
+    return Cable(fit.rod, s, fit, effort, perf_counter() - began)
 
 
 def predicted(cable: Cable, one: Recording) -> tuple[Array | None, float]:
@@ -87,7 +103,7 @@ def predicted(cable: Cable, one: Recording) -> tuple[Array | None, float]:
     began = perf_counter()
     frames = range(0, min(HORIZON.stop, len(one.markers)))
     grippers, ends = one.held(cable.rod.length, frames)
-    motion = DirectSimulator(cable.rod, **_MESH).simulate(grippers, DT, far_ends=ends)
+    motion = DirectSimulator(cable.rod, **cable.effort.mesh).simulate(grippers, DT, far_ends=ends)
     if not motion.converged:
         return None, perf_counter() - began
     shapes = motion.shapes[-len(frames):][HORIZON.start:]
@@ -134,46 +150,29 @@ def scored(cable: Cable, found: list[Recording]) -> Score:
                  np.array(seconds))
 
 
-def _at_rest(found: list[Recording], s: Array) -> list[Observation]:
-    """Return Observations of the frames in which the free markers moved the least."""
-    calm = []
-    for index, one in enumerate(found):
-        speeds = np.abs(np.gradient(one.markers[:, 2:-2], axis=0)).mean(axis=(1, 2))
-        for first in range(0, len(speeds) - 1, _APART):
-            frame = first + int(speeds[first:first + _APART].argmin())
-            calm.append((speeds[frame], index, frame))
-    out = []
-    for _, index, frame in sorted(calm)[:_SNAPSHOTS]:
-        one = found[index]
-        (gripper,), (end,) = one.held(s[-1], range(frame, frame + 1), lead=False)
-        out.append(Observation(gripper, one.markers[frame, 2:-2], s[1:-1], end))
-    return out
-
-
-def _first_guess(length: float, at_rest: list[Observation]) -> Rod:
-    """Return the straight Rod, one of several softnesses, that is nearest to what was seen."""
-    best, least = None, np.inf
+def _first_guess(length: float, motions: list[ObservedMotion], effort: Effort) -> Rod:
+    """Return the straight Rod, one of several softnesses, that moves most like what was seen."""
+    rods = []
     for softness in _SOFTNESSES:
         stiffness = _WEIGHT * 9.81 * length**3 / softness
-        rod = Rod(length, _WEIGHT, stiffness, _TWIST * stiffness)
-        simulator = DirectSimulator(rod, **_MESH)
-        away = [_away(simulator, one) for one in at_rest]
-        if np.mean(away) < least:
-            best, least = rod, np.mean(away)
-    return best
+        rods.append(Rod(length, _WEIGHT, stiffness, _TWIST * stiffness, damping=_DAMPING))
+    away = [np.mean([_away(DirectSimulator(rod, **effort.mesh), one) for one in motions]) for rod in rods]
+    return rods[int(np.argmin(away))]
 
 
-def _away(simulator: DirectSimulator, one: Observation) -> float:
-    shape = simulator.solve(one.gripper, far_end=one.far_end)
-    if not shape.converged:
-        return simulator.rod.length
-    places = np.array([shape.at(place).position for place in one.s])
-    return float(np.linalg.norm(places - one.points, axis=1).mean())
+def _away(direct: DirectSimulator, one: ObservedMotion) -> float:
+    """Return the mean distance of the markers from a cable that is moved as one was seen, m."""
+    motion = direct.simulate(one.grippers, one.dt, far_ends=one.far_ends)
+    if not motion.converged:
+        return direct.rod.length
+    shapes = [motion.shapes[k] for k in (one.times / one.dt).round().astype(int)]
+    places = np.array([[shape.at(place).position for place in one.s] for shape in shapes])
+    return float(np.linalg.norm(places - one.points, axis=2).mean())
 
 
-def _motion(one: Recording, s: Array) -> ObservedMotion:
+def _motion(one: Recording, s: Array, window: int) -> ObservedMotion:
     """Return the beginning of a recording as a motion to be fitted."""
-    frames = range(0, min(_WINDOW, len(one.markers)), _STEP)
+    frames = range(0, min(window, len(one.markers)), _STEP)
     grippers, ends = one.held(s[-1], frames)
     before = len(grippers) - len(frames)
     seen = range(_FIRST_SEEN, frames[-1] + 1, _SEEN)

@@ -24,7 +24,7 @@ from dlo_planner import FarEnd, Pose
 
 Array = NDArray[np.float64]
 DT = 0.01                 # s between two frames
-_SMOOTHED = 9, 3          # frames and degree of the filter of the clamped markers: about 10 Hz
+_SMOOTHED = 21, 3        # frames and degree of the filter of the clamped markers: about 5 Hz
 _LEAD = 50                # frames before the first one, in which the grippers begin to move
 _REACH = 0.999            # of the length: the largest distance of the ends that is simulated
 _FLOOR = 2e-3 + 1e-6      # m: their evaluation lifts markers that are below it

@@ -13,7 +13,7 @@ import pickle
 import numba
 import numpy as np
 
-from dlo_planner import DirectSimulator, FarEnd, Pose
+from dlo_planner import DirectSimulator
 
 DT = 0.01
 _SPRINGS = 3e3  # N, of a strain of 1: it stretches by less than 1e-4
@@ -65,7 +65,7 @@ def _forces(x, h, stiffness, springs, force):
 
 @numba.njit(cache=False)
 def _run(x, ends, h, node_mass, stiffness, springs, drag, substeps, dt):
-    """Return (frames, n, 3): points x (n, 3) whose two first and last follow ends (frames, 4, 3)."""
+    """Return (frames, n, 3) of points x (n, 3), the outer two at each end along ends."""
     frames, n = len(ends), len(x)
     out = np.empty((frames, n, 3))
     out[0] = x

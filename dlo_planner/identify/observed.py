@@ -90,7 +90,7 @@ class Observed:
 
     def begin(self) -> None:
         """Forget the shapes from which the search for the next ones begins."""
-        self._known, self._held = {}, {}
+        self._known, self._held, self._begins = {}, {}, {}
 
     def at(self, x: np.ndarray) -> Misfits:
         """Return the Misfits at unknowns x (n,)."""
@@ -157,11 +157,25 @@ class Observed:
             grip = ends[0].grip
             ends = [FarEnd(pose, grip)
                     for pose in _refined([end.pose for end in ends], one.dt, parts)]
-        motion = self._simulator(x).simulate(grippers, one.dt / parts, one.initial, far_ends=ends,
-                                             tolerance=np.inf)
+        direct = self._simulator(x)
+        initial = self._begun(direct, index, grippers[0], ends) if one.initial is None else (
+            one.initial)
+        motion = direct.simulate(grippers, one.dt / parts, initial, far_ends=ends,
+                                 tolerance=np.inf)
         self._progress.check()
         solved = motion.converged and len(motion) == len(grippers)
         return (seen_in(motion, one.times, one.s) if solved else None), motion.shapes[-1]
+
+
+    def _begun(self, direct, index, gripper, ends):
+        """Return the static Shape in which a DLO held at both ends begins; None: it is free."""
+        if ends is None:
+            return None
+        shape = direct.solve(gripper, self._begins.get(index), far_end=ends[0])
+        if not shape.converged:
+            return None
+        self._begins.setdefault(index, shape)
+        return shape
 
 
 def _refined(given, dt, parts):
