@@ -33,7 +33,7 @@ _WEIGHT = 0.02            # kg/m, assumed: motions tell no more than ratios
 _TWIST = 0.75             # GJ / EI of a round cable that keeps its volume
 _DAMPING = 0.5, 0.0       # 1/s and s, from which the search begins
 _SOFTNESSES = 2.0, 6.0, 20.0, 60.0, 200.0  # w L^3 / EI, one of which the search begins with
-_STEP, _SEEN = 4, 12      # frames between the poses given, and between those compared
+_STEP, _SEEN = 8, 16      # frames between the poses given, and between those compared
 _FIRST_SEEN = 48          # frames after which a motion is compared: how it began is forgotten
 
 
@@ -152,11 +152,12 @@ def scored(cable: Cable, found: list[Recording]) -> Score:
 
 def _first_guess(length: float, motions: list[ObservedMotion], effort: Effort) -> Rod:
     """Return the straight Rod, one of several softnesses, that moves most like what was seen."""
-    rods = []
+    rods, away = [], []
     for softness in _SOFTNESSES:
         stiffness = _WEIGHT * 9.81 * length**3 / softness
         rods.append(Rod(length, _WEIGHT, stiffness, _TWIST * stiffness, damping=_DAMPING))
-    away = [np.mean([_away(DirectSimulator(rod, **effort.mesh), one) for one in motions]) for rod in rods]
+        direct = DirectSimulator(rods[-1], **effort.mesh)
+        away.append(np.mean([_away(direct, one) for one in motions]))
     return rods[int(np.argmin(away))]
 
 

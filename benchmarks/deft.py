@@ -105,8 +105,8 @@ def narrow() -> list[Case]:
         for ratio in RATIOS:
             hole = CutOut(drawn.cutout.pose, radius=ratio * rod.radius)
             scale = rod.length / drawn.rod.length
-            away = scale * (drawn.start.position - hole.centre)
-            start = Pose.from_rotation(hole.centre + away, drawn.start.rotation)
+            away = scale * (drawn.start.position - hole.center)
+            start = Pose.from_rotation(hole.center + away, drawn.start.rotation)
             cases.append(Case(f'{name} mm, {ratio:g}', Task(name, rod, hole, start,
                                                            0.7 * rod.length)))
     return cases
@@ -129,7 +129,7 @@ def tried(case: Case) -> Result:
     tips = np.array(watch.tips).reshape(-1, 3)
     distance = np.nan
     if case.aligned is not None and len(tips):
-        stop = hole.centre - case.aligned * hole.normal
+        stop = hole.center - case.aligned * hole.normal
         distance = float(np.linalg.norm(tips - stop, axis=1).min())
     return Result(case, outcome, distance, tips, perf_counter() - began)
 
@@ -185,7 +185,7 @@ def picture(results: list[Result], path: Path) -> None:
         for result in results:
             color = 'tab:blue' if result.clean else 'tab:red'
             panel.plot(result.tips[:, 1], result.tips[:, across], color=color, lw=0.7, alpha=0.7)
-        holes = {round(result.case.task.cutout.centre[across], 6) for result in results}
+        holes = {round(result.case.task.cutout.center[across], 6) for result in results}
         edges = [-0.02, *(value + side * RADIUS for value in sorted(holes) for side in (-1, 1)),
                  0.55]
         for low, high in zip(edges[::2], edges[1::2], strict=True):

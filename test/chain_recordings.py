@@ -16,8 +16,8 @@ import numpy as np
 from dlo_planner import DirectSimulator
 
 DT = 0.01
-_SPRINGS = 3e3  # N, of a strain of 1: it stretches by less than 1e-4
-_SUBSTEPS = 400
+_SPRINGS = 2e3  # N, of a strain of 1: it stretches by some 1e-4
+_SUBSTEPS = 250
 
 
 def grips(seed, frames, length, stub):
@@ -39,28 +39,44 @@ def grips(seed, frames, length, stub):
 
 
 @numba.njit(cache=False)
+def _cross(a, b):
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@numba.njit(cache=False)
 def _forces(x, h, stiffness, springs, force):
-    """Write minus the gradient of the energy of stretching and bending of points x (n, 3)."""
+    """Write minus the gradient of the energy of stretching and bending of points x (n, 3).
+
+    E = B |kb|^2 / (2 h) with kb = 2 e x f / (h^2 + e f) between neighboring edges e, f;
+    d kb / d e = -(2 [f] + kb f^T) / (h^2 + e f), d kb / d f = (2 [e] - kb e^T) / (h^2 + e f).
+    """
     n = len(x)
     force[:] = 0
     for i in range(n - 1):
-        e = x[i + 1] - x[i]
-        size = np.sqrt(e[0] ** 2 + e[1] ** 2 + e[2] ** 2)
-        pull = springs * (size / h - 1) / size * e
-        force[i] += pull
-        force[i + 1] -= pull
+        size = 0.0
+        for k in range(3):
+            size += (x[i + 1, k] - x[i, k]) ** 2
+        size = np.sqrt(size)
+        pull = springs * (size / h - 1) / size
+        for k in range(3):
+            force[i, k] += pull * (x[i + 1, k] - x[i, k])
+            force[i + 1, k] -= pull * (x[i + 1, k] - x[i, k])
     for i in range(1, n - 1):
-        e, f = x[i] - x[i - 1], x[i + 1] - x[i]
+        e = (x[i, 0] - x[i - 1, 0], x[i, 1] - x[i - 1, 1], x[i, 2] - x[i - 1, 2])
+        f = (x[i + 1, 0] - x[i, 0], x[i + 1, 1] - x[i, 1], x[i + 1, 2] - x[i, 2])
         dot = h * h + e[0] * f[0] + e[1] * f[1] + e[2] * f[2]
-        kb = 2 * np.cross(e, f) / dot
-        # E = B |kb|^2 / (2 h); d kb / d e = -(2 [f] + kb f^T) / dot, d kb / d f = (2 [e] - kb e^T)
+        c = _cross(e, f)
+        kb = (2 * c[0] / dot, 2 * c[1] / dot, 2 * c[2] / dot)
         square = kb[0] ** 2 + kb[1] ** 2 + kb[2] ** 2
-        by_e = (2 * np.cross(f, kb) - square * f) / dot * stiffness / h
-        by_f = (-2 * np.cross(e, kb) - square * e) / dot * stiffness / h
-        force[i - 1] += by_e
-        force[i] -= by_e
-        force[i] += by_f
-        force[i + 1] -= by_f
+        # at a gripper only the half of a piece beyond it bends
+        hinge = stiffness / (h * dot) * (2 if i in (1, n - 2) else 1)
+        over_f, over_e = _cross(f, kb), _cross(e, kb)
+        for k in range(3):
+            by_e = (2 * over_f[k] - square * f[k]) * hinge
+            by_f = (-2 * over_e[k] - square * e[k]) * hinge
+            force[i - 1, k] += by_e
+            force[i, k] += by_f - by_e
+            force[i + 1, k] -= by_f
 
 
 @numba.njit(cache=False)
@@ -77,10 +93,13 @@ def _run(x, ends, h, node_mass, stiffness, springs, drag, substeps, dt):
             _forces(x, h, stiffness, springs, force)
             for i in range(2, n - 2):
                 force[i, 2] -= 9.81 * node_mass
-                v[i] += step * (force[i] / node_mass - drag * v[i])
-                x[i] += step * v[i]
-            for k_end, i in enumerate((0, 1, n - 2, n - 1)):
-                x[i] = ends[frame - 1, k_end] + part * (ends[frame, k_end] - ends[frame - 1, k_end])
+                for j in range(3):
+                    v[i, j] += step * (force[i, j] / node_mass - drag * v[i, j])
+                    x[i, j] += step * v[i, j]
+            for end, i in enumerate((0, 1, n - 2, n - 1)):
+                for j in range(3):
+                    before = ends[frame - 1, end, j]
+                    x[i, j] = before + part * (ends[frame, end, j] - before)
         out[frame] = x
     return out
 
@@ -89,7 +108,7 @@ def by_chain(seed, frames, length, mass, stiffness, drag, markers=12, pieces=36)
     """Return a recording (frames, markers, 3), m, of a straight cable; drag: 1/s."""
     h = length / pieces
     held = grips(seed, frames, length, h)
-    settle = np.repeat(held[:1], 300, axis=0)
+    settle = np.repeat(held[:1], 200, axis=0)
     s = np.linspace(0, 1, pieces + 1)[:, None]
     x = (1 - s) * held[0, 1] + s * held[0, 2]
     x[:, 2] -= 4 * 0.3 * length * (s * (1 - s))[:, 0]
