@@ -7,7 +7,7 @@ python -m benchmarks.deft [--cases 40] [--part grid | narrow] [--output FOLDER]
 The grid has the structure of DEFT's threading task (Chen et al. 2025, arXiv 2502.15037): 5 starts,
 4 heights, 2 holes; the free end stops 50 mm before the hole, then goes 50 mm past it. Its recorded
 starts and holes are not readable without the data, so those here are this file's own. The narrow
-holes are 2 to 1.05 times as wide as the DLO; 3.5 mm through 4.9 mm, 1.4 times, is the narrowest
+holes are 1.4 to 1.1 times as wide as the DLO; 3.5 mm through 4.9 mm, 1.4 times, is the narrowest
 that was found in print (Wang, Berenson and Balkcom, ICRA 2015).
 """
 
@@ -47,7 +47,7 @@ STARTS = (((0.27, -0.50, 0.30), (0.0, 1.0, 0.0)),    # places of the gripper and
 
 STRING = Rod.circular(0.1, 3.5e-3, 1200.0, 5e6, 0.49)  # silicone, as thick as the published string
 NARROW = {**{name: RODS[name] for name in ('wire 1.5', 'wire 2', 'hose')}, 'string 3.5': STRING}
-RATIOS = 2.0, 1.4, 1.2, 1.1, 1.05    # diameter of the hole to that of the DLO
+RATIOS = 1.4, 1.2, 1.1    # diameter of the hole to that of the DLO
 _SEED = 1                            # of the narrow holes' directions and starts
 
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several unknowns at once, held far ends, natural strains along s, motions: true or not told."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -177,6 +179,36 @@ def test_a_motion_tells_stiffness_and_damping(rng):
     assert fit.deviations['damping'][0] < 0.2
 
 
+def both_ends(count=6, dt=0.08):
+    """Return grippers and far ends of a DLO that sags between them and is shaken, and dt."""
+    times = dt * np.arange(count)
+    ramp = np.clip(times / 0.4, 0, 1) ** 2
+    grippers = [Pose.looking_along((0.06 * r * np.sin(4 * t), 0, 1),
+                                   (1, 0.2 * r * np.sin(3 * t), -1))
+                for t, r in zip(times, ramp, strict=True)]
+    ends = [FarEnd(Pose.looking_along((0.7, 0.08 * r * np.sin(5 * t), 1), (1, 0, 0.8)), 'aligned')
+            for t, r in zip(times, ramp, strict=True)]
+    return grippers, ends, dt
+
+
+def test_a_motion_held_at_both_ends_tells_stiffness(rng):
+    rod = Rod(1.0, 0.07, 0.03, 0.02, natural_curvature=(0.3, -0.2), damping=(0.6, 0.0))
+    grippers, ends, dt = both_ends()
+    motion = DirectSimulator(rod, **COARSE).simulate(grippers, dt, far_ends=ends, tolerance=1e-4)
+    times, s = np.linspace(0.1, 0.35, 6), np.array([0.2, 0.5, 0.8])
+    points = seen_in(motion, times, s) + 1e-3 * rng.normal(size=(6, 3, 3))
+    seen = ObservedMotion(grippers, dt, times, points, s, far_ends=ends)
+    fit = fit_rod(replace(rod, bending_stiffness=0.036), motions=[seen], **COARSE)
+    assert fit.converged
+    assert fit.noise == pytest.approx(1e-3, rel=0.3)
+    assert np.abs(errors(fit, bending_stiffness=0.03)).max() < 4
+    assert fit.deviations['bending_stiffness'][0] < 0.003
+    # as a free one, it is far away
+    free = ObservedMotion(grippers, dt, times, points, s)
+    here = Observed(Unknowns(rod, ('damping',)), (), [free], np.zeros((0, 6)), COARSE, Progress())
+    assert np.abs(here.at(np.zeros(2)).away).max() > 0.1
+
+
 def test_a_coarse_dt_is_cut():
     # seen with 20 steps of 1 ms in each step that the fit is given
     rod = Rod(1.0, 0.07, 0.05, 0.04, damping=(0.5, 0.004))
@@ -217,7 +249,9 @@ def test_between_its_instants_a_motion_goes_on_cubics():
 
 @pytest.mark.parametrize(('change', 'named'), [
     ({'grippers': [LEVEL]}, 'grippers'), ({'dt': 0}, 'dt'), ({'times': [0.0, 9.0]}, 'times'),
-    ({'points': np.zeros((2, 2, 3))}, 'points'), ({'s': [-1.0]}, 's'), ({'initial': 3}, 'initial')])
+    ({'points': np.zeros((2, 2, 3))}, 'points'), ({'s': [-1.0]}, 's'), ({'initial': 3}, 'initial'),
+    ({'far_ends': [LEVEL]}, 'far_ends'), ({'far_ends': 3}, 'far_ends'),
+    ({'far_ends': [LEVEL, (1, 0, 1), LEVEL]}, 'one grip')])
 def test_nonsense_motions_are_named(change, named):
     with pytest.raises(InvalidTask, match=named):
         ObservedMotion(**{'grippers': [LEVEL] * 3, 'dt': 0.1, 'times': [0.0, 0.2],
