@@ -18,6 +18,7 @@ import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -54,7 +55,7 @@ class Effort:
     elements: int = 40
 
     @property
-    def mesh(self) -> dict:
+    def mesh(self) -> dict[str, Any]:
         """Options of the `DirectSimulator`."""
         return {'basis': 'local', 'n_elements': self.elements}
 
@@ -89,7 +90,7 @@ def identified(found: list[Recording], effort: Effort = Effort()) -> Cable:  # n
     motions = [_motion(found[k], s, effort.window) for k in picked]
     straight = fit_rod(_first_guess(s[-1], motions, effort), motions=motions,
                        parameters=('bending_stiffness', 'damping'), loss='huber', **effort.mesh).rod
-    rod = replace(straight, torsional_stiffness=_TWIST * straight.bending_stiffness[0])
+    rod = replace(straight, torsional_stiffness=_TWIST * float(straight.stiffness[1]))
     fit = fit_rod(rod, motions=motions, loss='huber', knots=np.linspace(0, s[-1], effort.knots),
                   parameters=('bending_stiffness', 'damping', 'natural_curvature'), **effort.mesh)
     return Cable(fit.rod, s, fit, effort, perf_counter() - began)
@@ -189,19 +190,20 @@ HEADS = ['cable', 'error [mm]', 'published [mm]', 'free markers [mm]', 'worst re
 def line(number: int, cable: Cable, score: Score) -> list[str]:
     """Return the row of a cable under HEADS."""
     rod = cable.rod
-    softness = rod.mass_per_length * 9.81 * rod.length**3 / rod.bending_stiffness[0]
+    weight = 9.81 * rod.node_masses(np.array([0.0, rod.length])).sum()
+    softness = weight * rod.length**2 / rod.stiffness[1]
     return [str(number), f'{1e3 * np.nanmean(score.errors):.2f}',
             f'{1e3 * PUBLISHED[number]:.1f}' if number in PUBLISHED else '-',
             f'{1e3 * np.nanmean(score.free):.2f}', f'{1e3 * np.nanmax(score.errors):.2f}',
             f'{score.failed} of {len(score.names)}', f'{rod.length:.4f}', f'{softness:.3g}',
-            ', '.join(f'{value:.3g}' for value in rod.damping), f'{1e3 * cable.fit.misfit:.2f}',
+            ', '.join(f'{value:.3g}' for value in np.ravel(rod.damping)), f'{1e3 * cable.fit.misfit:.2f}',
             f'{cable.seconds:.0f}', f'{np.median(score.seconds):.2f}']
 
 
-def as_json(cable: Cable, score: Score) -> dict:
+def as_json(cable: Cable, score: Score) -> dict[str, Any]:
     """Return what JSON can hold of a cable."""
-    return {'length_m': cable.rod.length, 'stiffness_Nm2': cable.rod.bending_stiffness[0],
-            'mass_per_length_kg_m': cable.rod.mass_per_length, 'damping': list(cable.rod.damping),
+    return {'length_m': cable.rod.length, 'stiffness_Nm2': float(cable.rod.stiffness[1]),
+            'mass_per_length_kg_m': _WEIGHT, 'damping': np.ravel(cable.rod.damping).tolist(),
             'misfit_m': cable.fit.misfit, 'fit_s': cable.seconds,
             'errors_m': {name: None if np.isnan(value) else value for name, value in zip(
                 score.names, score.errors.tolist(), strict=True)}}

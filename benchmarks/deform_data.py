@@ -90,7 +90,7 @@ class Recording:
         """(frames, 4, 3) the clamped markers, less their noise."""
         clamped = self.markers[:, [0, 1, -2, -1]]
         width = min(_SMOOTHED[0], 2 * ((len(clamped) - 1) // 2) + 1)
-        return savgol_filter(clamped, width, min(_SMOOTHED[1], width - 1), axis=0)
+        return np.asarray(savgol_filter(clamped, width, min(_SMOOTHED[1], width - 1), axis=0))
 
     @cached_property
     def _turned(self) -> tuple[list[Rotation], list[Rotation]]:
@@ -159,7 +159,7 @@ def _spline_lengths(frame: Array) -> Array:
     nodes, weights = np.polynomial.legendre.leggauss(8)
     middles, halves = 0.5 * (places[1:] + places[:-1]), 0.5 * np.diff(places)
     speeds = np.linalg.norm(spline(middles[:, None] + halves[:, None] * nodes, 1), axis=2)
-    return halves * (speeds @ weights)
+    return np.asarray(halves * (speeds @ weights))
 
 
 def _carried(along: Array) -> list[Rotation]:

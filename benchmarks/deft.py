@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Threading tasks that others published, planned here and run in the independent plant.
 
-python -m benchmarks.deft [--cases 40] [--part grid | narrow] [--output FOLDER]
+python -m benchmarks.deft [--cases 40] [--part grid | narrow] [--dlo NAME] [--output FOLDER]
 
 The grid has the structure of DEFT's threading task (Chen et al. 2025, arXiv 2502.15037): 5 starts,
 4 heights, 2 holes; the free end stops 50 mm before the hole, then goes 50 mm past it. Its recorded
@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,13 +98,15 @@ def grid() -> list[Case]:
     return cases
 
 
-def narrow() -> list[Case]:
-    """Return the cases with narrow holes: each DLO through each ratio of the diameters."""
+def narrow(words: str = '') -> list[Case]:
+    """Return the cases with narrow holes: DLOs with `words` in their names, through each ratio."""
     cases = []
     for name, rod in NARROW.items():
+        if words not in name:
+            continue
         drawn = draw_task(_SEED, 'wire 2')
         for ratio in RATIOS:
-            hole = CutOut(drawn.cutout.pose, radius=ratio * rod.radius)
+            hole = CutOut(drawn.cutout.pose, radius=ratio * float(rod.radius))  # type: ignore[arg-type]
             scale = rod.length / drawn.rod.length
             away = scale * (drawn.start.position - hole.center)
             start = Pose.from_rotation(hole.center + away, drawn.start.rotation)
@@ -163,7 +166,7 @@ def total(results: list[Result]) -> str:
             f'{refused} refused; largest miss {1e3 * worst:.2f} mm')
 
 
-def as_json(results: list[Result]) -> dict:
+def as_json(results: list[Result]) -> dict[str, Any]:
     """Return what JSON can hold of Results."""
     return {result.case.name: {
         'hole_radius_m': result.case.task.cutout.radius, 'room_m': result.case.task.room,
@@ -216,6 +219,7 @@ def main(arguments: list[str] | None = None) -> int:
                                      description=__doc__.splitlines()[0])
     parser.add_argument('--cases', type=int, default=40, help='of the grid, evenly picked')
     parser.add_argument('--part', choices=('grid', 'narrow'), help='default: both')
+    parser.add_argument('--dlo', default='', help='narrow holes: only of names with this in them')
     parser.add_argument('--output', type=Path, default=FOLDER)
     given = parser.parse_args(arguments)
     given.output.mkdir(parents=True, exist_ok=True)
@@ -227,7 +231,7 @@ def main(arguments: list[str] | None = None) -> int:
         results = run_part('deft', picked, title='# Forty threading tasks')
         picture(results, given.output / 'deft.png')
     if given.part != 'grid':
-        run_part('narrow', narrow(), title='# Narrow holes')
+        run_part('narrow', narrow(given.dlo), title='# Narrow holes')
     return 0 if all(result.clean for result in results) else 1
 
 

@@ -14,10 +14,14 @@ something has to publish where the cameras see it.
 
 import os
 import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from aic_model.policy import Policy
+from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
+from numpy.typing import NDArray
 from rclpy.time import Time
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -39,7 +43,7 @@ INTO_PORT = Pose.from_rotation((0, 0, 0), Rotation.from_euler('y', 90, degrees=T
 class AicPolicy(Policy):
     """Plans once, then follows the plan while no more than the cable is felt."""
 
-    def __init__(self, parent_node):
+    def __init__(self, parent_node: Any) -> None:
         super().__init__(parent_node)
         values, _ = read_values(os.environ.get('DLO_PLANNER_CONFIG', 'copper_wire'))
         self._direct = direct_of(values)
@@ -47,7 +51,8 @@ class AicPolicy(Policy):
         self._client = parent_node.create_client(GetPlan, f'{PLANNER}/plan_threading')
         self._shape = None
 
-    def insert_cable(self, task, get_observation, set_pose_target, send_feedback):
+    def insert_cable(self, task: Any, get_observation: Callable, set_pose_target: Callable,
+                     send_feedback: Callable[[str], None]) -> bool:
         """Insert the cable of a Task; return whether the gripper came to the end of the plan."""
         port = self._pose_of(f'task_board/{task.target_module_name}/{task.port_name}_link')
         path = self._planned(self._pose_of(GRIPPER), port.compose(INTO_PORT))
@@ -64,13 +69,13 @@ class AicPolicy(Policy):
             self.sleep_for(PERIOD)
         return True
 
-    def _pose_of(self, frame):
+    def _pose_of(self, frame: str) -> Pose:
         """Return where a frame is, as a Pose in base_link."""
         found = self._parent_node._tf_buffer.lookup_transform(BASE, frame, Time()).transform
         return Pose([getattr(found.translation, axis) for axis in 'xyz'],
                     [getattr(found.rotation, axis) for axis in 'xyzw'])
 
-    def _planned(self, start, goal):
+    def _planned(self, start: Pose, goal: Pose) -> Path | None:
         """Return the Path that the node answers; None if it does not."""
         if not self._client.wait_for_service(timeout_sec=PATIENCE):
             return None
@@ -81,7 +86,7 @@ class AicPolicy(Policy):
             time.sleep(0.01)  # another thread receives the answer
         return asked.result().plan if asked.done() else None
 
-    def _unexplained(self, gripper, observation):
+    def _unexplained(self, gripper: Pose, observation: Any) -> tuple[float, float]:
         """Return the force (N) and torque (N m) on the sensor that the cable does not explain.
 
         The sensor is tared without the cable. The cable pulls with the opposite of `gripper_wrench`
@@ -95,10 +100,10 @@ class AicPolicy(Policy):
         measured = observation.wrist_wrench.wrench
         found = [sensor.rotation @ [getattr(part, axis) for axis in 'xyz']
                  for part in (measured.force, measured.torque)]
-        return np.linalg.norm(found[0] - pull), np.linalg.norm(found[1] - turn)
+        return float(np.linalg.norm(found[0] - pull)), float(np.linalg.norm(found[1] - turn))
 
 
-def sampled(poses, times):
+def sampled(poses: Sequence[Pose], times: NDArray[np.float64]) -> Iterator[Pose]:
     """Yield the Poses of a timed plan every PERIOD, the last one at its end."""
     turns = Slerp(times, Rotation.from_matrix([pose.rotation for pose in poses]))
     places = np.array([pose.position for pose in poses])
