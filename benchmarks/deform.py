@@ -196,7 +196,8 @@ def line(number: int, cable: Cable, score: Score) -> list[str]:
             f'{1e3 * PUBLISHED[number]:.1f}' if number in PUBLISHED else '-',
             f'{1e3 * np.nanmean(score.free):.2f}', f'{1e3 * np.nanmax(score.errors):.2f}',
             f'{score.failed} of {len(score.names)}', f'{rod.length:.4f}', f'{softness:.3g}',
-            ', '.join(f'{value:.3g}' for value in np.ravel(rod.damping)), f'{1e3 * cable.fit.misfit:.2f}',
+            ', '.join(f'{value:.3g}' for value in np.ravel(rod.damping)),
+            f'{1e3 * cable.fit.misfit:.2f}',
             f'{cable.seconds:.0f}', f'{np.median(score.seconds):.2f}']
 
 

@@ -106,7 +106,7 @@ def narrow(words: str = '') -> list[Case]:
             continue
         drawn = draw_task(_SEED, 'wire 2')
         for ratio in RATIOS:
-            hole = CutOut(drawn.cutout.pose, radius=ratio * float(rod.radius))  # type: ignore[arg-type]
+            hole = CutOut(drawn.cutout.pose, radius=ratio * float(np.asarray(rod.radius)))
             scale = rod.length / drawn.rod.length
             away = scale * (drawn.start.position - hole.center)
             start = Pose.from_rotation(hole.center + away, drawn.start.rotation)
