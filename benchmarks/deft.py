@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Threading tasks that others published, planned here and run in the independent plant.
 
-python -m benchmarks.deft [--cases 40] [--part grid | narrow] [--dlo NAME] [--output FOLDER]
+python -m benchmarks.deft [--cases 40] [--part grid | narrow] [--output FOLDER]
 
 The grid has the structure of DEFT's threading task (Chen et al. 2025, arXiv 2502.15037): 5 starts,
 4 heights, 2 holes; the free end stops 50 mm before the hole, then goes 50 mm past it. Its recorded
@@ -13,6 +13,7 @@ that was found in print (Wang, Berenson and Balkcom, ICRA 2015).
 
 import argparse
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -98,14 +99,11 @@ def grid() -> list[Case]:
     return cases
 
 
-def narrow(words: str = '') -> list[Case]:
-    """Return the cases with narrow holes: DLOs with `words` in their names, through each ratio."""
-    cases = []
-    for name, rod in NARROW.items():
-        if words not in name:
-            continue
-        drawn = draw_task(_SEED, 'wire 2')
-        for ratio in RATIOS:
+def narrow(ratios: Sequence[float] = RATIOS) -> list[Case]:
+    """Return the cases with narrow holes: each DLO through each ratio of the diameters."""
+    cases, drawn = [], draw_task(_SEED, 'wire 2')
+    for ratio in ratios:
+        for name, rod in NARROW.items():
             hole = CutOut(drawn.cutout.pose, radius=ratio * float(np.asarray(rod.radius)))
             scale = rod.length / drawn.rod.length
             away = scale * (drawn.start.position - hole.center)
@@ -219,7 +217,8 @@ def main(arguments: list[str] | None = None) -> int:
                                      description=__doc__.splitlines()[0])
     parser.add_argument('--cases', type=int, default=40, help='of the grid, evenly picked')
     parser.add_argument('--part', choices=('grid', 'narrow'), help='default: both')
-    parser.add_argument('--dlo', default='', help='narrow holes: only of names with this in them')
+    parser.add_argument('--ratios', type=float, nargs='+', default=list(RATIOS),
+                        help='of narrow holes to the DLO (default: 1.4 1.2 1.1)')
     parser.add_argument('--output', type=Path, default=FOLDER)
     given = parser.parse_args(arguments)
     given.output.mkdir(parents=True, exist_ok=True)
@@ -231,7 +230,7 @@ def main(arguments: list[str] | None = None) -> int:
         results = run_part('deft', picked, title='# Forty threading tasks')
         picture(results, given.output / 'deft.png')
     if given.part != 'grid':
-        run_part('narrow', narrow(given.dlo), title='# Narrow holes')
+        run_part('narrow', narrow(given.ratios), title='# Narrow holes')
     return 0 if all(result.clean for result in results) else 1
 
 
