@@ -89,9 +89,9 @@ def identified(found: list[Recording], effort: Effort = Effort()) -> Cable:  # n
     picked = np.linspace(0, len(found) - 1, min(effort.motions, len(found))).round().astype(int)
     motions = [_motion(found[k], s, effort.window) for k in picked]
     straight = fit_rod(_first_guess(s[-1], motions, effort), motions=motions,
-                       parameters=('bending_stiffness', 'damping'), loss='huber', **effort.mesh).rod
+                       parameters=('bending_stiffness', 'damping'), **effort.mesh).rod
     rod = replace(straight, torsional_stiffness=_TWIST * float(straight.stiffness[1]))
-    fit = fit_rod(rod, motions=motions, loss='huber', knots=np.linspace(0, s[-1], effort.knots),
+    fit = fit_rod(rod, motions=motions, knots=np.linspace(0, s[-1], effort.knots),
                   parameters=('bending_stiffness', 'damping', 'natural_curvature'), **effort.mesh)
     return Cable(fit.rod, s, fit, effort, perf_counter() - began)
 
