@@ -5,13 +5,14 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.accuracy import past_of
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.statics import shape_of, solve
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import array, number, returned, vector
-from dlo_planner.model.pose import angle_between
+from dlo_planner.model.pose import Pose, angle_between
 
 _SAME_POSE = 1e-6    # of the length, and rad: poses nearer to each other are the same
 _SAME = 1e-9         # of the length, of the energy: what differs by less is the same
@@ -77,9 +78,7 @@ def first_shape(discretization, gripper, far_end, initial, history):
     _meets('initial', 'gripper', 'grippers[0]', initial.gripper, gripper, length)
     if far_end is not None:
         end = initial.at(float(initial.s[-1]))
-        pose = end if far_end.grip == 'pinned' else far_end.pose
-        _meets('initial', 'far end', 'far_ends[0]', end,
-               replace(pose, position=_held(far_end, end.position)), length)
+        _meets('initial', 'far end', 'far_ends[0]', end, _allowed(far_end, end), length)
     history = past_of(discretization, initial, history)
     system = discretization.system(gripper.rotation, gripper.position, history, far_end)
     q = discretization.unknowns(discretization.strains_from(initial.s, initial.element_strains))
@@ -92,6 +91,19 @@ def first_shape(discretization, gripper, far_end, initial, history):
         raise InvalidTask(f'initial: expected a Shape outside of all obstacles, it is '
                           f'{first.violation:.3g} m inside one')
     return first
+
+
+def _allowed(far_end, end):
+    """Return the Pose nearest to that of an `end` which the grip of a FarEnd allows."""
+    place, pose = _held(far_end, end.position), far_end.pose
+    if far_end.grip == 'pinned':
+        return replace(end, position=place)
+    if far_end.grip == 'aligned':  # free to turn about its tangent: that of `end`, tilted
+        axis = np.cross(end.direction, pose.direction)
+        sine = np.linalg.norm(axis)
+        tilt = axis * (np.arctan2(sine, end.direction @ pose.direction) / sine if sine else 0.0)
+        return Pose.from_rotation(place, Rotation.from_rotvec(tilt).as_matrix() @ end.rotation)
+    return replace(pose, position=place)
 
 
 def _held(far_end, position):

@@ -28,6 +28,7 @@ from dlo_planner.identify.observed import Observed
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, figure, flag, instance, items, number, results
+from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, Value, brief, figures, put
@@ -237,7 +238,8 @@ def _first_mesh(rod: Rod, observations: Sequence[Observation], motions: Sequence
     for index in range(len(meshes) - 1):
         direct = DirectSimulator(rod, **{**meshes[index], **options})
         shapes = [direct.solve(one.gripper, far_end=one.far_end) for one in observations]
-        shapes += [direct.solve(next(iter(one.grippers))) for one in motions]
+        shapes += [direct.solve(next(iter(one.grippers)), far_end=_first_end(one))
+                   for one in motions]
         if _exact(shapes, rod):
             return index
     return len(meshes) - 1
@@ -283,3 +285,8 @@ def _fit(observed: Observed, statistics: Statistics, found: OptimizeResult) -> F
                unknowns.deviations(x, statistics.deviations[:unknowns.size]), misfit,
                bool(found.success and here.converged), statistics.noise,
                observed.grippers(found.x), correlations)
+
+
+def _first_end(motion: ObservedMotion) -> FarEnd | None:
+    """Return what holds the far end when a motion begins, None if it is free."""
+    return None if motion.far_ends is None else next(iter(motion.far_ends))

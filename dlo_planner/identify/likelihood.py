@@ -14,6 +14,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from dlo_planner.identify.observed import Observed
 from dlo_planner.model.arrays import Floats
 
+_SMALL = 1e-10  # relative change of the sum of squares, or of the unknowns, that ends a search
 _EVALUATIONS = 60
 _ROUNDS, _SETTLED = 30, 1e-3  # of the noise
 _FIRST_NOISE, _NO_NOISE = 1e-2, 1e-10  # of the length: taken at first; what rounding leaves
@@ -89,9 +90,11 @@ class Errors:
         """Return SciPy's result from x (n,) on, for a noise in m; None: the first guess."""
         size = noise or self._first
         self._observed.begin()
+        # what the derivatives cannot tell is not sought: motions are costly
+        small = max(_SMALL, self._observed.precision**2)
         return least_squares(lambda x: self._weighted(x, size)[0], x,
-                             lambda x: self._weighted(x, size)[1], x_scale='jac', xtol=1e-10,
-                             ftol=1e-10, gtol=1e-12, max_nfev=_EVALUATIONS,
+                             lambda x: self._weighted(x, size)[1], x_scale='jac', xtol=small,
+                             ftol=small, gtol=1e-12, max_nfev=_EVALUATIONS,
                              bounds=self._observed.bounds)
 
     def _weighted(self, x: Floats, noise: float) -> tuple[Floats, Floats]:

@@ -6,10 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.grips import poses
+from dlo_planner.direct.grips import ends_of, poses
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
@@ -73,6 +74,9 @@ class ObservedMotion(Value):
         Their arc lengths, m.
     initial : Shape or None
         Shape at time 0, at rest, in equilibrium or not. If None, the static shape.
+    far_ends : iterable of FarEnd or None
+        What holds the far end at the n times, all with the same grip, or what `FarEnd.of` takes.
+        If None, it is free.
 
     Raises
     ------
@@ -86,9 +90,11 @@ class ObservedMotion(Value):
     points: Floats
     s: Floats
     initial: Shape | None = None
+    far_ends: Iterable[Any] | None = None
 
     def __post_init__(self) -> None:
         grippers = tuple(poses(self.grippers, 2))
+        far_ends = self._checked_ends(len(grippers))
         dt = number('ObservedMotion.dt', self.dt, above=0)
         duration = (len(grippers) - 1) * dt
         times = row('ObservedMotion.times', self.times, minimum=0)
@@ -102,5 +108,14 @@ class ObservedMotion(Value):
             raise InvalidTask(f'ObservedMotion.points has shape {points.shape}: expected as many '
                               f'rows as ObservedMotion.times, {times.size}, with as many points as '
                               f'ObservedMotion.s, {s.size}')
-        put(self, grippers=grippers, dt=dt, times=times, s=s, points=points)
+        put(self, grippers=grippers, dt=dt, times=times, s=s, points=points, far_ends=far_ends)
         super().__post_init__()
+
+    def _checked_ends(self, count: int) -> tuple[FarEnd, ...] | None:
+        """Return the far ends as FarEnds of one grip, or None where it is free."""
+        ends = ends_of(self.far_ends, count)
+        grips = {None if end is None else end.grip for end in ends}
+        if len(grips) > 1:
+            raise InvalidTask(f'ObservedMotion.far_ends: expected one grip for all times, got '
+                              f'{sorted(map(str, grips))}')
+        return None if grips == {None} else tuple(end for end in ends if end is not None)

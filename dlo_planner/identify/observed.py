@@ -28,6 +28,7 @@ from dlo_planner.identify.observation import Observation, ObservedMotion
 from dlo_planner.identify.uncertain import mesh_of
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.model.arrays import Bools, Floats
+from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.progress import Progress
@@ -125,6 +126,7 @@ class Observed:
         """Forget the shapes from which the search for the next ones begins."""
         self._known: dict[bytes, Misfits] = {}
         self._held: dict[int, Shape] = {}
+        self._begins: dict[int, Shape] = {}
 
     def at(self, x: Floats) -> Misfits:
         """Return the Misfits at unknowns x (n,)."""
@@ -186,15 +188,39 @@ class Observed:
     def _seen(self, index: int, one: ObservedMotion, x: Floats) -> tuple[Floats | None, Shape]:
         """Return where the points of a motion are at x, (k, m, 3) or None; and its last Shape."""
         parts, errors = self._parts[index], self.errors(len(self.observations) + index, x)
-        grippers = [errors.applied(pose) for pose in one.grippers]
-        if parts > 1:
-            guide = Guide(grippers, one.dt)
-            grippers = [guide.at(k / parts) for k in range((len(grippers) - 1) * parts + 1)]
-        motion = self._simulator(x).simulate(grippers, one.dt / parts, one.initial,
-                                             tolerance=np.inf)
+        grippers = _refined([errors.applied(pose) for pose in one.grippers], one.dt, parts)
+        ends: list[FarEnd] | None = None
+        if one.far_ends is not None:
+            given = list(one.far_ends)
+            ends = [FarEnd(pose, given[0].grip)
+                    for pose in _refined([end.pose for end in given], one.dt, parts)]
+        direct = self._simulator(x)
+        initial = self._begun(direct, index, grippers[0], ends) if one.initial is None else (
+            one.initial)
+        motion = direct.simulate(grippers, one.dt / parts, initial, far_ends=ends,
+                                 tolerance=np.inf)
         self._progress.check()
         solved = motion.converged and len(motion) == len(grippers)
         return (seen_in(motion, one.times, one.s) if solved else None), motion.shapes[-1]
+
+    def _begun(self, direct: DirectSimulator, index: int, gripper: Pose,
+               ends: list[FarEnd] | None) -> Shape | None:
+        """Return the static Shape in which a DLO held at both ends begins; None: it is free."""
+        if ends is None:
+            return None
+        shape = direct.solve(gripper, self._begins.get(index), far_end=ends[0])
+        if not shape.converged:
+            return None
+        self._begins.setdefault(index, shape)
+        return shape
+
+
+def _refined(given: list[Pose], dt: float, parts: int) -> list[Pose]:
+    """Return Poses at `parts` times as many instants, on the smooth way through those given."""
+    if parts == 1:
+        return given
+    guide = Guide(given, dt)
+    return [guide.at(k / parts) for k in range((len(given) - 1) * parts + 1)]
 
 
 class _Nearby:

@@ -20,8 +20,18 @@ from motion_cases import (
     wild_turn,
 )
 from planar_wires import Wire, links, spectral
+from scipy.spatial.transform import Rotation
 
-from dlo_planner import Capsule, DirectSimulator, FarEnd, InvalidTask, Motion, Plane
+from dlo_planner import (
+    Capsule,
+    DirectSimulator,
+    FarEnd,
+    InvalidTask,
+    Motion,
+    Plane,
+    Pose,
+    Rod,
+)
 
 
 @pytest.mark.parametrize('case', CASES)
@@ -129,6 +139,23 @@ def test_a_far_end_that_moves_slowly_is_as_in_statics(grip):
     gained = motion.energy[-1] - motion.energy[0]
     assert motion.work[-1] == pytest.approx(gained + motion.dissipated[-1],
                                             abs=0.02 * (abs(gained) + motion.dissipated[-1]))
+
+
+def test_a_shape_that_is_turned_in_an_aligned_grip_begins_a_motion():
+    gripper = Pose((0, 0, 1), (0, 0, 0, 1))
+    direct = DirectSimulator(Rod(1.0, 0.03, 1e-3, 1e-3), basis='local', n_elements=16)
+    along = np.array([1.0, 0.3, 0.4]) / np.linalg.norm([1.0, 0.3, 0.4])
+    ends = [FarEnd(Pose.from_rotation((0.7, 0, 1), Pose.looking_along((0, 0, 0), along).rotation @
+                                      Rotation.from_rotvec((turn, 0, 0)).as_matrix()), 'aligned')
+            for turn in (0.0, 1.0)]
+    shape = direct.solve(gripper, far_end=ends[0])
+    for end in ends:  # which way it is turned about its tangent does not count
+        motion = direct.simulate([gripper] * 4, 0.05, shape, far_ends=[end] * 4)
+        assert motion.converged
+        assert np.abs(motion.shapes[-1].positions - shape.positions).max() < 1e-6
+    askew = FarEnd(Pose.looking_along((0.7, 0, 1), along + [0, 0.1, 0]), 'aligned')
+    with pytest.raises(InvalidTask, match='far end'):
+        direct.simulate([gripper] * 4, 0.05, shape, far_ends=[askew] * 4)
 
 
 def test_far_ends_that_make_no_sense_are_refused():

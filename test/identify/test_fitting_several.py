@@ -177,6 +177,40 @@ def test_a_motion_tells_stiffness_and_damping(rng):
     assert fit.deviations['damping'][0] < 0.2
 
 
+def both_ends(count=6, dt=0.08):
+    """Return grippers and far ends of a DLO that sags between them and is shaken, and dt."""
+    times = dt * np.arange(count)
+    ramp = np.clip(times / 0.4, 0, 1) ** 2
+    grippers = [Pose.looking_along((0.06 * r * np.sin(4 * t), 0, 1),
+                                   (1, 0.2 * r * np.sin(3 * t), -1))
+                for t, r in zip(times, ramp, strict=True)]
+    ends = [FarEnd(Pose.looking_along((0.7, 0.08 * r * np.sin(5 * t), 1), (1, 0, 0.8)), 'aligned')
+            for t, r in zip(times, ramp, strict=True)]
+    return grippers, ends, dt
+
+
+def test_a_motion_held_at_both_ends_tells_stiffness():
+    rod = Rod(1.0, 0.07, 0.03, 0.02, natural_curvature=(0.3, -0.2), damping=(0.6, 0.0))
+    grippers, ends, dt = both_ends()
+    motion = DirectSimulator(rod, **COARSE).simulate(grippers, dt, far_ends=ends, tolerance=1e-4)
+    times, s = np.linspace(0.1, 0.35, 6), np.array([0.2, 0.5, 0.8])
+    points = seen_in(motion, times, s)
+
+    def away(**more):
+        seen = ObservedMotion(grippers, dt, times, points, s, **more)
+        here = Observed(Unknowns(rod, ('bending_stiffness',)), (), [seen], np.zeros((0, 6)),
+                        COARSE, Progress())
+        here.choose_steps(np.zeros(1))
+        return here
+
+    here = away(far_ends=ends)
+    assert np.abs(here.at(np.zeros(1)).away).max() < 5e-4
+    off = here.at(np.array([0.2]))  # of a stiffness that is 22 % too large
+    step = np.linalg.lstsq(off.slopes.reshape(-1, 1), off.away.ravel(), rcond=None)[0]
+    assert 0.2 - step[0] == pytest.approx(0, abs=0.03)
+    assert np.abs(away().at(np.zeros(1)).away).max() > 0.1  # with a free end it is far away
+
+
 def test_a_coarse_dt_is_cut():
     # seen with 20 steps of 1 ms in each step that the fit is given
     rod = Rod(1.0, 0.07, 0.05, 0.04, damping=(0.5, 0.004))
@@ -217,7 +251,9 @@ def test_between_its_instants_a_motion_goes_on_cubics():
 
 @pytest.mark.parametrize(('change', 'named'), [
     ({'grippers': [LEVEL]}, 'grippers'), ({'dt': 0}, 'dt'), ({'times': [0.0, 9.0]}, 'times'),
-    ({'points': np.zeros((2, 2, 3))}, 'points'), ({'s': [-1.0]}, 's'), ({'initial': 3}, 'initial')])
+    ({'points': np.zeros((2, 2, 3))}, 'points'), ({'s': [-1.0]}, 's'), ({'initial': 3}, 'initial'),
+    ({'far_ends': [LEVEL]}, 'far_ends'), ({'far_ends': 3}, 'far_ends'),
+    ({'far_ends': [LEVEL, (1, 0, 1), LEVEL]}, 'one grip')])
 def test_nonsense_motions_are_named(change, named):
     with pytest.raises(InvalidTask, match=named):
         ObservedMotion(**{'grippers': [LEVEL] * 3, 'dt': 0.1, 'times': [0.0, 0.2],

@@ -1,0 +1,193 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings of the DEFORM data set, and what holds the cable in them.
+
+The layout, as the public code of roahmlab/DEFORM reads it (`train_DEFORM.py`): files
+`data_set/DLOk/train/*.pkl` and `data_set/DLOk/eval/*.pkl`; each is a sequence over time (100 Hz) of
+x, y, z (3 rows, m, z up) of n markers, 13 on cable 1, 12 on the others. The first two and the last
+two markers sit on the grippers; between the second and the last but one the cable is free.
+"""
+
+import pickle
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.signal import savgol_filter
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import FarEnd, Pose
+
+Array = NDArray[np.float64]
+DT = 0.01                 # s between two frames
+_SMOOTHED = 21, 3        # frames and degree of the filter of the clamped markers: about 5 Hz
+_LEAD = 50                # frames before the first one, in which the grippers begin to move
+_REACH = 0.999            # of the length: the largest distance of the ends that is simulated
+_FLOOR = 2e-3 + 1e-6      # m: their evaluation lifts markers that are below it
+_N_AXIS = np.array([0.0, 0.6, 0.8])  # the axis n at time 0, as in their code, across the tangent
+_EVERY = 25               # frames between two that the lengths are taken from
+_ALLOWED = {('builtins', name) for name in ('list', 'tuple', 'float', 'int')} | {
+    (f'numpy.{core}.{module}', name) for core in ('core', '_core')
+    for module, name in (('multiarray', '_reconstruct'), ('multiarray', 'scalar'),
+                         ('numeric', '_frombuffer'))} | {('numpy', 'ndarray'), ('numpy', 'dtype')}
+
+
+class _NumbersOnly(pickle.Unpickler):
+    """Reads arrays, lists and numbers; a pickle can ask for any code, which is refused."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        if (module, name) not in _ALLOWED:
+            raise pickle.UnpicklingError(f'expected numbers only, found {module}.{name}')
+        return super().find_class(module, name)
+
+
+def load(file: BinaryIO) -> Array:
+    """Return the markers (frames, markers, 3) in m of a recording.
+
+    Raises:
+        ValueError: the file holds anything else
+        pickle.UnpicklingError: it asks for more than numbers
+    """
+    found = np.array(_NumbersOnly(file).load(), dtype=float)
+    if found.ndim != 3 or found.shape[1] != 3 or found.shape[0] < 3 or found.shape[2] < 6:
+        raise ValueError(f'a recording has shape {found.shape}: expected (frames, 3, markers), at '
+                         'least 3 frames and 6 markers')
+    if not np.isfinite(found).all():
+        raise ValueError('a recording has markers that are not finite')
+    return np.ascontiguousarray(found.swapaxes(1, 2))
+
+
+def recordings(root: Path, cable: int, part: str) -> list['Recording']:
+    """Return the Recordings of a cable (1 to 5); part: 'train' or 'eval'; root: of the clone.
+
+    Raises:
+        FileNotFoundError: there are none
+    """
+    folder = root / 'data_set' / f'DLO{cable}' / part
+    paths = sorted(folder.glob('*.pkl'), key=lambda path: (len(path.stem), path.stem))
+    if not paths:
+        raise FileNotFoundError(f'{folder}: expected recordings, files *.pkl')
+    out = []
+    for path in paths:
+        with path.open('rb') as file:
+            out.append(Recording(path.stem, load(file)))
+    return out
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A recording: name, and markers (frames, markers, 3) in m."""
+
+    name: str
+    markers: Array
+
+    @cached_property
+    def _smooth(self) -> Array:
+        """(frames, 4, 3) the clamped markers, less their noise."""
+        clamped = self.markers[:, [0, 1, -2, -1]]
+        width = min(_SMOOTHED[0], 2 * ((len(clamped) - 1) // 2) + 1)
+        return np.asarray(savgol_filter(clamped, width, min(_SMOOTHED[1], width - 1), axis=0))
+
+    @cached_property
+    def _turned(self) -> tuple[list[Rotation], list[Rotation]]:
+        """Frames (t, n, b) of both grippers at each frame, carried along without a roll."""
+        smooth = self._smooth
+        return (_carried(smooth[:, 1] - smooth[:, 0]), _carried(smooth[:, 3] - smooth[:, 2]))
+
+    def held(self, length: float, frames: range | None = None, lead: bool = True
+             ) -> tuple[list[Pose], list[FarEnd]]:
+        """Return what holds a cable of a length in m at both ends, from the clamped markers alone.
+
+        The far end may turn about its tangent: markers do not show how it is turned. What is
+        farther from the gripper than the cable is long is brought nearer.
+
+        Args:
+            frames: indices, evenly spaced; None: all
+            lead: whether a motion from rest up to the first frame comes before: 0.5 s
+        """
+        frames = range(len(self.markers)) if frames is None else frames
+        before = _LEAD // frames.step if lead else 0
+        near = _led(self._smooth[frames, 1], [self._turned[0][k] for k in frames], before)
+        far = _led(self._smooth[frames, 2], [self._turned[1][k] for k in frames], before)
+        grippers = [Pose.from_rotation(place, turned.as_matrix())
+                    for place, turned in zip(*near, strict=True)]
+        ends = []
+        for pose, place, turned in zip(grippers, *far, strict=True):
+            away = place - pose.position
+            part = min(1.0, _REACH * length / np.linalg.norm(away))
+            ends.append(FarEnd(Pose.from_rotation(pose.position + part * away,
+                                                  turned.as_matrix()), 'aligned'))
+        return grippers, ends
+
+    def free(self, frames: range) -> Array:
+        """Return the markers between the grippers (frames, markers - 4, 3), m."""
+        return self.markers[frames, 2:-2]
+
+    def lifted(self, frames: range) -> Array:
+        """Return all markers of frames as their evaluation takes them, none below the floor."""
+        out = self.markers[frames].copy()
+        out[..., 2] = np.maximum(out[..., 2], _FLOOR)
+        return out
+
+    def arcs(self) -> Array:
+        """Return (k, markers - 3) arc lengths between neighboring markers in frames, m.
+
+        Along a cubic spline through the markers, which leaves the grippers straight.
+        """
+        return np.array([_spline_lengths(frame) for frame in self.markers[::_EVERY]])
+
+
+def arc_lengths(found: list[Recording]) -> Array:
+    """Return the arc length (markers - 2,) of each marker from the gripper, 0 to the free length.
+
+    The second marker is at 0, the last but one at the end. Medians over all recordings.
+    """
+    steps = np.median(np.concatenate([one.arcs() for one in found]), axis=0)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _spline_lengths(frame: Array) -> Array:
+    inner = frame[1:-1]
+    places = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(inner, axis=0), axis=1))])
+    first, last = frame[1] - frame[0], frame[-1] - frame[-2]
+    spline = CubicSpline(places, inner, bc_type=((1, first / np.linalg.norm(first)),
+                                                 (1, last / np.linalg.norm(last))))
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    middles, halves = 0.5 * (places[1:] + places[:-1]), 0.5 * np.diff(places)
+    speeds = np.linalg.norm(spline(middles[:, None] + halves[:, None] * nodes, 1), axis=2)
+    return np.asarray(halves * (speeds @ weights))
+
+
+def _carried(along: Array) -> list[Rotation]:
+    """Return Rotations with columns t, n, b for directions (k, 3), each turned the least way."""
+    tangents = along / np.linalg.norm(along, axis=1)[:, None]
+    across = _N_AXIS - (tangents[0] @ _N_AXIS) * tangents[0]
+    across /= np.linalg.norm(across)
+    out = [Rotation.from_matrix(np.column_stack([tangents[0], across,
+                                                 np.cross(tangents[0], across)]))]
+    for before, now in zip(tangents[:-1], tangents[1:], strict=True):
+        axis = np.cross(before, now)
+        size = np.linalg.norm(axis)
+        angle = np.arctan2(size, before @ now)
+        turn = Rotation.from_rotvec(axis * (angle / size if size > 0 else 0.0))
+        out.append(turn * out[-1])
+    return out
+
+
+def _led(places: Array, turned: list[Rotation], count: int) -> tuple[Array, list[Rotation]]:
+    """Put `count` instants before, in which place and rotation come smoothly from rest.
+
+    The velocity grows as a smooth step to that between the first two instants.
+    """
+    if not count:
+        return places, turned
+    x = np.arange(-count, 0) / count + 1
+    still_to_go = count * (0.5 - (x**3 - 0.5 * x**4))  # integral of 3 x^2 - 2 x^3 from x to 1
+    velocity = places[1] - places[0]
+    turn = (turned[1] * turned[0].inv()).as_rotvec()
+    led = [Rotation.from_rotvec(-part * turn) * turned[0] for part in still_to_go]
+    return np.concatenate([places[0] - still_to_go[:, None] * velocity, places]), led + turned

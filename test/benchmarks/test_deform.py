@@ -1,0 +1,134 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Real cables: reading recordings, what holds the cable in them, and its prediction.
+
+The data set itself is not here; another engine makes recordings in its layout.
+"""
+
+import pickle
+
+import numpy as np
+import pytest
+from chain_recordings import by_chain, save
+
+from benchmarks import deform
+from benchmarks.deform_data import DT, Recording, arc_lengths, load, recordings
+from dlo_planner import Rod
+
+LENGTH, MASS, DRAG, MARKERS = 0.9, 0.03, 0.8, 12
+STIFFNESS = MASS * 9.81 * LENGTH**3 / 60
+
+
+@pytest.fixture(scope='module')
+def recorded():
+    return by_chain(10, 152, LENGTH, MASS, STIFFNESS, DRAG, MARKERS)[0]
+
+
+def _cable(softness=60.0, damping=DRAG, length=LENGTH):
+    """Return a Cable: as recorded, with another weight and the same ratio to its stiffness."""
+    stiffness = 0.02 * 9.81 * length**3 / softness
+    rod = Rod(length, 0.02, stiffness, 0.75 * stiffness, damping=(damping, 0.0))
+    return deform.Cable(rod, np.linspace(0, length, MARKERS - 2), None, deform.Effort(), 0.0)
+
+
+def test_what_was_saved_is_read(tmp_path, recorded):
+    save(tmp_path, 2, 'train', [recorded, recorded + 1])
+    found = recordings(tmp_path, 2, 'train')
+    assert [one.name for one in found] == ['0', '1']
+    np.testing.assert_array_equal(found[1].markers, recorded + 1)
+    with pytest.raises(FileNotFoundError, match='DLO2'):
+        recordings(tmp_path, 2, 'eval')
+
+
+def test_arrays_are_read_and_code_is_not(tmp_path):
+    path = tmp_path / 'one.pkl'
+    for content in (np.ones((5, 3, 12)), list(np.ones((5, 3, 12))), [((1.0,) * 12,) * 3] * 5,
+                    [[[np.float64(1.0)] * 12] * 3] * 5):
+        path.write_bytes(pickle.dumps(content))
+        with path.open('rb') as file:
+            assert load(file).shape == (5, 12, 3)
+    for content, words in ((np.ones((5, 12, 3)), 'shape'), (np.full((5, 3, 12), np.nan), 'finite')):
+        path.write_bytes(pickle.dumps(content))
+        with path.open('rb') as file, pytest.raises(ValueError, match=words):
+            load(file)
+    path.write_bytes(pickle.dumps(print))
+    with path.open('rb') as file, pytest.raises(pickle.UnpicklingError, match='builtins.print'):
+        load(file)
+
+
+def test_arc_lengths_of_a_circle():
+    angles = np.linspace(0, 2.5, 10)
+    circle = 0.3 * np.column_stack([np.sin(angles), 0 * angles, np.cos(angles)])
+    first, last = circle[0] - [0.02, 0, 0], circle[-1] + 0.02 * np.array(
+        [np.cos(2.5), 0, -np.sin(2.5)])
+    markers = np.tile(np.concatenate([[first], circle, [last]]), (60, 1, 1))
+    np.testing.assert_allclose(arc_lengths([Recording('', markers)]), 0.3 * angles, atol=1e-4)
+
+
+def test_what_holds_the_cable(recorded):
+    one = Recording('', recorded)
+    grippers, ends = one.held(LENGTH)
+    assert len(grippers) == len(ends) == len(recorded) + 50
+    steps = np.linalg.norm(np.diff([pose.position for pose in grippers], axis=0), axis=1)
+    assert steps[0] < 0.01 * steps[50]  # it begins at rest and gathers speed
+    assert np.abs(np.diff(steps)).max() < 0.3 * steps.max()
+    for k in (0, 60, -1):
+        held = recorded[k]
+        pose, end = grippers[k if k < 0 else 50 + k], ends[k if k < 0 else 50 + k]
+        np.testing.assert_allclose(pose.position, held[1], atol=3e-4)
+        along = held[1] - held[0]
+        np.testing.assert_allclose(pose.direction, along / np.linalg.norm(along), atol=0.02)
+        np.testing.assert_allclose(end.pose.position, held[-2], atol=3e-4)
+        assert end.grip == 'aligned'
+    near, far = one.held(0.5)  # too short: the far end is brought nearer
+    away = [np.linalg.norm(end.pose.position - pose.position)
+            for pose, end in zip(near, far, strict=True)]
+    assert max(away) == pytest.approx(0.999 * 0.5)
+
+
+def test_grippers_turn_no_more_than_their_tangent(recorded):
+    grippers, _ = Recording('', recorded).held(LENGTH)
+    for one, other in zip(grippers[:-1], grippers[1:], strict=True):
+        turn = np.arccos(np.clip((np.trace(one.rotation.T @ other.rotation) - 1) / 2, -1, 1))
+        tilt = np.linalg.norm(np.cross(one.direction, other.direction))
+        assert turn == pytest.approx(tilt, abs=1e-6)
+
+
+def test_another_engine_is_predicted_from_the_clamped_markers(recorded):
+    one = Recording('', recorded)
+    out, _ = deform.predicted(_cable(), one)
+    away = np.abs(out - one.markers[2:])
+    assert out.shape == (150, MARKERS, 3)
+    assert away[:, 2:-2].mean() < 5e-4
+    assert (away[:, [0, 1, -2, -1]] == 0).all()
+    hidden = recorded.copy()
+    hidden[:, 2:-2] = 7.0
+    blind, _ = deform.predicted(_cable(), Recording('', hidden))
+    np.testing.assert_array_equal(blind[:, 2:-2], out[:, 2:-2])
+    stiff, _ = deform.predicted(_cable(15.0), one)
+    assert np.abs(stiff - one.markers[2:])[:, 2:-2].mean() > 5e-3
+
+
+def test_the_error_is_that_of_their_evaluation(recorded):
+    score = deform.scored(_cable(), [Recording('a', recorded), Recording('b', recorded)])
+    assert score.names == ('a', 'b')
+    assert score.failed == 0
+    # the four clamped markers count, without an error
+    np.testing.assert_allclose(score.errors, score.free * (MARKERS - 4) / MARKERS)
+    assert score.free.max() < 5e-4
+    cable = _cable()
+    fit = type('Fit', (), {'misfit': 1e-3})
+    cells = deform.line(5, deform.Cable(cable.rod, cable.s, fit, cable.effort, 2.0), score)
+    assert len(cells) == len(deform.HEADS)
+    assert cells[2] == '-'
+    assert cells[5] == '0 of 2'
+    assert cells[7] == '60'
+
+
+def test_markers_below_the_floor_are_lifted_as_theirs():
+    markers = np.zeros((5, 12, 3))
+    markers[:, 3] = 1.0
+    lifted = Recording('', markers).lifted(range(5))
+    assert lifted[0, 3].tolist() == [1.0, 1.0, 1.0]
+    assert lifted[0, 4].tolist() == [0.0, 0.0, 2e-3 + 1e-6]
+    assert DT == 0.01

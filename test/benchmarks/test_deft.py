@@ -1,0 +1,63 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Threading tasks of others, in the plant."""
+
+import json
+
+import numpy as np
+import pytest
+
+from benchmarks import deft
+
+pytest.importorskip('mujoco', reason='the cell needs mujoco (extra `cell`)')
+
+
+def test_the_grid_has_forty_different_cases():
+    cases = deft.grid()
+    assert len(cases) == len({case.name for case in cases}) == 5 * 4 * 2
+    places = {(case.task.start, tuple(case.task.cutout.center)) for case in cases}
+    assert len(places) == 40
+    assert len({case.task.start for case in cases}) == 5
+    assert {tuple(case.task.cutout.center) for case in cases} == {
+        (across, 0.0, height) for across in deft.HOLES.values() for height in deft.HEIGHTS}
+    assert all(case.task.depth == case.aligned == 0.05 for case in cases)
+
+
+def test_narrow_holes_are_as_wide_as_stated():
+    cases = {case.name: case.task for case in deft.narrow()}
+    assert len(cases) == len(deft.NARROW) * len(deft.RATIOS)
+    published = cases['string 3.5 mm, 1.4']
+    assert 2 * published.cutout.radius == pytest.approx(4.9e-3)
+    assert 2 * published.rod.radius == pytest.approx(3.5e-3)
+
+
+def test_a_case_is_threaded():
+    case = deft.grid()[32]  # begins along the board
+    result = deft.tried(case)
+    assert result.clean, result.outcome
+    assert result.outcome.depth == pytest.approx(0.05, abs=1.5e-3)
+    assert result.aligned < 1e-3
+    last = result.tips[-1] - case.task.cutout.center
+    assert last @ case.task.cutout.normal == pytest.approx(0.05, abs=2e-3)
+    assert result.outcome.miss < case.task.room
+
+
+def test_what_is_written(tmp_path):
+    assert deft.main(['--part', 'grid', '--cases', '1', '--output', str(tmp_path)]) == 0
+    kept = json.loads((tmp_path / 'deft.json').read_text())['deft']
+    assert list(kept) == ['start 1, 150 mm, A']
+    assert kept['start 1, 150 mm, A']['clean'] is True
+    assert '1 of 1 threaded without touching' in (tmp_path / 'deft.md').read_text()
+    assert (tmp_path / 'deft.png').stat().st_size > 5000
+
+
+def test_a_refusal_is_shown():
+    case = deft.grid()[0]
+    outcome = deft.Outcome(0, 'Infeasible: why')
+    result = deft.Result(case, outcome, np.nan, np.zeros((0, 3)), 0.1)
+    cells = deft.line(result)
+    assert cells[3] == 'no'
+    assert cells[-1] == 'Infeasible: why'
+    assert '0 of 1' in deft.total([result])
+    assert '1 refused' in deft.total([result])
+    assert deft.as_json([result])[case.name]['miss_m'] is None
