@@ -46,6 +46,7 @@ def shapes():
         direct.simulate([_LEVEL, _LEVEL], 0.01)
         direct.track([_LEVEL, Pose((0, 0, 0), (0, 0, 0.5, 0.8))])
         assert solve_many(direct, [_LEVEL, _TILTED]).converged.all()
+        assert solve_many(direct, _LEVEL, rods=[_ROD, _ROD]).converged.all()
     turned = PointLoad(moment=(0.0, 0.0, 1e-3))
     assert DirectSimulator(_ROD, point_loads=[turned]).solve(_LEVEL).converged
 

@@ -172,6 +172,7 @@ def arguments():
         'keep_out': (), 'Spread.length': 0.01, 'limits': None, 'samples': 0,
         # many at once
         'parallel.map.work': [LEVEL, LEVEL], 'executor': None, 'chunk': 2,
+        'rods': [wire, wire],
         'tasks': 2,
         'Shapes.of.shapes': [shape],
         'Shapes.of.s': [0.0, 0.5, 1.0], 'Shapes.joined.parts': [known['Shapes']], 'parts': None,

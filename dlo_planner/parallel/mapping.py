@@ -3,13 +3,16 @@
 """Independent computation (paper, section 4.3.4): many shapes, by as many workers as there are."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
+from dlo_planner.direct.many_rods import scaled_nodes
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import instance, integer, items, shown
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
 from dlo_planner.parallel.chains import Following
 from dlo_planner.parallel.pieces import Shared, found, piece_of
 from dlo_planner.parallel.shapes import Shapes, columns, stacked
@@ -21,7 +24,7 @@ _MOST = 100_000
 
 
 def map(simulator: DirectSimulator, work: Iterable, executor: Workers = None, *,  # noqa: A001
-        chunk: int = _AT_ONCE, progress: OnProgress = None,
+        rods: Iterable[Rod] | None = None, chunk: int = _AT_ONCE, progress: OnProgress = None,
         deadline: float | None = None) -> Shapes | list[Shapes]:
     """Return the shapes at many gripper poses, found by the workers of an executor.
 
@@ -42,13 +45,16 @@ def map(simulator: DirectSimulator, work: Iterable, executor: Workers = None, *,
             `[cluster]`: `dask.distributed.Client(...).get_executor()`); a function that makes one,
             which is closed at the end; None: one after the other. A pool that has lost a process
             is replaced, and only what it was working on is done again.
+        rods: one Rod for each Pose of `work`, which the gripper holds instead of the simulator's:
+            the same bit for bit as `simulator.with_rod(rod).solve(pose)`; None: that one
         chunk: poses in one piece of work
         progress: called as progress(done, total) after each piece, in poses; where parts do not
             meet, what is done again is not counted
         deadline: s of computing after which DeadlineExceeded is raised; None: no limit
 
     Returns:
-        Shapes on the simulator's mesh; or a list of them, one for each motion
+        Shapes on the simulator's mesh, stretched to the length of each rod; or a list of them, one
+        for each motion
 
     Raises:
         InvalidTask: an argument makes no sense; the message names it
@@ -58,28 +64,61 @@ def map(simulator: DirectSimulator, work: Iterable, executor: Workers = None, *,
     """
     instance('simulator', simulator, DirectSimulator)
     grippers, chains = _poses(work)
+    rods = None if rods is None else _rods(simulator, rods, grippers)
     checked(executor)
     chunk = integer('chunk', chunk, minimum=1, maximum=_MOST)
     steps = Progress(progress, deadline)
     with Crew(executor, steps.check) as crew:
         if chains is None:
-            return _alone(simulator, grippers, crew, chunk, steps)
+            return _alone(simulator, grippers, rods, crew, chunk, steps)
         return _followed(simulator, chains, crew, chunk, steps)
 
 
-def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose], *,
-               progress: OnProgress = None, deadline: float | None = None) -> Shapes:
-    """Return the shapes at many gripper poses, each the same bit for bit as `simulator.solve`.
+def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
+               rods: Iterable[Rod] | None = None, progress: OnProgress = None,
+               deadline: float | None = None) -> Shapes:
+    """Return the shapes at many gripper poses, or of many rods, each bit for bit as `solve` does.
+
+    Shapes of DLOs that hang freely come from one compiled loop, also where their rods differ but
+    each is the same along its length.
 
     Args:
-        simulator: DirectSimulator; grippers: sequence of Pose
+        simulator: DirectSimulator
+        grippers: sequence of Pose; with rods one for each rod, or one Pose for all
+        rods: Rods that the gripper holds, each instead of the simulator's, with as many elements:
+            as `simulator.with_rod(rod).solve(gripper)` finds; None: the simulator's own
         progress: called as progress(done, total) now and then
         deadline: s of computing after which DeadlineExceeded is raised; None: no limit
 
     Raises:
         InvalidTask: an argument makes no sense; the message names it
     """
-    return map(simulator, items('grippers', grippers, Pose), progress=progress, deadline=deadline)
+    if rods is not None:
+        rods = items('rods', rods, Rod)
+        if isinstance(grippers, Pose):
+            grippers = [grippers] * len(rods)
+        grippers = items('grippers', grippers, Pose)
+        if len(grippers) == 1:
+            grippers = grippers * len(rods)
+    grippers = items('grippers', grippers, Pose)
+    if rods is not None and len(grippers) != len(rods):
+        raise InvalidTask(f'grippers has {len(grippers)} entries: expected one Pose for each of '
+                          f'{len(rods)} rods, or one for all')
+    return map(simulator, grippers, rods=rods, progress=progress, deadline=deadline)
+
+
+def _rods(simulator, rods, grippers):
+    """Return a tuple of Rods, one for each gripper, that the simulator can have; InvalidTask."""
+    rods = items('rods', rods, Rod)
+    if grippers is None:
+        raise InvalidTask('rods: expected none where work has motions, each of which is of the '
+                          'simulator\'s rod')
+    if len(rods) != len(grippers):
+        raise InvalidTask(f'rods has {len(rods)} entries: expected one Rod for each of '
+                          f'{len(grippers)} Pose of work')
+    for rod in rods:
+        replace(simulator.surroundings, rod=rod)  # raises what is wrong with it there
+    return rods
 
 
 def _poses(work):
@@ -94,14 +133,20 @@ def _poses(work):
     return None, [items(f'work[{k}]', one, Pose, least=1) for k, one in enumerate(work)]
 
 
-def _alone(simulator, grippers, crew, chunk, steps):
-    """Return the Shapes at Poses, each by itself."""
+def _alone(simulator, grippers, rods, crew, chunk, steps):
+    """Return the Shapes at Poses, each by itself, of the simulator's rod or of one rod each."""
     count, shared = _Count(steps, len(grippers)), Shared(simulator)
     pieces = (piece_of(shared, grippers[k:k + chunk], seconds=steps.left(),
-                       anew=tuple(range(len(grippers[k:k + chunk]))))
+                       anew=tuple(range(len(grippers[k:k + chunk]))),
+                       rods=None if rods is None else rods[k:k + chunk])
               for k in range(0, len(grippers), chunk))
-    return _shapes(simulator, grippers,
-                   [one.rows for one in crew.run(found, pieces, count.finished)])
+    rows = [one.rows for one in crew.run(found, pieces, count.finished)]
+    s = simulator._discretization.s
+    lengths = [] if rods is None else [rod.length for rod in rods]
+    if any(length != s[-1] for length in lengths):
+        nodes = [scaled_nodes(s, length) for length in lengths]
+        s = nodes[0] if len(set(lengths)) == 1 else np.array(nodes)
+    return _shapes(simulator, grippers, rows, s)
 
 
 def _followed(simulator, chains, crew, chunk, steps):
@@ -124,8 +169,8 @@ class _Count:
         self._steps.done(self._done, self._total)
 
 
-def _shapes(simulator, grippers, rows):
-    s = simulator._discretization.s
+def _shapes(simulator, grippers, rows, s=None):
+    s = simulator._discretization.s if s is None else s
     found_ = stacked(rows or [columns([], s)])
     if simulator.surroundings.pinned:
         grippers = [Pose.from_rotation(gripper.position, np.array(frames[0]))

@@ -10,10 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.many import hanging_shapes
+from dlo_planner.direct.many_rods import even, hanging_rods, scaled_nodes
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze, put
-from dlo_planner.parallel.shapes import columns
+from dlo_planner.parallel.shapes import columns, stacked
 
 _KNOWN = 8  # contents that a worker keeps
 
@@ -47,6 +49,7 @@ class Piece(NamedTuple):
         dropped: so many shapes at the beginning are not given back
         ends: whether the first and the last Shape are given back as well
         seconds: of computing that are left; None: no limit
+        rods: m Rods that the gripper holds instead of the simulator's, each begun anew; None: that
     """
 
     simulator: Shared
@@ -57,6 +60,7 @@ class Piece(NamedTuple):
     dropped: int = 0
     ends: bool = False
     seconds: float | None = None
+    rods: tuple[Rod, ...] | None = None
 
 
 class Found(NamedTuple):
@@ -82,6 +86,8 @@ def piece_of(simulator: Shared, grippers: Sequence[Pose], **more: Any) -> Piece:
 def found(piece: Piece) -> Found:
     """Return what a Piece asks for; this is what workers do."""
     simulator = piece.simulator.content
+    if piece.rods is not None:
+        return Found(_each_rod(simulator, piece))
     if len(piece.anew) == len(piece.positions):
         rows = _each_alone(simulator, piece)
         if rows is not None:
@@ -112,6 +118,27 @@ def _each_alone(simulator, piece):
             if name != 'contact_table':
                 rows[name][k] = values[0]
     return rows
+
+
+def _each_rod(simulator, piece):
+    """Return `columns` of one shape of each rod, on nodes like the simulator's."""
+    n, s = len(piece.rods), simulator._discretization.s
+    parts = [None] * n
+    loop = np.array([k for k, rod in enumerate(piece.rods) if even(simulator, rod)], dtype=int)
+    if loop.size:
+        rows, good = hanging_rods(simulator, [piece.rods[k] for k in loop],
+                                  piece.positions[loop], piece.rotations[loop])
+        rows['contact_table'] = columns([], s)['contact_table']
+        if loop.size == n and good.all():
+            return rows
+        for row, k in enumerate(loop):
+            if good[row]:
+                parts[k] = {name: values[row:row + 1] for name, values in rows.items()}
+    for k in (k for k in range(n) if parts[k] is None):
+        one = simulator.with_rod(piece.rods[k])
+        shape = one.solve(_pose(piece.positions[k], piece.rotations[k]))
+        parts[k] = columns([shape], scaled_nodes(s, piece.rods[k].length))
+    return stacked(parts)
 
 
 def _pose(position, rotation):

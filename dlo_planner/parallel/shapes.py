@@ -11,7 +11,7 @@ from dlo_planner.direct.contacts import Contact
 from dlo_planner.direct.history import mapped
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import instance, items, results, row, shown
+from dlo_planner.model.checks import array, instance, items, results, row, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 
@@ -31,7 +31,8 @@ class Shapes(Value):
 
     Attributes:
         grippers: n Pose
-        s: (N + 1,) arc lengths of the nodes, m
+        s: (N + 1,) arc lengths of the nodes, m; (n, N + 1) of those of each where DLOs of
+            different lengths are together
         positions: (n, N + 1, 3) m; frames: (n, N + 1, 3, 3); element_strains: (n, N, 3) 1/m
         gripper_wrench: (n, 6) N and N m
         energy, elastic_energy, dissipated: (n,) J
@@ -64,12 +65,11 @@ class Shapes(Value):
 
     def __post_init__(self):
         grippers = items('Shapes.grippers', self.grippers, Pose)
-        n, s = len(grippers), row('Shapes.s', self.s, least=2, minimum=0)
-        if s[0] != 0 or (np.diff(s) <= 0).any():
-            raise InvalidTask(f'Shapes.s = {shown(s.tolist())}: expected arc lengths that grow '
-                              'from 0')
-        sizes = {'positions': (s.size, 3), 'frames': (s.size, 3, 3),
-                 'element_strains': (s.size - 1, 3), 'gripper_wrench': (6,),
+        n = len(grippers)
+        s = _nodes(self.s, n)
+        nodes = s.shape[-1]
+        sizes = {'positions': (nodes, 3), 'frames': (nodes, 3, 3),
+                 'element_strains': (nodes - 1, 3), 'gripper_wrench': (6,),
                  **{name: () for name in _FIGURES}}
         contacts = self.contact_table if _length(self.contact_table) else np.zeros((0, _CONTACT))
         put(self, grippers=grippers, s=s,
@@ -86,7 +86,7 @@ class Shapes(Value):
 
     def __repr__(self):
         n = len(self)
-        return brief(self, f'{n} shapes', f'{self.s.size - 1} elements',
+        return brief(self, f'{n} shapes', f'{self.s.shape[-1] - 1} elements',
                      f'{int(self.converged.sum())} converged',
                      f'{int(self.jumped.sum())} jumped' if self.jumped.any() else '',
                      *([f'residual {self.residual.max():.1g}',
@@ -110,14 +110,14 @@ class Shapes(Value):
         table = np.concatenate([np.zeros((0, _CONTACT)), *tables])
         table[:, 0] = np.repeat(np.arange(len(tables)), [len(one) for one in tables])
         return replace(self, grippers=tuple(self.grippers[k] for k in chosen),
-                       contact_table=table, **{name: getattr(self, name)[order]
-                                               for name in _PER_SHAPE})
+                       s=self.s if self.s.ndim == 1 else self.s[order], contact_table=table,
+                       **{name: getattr(self, name)[order] for name in _PER_SHAPE})
 
     def _shape(self, k):
         contacts = self.contact_table[self.contact_table[:, 0] == k]
         return Shape(
-            self.grippers[k], self.s, contacts=tuple(map(_contact, contacts)),
-            iterations=int(self.iterations[k]),
+            self.grippers[k], self.s if self.s.ndim == 1 else self.s[k],
+            contacts=tuple(map(_contact, contacts)), iterations=int(self.iterations[k]),
             **{name: getattr(self, name)[k] for name in (
                 'positions', 'frames', 'element_strains', 'gripper_wrench')},
             **{name: float(getattr(self, name)[k]) for name in _FIGURES},
@@ -158,10 +158,14 @@ class Shapes(Value):
             InvalidTask: there is none, or their nodes differ
         """
         parts = items('parts', parts, Shapes, least=1)
+        s, each = parts[0].s, any(part.s.ndim == 2 for part in parts)
         for k, part in enumerate(parts):
-            if not np.array_equal(part.s, parts[0].s):
+            if part.s.shape[-1] != s.shape[-1] or not (each or np.array_equal(part.s, s)):
                 raise InvalidTask(f'parts[{k}] = {part!r}: expected the nodes of the first')
-        return cls([gripper for part in parts for gripper in part.grippers], parts[0].s,
+        if each:
+            s = np.concatenate([np.broadcast_to(part.s, (len(part), part.s.shape[-1]))
+                                for part in parts])
+        return cls([gripper for part in parts for gripper in part.grippers], s,
                    **stacked([{name: getattr(part, name) for name in (
                        *_PER_SHAPE, 'contact_table')} for part in parts]))
 
@@ -215,6 +219,20 @@ def _at(shape, s):
 
 def _contact(line):
     return Contact(int(line[1]), line[2], line[3:6], line[6:9], line[9], line[10:13], line[13])
+
+
+def _nodes(value, n):
+    """Return the arc lengths (N + 1,), or (n, N + 1), of the nodes of n shapes; InvalidTask."""
+    if isinstance(value, np.ndarray) and value.ndim == 2:
+        s = array('Shapes.s', value, (n, None)) if n else np.array(value, dtype=float)
+        if s.shape[1] < 2:
+            raise InvalidTask(f'Shapes.s has shape {s.shape}: expected two nodes or more')
+    else:
+        s = row('Shapes.s', value, least=2, minimum=0)
+    if (s[..., 0] != 0).any() or (np.diff(s) <= 0).any():
+        raise InvalidTask(f'Shapes.s = {shown(s.tolist())}: expected arc lengths that grow '
+                          'from 0')
+    return s
 
 
 def _length(value):

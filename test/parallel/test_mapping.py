@@ -252,11 +252,11 @@ def test_cancel_and_deadline(simulator, anywhere):
     never = _Never()
     with interrupted_by(enough), pytest.raises(_CancelledError):
         parallel.map(simulator, anywhere, never, chunk=8)
-    assert len(never.given) == 5 and all(future.canceled() for future in never.given)
+    assert len(never.given) == 5 and all(future.cancelled() for future in never.given)
     never = _Never()
     with pytest.raises(DeadlineExceeded):
         parallel.map(simulator, anywhere, never, deadline=0.05)
-    assert all(future.canceled() for future in never.given)
+    assert all(future.cancelled() for future in never.given)
     with pytest.raises(DeadlineExceeded):
         solve_many(simulator, anywhere, deadline=1e-6)
 
