@@ -46,7 +46,9 @@ def hanging_rods(simulator: 'DirectSimulator', rods: Sequence[Rod],
     Returns:
         what `many.hanging_shapes` returns
     """
-    mesh, accuracy = simulator.with_rod(rods[0])._discretization, simulator.accuracy
+    mesh, accuracy = simulator._discretization, simulator.accuracy
+    if not even(simulator, simulator.rod):
+        mesh = simulator.with_rod(rods[0])._discretization
     filled = Filled(mesh.s.size - 1, positions, rotations)
     own = mesh.static
     system = own._replace(**{name: getattr(own, name).copy() for name in (

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dlo_planner.direct.many_rods import scaled_nodes
+from dlo_planner.direct.many_rods import even, scaled_nodes
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import instance, integer, items, shown
@@ -117,7 +117,8 @@ def _rods(simulator, rods, grippers):
         raise InvalidTask(f'rods has {len(rods)} entries: expected one Rod for each of '
                           f'{len(grippers)} Pose of work')
     for rod in rods:
-        replace(simulator.surroundings, rod=rod)  # raises what is wrong with it there
+        if not even(simulator, rod):
+            replace(simulator.surroundings, rod=rod)  # raises what is wrong with it there
     return rods
 
 
