@@ -15,7 +15,7 @@ from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
 from dlo_planner.inverse.penalties import AwayFrom
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.solvers.hanging import hanging_shapes
+from dlo_planner.inverse.solvers.hanging.sphere import hanging_shapes
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Plane, Sheet
 from dlo_planner.model.point_load import PointLoad

@@ -36,8 +36,8 @@ from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.rolling import nearest_inside
 from dlo_planner.identify import looking, response
 from dlo_planner.identify.misfit import nearest
-from dlo_planner.inverse.solvers.aligned import aligned_newton
-from dlo_planner.inverse.solvers.marching import march_from_end
+from dlo_planner.inverse.solvers.hanging.marching import march_from_end
+from dlo_planner.inverse.solvers.points.aligned import aligned_newton
 from dlo_planner.minimize.contact_forces import add_sliding, move_multipliers
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import descend_held, led

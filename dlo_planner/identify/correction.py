@@ -3,8 +3,8 @@
 """The rest of a threading, aimed anew for the estimated DLO.
 
 At each remaining waypoint, a coupled Newton system finds the equilibrium of the estimated DLO and
-the gripper's rotation together, as planning does (`inverse.solvers.aligned`), starting from the
-shape known there. The estimated offset of the gripper is then taken off the poses.
+the gripper's rotation together, as planning does (`inverse.solvers.points.aligned`), starting from
+the shape known there. The estimated offset of the gripper is then taken off the poses.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.predicted_miss import PredictedMiss, judged_plan, miss_of
-from dlo_planner.inverse.solvers.one_point import aligned_on
+from dlo_planner.inverse.solvers.points.one_point import aligned_on
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.checks import flag, instance, integer, items, results
 from dlo_planner.model.pose import Pose, displaced

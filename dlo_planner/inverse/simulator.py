@@ -11,15 +11,19 @@ from dlo_planner.deprecated import renamed
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.solvers.contact import CONDITIONS, hold_contact, slide_contact
-from dlo_planner.inverse.solvers.deepest import deepest
-from dlo_planner.inverse.solvers.insertion import insert
+from dlo_planner.inverse.solvers.contact.hold_and_slide import (
+    CONDITIONS,
+    hold_contact,
+    slide_contact,
+)
+from dlo_planner.inverse.solvers.contact.straight import slide_straight
 from dlo_planner.inverse.solvers.search import Found, minimize_penalty
-from dlo_planner.inverse.solvers.sequence import thread_sequence
-from dlo_planner.inverse.solvers.start_phase import start_phase
-from dlo_planner.inverse.solvers.straight import slide_straight
-from dlo_planner.inverse.solvers.threading import kept_before, thread
-from dlo_planner.inverse.solvers.two_cutouts import thread_two
+from dlo_planner.inverse.solvers.threading.approach import start_phase
+from dlo_planner.inverse.solvers.threading.deepest import deepest
+from dlo_planner.inverse.solvers.threading.insertion import insert
+from dlo_planner.inverse.solvers.threading.one_cutout import kept_before, thread
+from dlo_planner.inverse.solvers.threading.sequence import thread_sequence
+from dlo_planner.inverse.solvers.threading.two_cutouts import thread_two
 from dlo_planner.model.checks import choice, flag, instance, items, number, row
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose

@@ -9,7 +9,7 @@ import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.solvers.threading import kept_before
+from dlo_planner.inverse.solvers.threading.one_cutout import kept_before
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan, joined

@@ -18,7 +18,7 @@ from dlo_planner import (
     Spread,
     tolerance,
 )
-from dlo_planner.inverse.solvers.beginnings import rolls_are_alike
+from dlo_planner.inverse.solvers.hanging.start_candidates import rolls_are_alike
 
 ROD = Rod(1.0, 0.05, 0.3, 0.25, radius=0.002)
 HOLE = CutOut(Pose.looking_along((1.0, 0.0, 1.0), (1, 0.2, 0)), radius=0.02)

@@ -15,7 +15,7 @@ import numpy as np
 
 from dlo_planner.direct.continuation import between
 from dlo_planner.errors import Infeasible
-from dlo_planner.inverse.solvers.quick import quick_simulator
+from dlo_planner.inverse.solvers.continuation.quick import quick_simulator
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import apart, same

@@ -9,8 +9,8 @@ direction of the contact follow from the direct simulation, and drift.
 
 import numpy as np
 
-from dlo_planner.inverse.solvers.contact import first_choice
-from dlo_planner.inverse.solvers.touching import Contacting
+from dlo_planner.inverse.solvers.contact.hold_and_slide import first_choice
+from dlo_planner.inverse.solvers.contact.touching import Contacting
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.draft import Draft

@@ -10,7 +10,7 @@ from scipy.linalg import null_space
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.inverse.solvers.aligned import free_axis
+from dlo_planner.inverse.solvers.points.aligned import free_axis
 from dlo_planner.model.pose import Pose
 
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from dlo_planner.direct.continuation import fell
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.inverse.solvers.aligned import free_axis
-from dlo_planner.inverse.solvers.following import Passing
-from dlo_planner.inverse.solvers.hanging import crossings
+from dlo_planner.inverse.solvers.continuation.following import Passing
+from dlo_planner.inverse.solvers.hanging.sphere import crossings
+from dlo_planner.inverse.solvers.points.aligned import free_axis
 
 _ITERATIONS = 30
 _EXACT = 1e-10          # of the length

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlo_planner.inverse.solvers.beginnings import with_free_end
-from dlo_planner.inverse.solvers.following import Passing
-from dlo_planner.inverse.solvers.one_point import Aligned
-from dlo_planner.inverse.solvers.quick import gets_there
-from dlo_planner.inverse.solvers.route import Route, motion, picked, sweep
-from dlo_planner.inverse.solvers.two_points import TwoPoints
+from dlo_planner.inverse.solvers.continuation.following import Passing
+from dlo_planner.inverse.solvers.continuation.quick import gets_there
+from dlo_planner.inverse.solvers.continuation.route import Route, motion, picked, sweep
+from dlo_planner.inverse.solvers.hanging.start_candidates import with_free_end
+from dlo_planner.inverse.solvers.points.one_point import Aligned
+from dlo_planner.inverse.solvers.points.two_points import TwoPoints
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.draft import Brief

@@ -6,7 +6,7 @@ Arc length, place, direction and roll at the contact are given. What hangs beyon
 cantilever; force and moment are known there, and the force of contact alone is free. One march
 from the free end to the gripper gives the shape for each force: a smooth curve, without a search.
 A shape of it is admissible if it is a minimum with the contact as a constraint and lies in no
-obstacle. These parts of the curve are intervals of the force: `inverse.solvers.intervals`.
+obstacle. These parts of the curve are intervals of the force: `inverse.solvers.contact.intervals`.
 """
 
 from dataclasses import replace
@@ -19,7 +19,7 @@ from dlo_planner.energy.contact import along_the_dlo
 from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.potential import placed
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.solvers.marching import hanging
+from dlo_planner.inverse.solvers.hanging.marching import hanging
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.newton import descend, residual_of
 from dlo_planner.model.along import SeenFrom

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.statics import shape_of
 from dlo_planner.energy.potential import placed
-from dlo_planner.inverse.solvers.marching import march_from_end
+from dlo_planner.inverse.solvers.hanging.marching import march_from_end
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.model.pose import Pose, angle_between
 

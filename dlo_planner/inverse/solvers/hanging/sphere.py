@@ -3,7 +3,7 @@
 """Every way in which a DLO can hang: all its equilibria, as points on a sphere.
 
 Nothing holds the free end, so the direction of gravity in the end's frame names an equilibrium: all
-else follows from it element by element (`inverse.solvers.marching`), up to a turn about the
+else follows from it element by element (`inverse.solvers.hanging.marching`), up to a turn about the
 vertical, which changes nothing. The equilibria of a DLO are therefore a sphere (compare Bretl and
 McCarthy 2014 for a DLO that is held at both ends), and each task is a set of curves on it. A search
 on the sphere cannot overlook a way, as one that follows a single shape can.
@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.energy.potential import evaluate, new_state, turned_system
-from dlo_planner.inverse.solvers.marching import march_from_end
+from dlo_planner.inverse.solvers.hanging.marching import march_from_end
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorize, new_hessian
 from dlo_planner.minimize.spectrum import lowest_mode

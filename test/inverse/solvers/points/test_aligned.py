@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.energy.potential import evaluate, new_state
-from dlo_planner.inverse.solvers.aligned import aligned_newton, free_axis
-from dlo_planner.inverse.solvers.beginnings import least_turn, rolls_are_alike
-from dlo_planner.inverse.solvers.marching import march_from_end
+from dlo_planner.inverse.solvers.hanging.marching import march_from_end
+from dlo_planner.inverse.solvers.hanging.start_candidates import least_turn, rolls_are_alike
+from dlo_planner.inverse.solvers.points.aligned import aligned_newton, free_axis
 
 ROD = Rod(1.0, 0.1, (0.5, 1.0), 0.4, natural_curvature=(0.6, -0.3), natural_twist=0.5,
           tip_mass=0.02)

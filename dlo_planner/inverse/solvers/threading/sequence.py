@@ -16,10 +16,10 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.penalties import DirectionAt, PositionAt, Through
-from dlo_planner.inverse.solvers.beginnings import rolls_are_alike
-from dlo_planner.inverse.solvers.nearest import nearest_within
-from dlo_planner.inverse.solvers.quick import quick_simulator
-from dlo_planner.inverse.solvers.threading import thread
+from dlo_planner.inverse.solvers.continuation.quick import quick_simulator
+from dlo_planner.inverse.solvers.hanging.start_candidates import rolls_are_alike
+from dlo_planner.inverse.solvers.points.nearest import nearest_within
+from dlo_planner.inverse.solvers.threading.one_cutout import thread
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import largest_shift, largest_turn, refusal_for_leap

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.inverse.solvers.following import Passing, Task
+from dlo_planner.inverse.solvers.continuation.following import Passing, Task
 
 _FIRM = (1e3, 1e2, 1e1, 1.0)  # how much smoothness counts: features of 35 to 6 waypoints go
 _NO_ROLL = 1e-3               # rad between two waypoints

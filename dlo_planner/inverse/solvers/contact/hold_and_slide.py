@@ -3,15 +3,15 @@
 """Keeping contact with an obstacle (paper, section 5.3, Fig. 15, 16).
 
 Arc length, place and direction at the contact leave the force of contact free: a curve of gripper
-poses and shapes (`inverse.solvers.holding`), whose admissible parts are intervals
-(`inverse.solvers.intervals`). A condition chooses from them, and the direct simulation confirms
-what is chosen (`inverse.solvers.touching`).
+poses and shapes (`inverse.solvers.contact.family`), whose admissible parts are intervals
+(`inverse.solvers.contact.intervals`). A condition chooses from them, and the direct simulation
+confirms what is chosen (`inverse.solvers.contact.touching`).
 """
 
 import numpy as np
 
-from dlo_planner.inverse.solvers.intervals import best_first, minima
-from dlo_planner.inverse.solvers.touching import HARDLY_STABLE, Contacting
+from dlo_planner.inverse.solvers.contact.intervals import best_first, minima
+from dlo_planner.inverse.solvers.contact.touching import HARDLY_STABLE, Contacting
 from dlo_planner.plan.continuity import gripper_motion
 from dlo_planner.plan.draft import Draft
 

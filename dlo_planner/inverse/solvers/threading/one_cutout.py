@@ -7,13 +7,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dlo_planner.errors import Infeasible
-from dlo_planner.inverse.solvers.beginnings import beginnings, rolls_are_alike, with_free_end
-from dlo_planner.inverse.solvers.even_rolls import EvenRolls, even_rolls
-from dlo_planner.inverse.solvers.following import follow, refusal_for_step
-from dlo_planner.inverse.solvers.hanging import hanging_shapes
-from dlo_planner.inverse.solvers.one_point import Aligned
-from dlo_planner.inverse.solvers.quick import gets_there, grid_nodes, quick_simulator, thinned
-from dlo_planner.inverse.solvers.route import find_route
+from dlo_planner.inverse.solvers.continuation.even_rolls import EvenRolls, even_rolls
+from dlo_planner.inverse.solvers.continuation.following import follow, refusal_for_step
+from dlo_planner.inverse.solvers.continuation.quick import (
+    gets_there,
+    grid_nodes,
+    quick_simulator,
+    thinned,
+)
+from dlo_planner.inverse.solvers.continuation.route import find_route
+from dlo_planner.inverse.solvers.hanging.sphere import hanging_shapes
+from dlo_planner.inverse.solvers.hanging.start_candidates import (
+    beginnings,
+    rolls_are_alike,
+    with_free_end,
+)
+from dlo_planner.inverse.solvers.points.one_point import Aligned
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between

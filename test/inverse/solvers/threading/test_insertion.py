@@ -20,7 +20,7 @@ from dlo_planner import (
     Rod,
     replay,
 )
-from dlo_planner.inverse.solvers.insertion import _unconverged
+from dlo_planner.inverse.solvers.threading.insertion import _unconverged
 from dlo_planner.plan.draft import Brief, Draft
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)

@@ -7,10 +7,10 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.statics import TOLERANCE, shape_of
 from dlo_planner.energy.potential import unknowns_of
-from dlo_planner.inverse.solvers.aligned import aligned_newton, free_axis
-from dlo_planner.inverse.solvers.following import Passing
-from dlo_planner.inverse.solvers.hanging import crossings
-from dlo_planner.inverse.solvers.nested import nested_alignment
+from dlo_planner.inverse.solvers.continuation.following import Passing
+from dlo_planner.inverse.solvers.hanging.sphere import crossings
+from dlo_planner.inverse.solvers.points.aligned import aligned_newton, free_axis
+from dlo_planner.inverse.solvers.points.nested import nested_alignment
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.model.pose import Pose
 

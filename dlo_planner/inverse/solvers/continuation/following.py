@@ -3,8 +3,8 @@
 """Following the shapes that do a task from one depth to another, without a leap.
 
 A task leaves the gripper one free rotation, a roll. At each depth the shapes that do it are a curve
-on the sphere of all hanging shapes (`inverse.solvers.hanging`); a step goes to the next curve, by
-Newton's method, with no roll or with one that is given.
+on the sphere of all hanging shapes (`inverse.solvers.hanging.sphere`); a step goes to the next
+curve, by Newton's method, with no roll or with one that is given.
 """
 
 from typing import NamedTuple, Protocol
@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.inverse.solvers.hanging import Crossings, HangingShapes
+from dlo_planner.inverse.solvers.hanging.sphere import Crossings, HangingShapes
 from dlo_planner.plan.continuity import excess, refusal_for_leap
 
 _LONGEST_STEP = 1 / 16   # of the length

@@ -15,13 +15,13 @@ from functools import cache
 import numpy as np
 
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.solvers.changes import Change, Pair, at_the_second, other_changes
-from dlo_planner.inverse.solvers.following import follow, refusal_for_step
-from dlo_planner.inverse.solvers.hanging import hanging_shapes
-from dlo_planner.inverse.solvers.one_point import Aligned
-from dlo_planner.inverse.solvers.quick import grid_nodes, quick_simulator, thinned
-from dlo_planner.inverse.solvers.threading import NO_WAY, Threading, first_choice
-from dlo_planner.inverse.solvers.two_points import TwoPoints
+from dlo_planner.inverse.solvers.continuation.following import follow, refusal_for_step
+from dlo_planner.inverse.solvers.continuation.quick import grid_nodes, quick_simulator, thinned
+from dlo_planner.inverse.solvers.hanging.sphere import hanging_shapes
+from dlo_planner.inverse.solvers.points.one_point import Aligned
+from dlo_planner.inverse.solvers.points.two_points import TwoPoints
+from dlo_planner.inverse.solvers.threading.changes import Change, Pair, at_the_second, other_changes
+from dlo_planner.inverse.solvers.threading.one_cutout import NO_WAY, Threading, first_choice
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose

@@ -20,9 +20,9 @@ import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.errors import Infeasible
-from dlo_planner.inverse.solvers.beginnings import beginnings, with_free_end
-from dlo_planner.inverse.solvers.marching import hanging
-from dlo_planner.inverse.solvers.one_point import aligned_shape
+from dlo_planner.inverse.solvers.hanging.marching import hanging
+from dlo_planner.inverse.solvers.hanging.start_candidates import beginnings, with_free_end
+from dlo_planner.inverse.solvers.points.one_point import aligned_shape
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.part import before

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One contact at one arc length: which forces keep everything, and what is wrong where none does.
 
-The curve of shapes is `inverse.solvers.holding`'s; here are the plan's demands on it, and its
-confirmation by the direct simulation.
+The curve of shapes is `inverse.solvers.contact.family`'s; here are the plan's demands on it, and
+its confirmation by the direct simulation.
 """
 
 from dataclasses import dataclass
@@ -12,8 +12,8 @@ import numpy as np
 
 from dlo_planner.direct.accuracy import step
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.inverse.solvers.holding import STABLE, ContactFamily
-from dlo_planner.inverse.solvers.intervals import intervals
+from dlo_planner.inverse.solvers.contact.family import STABLE, ContactFamily
+from dlo_planner.inverse.solvers.contact.intervals import intervals
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.draft import Brief
