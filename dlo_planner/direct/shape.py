@@ -230,7 +230,7 @@ class Shape(Pictured):
         if not (isinstance(s, float) and 0.0 <= s <= length):
             s = number('s', s, minimum=-_ROUNDING * length, maximum=(1 + _ROUNDING) * length)
             s = min(max(s, 0.0), length)
-        element = min(int(np.searchsorted(self.s, s, side='right')) - 1, self.s.size - 2)
+        element = min(int(self.s.searchsorted(s, side='right')) - 1, self.s.size - 2)
         kernels = self.for_kernels
         rotation, position = np.empty((3, 3)), np.empty(3)
         point_inside(*kernels, element, (s - self.s[element]) / kernels[0][element], rotation,

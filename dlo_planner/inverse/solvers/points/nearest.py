@@ -28,16 +28,16 @@ def nearest_within(simulator, penalties, before, turn, shift):
         turn: rad, shift: m, that the gripper may turn or be displaced, about
     """
     scale = np.array([turn] * 3 + [shift] * 3)
-    shape, x = before, np.zeros(6)
-    value = _value(penalties, shape)
+    shape, x, right = before, np.zeros(6), _residuals(penalties, before)
+    value = float(right @ right)
     for _ in range(_ITERATIONS):
         sensitivity = Sensitivity(shape)
         rows = np.vstack([penalty.slopes(shape, sensitivity) for penalty in penalties]) * scale
-        right = np.concatenate([penalty.residuals(shape) for penalty in penalties])
         step = _step_within_ball(rows, right, x)
         for _ in range(_HALVINGS):
             trial = simulator.solve(displaced(before.gripper, scale * (x + step)), shape)
-            new = _value(penalties, trial) if trial.converged else np.inf
+            ahead = _residuals(penalties, trial)
+            new = float(ahead @ ahead) if trial.converged else np.inf
             if new <= value:
                 break
             step = 0.5 * step
@@ -45,14 +45,14 @@ def nearest_within(simulator, penalties, before, turn, shift):
             return shape if shape is not before else None
         done = (np.abs(step).max() < _STILL / turn
                 or value - new < _ENOUGH * value and np.abs(step).max() < 1e-3)
-        shape, x, value = trial, x + step, new
+        shape, x, value, right = trial, x + step, new, ahead
         if done:
             return shape
     return shape
 
 
-def _value(penalties, shape):
-    return sum(float(np.sum(penalty.residuals(shape) ** 2)) for penalty in penalties)
+def _residuals(penalties, shape):
+    return np.concatenate([penalty.residuals(shape) for penalty in penalties])
 
 
 def _step_within_ball(rows, right, x):

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.penalties import DirectionAt, PositionAt, Through
@@ -20,11 +19,12 @@ from dlo_planner.inverse.solvers.continuation.quick import quick_simulator
 from dlo_planner.inverse.solvers.hanging.start_candidates import rolls_are_alike
 from dlo_planner.inverse.solvers.points.nearest import nearest_within
 from dlo_planner.inverse.solvers.threading.one_cutout import thread
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import largest_shift, largest_turn, refusal_for_leap
 from dlo_planner.plan.draft import Brief, Draft
 from dlo_planner.plan.plan import waypoint_at
+from dlo_planner.ritz.rotation import turn_between
 
 _BLEND = 0.25         # of the length: from there on a cut-out ahead counts
 _LONGEST_STEP = 1 / 20  # of the length: depth steps of the continuation
@@ -105,7 +105,7 @@ def _rolled(simulator, asked):
     upright = (Pose.looking_along((0.0, 0.0, 0.0), first.normal) if asked.start is None
                else asked.start)
     for k in range(1, _ROLLS):
-        turn = Rotation.from_rotvec(2 * np.pi * k / _ROLLS * upright.direction).as_matrix()
+        turn = turned_by(2 * np.pi * k / _ROLLS * upright.direction)
         yield Pose.from_rotation(upright.position, turn @ upright.rotation)
 
 
@@ -168,7 +168,7 @@ class _NotRolled:
     weight: float
 
     def residuals(self, shape):
-        turn = Rotation.from_matrix(shape.gripper.rotation @ self.before.rotation.T).as_rotvec()
+        turn = turn_between(self.before.rotation, shape.gripper.rotation)
         return self.weight * np.array([turn @ self.before.direction])
 
     def slopes(self, shape, sensitivity):
