@@ -193,6 +193,9 @@ def _plain(value, shape):
 
 def vector(name, value, size, error=InvalidTask):
     """Return `value` as a new float array of shape (size,), all finite, or raise `error`."""
+    if (type(value) is np.ndarray and value.dtype == float and value.shape == (size,)
+            and all(-_EXTREME <= one <= _EXTREME for one in value.tolist())):
+        return np.array(value)
     return array(name, value, (size,), error)
 
 

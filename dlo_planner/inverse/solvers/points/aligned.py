@@ -15,7 +15,7 @@ import numpy as np
 from dlo_planner.energy.potential import at_element, evaluate, new_state, project, turned_system
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorize, largest_turn, new_hessian, solve
-from dlo_planner.minimize.newton import residual_of
+from dlo_planner.minimize.newton import residual_of, safe_shift
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.ritz.arc import dot, jacobians, rotation_and_chord
 from dlo_planner.ritz.matrix3 import (
@@ -68,7 +68,7 @@ def aligned_newton(system, q, element, fraction, normal, reference, axis, tolera
     across = _perpendicular(normal)
     m = state.q.shape[0]
     part, tangent = np.empty((3, 3)), np.empty(3)
-    load, answers = np.empty((m, 3)), np.empty((4, m, 3))
+    load, answers, turned = np.empty((m, 3)), np.empty((4, m, 3)), np.empty((4, 3))
     state.q[:] = q
     evaluate(here, state)
     miss = _miss(here, state, element, fraction, across, reference, axis, part, tangent)
@@ -78,7 +78,7 @@ def aligned_newton(system, q, element, fraction, normal, reference, axis, tolera
     while True:
         residual = residual_of(here, state)
         assemble(here, state, hessian)
-        factorize(here, hessian, 0.0)
+        negative = factorize(here, hessian, 0.0)
         misaligned = np.arctan2(np.sqrt(miss[0]**2 + miss[1]**2), dot(tangent, normal))
         converged = residual < tolerance and misaligned < tolerance
         if converged or iterations >= max_iterations:
@@ -90,13 +90,13 @@ def aligned_newton(system, q, element, fraction, normal, reference, axis, tolera
             solve(here, hessian, load, answers[column])
         rows = np.empty((3, 3))
         right = np.empty(3)
+        for column in range(4):
+            turned[column] = _turn_at(here, hessian, part, element, answers[column])
         for row in range(2):
             lever = np.cross(tangent, across[row])
             for column in range(3):
-                turned = _turn_at(here, hessian, part, element, answers[column])
-                rows[row, column] = lever[column] + dot(lever, turned)
-            right[row] = -miss[row] - dot(lever, _turn_at(here, hessian, part, element,
-                                                          answers[3]))
+                rows[row, column] = lever[column] + dot(lever, turned[column])
+            right[row] = -miss[row] - dot(lever, turned[3])
         for column in range(3):
             rows[2, column] = _turn_rate(here.base, reference, axis, column)
         right[2] = -miss[2]
@@ -112,7 +112,7 @@ def aligned_newton(system, q, element, fraction, normal, reference, axis, tolera
         portion = min(1.0, _LARGEST_TURN / size) if size > 0 else 1.0
         moved = False
         for _ in range(8):
-            _turn(here.base, portion * turn, there.base)
+            turn_by(here.base, portion * turn, there.base)
             trial.q[:] = state.q + portion * step
             evaluate(there, trial)
             new_miss = _miss(there, trial, element, fraction, across, reference, axis, part,
@@ -127,9 +127,7 @@ def aligned_newton(system, q, element, fraction, normal, reference, axis, tolera
         merit, miss = new_merit, new_miss
         state, trial = trial, state
         here, there = there, here
-    shift = 0.0
-    while factorize(here, hessian, shift) > 0 and shift < 1e12:
-        shift = max(1e-3, 4.0 * shift)
+    shift = safe_shift(here, hessian, 1e-3) if negative > 0 else 0.0
     stability, _ = lowest_mode(here, hessian, shift, 1e-4)
     return state, here.base, residual, misaligned, stability, iterations, converged
 
@@ -206,7 +204,7 @@ def _turn_rate(base, reference, axis, about):
 
 
 @kernel
-def _turn(base, turn, out):
+def turn_by(base, turn, out):
     """Fill out (3, 3) = exp(turn^) base."""
     rotation, _ = rotation_and_chord(turn[0], turn[1], turn[2], 1.0)
     put_matrix(times(rotation, matrix(base)), out)

@@ -5,16 +5,18 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.statics import TOLERANCE, shape_of
+from dlo_planner.direct.statics import TOLERANCE, found_hanging, shape_of
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.inverse.solvers.continuation.following import Passing
 from dlo_planner.inverse.solvers.hanging.sphere import crossings
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton, free_axis
+from dlo_planner.inverse.solvers.points.coupled import aligned_hanging
 from dlo_planner.inverse.solvers.points.nested import nested_alignment
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.model.pose import Pose
 
 _MAX_ITERATIONS = 60
+_ORIGIN = np.zeros(3)
 
 
 class Aligned:
@@ -80,19 +82,23 @@ def aligned_shape(simulator, guess, s, normal, reference):
 
 def aligned_on(discretization, guess, s, normal, reference):
     """Return what `aligned_shape` returns, on a Discretization."""
+    element = min(int(np.searchsorted(discretization.s, s, side='right')) - 1,
+                  discretization.s.size - 2)
+    fraction = (s - discretization.s[element]) / discretization.static.lengths[element]
+    asked = (element, fraction, np.array(normal), np.array(reference, order='C'),
+             free_axis(reference, normal), TOLERANCE, _MAX_ITERATIONS)
+    if discretization.hangs:
+        found, base, converged = aligned_hanging(discretization.static, guess.gripper.rotation,
+                                                 discretization.start_from(guess), *asked)
+        return found_hanging(discretization, Pose.from_rotation(_ORIGIN, base),
+                             found) if converged else None
     system = discretization.system(guess.gripper.rotation)
     q = np.empty((discretization.n_unknowns, 3))
     unknowns_of(system, discretization.strains_from(guess.s, guess.element_strains), q)
-    element = min(int(np.searchsorted(discretization.s, s, side='right')) - 1,
-                  discretization.s.size - 2)
-    fraction = (s - discretization.s[element]) / system.lengths[element]
-    state, base, residual, _, stability, iterations, converged = aligned_newton(
-        system, q, element, fraction, np.array(normal), np.array(reference, order='C'),
-        free_axis(reference, normal), TOLERANCE, _MAX_ITERATIONS)
+    state, base, residual, _, stability, iterations, converged = aligned_newton(system, q, *asked)
     if not converged:
         return None
-    gripper = Pose.from_rotation((0.0, 0.0, 0.0), base)
-    return shape_of(discretization, gripper,
+    return shape_of(discretization, Pose.from_rotation(_ORIGIN, base),
                     Minimum(state, residual, stability, iterations, 0, system))
 
 

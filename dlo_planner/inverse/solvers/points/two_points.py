@@ -6,14 +6,20 @@ import numpy as np
 
 from dlo_planner.direct.continuation import fell
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.statics import TOLERANCE, found_hanging
 from dlo_planner.inverse.solvers.continuation.following import Passing
 from dlo_planner.inverse.solvers.hanging.sphere import crossings
 from dlo_planner.inverse.solvers.points.aligned import free_axis
+from dlo_planner.inverse.solvers.points.coupled import two_points_hanging
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import freeze
 
 _ITERATIONS = 30
+_ORIGIN = np.zeros(3)
 _EXACT = 1e-10          # of the length
 _TURNED = 1e-9          # rad
 _LARGEST_TURN = 0.3     # rad per step
+_MESHES = 6             # that an accuracy may take
 
 
 class TwoPoints:
@@ -111,16 +117,42 @@ def _first_above(s, away, apart):
 def two_points(simulator, shape, way, s, free, roll=0.0):
     """Find the gripper's rotation and an arc length such that x(s2) - x(s1) = `way`.
 
-    Newton's method with the sensitivities of the equilibrium, which also predict the shape after
-    each step. A step after which the DLO falls into another shape ends it.
+    A step after which the DLO falls into another shape ends it.
 
     Args:
         s: arc lengths s1 and s2, m; free: 'first' or 'second': which of them is sought
-        roll: rad about the axis that the task leaves free; made together with the rest, so that
-            the shapes in between pass both centers, about
+        roll: rad about the axis that the task leaves free; made together with the rest
 
     Returns:
         Shape, s1, s2; None if there is none
+    """
+    mesh, way = shape._discretization, np.array(way)
+    freeze(way)
+    if simulator.method != 'newton' or mesh is None or not mesh.hangs:
+        return _step_by_step(simulator, shape, way, s, free, roll)
+    before, reached = shape, s
+    axis = free_axis(shape.gripper.rotation, way / np.linalg.norm(way))
+    for _ in range(_MESHES):
+        found, base, *reached, converged = two_points_hanging(
+            mesh.static, shape.gripper.rotation, mesh.start_from(shape), mesh.s, way, *reached,
+            free == 'first', axis, roll, TOLERANCE, _EXACT * mesh.s[-1], _ITERATIONS)
+        if not converged:
+            return None
+        shape = found_hanging(mesh, Pose.from_rotation(_ORIGIN, base), found)
+        if not shape.converged or fell(before, shape):
+            return None
+        better = simulator.discretization(shape.gripper, shape)
+        if better is mesh:
+            break
+        mesh, roll = better, 0.0
+    return shape, *reached
+
+
+def _step_by_step(simulator, shape, way, s, free, roll):
+    """Return what `two_points` does, of any DLO, an equilibrium at a time.
+
+    Newton's method with the sensitivities of the equilibrium, which also predict the shape after
+    each step, so that the shapes in between pass both centers, about.
     """
     length, (s1, s2) = shape.s[-1], s
     axis = free_axis(shape.gripper.rotation, way / np.linalg.norm(way))
