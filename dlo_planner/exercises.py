@@ -43,6 +43,7 @@ def shapes():
         assert shape.modes(2).error_estimate.max() < 1
         shape.at(0.5)
         Sensitivity(shape).moved([1e-3] * 6)
+        Sensitivity(shape).at(0.5)
         Through((0.5, 0, -0.3)).residuals(shape)
         direct.simulate([_LEVEL, _LEVEL], 0.01)
         direct.track([_LEVEL, Pose((0, 0, 0), (0, 0, 0.5, 0.8))])
