@@ -135,7 +135,7 @@ def arguments():
         'Workspace.first_beyond.path': known['Trajectory'].path,
         'Shape.load.path': 'saved.npz', 'Plan.load.path': 'plan.npz',
         'Motion.load.path': 'motion.npz',
-        'InverseSimulator.start_phase.start': Pose.looking_along((-1.2, 0, 1), (1, 0, 0)),
+        'InverseSimulator.approach.start': Pose.looking_along((-1.2, 0, 1), (1, 0, 0)),
         'displacement': (0.1, 0.0, 0.0), 'simulator': simulator, 'initial': None,
         'Observation.s': None, 'CutOut.radius': None, 'Sheet.cutouts': (),
         'Sheet.around.width': 1.0, 'Sheet.around.height': 1.0,
@@ -151,18 +151,19 @@ def arguments():
         # tasks
         'bore': hole, 'cutouts': [hole],
         'second': CutOut(Pose.looking_along((0.6, 0, 1), (1, 0, 0)), radius=0.2),
-        'plan': known['Plan'], 'joined.one': known['Plan'],
-        'joined.other': _back(known['Plan']), 'depths': DEPTHS,
+        'plan': known['Plan'], 'concatenate.one': known['Plan'],
+        'concatenate.other': _back(known['Plan']), 'depths': DEPTHS,
         'contact': Pose((0.5, 0, 0.9), (0, 0, 0, 1)),
         'way': 'straight',
         'lengths': [0.5], 'forces': [1.0], 'deadline': 2.0, 'penalties': known['PositionAt'],
         'target': (0.4, 0.0, 1.0), 'obstacles': (known['Sphere'],), 'distance': 0.1,
         'curvature': 1.0, 'sensitivity': Sensitivity(shape), 'max_iterations': 5,
         'DirectSimulator.obstacles': (), 'GraspedInside.obstacles': (), 'fit_rod.obstacles': (),
-        'before': None, 'misalignment': np.zeros(1), 'miss': np.zeros(1), 'passes': [()],
+        'before': None, 'misalignment': np.zeros(1), 'Plan.position_error': np.zeros(1),
+        'via_points': [()],
         'clearances': np.zeros((1, 0, 3)), 'sheets': (), 'fraction': 1.0,
         'status': PlanStatus.COMPLETE, 'Plan.depths': np.zeros(1), 'Plan.grippers': [LEVEL],
-        'bend_margin': 1.0, 'contact_force': 0.0, 'clearance': 0.1, 'Report.miss': 0.0,
+        'bend_margin': 1.0, 'contact_force': 0.0, 'clearance': 0.1, 'Report.position_error': 0.0,
         'Report.misalignment': 0.0, 'spread': known['Spread'], 'causes': ('length',),
         'by_cause': np.zeros((1, 1)), 'first_order': np.zeros(1), 'sampled': np.zeros((0, 1)),
         'success': 1.0, 'part': 0.5, 'penalty': 0.0, 'slope': 0.0, 'points': np.ones((2, 3)),
@@ -242,5 +243,6 @@ def _capability(inverse):
 def _back(plan):
     """Return a Plan that goes back on the way of another."""
     turned = {name: getattr(plan, name)[::-1] for name in (
-        'depths', 'grippers', 'shapes', 'misalignment', 'miss', 'passes', 'clearances')}
+        'depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'via_points',
+        'clearances')}
     return replace(plan, **turned)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.deprecated import renamed
+from dlo_planner.deprecated import renamed, renamed_arguments
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
@@ -17,11 +17,11 @@ from dlo_planner.inverse.solvers.contact.hold_and_slide import (
     slide_contact,
 )
 from dlo_planner.inverse.solvers.contact.straight import slide_straight
-from dlo_planner.inverse.solvers.search import Found, minimize_penalty
-from dlo_planner.inverse.solvers.threading.approach import start_phase
+from dlo_planner.inverse.solvers.search import PenaltyResult, minimize_penalty
+from dlo_planner.inverse.solvers.threading.approach import approach
 from dlo_planner.inverse.solvers.threading.deepest import deepest
 from dlo_planner.inverse.solvers.threading.insertion import insert
-from dlo_planner.inverse.solvers.threading.one_cutout import kept_before, thread
+from dlo_planner.inverse.solvers.threading.one_cutout import thread, trim_to_clearance
 from dlo_planner.inverse.solvers.threading.sequence import thread_sequence
 from dlo_planner.inverse.solvers.threading.two_cutouts import thread_two
 from dlo_planner.model.checks import choice, flag, instance, items, number, row
@@ -30,7 +30,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import Value, freeze, put
 from dlo_planner.model.value import brief as one_line
-from dlo_planner.plan.draft import Brief, Draft, kept_between
+from dlo_planner.plan.builder import PlanBuilder, PlanRequirements, kept_between
 from dlo_planner.plan.plan import Plan, Waypoint
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import OnProgress, Progress
@@ -51,7 +51,7 @@ class InverseSimulator(Value):
             set that it starts with counts. Its obstacles are touched by the contact tasks and
             avoided by the others; a Sheet among them is the one around a cut-out that it has.
         workspace: Workspace, where the gripper may be; None: anywhere
-        may_yield: whether a plan may bend the DLO beyond its yield limits. Planning itself is
+        allow_plastic: whether a plan may bend the DLO beyond its yield limits. Planning itself is
             elastic: `replay` with `simulator` shows the set that remains.
 
     A waypoint that leaves the workspace, touches what it should not, bends more sharply than
@@ -62,10 +62,11 @@ class InverseSimulator(Value):
     Where a task leaves a choice, it is made so as to keep them.
     """
 
-    PARTS = ('simulator', 'workspace', '_yielding', '_alone', '_given')
+    PARTS = ('simulator', 'workspace', '_yield_limits', '_without_obstacles', '_given')
 
+    @renamed_arguments(may_yield='allow_plastic')
     def __init__(self, simulator: DirectSimulator, *, workspace: Workspace | None = None,
-                 may_yield: bool = True):
+                 allow_plastic: bool = True):
         clamping('simulator', simulator)
         instance('workspace', workspace, Workspace, optional=True)
         if simulator.method != 'newton':
@@ -75,14 +76,14 @@ class InverseSimulator(Value):
             raise InvalidTask('simulator.point_loads: expected forces alone where plans are made, '
                               'dead moments have no potential')
         put(self, _given=simulator)
-        yielding = None
-        if not flag('may_yield', may_yield) and simulator.rod.yields:
+        yield_limits = None
+        if not flag('allow_plastic', allow_plastic) and simulator.rod.yields:
             rod = simulator.rod
-            yielding = np.array([rod.yield_torsion or np.inf,
+            yield_limits = np.array([rod.yield_torsion or np.inf,
                                  *(rod.yield_curvature or (np.inf, np.inf))])
-        put(self, simulator=simulator.elastic(), workspace=workspace, _yielding=yielding)
-        put(self, _alone=self.simulator.without_obstacles())
-        freeze(yielding)
+        put(self, simulator=simulator.elastic(), workspace=workspace, _yield_limits=yield_limits)
+        put(self, _without_obstacles=self.simulator.without_obstacles())
+        freeze(yield_limits)
 
     def __repr__(self):
         return one_line(self, repr(self.simulator), '' if self.workspace is None else
@@ -142,7 +143,7 @@ class InverseSimulator(Value):
                 if flag('as_deep_as_possible', as_deep_as_possible) else planned(wanted))
         if gripper_clearance is None:
             return plan
-        kept = kept_before(plan, cutout, gripper_clearance, depths is None)
+        kept = trim_to_clearance(plan, cutout, gripper_clearance, depths is None)
         return kept if len(kept) == len(plan) else kept_between(kept, brief)
 
     def insert(self, bore: CutOut, *, start: Pose | None = None, depths: ArrayLike | None = None,
@@ -180,10 +181,12 @@ class InverseSimulator(Value):
         if self.simulator.surroundings.point_loads:
             raise InvalidTask('simulator.point_loads: expected none where a DLO is inserted, parts '
                               'of it are in the bore')
-        return insert(self._alone, bore, depths, start,
+        return insert(self._without_obstacles, bore, depths, start,
                       self._brief(linear_speed, angular_speed, progress, deadline))
 
-    def start_phase(self, cutout: CutOut, plan: Plan, start: Pose, *, standoff: float = 0.05,
+    start_phase = renamed('start_phase', 'approach')
+
+    def approach(self, cutout: CutOut, plan: Plan, start: Pose, *, standoff: float = 0.05,
                     initial: Shape | None = None, linear_speed: float = 0.1,
                     angular_speed: float = 0.5, progress: OnProgress = None,
                     deadline: float | None = None) -> Plan:
@@ -219,7 +222,7 @@ class InverseSimulator(Value):
             if away > farthest:
                 raise InvalidTask(f'{name} = {pose!r}: expected at most {farthest:g} m from the '
                                   f'cut-out, is {away:.3g} m')
-        return start_phase(self._left_by(initial), cutout, start, plan.shapes[0],
+        return approach(self._left_by(initial), cutout, start, plan.shapes[0],
                            number('standoff', standoff, minimum=0, maximum=farthest), initial,
                            self._brief(linear_speed, angular_speed, progress, deadline))
 
@@ -247,7 +250,7 @@ class InverseSimulator(Value):
         for name, cutout in (('first', first), ('second', second)):
             instance(name, cutout, CutOut)
         instance('start', start, Pose, optional=True)
-        return thread_two(self._alone, first, second, self._checked(depths), start,
+        return thread_two(self._without_obstacles, first, second, self._checked(depths), start,
                           self._brief(linear_speed, angular_speed, progress, deadline))
 
     def thread_sequence(self, cutouts: Iterable[CutOut], *, weights: ArrayLike | None = None,
@@ -267,7 +270,7 @@ class InverseSimulator(Value):
                 count from the first cut-out
 
         Returns:
-            Plan; `Plan.misses` says by how much each is missed
+            Plan; `Plan.position_errors` says by how much each is missed
 
         Raises:
             InvalidTask: an argument makes no sense; the message names it
@@ -282,16 +285,17 @@ class InverseSimulator(Value):
         depths = self._checked(depths)
         brief = self._brief(linear_speed, angular_speed, progress, deadline)
         if len(cutouts) == 1:
-            return thread(self._alone, cutouts[0], depths, start, None, 'coupled', brief)
+            return thread(self._without_obstacles, cutouts[0], depths, start, None, 'coupled',
+                          brief)
         if len(cutouts) == 2:
-            return thread_two(self._alone, *cutouts, depths, start, brief)
-        return thread_sequence(self._alone, cutouts, weights, depths, start, brief)
+            return thread_two(self._without_obstacles, *cutouts, depths, start, brief)
+        return thread_sequence(self._without_obstacles, cutouts, weights, depths, start, brief)
 
     minimise_penalty = renamed('minimise_penalty', 'minimize_penalty')
 
     def minimize_penalty(self, penalties: object, start: Pose, *, initial: Shape | None = None,
                          max_iterations: int = 200, progress: OnProgress = None,
-                         deadline: float | None = None) -> Found:
+                         deadline: float | None = None) -> PenaltyResult:
         """Return what `minimize_penalty` finds for this simulator (paper, section 5.1).
 
         Its arguments are explained there.
@@ -303,7 +307,7 @@ class InverseSimulator(Value):
         found = minimize_penalty(self.simulator, penalties, start, initial=initial,
                                  max_iterations=max_iterations, progress=progress,
                                  deadline=deadline)
-        Draft([0.0], self._brief(1.0, 1.0, touching=True)).add(Waypoint(found.shape))
+        PlanBuilder([0.0], self._brief(1.0, 1.0, touching=True)).add(Waypoint(found.shape))
         return found
 
     def hold_contact(self, contact: Pose, s: float, *, condition: str | None = 'least_energy',
@@ -368,7 +372,8 @@ class InverseSimulator(Value):
                 gripper keeps its orientation and goes straight from the first waypoint towards the
                 contact, or away from it (footnote 19 of the paper). The DLO then touches where and
                 as it comes to lie: `Plan.misalignment` is by how much its direction has drifted,
-                `Plan.miss` how far the place. `condition` and `forces` choose the first waypoint.
+                `Plan.position_error` how far the place. `condition` and `forces` choose the first
+                waypoint.
             linear_speed, angular_speed, progress, deadline: as for `thread`
 
         Returns:
@@ -423,15 +428,15 @@ class InverseSimulator(Value):
     def _left_by(self, initial):
         """Return the simulator of the DLO as the Shape `initial` (or None) leaves it, elastic."""
         if initial is None:
-            return self._alone
+            return self._without_obstacles
         instance('initial', initial, Shape)
-        self._alone._check(initial.gripper, initial)
+        self._without_obstacles._check(initial.gripper, initial)
         if initial.far_end is not None:
             raise InvalidTask('initial is held at its far end: expected a Shape whose far end is '
                               'free, as it is in the plan')
         past = initial._history
         if past is None or not past.set.any():
-            return self._alone
+            return self._without_obstacles
         return self._given.with_set(initial).elastic().without_obstacles()
 
     def _checked(self, depths):
@@ -449,6 +454,6 @@ class InverseSimulator(Value):
         speeds = (number('linear_speed', linear_speed, above=0,
                          maximum=_FASTEST * self.simulator.rod.length),
                   number('angular_speed', angular_speed, above=0, maximum=_FASTEST))
-        return Brief(speeds, Progress(progress, deadline), self.workspace,
+        return PlanRequirements(speeds, Progress(progress, deadline), self.workspace,
                      () if touching else self.simulator.obstacles, Surface.of(self.simulator.rod),
-                     self._yielding, None if touching else self._alone)
+                     self._yield_limits, None if touching else self._without_obstacles)

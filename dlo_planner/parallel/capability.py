@@ -117,7 +117,7 @@ def capability_map(inverse: InverseSimulator, grid: CellGrid, executor: Workers 
     Args:
         inverse: InverseSimulator, with the workspace and the obstacles of the cell
         grid: CellGrid
-        starts: Poses of the gripper from which it has to get there (`InverseSimulator.start_phase`)
+        starts: Poses of the gripper from which it has to get there (`InverseSimulator.approach`)
             with the DLO as it hangs; the one that leaves the DLO most stable is chosen. None:
             only the threading is looked at, wherever it begins.
         depths: as for `InverseSimulator.thread`

@@ -9,10 +9,10 @@ import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.solvers.threading.one_cutout import kept_before
+from dlo_planner.inverse.solvers.threading.one_cutout import trim_to_clearance
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.plan import Plan, joined
+from dlo_planner.plan.plan import Plan, concatenate
 from dlo_planner.progress import OnProgress
 
 
@@ -61,9 +61,9 @@ def way_through(inverse: InverseSimulator, cutouts: Sequence[CutOut], wanted: Wa
     else:
         plan = inverse.thread_sequence(cutouts, start=start, depths=depths, **options)
     if wanted.gripper_clearance:
-        plan = inverse.check(kept_before(plan, cutouts[0], wanted.gripper_clearance, True))
+        plan = inverse.check(trim_to_clearance(plan, cutouts[0], wanted.gripper_clearance, True))
     if not wanted.standoff or start is None:
         return plan
-    way = inverse.start_phase(cutouts[0], plan, start, standoff=wanted.standoff, initial=initial,
+    way = inverse.approach(cutouts[0], plan, start, standoff=wanted.standoff, initial=initial,
                               **options)
-    return inverse.check(joined(way, plan))
+    return inverse.check(concatenate(way, plan))

@@ -37,7 +37,7 @@ _WORSE = 1e3        # what has no equilibrium is worse than anything seen by so 
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Found(Value):
+class PenaltyResult(Value):
     """Where the search ended.
 
     Attributes:
@@ -57,12 +57,14 @@ class Found(Value):
     converged: bool
 
     def __post_init__(self):
-        instance('Found.gripper', self.gripper, Pose)
-        instance('Found.shape', self.shape, Shape)
-        put(self, penalty=figure('Found.penalty', self.penalty),
-            slope=figure('Found.slope', self.slope), converged=flag('Found.converged',
+        instance('PenaltyResult.gripper', self.gripper, Pose)
+        instance('PenaltyResult.shape', self.shape, Shape)
+        put(self, penalty=figure('PenaltyResult.penalty', self.penalty),
+            slope=figure('PenaltyResult.slope', self.slope),
+            converged=flag('PenaltyResult.converged',
                                                                     self.converged),
-            iterations=integer('Found.iterations', self.iterations, minimum=0, maximum=10**12))
+            iterations=integer('PenaltyResult.iterations', self.iterations, minimum=0,
+                               maximum=10**12))
 
     def __repr__(self):
         return brief(self, 'converged' if self.converged else 'not converged',
@@ -72,8 +74,8 @@ class Found(Value):
 
 def minimize_penalty(simulator: DirectSimulator, penalties: object, start: Pose, *,
                      initial: Shape | None = None, max_iterations: int = 200,
-                     progress: OnProgress = None, deadline: float | None = None) -> Found:
-    """Return the Found of a task given as penalties of the shape (paper, section 5.1).
+                     progress: OnProgress = None, deadline: float | None = None) -> PenaltyResult:
+    """Return the PenaltyResult of a task given as penalties of the shape (paper, section 5.1).
 
     Where the past counts (a DLO that yields, friction), each pose is judged as if the gripper went
     there straight from `start`.
@@ -144,7 +146,7 @@ class _Search:
         self._known[np.zeros(6).tobytes()] = shape
 
     def of_squares(self, most):
-        """Return the Found where the sum of the squared residuals is least."""
+        """Return the PenaltyResult where the sum of the squared residuals is least."""
         unit = self._size_of_slopes(np.zeros(6)) or 1.0
         self._worse = _WORSE * (unit + np.linalg.norm(self.residuals(np.zeros(6))))
         found = least_squares(lambda y: self.residuals(y * self.scale) / unit, np.zeros(6),
@@ -156,7 +158,7 @@ class _Search:
         return self._found(x, size**2, slope, _STILL * typical * (size + _STILL * typical))
 
     def of_numbers(self, most):
-        """Return the Found where the penalty, which is no sum of squares, is least."""
+        """Return the PenaltyResult where the penalty, which is no sum of squares, is least."""
         unit = self._change(np.zeros(6)) or 1.0
         self._worse = _WORSE * (unit + abs(self.value(np.zeros(6))))
         found = minimize(lambda y: self.value(y * self.scale) / unit, np.zeros(6), method='BFGS',
@@ -168,7 +170,7 @@ class _Search:
 
     def _found(self, x, penalty, slope, enough):
         shape = self.shape_at(x)
-        return Found(shape.gripper, shape, float(penalty), float(slope), self.count,
+        return PenaltyResult(shape.gripper, shape, float(penalty), float(slope), self.count,
                      bool(slope <= enough and shape.converged))
 
     def _size_of_slopes(self, x):
