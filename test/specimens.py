@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner import (
+    Approach,
     AwayFrom,
     BentAtMost,
     Box,
@@ -24,8 +25,11 @@ from dlo_planner import (
     FarEnd,
     GraspedInside,
     GripperNear,
+    HoldContact,
+    Insert,
     InverseSimulator,
     Limits,
+    Minimize,
     Observation,
     ObservedMotion,
     Observer,
@@ -35,12 +39,17 @@ from dlo_planner import (
     PointLoad,
     Pose,
     PositionAt,
+    Requirements,
     Rod,
     Section,
     Sheet,
+    SlideContact,
     Sphere,
     Spread,
     Steered,
+    Thread,
+    ThreadSequence,
+    ThreadTwo,
     Through,
     Trajectory,
     Workspace,
@@ -53,11 +62,13 @@ from dlo_planner import (
 )
 from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.inverse.context import PlanContext
 from dlo_planner.parallel import CellGrid, capability_map
 from msg_helpers.clouds import cloud_msg
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 DEPTHS = (0.0, 0.2)
+FAR = CutOut(Pose.looking_along((0.6, 0, 1), (1, 0, 0)), radius=0.2)
 
 
 @cache
@@ -93,6 +104,11 @@ def values():
     examples.append(fit_rod(wire, [seen], n_elements=8, n_terms=4))
     observer = Observer(simulator, Spread(0.05, gripper_position=1e-3), cutout=1e-3)
     estimate = observer.update(observer.begin(), seen)
+    contact = Pose((0.5, 0, 0.9), (0, 0, 0, 1))
+    examples += [Thread(hole, DEPTHS), ThreadTwo(hole, FAR, DEPTHS), Insert(hole, DEPTHS),
+                 ThreadSequence((hole, FAR), depths=DEPTHS), Approach(hole, plan.shapes[0]),
+                 HoldContact(contact, 0.5), SlideContact(contact, [0.5]), Requirements(),
+                 Minimize(PositionAt(1.0, (0.9, 0, 0.9)))]
     examples += [observer, estimate, estimate.miss(plan), correct(estimate, plan), ClosedLoop(0.01),
                  Steered(Trajectory(plan, tolerance=np.inf), [1.0, 0.5, 0.1])]
     return {type(one).__name__: one for one in examples} | {
@@ -150,7 +166,7 @@ def arguments():
         'Motion.status': 'complete', 'integrator': 'paper',
         # tasks
         'bore': hole, 'cutouts': [hole],
-        'second': CutOut(Pose.looking_along((0.6, 0, 1), (1, 0, 0)), radius=0.2),
+        'second': FAR, **_of_tasks(known),
         'plan': known['Plan'], 'concatenate.one': known['Plan'],
         'concatenate.other': _back(known['Plan']), 'depths': DEPTHS,
         'contact': Pose((0.5, 0, 0.9), (0, 0, 0, 1)),
@@ -227,6 +243,22 @@ def arguments():
         'reached': [0.0] * len(known['Correction'].grippers), 'plan_times': [0.0],
         'Steered.at.times': [0.0], 'Observer.update.noise': 1e-3,
     }
+
+
+def _of_tasks(known):
+    """Return examples of arguments of tasks."""
+    back = Pose((-1.2, 0, 1), (0, 0, 0, 1))
+    over_bar = known['InverseSimulator.hold_contact'].simulator
+    free, touching = (PlanContext(one, one, start, touching=start is LEVEL)
+                      for one, start in ((known['DirectSimulator'], back), (over_bar, LEVEL)))
+    names = ('Thread', 'ThreadTwo', 'ThreadSequence', 'Insert', 'Approach', 'Minimize',
+             'HoldContact', 'SlideContact')
+    return {
+        'ThreadTwo.first': known['CutOut'], 'Approach.first': known['Shape'], 'context': free,
+        'HoldContact.solve.context': touching, 'SlideContact.solve.context': touching,
+        'task': known['Thread'], 'requirements': None, 'allow_plastic': True,
+        'Requirements.limits': Limits(), 'workspace': None,
+        **{f'{name}.from_dict.content': known[name].to_dict() for name in names}}
 
 
 def _stamped():

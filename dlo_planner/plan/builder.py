@@ -33,6 +33,7 @@ class PlanRequirements:
             which the DLO would yield, 1/m, or None where it may
         simulator: DirectSimulator without obstacles that finds the DLO's shapes between the
             waypoints; None: the DLO is looked at at the waypoints only
+        tolerance: largest position error of a waypoint, m; None: any
     """
 
     speeds: tuple[float, float]
@@ -42,6 +43,7 @@ class PlanRequirements:
     surface: Surface = Surface()
     yield_limits: np.ndarray | None = None
     simulator: DirectSimulator | None = None
+    tolerance: float | None = None
 
     def silent(self, simulator=None):
         """Return the same demands for a search, whose steps are not reported.
@@ -65,6 +67,10 @@ class PlanRequirements:
             name, room = self.workspace.min_margin(shape.gripper)
             if room < 0:
                 return name, -room, f'the gripper is {-room:.3g} m beyond {name}'
+        if self.tolerance is not None and waypoint.position_error > self.tolerance:
+            return ('tolerance', waypoint.position_error - self.tolerance,
+                    f'the DLO is {waypoint.position_error:.3g} m off, tolerance = '
+                    f'{self.tolerance:g} m')
         if waypoint.clearance < 0:
             return ('clearance', -waypoint.clearance,
                     f'the DLO is {-waypoint.clearance:.3g} m in the sheet around a cut-out '

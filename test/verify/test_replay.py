@@ -93,8 +93,10 @@ def test_the_trajectory_that_was_looked_at_is_the_one_to_be_executed(plan):
     assert report.trajectory == Trajectory(plan, Limits(), tolerance=2e-3, simulator=DIRECT,
                                            initial=first)
     assert report.duration == report.trajectory.duration and report.tolerance == 2e-3
-    for name in ('position_error', 'clearance', 'contact_force'):
-        assert getattr(report, f'dynamic_{name}') == getattr(report.trajectory.motion, name)
+    moved = report.trajectory.motion
+    assert report.max_tracking_error == moved.position_error
+    for name in ('clearance', 'contact_force'):
+        assert getattr(report, f'dynamic_{name}') == getattr(moved, name)
     # one that was made before is looked at as it is
     again = replay(DIRECT, plan, trajectory=report.trajectory)
     assert again.trajectory is report.trajectory and again.safe

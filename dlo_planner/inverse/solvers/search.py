@@ -21,7 +21,6 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask, NotConverged
-from dlo_planner.inverse.penalties import DirectionAt, PositionAt, Through
 from dlo_planner.model.checks import figure, flag, instance, integer, number, shown
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.value import Value, brief, put
@@ -61,8 +60,7 @@ class PenaltyResult(Value):
         instance('PenaltyResult.shape', self.shape, Shape)
         put(self, penalty=figure('PenaltyResult.penalty', self.penalty),
             slope=figure('PenaltyResult.slope', self.slope),
-            converged=flag('PenaltyResult.converged',
-                                                                    self.converged),
+            converged=flag('PenaltyResult.converged', self.converged),
             iterations=integer('PenaltyResult.iterations', self.iterations, minimum=0,
                                maximum=10**12))
 
@@ -96,7 +94,20 @@ def minimize_penalty(simulator: DirectSimulator, penalties: object, start: Pose,
     """
     clamping('simulator', simulator)
     instance('start', start, Pose)
-    most = integer('max_iterations', max_iterations, minimum=1, maximum=1_000_000)
+    asked = _Asked(judged_penalties(penalties), integer('max_iterations', max_iterations,
+                                                        minimum=1, maximum=1_000_000))
+    return least_penalty(simulator, asked, start, initial, Progress(progress, deadline))
+
+
+@dataclass(frozen=True)
+class _Asked:
+    penalties: list
+    max_iterations: int
+
+
+def least_penalty(simulator: DirectSimulator, asked: object, start: Pose, initial: Shape | None,
+                  progress: Progress) -> PenaltyResult:
+    """Return the PenaltyResult of `penalties` in `max_iterations` at most, both of `asked`."""
     if simulator.strains != 'components':
         raise InvalidTask(f'simulator.strains = {simulator.strains!r}: expected \'components\', '
                           'whose sensitivities guide the search')
@@ -104,13 +115,14 @@ def minimize_penalty(simulator: DirectSimulator, penalties: object, start: Pose,
     if initial is not None and initial.far_end is not None:
         raise InvalidTask('initial is held at its far end: expected a Shape whose far end is free, '
                           'as it is in the search')
-    search = _Search(simulator, _judged(penalties, simulator.rod.length), start, initial,
-                     Progress(progress, deadline), most)
+    _check_lengths(asked.penalties, simulator.rod.length)
+    most = asked.max_iterations
+    search = _Search(simulator, list(asked.penalties), start, initial, progress, most)
     return search.of_squares(most) if search.squares_only else search.of_numbers(most)
 
 
-def _judged(penalties, length):
-    """Return the penalties as a list; raise InvalidTask for what is none on a DLO so long."""
+def judged_penalties(penalties: object) -> list:
+    """Return one penalty or several as a list; raise InvalidTask for what is none."""
     penalties = list(penalties) if isinstance(penalties, list | tuple) else [penalties]
     if not penalties:
         raise InvalidTask('penalties = []: expected one at least, something to minimize')
@@ -118,11 +130,15 @@ def _judged(penalties, length):
         if not callable(penalty) and not hasattr(penalty, 'residuals'):
             raise InvalidTask(f'penalties: {shown(penalty)} is neither a function nor has '
                               'residuals')
-        if isinstance(penalty, PositionAt | DirectionAt):
-            number(f'{type(penalty).__name__}.s', penalty.s, minimum=0, maximum=length)
-        if isinstance(penalty, Through):
-            number('Through.after', penalty.after, minimum=0, maximum=length)
     return penalties
+
+
+def _check_lengths(penalties: list, length: float) -> None:
+    """Raise InvalidTask where an arc length of a penalty is beyond the DLO."""
+    for penalty in penalties:
+        for name in getattr(penalty, 'ARC_LENGTHS', ()):
+            number(f'{type(penalty).__name__}.{name}', getattr(penalty, name), minimum=0,
+                   maximum=length)
 
 
 class _Search:

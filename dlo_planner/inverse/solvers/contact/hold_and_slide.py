@@ -24,10 +24,11 @@ _MOST_HALVINGS = 7
 _BESIDE = (1.0, 0.9, 1.1, 0.75, 1.33)  # of a force: where else a way may lead
 
 
-def hold_contact(simulator, contact, s, forces, condition, start, brief):
-    """Return the Plan; see `InverseSimulator.hold_contact`."""
+def hold_contact(simulator, asked, start, brief):
+    """Return the Plan of a HoldContact task; see `InverseSimulator.hold_contact`."""
+    s, forces, condition = asked.s, asked.forces, asked.condition
     draft = PlanBuilder([simulator.rod.length - s], brief)
-    task = Contacting.at(simulator, contact, s, brief)
+    task = Contacting.at(simulator, asked.contact, s, brief)
     parts = task.parts(forces, draft)
     if condition is not None:
         _, shape = _chosen(task, parts, condition, start, draft)
@@ -48,12 +49,13 @@ def hold_contact(simulator, contact, s, forces, condition, start, brief):
     return draft.finished()
 
 
-def slide_contact(simulator, contact, lengths, forces, condition, start, brief):
-    """Return the Plan; see `InverseSimulator.slide_contact`."""
+def slide_contact(simulator, asked, start, brief):
+    """Return the Plan of an aligned SlideContact; see `InverseSimulator.slide_contact`."""
+    lengths, forces, condition = asked.lengths, asked.forces, asked.condition
     draft = PlanBuilder([simulator.rod.length - s for s in lengths], brief)
     task = force = None
     for s in lengths:
-        before, task = (task, force), Contacting.at(simulator, contact, s, brief)
+        before, task = (task, force), Contacting.at(simulator, asked.contact, s, brief)
         parts = task.parts(forces, draft)
         if not draft.waypoints:
             force, shape = first_choice(task, parts, condition, start, draft)

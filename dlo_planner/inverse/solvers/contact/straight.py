@@ -23,11 +23,12 @@ _LONGEST = 0.03   # of the length: a step of the arc length that touches
 _SAME = 1e-10     # of the way: places that are one
 
 
-def slide_straight(simulator, contact, lengths, forces, condition, start, brief):
-    """Return the Plan; see `InverseSimulator.slide_contact`."""
+def slide_straight(simulator, asked, start, brief):
+    """Return the Plan of a straight SlideContact; see `InverseSimulator.slide_contact`."""
+    lengths = asked.lengths
     draft = PlanBuilder([simulator.rod.length - s for s in lengths], brief)
-    task = Contacting.at(simulator, contact, lengths[0], brief)
-    _, shape = first_choice(task, task.parts(forces, draft), condition, start, draft)
+    task = Contacting.at(simulator, asked.contact, lengths[0], brief)
+    _, shape = first_choice(task, task.parts(asked.forces, draft), asked.condition, start, draft)
     draft.add(task.waypoint(shape))
     slide = _Slide(simulator, task.family, shape, brief.progress.check)
     gone = 0.0
