@@ -15,6 +15,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value
 
 _TYPE = 'type'
+_DEEPEST = 20  # values inside values
 _POSE = {'position', 'quaternion'}
 
 
@@ -44,23 +45,26 @@ def to_plain(content: object) -> object:
     raise InvalidTask(f'{shown(content)} cannot be written: expected values, numbers and texts')
 
 
-def from_plain(name: str, content: object) -> object:
+def from_plain(name: str, content: object, depth: int = 0) -> object:
     """Return what `to_plain` was given; lists stay lists, which values take for arrays.
 
     Args:
         name: how the content is called in messages
+        depth: in how many others it is
 
     Raises:
         InvalidTask: a class is not known, or refuses what is given for it
     """
+    if depth > _DEEPEST:
+        raise InvalidTask(f'{name[:40]}...: expected values in at most {_DEEPEST} others')
     if isinstance(content, Mapping):
-        return _value(name, content)
+        return _value(name, content, depth)
     if isinstance(content, list | tuple):
-        return [from_plain(f'{name}[{k}]', part) for k, part in enumerate(content)]
+        return [from_plain(f'{name}[{k}]', part, depth + 1) for k, part in enumerate(content)]
     return content
 
 
-def _value(name: str, content: Mapping) -> object:
+def _value(name: str, content: Mapping, depth: int) -> object:
     if _TYPE not in content and {'position'} <= set(content) <= _POSE:
         return Pose(content['position'], content.get('quaternion', (0.0, 0.0, 0.0, 1.0)))
     kind = content.get(_TYPE)
@@ -75,7 +79,7 @@ def _value(name: str, content: Mapping) -> object:
     for key in content:
         if key != _TYPE and key not in allowed:
             raise InvalidTask(f'{name}.{key}: expected one of {", ".join(sorted(allowed))}')
-    given = {key: from_plain(f'{name}.{key}', part) for key, part in content.items()
+    given = {key: from_plain(f'{name}.{key}', part, depth + 1) for key, part in content.items()
              if key != _TYPE}
     try:
         return cls(**given)

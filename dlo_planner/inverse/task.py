@@ -11,7 +11,7 @@ import numpy as np
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.plain_tasks import from_plain, to_plain
-from dlo_planner.model.checks import row, shown
+from dlo_planner.model.checks import instance, row, shown
 from dlo_planner.model.value import Value
 from dlo_planner.plan.plan import Plan
 
@@ -63,9 +63,9 @@ class Task(Value, ABC):
         Raises:
             InvalidTask: it is none; the message says what is missing
         """
-        task = from_plain('task', content)
+        task = from_plain('content', instance('content', content, Mapping))
         if not isinstance(task, cls):
-            raise InvalidTask(f'task = {shown(content)}: expected a {cls.__name__}')
+            raise InvalidTask(f'content = {shown(content)}: expected a {cls.__name__}')
         return task
 
 
