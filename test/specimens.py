@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner import (
+    Approach,
     AwayFrom,
     BentAtMost,
     Box,
@@ -24,8 +25,11 @@ from dlo_planner import (
     FarEnd,
     GraspedInside,
     GripperNear,
+    HoldContact,
+    Insert,
     InverseSimulator,
     Limits,
+    Minimize,
     Observation,
     ObservedMotion,
     Observer,
@@ -35,12 +39,17 @@ from dlo_planner import (
     PointLoad,
     Pose,
     PositionAt,
+    Requirements,
     Rod,
     Section,
     Sheet,
+    SlideContact,
     Sphere,
     Spread,
     Steered,
+    Thread,
+    ThreadSequence,
+    ThreadTwo,
     Through,
     Trajectory,
     Workspace,
@@ -53,11 +62,13 @@ from dlo_planner import (
 )
 from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.inverse.context import PlanContext
 from dlo_planner.parallel import CellGrid, capability_map
 from msg_helpers.clouds import cloud_msg
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 DEPTHS = (0.0, 0.2)
+FAR = CutOut(Pose.looking_along((0.6, 0, 1), (1, 0, 0)), radius=0.2)
 
 
 @cache
@@ -93,6 +104,11 @@ def values():
     examples.append(fit_rod(wire, [seen], n_elements=8, n_terms=4))
     observer = Observer(simulator, Spread(0.05, gripper_position=1e-3), cutout=1e-3)
     estimate = observer.update(observer.begin(), seen)
+    contact = Pose((0.5, 0, 0.9), (0, 0, 0, 1))
+    examples += [Thread(hole, DEPTHS), ThreadTwo(hole, FAR, DEPTHS), Insert(hole, DEPTHS),
+                 ThreadSequence((hole, FAR), depths=DEPTHS), Approach(hole, plan.shapes[0]),
+                 HoldContact(contact, 0.5), SlideContact(contact, [0.5]), Requirements(),
+                 Minimize(PositionAt(1.0, (0.9, 0, 0.9)))]
     examples += [observer, estimate, estimate.miss(plan), correct(estimate, plan), ClosedLoop(0.01),
                  Steered(Trajectory(plan, tolerance=np.inf), [1.0, 0.5, 0.1])]
     return {type(one).__name__: one for one in examples} | {
@@ -135,7 +151,7 @@ def arguments():
         'Workspace.first_beyond.path': known['Trajectory'].path,
         'Shape.load.path': 'saved.npz', 'Plan.load.path': 'plan.npz',
         'Motion.load.path': 'motion.npz',
-        'InverseSimulator.start_phase.start': Pose.looking_along((-1.2, 0, 1), (1, 0, 0)),
+        'InverseSimulator.approach.start': Pose.looking_along((-1.2, 0, 1), (1, 0, 0)),
         'displacement': (0.1, 0.0, 0.0), 'simulator': simulator, 'initial': None,
         'Observation.s': None, 'CutOut.radius': None, 'Sheet.cutouts': (),
         'Sheet.around.width': 1.0, 'Sheet.around.height': 1.0,
@@ -150,19 +166,20 @@ def arguments():
         'Motion.status': 'complete', 'integrator': 'paper',
         # tasks
         'bore': hole, 'cutouts': [hole],
-        'second': CutOut(Pose.looking_along((0.6, 0, 1), (1, 0, 0)), radius=0.2),
-        'plan': known['Plan'], 'joined.one': known['Plan'],
-        'joined.other': _back(known['Plan']), 'depths': DEPTHS,
+        'second': FAR, **_of_tasks(known),
+        'plan': known['Plan'], 'concatenate.one': known['Plan'],
+        'concatenate.other': _back(known['Plan']), 'depths': DEPTHS,
         'contact': Pose((0.5, 0, 0.9), (0, 0, 0, 1)),
         'way': 'straight',
         'lengths': [0.5], 'forces': [1.0], 'deadline': 2.0, 'penalties': known['PositionAt'],
         'target': (0.4, 0.0, 1.0), 'obstacles': (known['Sphere'],), 'distance': 0.1,
         'curvature': 1.0, 'sensitivity': Sensitivity(shape), 'max_iterations': 5,
         'DirectSimulator.obstacles': (), 'GraspedInside.obstacles': (), 'fit_rod.obstacles': (),
-        'before': None, 'misalignment': np.zeros(1), 'miss': np.zeros(1), 'passes': [()],
+        'before': None, 'misalignment': np.zeros(1), 'Plan.position_error': np.zeros(1),
+        'via_points': [()],
         'clearances': np.zeros((1, 0, 3)), 'sheets': (), 'fraction': 1.0,
         'status': PlanStatus.COMPLETE, 'Plan.depths': np.zeros(1), 'Plan.grippers': [LEVEL],
-        'bend_margin': 1.0, 'contact_force': 0.0, 'clearance': 0.1, 'Report.miss': 0.0,
+        'bend_margin': 1.0, 'contact_force': 0.0, 'clearance': 0.1, 'Report.position_error': 0.0,
         'Report.misalignment': 0.0, 'spread': known['Spread'], 'causes': ('length',),
         'by_cause': np.zeros((1, 1)), 'first_order': np.zeros(1), 'sampled': np.zeros((0, 1)),
         'success': 1.0, 'part': 0.5, 'penalty': 0.0, 'slope': 0.0, 'points': np.ones((2, 3)),
@@ -229,6 +246,22 @@ def arguments():
     }
 
 
+def _of_tasks(known):
+    """Return examples of arguments of tasks."""
+    back = Pose((-1.2, 0, 1), (0, 0, 0, 1))
+    over_bar = known['InverseSimulator.hold_contact'].simulator
+    free, touching = (PlanContext(one, one, start, touching=start is LEVEL)
+                      for one, start in ((known['DirectSimulator'], back), (over_bar, LEVEL)))
+    names = ('Thread', 'ThreadTwo', 'ThreadSequence', 'Insert', 'Approach', 'Minimize',
+             'HoldContact', 'SlideContact')
+    return {
+        'ThreadTwo.first': known['CutOut'], 'Approach.first': known['Shape'], 'context': free,
+        'HoldContact.solve.context': touching, 'SlideContact.solve.context': touching,
+        'task': known['Thread'], 'requirements': None, 'allow_plastic': True,
+        'Requirements.limits': Limits(), 'workspace': None,
+        **{f'{name}.from_dict.content': known[name].to_dict() for name in names}}
+
+
 def _stamped():
     stamped = PoseStamped()
     stamped.header.frame_id = 'world'
@@ -243,5 +276,6 @@ def _capability(inverse):
 def _back(plan):
     """Return a Plan that goes back on the way of another."""
     turned = {name: getattr(plan, name)[::-1] for name in (
-        'depths', 'grippers', 'shapes', 'misalignment', 'miss', 'passes', 'clearances')}
+        'depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'via_points',
+        'clearances')}
     return replace(plan, **turned)

@@ -36,7 +36,7 @@ from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.rolling import nearest_inside
 from dlo_planner.identify import looking, response
 from dlo_planner.identify.misfit import nearest
-from dlo_planner.inverse.solvers.hanging.marching import march_from_end
+from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton
 from dlo_planner.minimize.contact_forces import add_sliding, move_multipliers
 from dlo_planner.minimize.friction import with_friction
@@ -48,7 +48,7 @@ from dlo_planner.plan import between, workspace
 from dlo_planner.plan.motion.oscillators import vibrated
 from dlo_planner.ritz.kinematics import point_inside
 
-KERNELS = [descend, unknowns_of, aligned_newton, march_from_end, point_inside, passes_through,
+KERNELS = [descend, unknowns_of, aligned_newton, integrate_from_tip, point_inside, passes_through,
            evaluate, nearest_inside, nearest, signed_distance, settled, watching,
            with_friction, descend_held, led, gradient_noise, touching, truth, move_multipliers,
            add_sliding, gripper_answers, between._element_rooms,
@@ -102,7 +102,7 @@ def use_everything():
     Sensitivity(held)
     cell = Workspace(keep_out=[Plane((0, 0, -9), (0, 0, 1))])
     for gripper in (start, Pose.from_matrix(start.matrix)):
-        cell.least_room(gripper)
+        cell.min_margin(gripper)
     for simulator in (DirectSimulator(touching), direct):
         InverseSimulator(simulator, workspace=cell).thread(
             CutOut(Pose.looking_along((9, 0, 1), (1, 0, 0)), radius=0.2), depths=[0, 0.5])

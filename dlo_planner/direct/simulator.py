@@ -176,6 +176,17 @@ class DirectSimulator(Value):
                               'held at its beginning, which knows its permanent set')
         return self._changed(_history=past.set_alone(len(past.node_force)))
 
+    def left_by(self, shape: Shape) -> 'DirectSimulator':
+        """Return the simulator of the DLO as `shape` leaves it: with its set, if it has any.
+
+        Raises:
+            InvalidTask: not a Shape of this DLO, or of one that is grasped inside
+        """
+        instance('initial', shape, Shape)
+        self._check(shape.gripper, shape)
+        past = shape._history
+        return self if past is None or not past.set.any() else self.with_set(shape)
+
     def reset(self) -> 'DirectSimulator':
         """Return a simulator of the DLO as it was made, without any permanent set."""
         return self._changed(_history=None)

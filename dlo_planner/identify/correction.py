@@ -91,12 +91,12 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0,
     if not len(plan):
         raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
     first = integer('first', first, minimum=0, maximum=len(plan) - 1)
-    if any(len(passes) > 1 or passes and passes[0][2] is None for passes in plan.passes):
+    if any(len(passes) > 1 or passes and passes[0][2] is None for passes in plan.via_points):
         raise InvalidTask('plan: expected one through one cut-out, along its normal')
     known = _known(plan, instance('before', before, Correction, optional=True))
     rest = range(first, len(plan))
     aim = _Aim(estimate)
-    shapes = {k: aim.shape(plan, k, known[k]) for k in rest if plan.passes[k]}
+    shapes = {k: aim.shape(plan, k, known[k]) for k in rest if plan.via_points[k]}
     if any(shape is None for shape in shapes.values()):
         return _as_planned(estimate, plan, rest)
     grippers = {k: aim.commanded(shape.gripper) for k, shape in shapes.items()}
@@ -133,7 +133,7 @@ class _Aim:
 
     def shape(self, plan, index, guess):
         """Return the Shape that passes the center at a waypoint, or None."""
-        center, s, normal = plan.passes[index][0]
+        center, s, normal = plan.via_points[index][0]
         mesh = self._mesh(plan.shapes[index]._discretization)
         inside = min(s, float(mesh.s[-1]))
         shape = aligned_on(mesh, guess, inside, normal, plan.grippers[index].rotation)
@@ -157,7 +157,7 @@ class _Aim:
 
 
 def _as_planned(estimate, plan, rest):
-    looked = _some([k for k in rest if plan.passes[k]])
+    looked = _some([k for k in rest if plan.via_points[k]])
     return Correction(rest[0], tuple(plan.grippers[k] for k in rest), np.zeros((len(rest), 6)),
                       miss_of(estimate, plan, looked), False,
                       tuple(plan.shapes[k] for k in rest))

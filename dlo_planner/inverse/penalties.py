@@ -8,6 +8,7 @@ rotation (rad) and displacement (m) of the gripper, with the `Sensitivity` of th
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -49,6 +50,8 @@ def _across(v):
 class PositionAt(Value):
     """The DLO's point at arc length s (m) lies at `target` (3,) m; weight 1/m."""
 
+    ARC_LENGTHS: ClassVar[tuple[str, ...]] = ('s',)
+
     s: float
     target: np.ndarray
     weight: float = 1.0
@@ -72,6 +75,8 @@ class PositionAt(Value):
 @dataclass(frozen=True, eq=False, repr=False)
 class DirectionAt(Value):
     """The DLO's tangent at arc length s (m) is along `direction` (3,); weight 1/rad."""
+
+    ARC_LENGTHS: ClassVar[tuple[str, ...]] = ('s',)
 
     s: float
     direction: np.ndarray
@@ -132,6 +137,8 @@ class Through(Value):
         after: arc length beyond which it should pass there, m
         weight: 1/m
     """
+
+    ARC_LENGTHS: ClassVar[tuple[str, ...]] = ('after',)
 
     point: np.ndarray
     after: float = 0.0

@@ -3,44 +3,37 @@
 """The inverse simulator: from a task to gripper poses."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.deprecated import renamed
+from dlo_planner.deprecated import renamed, renamed_arguments
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.solvers.contact.hold_and_slide import (
-    CONDITIONS,
-    hold_contact,
-    slide_contact,
+from dlo_planner.inverse.context import PlanContext, checked_speed
+from dlo_planner.inverse.solvers.search import PenaltyResult
+from dlo_planner.inverse.task import Task
+from dlo_planner.inverse.tasks import (
+    Approach,
+    HoldContact,
+    Insert,
+    Minimize,
+    SlideContact,
+    Thread,
+    ThreadSequence,
+    ThreadTwo,
 )
-from dlo_planner.inverse.solvers.contact.straight import slide_straight
-from dlo_planner.inverse.solvers.search import Found, minimize_penalty
-from dlo_planner.inverse.solvers.threading.approach import start_phase
-from dlo_planner.inverse.solvers.threading.deepest import deepest
-from dlo_planner.inverse.solvers.threading.insertion import insert
-from dlo_planner.inverse.solvers.threading.one_cutout import kept_before, thread
-from dlo_planner.inverse.solvers.threading.sequence import thread_sequence
-from dlo_planner.inverse.solvers.threading.two_cutouts import thread_two
-from dlo_planner.model.checks import choice, flag, instance, items, number, row
+from dlo_planner.model.checks import flag, instance, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.surface import Surface
-from dlo_planner.model.value import Value, freeze, put
+from dlo_planner.model.value import Value, put
 from dlo_planner.model.value import brief as one_line
-from dlo_planner.plan.draft import Brief, Draft, kept_between
+from dlo_planner.plan.builder import kept_between
 from dlo_planner.plan.plan import Plan, Waypoint
+from dlo_planner.plan.requirements import Requirements
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import OnProgress, Progress
-
-_WAYPOINTS = 40
-_MOST = 10_000  # waypoints of a plan, or forces
-_DEEPEST = 0.95  # of the length, where no depths are given
-_INSERTED = 0.99
-_FASTEST = 1e6   # lengths of the DLO and rad per s: times of a plan have to differ
-_FARTHEST = 100  # of the length: from where a start phase may come
 
 
 class InverseSimulator(Value):
@@ -51,7 +44,7 @@ class InverseSimulator(Value):
             set that it starts with counts. Its obstacles are touched by the contact tasks and
             avoided by the others; a Sheet among them is the one around a cut-out that it has.
         workspace: Workspace, where the gripper may be; None: anywhere
-        may_yield: whether a plan may bend the DLO beyond its yield limits. Planning itself is
+        allow_plastic: whether a plan may bend the DLO beyond its yield limits. Planning itself is
             elastic: `replay` with `simulator` shows the set that remains.
 
     A waypoint that leaves the workspace, touches what it should not, bends more sharply than
@@ -62,10 +55,11 @@ class InverseSimulator(Value):
     Where a task leaves a choice, it is made so as to keep them.
     """
 
-    PARTS = ('simulator', 'workspace', '_yielding', '_alone', '_given')
+    PARTS = ('simulator', 'requirements', '_given')
 
+    @renamed_arguments(may_yield='allow_plastic')
     def __init__(self, simulator: DirectSimulator, *, workspace: Workspace | None = None,
-                 may_yield: bool = True):
+                 allow_plastic: bool = True):
         clamping('simulator', simulator)
         instance('workspace', workspace, Workspace, optional=True)
         if simulator.method != 'newton':
@@ -74,19 +68,40 @@ class InverseSimulator(Value):
         if simulator.surroundings.has_moments:
             raise InvalidTask('simulator.point_loads: expected forces alone where plans are made, '
                               'dead moments have no potential')
-        put(self, _given=simulator)
-        yielding = None
-        if not flag('may_yield', may_yield) and simulator.rod.yields:
-            rod = simulator.rod
-            yielding = np.array([rod.yield_torsion or np.inf,
-                                 *(rod.yield_curvature or (np.inf, np.inf))])
-        put(self, simulator=simulator.elastic(), workspace=workspace, _yielding=yielding)
-        put(self, _alone=self.simulator.without_obstacles())
-        freeze(yielding)
+        put(self, _given=simulator, simulator=simulator.elastic(), requirements=Requirements(
+            workspace, allow_plastic=flag('allow_plastic', allow_plastic)))
+
+    @property
+    def workspace(self) -> Workspace | None:
+        """Where the gripper may be, if the requirements of a plan do not say otherwise."""
+        return self.requirements.workspace
 
     def __repr__(self):
         return one_line(self, repr(self.simulator), '' if self.workspace is None else
                      repr(self.workspace))
+
+    def plan(self, task: Task, *, start: Pose | None = None, initial: Shape | None = None,
+             requirements: Requirements | None = None, progress: OnProgress = None) -> Plan:
+        """Return the Plan of a task: the one entry, of which the other methods are shorthands.
+
+        Args:
+            task: a Task: `Thread`, `ThreadTwo`, `ThreadSequence`, `Insert`, `Approach`,
+                `HoldContact`, `SlideContact`, `Minimize`, or one of your own
+            start: Pose of the gripper now; None: the plan begins where it is best
+            initial: Shape of the DLO now, for the tasks in which it counts
+            requirements: Requirements; None: those of this simulator
+            progress: called as progress(done, total) after each waypoint
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            Infeasible: there is no such plan; says which constraint, at which waypoint, by how
+                much, and carries the plan up to it
+            NotConverged: the search of a `Minimize` ended before
+            DeadlineExceeded: the deadline of the requirements is over
+        """
+        instance('task', task, Task)
+        instance('requirements', requirements, Requirements, optional=True)
+        return self._plan(task, start, initial, requirements or self.requirements, progress)
 
     def thread(self, cutout: CutOut, *, start: Pose | None = None, initial: Shape | None = None,
                depths: ArrayLike | None = None, method: str = 'coupled',
@@ -126,24 +141,9 @@ class InverseSimulator(Value):
             Infeasible: a waypoint has no stable solution, or the gripper comes too near; carries
                 the plan up to it
         """
-        instance('cutout', cutout, CutOut)
-        instance('start', start, Pose, optional=True)
-        if gripper_clearance is not None:
-            gripper_clearance = number('gripper_clearance', gripper_clearance, minimum=0)
-        brief = self._brief(linear_speed, angular_speed, progress, deadline)
-        choice('method', method, ('coupled', 'nested'))
-        simulator = self._left_by(initial)
-
-        def planned(wanted):
-            return thread(simulator, cutout, wanted, start, initial, method, brief)
-
-        wanted = self._checked(depths)
-        plan = (deepest(planned, wanted)
-                if flag('as_deep_as_possible', as_deep_as_possible) else planned(wanted))
-        if gripper_clearance is None:
-            return plan
-        kept = kept_before(plan, cutout, gripper_clearance, depths is None)
-        return kept if len(kept) == len(plan) else kept_between(kept, brief)
+        task = Thread(cutout, depths, method, gripper_clearance, as_deep_as_possible)
+        return self._plan(task, start, initial, self._with(linear_speed, angular_speed, deadline),
+                          progress)
 
     def insert(self, bore: CutOut, *, start: Pose | None = None, depths: ArrayLike | None = None,
                linear_speed: float = 0.1, angular_speed: float = 0.5,
@@ -171,19 +171,12 @@ class InverseSimulator(Value):
             Infeasible: a waypoint has no stable solution, or the gripper would have to leap to it;
                 carries the plan up to it
         """
-        instance('bore', bore, CutOut)
-        instance('start', start, Pose, optional=True)
-        depths = self._checked(depths)
-        if depths[-1] > _INSERTED * self.simulator.rod.length:
-            raise InvalidTask(f'depths[{len(depths) - 1}] = {depths[-1]:g}: expected at most '
-                              f'{_INSERTED:g} of the length')
-        if self.simulator.surroundings.point_loads:
-            raise InvalidTask('simulator.point_loads: expected none where a DLO is inserted, parts '
-                              'of it are in the bore')
-        return insert(self._alone, bore, depths, start,
-                      self._brief(linear_speed, angular_speed, progress, deadline))
+        return self._plan(Insert(bore, depths), start, None,
+                          self._with(linear_speed, angular_speed, deadline), progress)
 
-    def start_phase(self, cutout: CutOut, plan: Plan, start: Pose, *, standoff: float = 0.05,
+    start_phase = renamed('start_phase', 'approach')
+
+    def approach(self, cutout: CutOut, plan: Plan, start: Pose, *, standoff: float = 0.05,
                     initial: Shape | None = None, linear_speed: float = 0.1,
                     angular_speed: float = 0.5, progress: OnProgress = None,
                     deadline: float | None = None) -> Plan:
@@ -209,19 +202,11 @@ class InverseSimulator(Value):
             Infeasible: the DLO is beyond the sheet at the start, has no stable shape on the way, or
                 does not come into the shape in which the plan begins
         """
-        instance('cutout', cutout, CutOut)
         if not len(instance('plan', plan, Plan)):
             raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
-        farthest = _FARTHEST * self.simulator.rod.length
-        for name, pose in (('start', instance('start', start, Pose)),
-                           ('plan.grippers[0]', plan.grippers[0])):
-            away = np.linalg.norm(pose.position - cutout.center)
-            if away > farthest:
-                raise InvalidTask(f'{name} = {pose!r}: expected at most {farthest:g} m from the '
-                                  f'cut-out, is {away:.3g} m')
-        return start_phase(self._left_by(initial), cutout, start, plan.shapes[0],
-                           number('standoff', standoff, minimum=0, maximum=farthest), initial,
-                           self._brief(linear_speed, angular_speed, progress, deadline))
+        return self._plan(Approach(cutout, plan.shapes[0], standoff), instance('start', start,
+                                                                               Pose),
+                          initial, self._with(linear_speed, angular_speed, deadline), progress)
 
     def thread_two(self, first: CutOut, second: CutOut, *, start: Pose | None = None,
                    depths: ArrayLike | None = None, linear_speed: float = 0.1,
@@ -244,11 +229,8 @@ class InverseSimulator(Value):
             InvalidTask: an argument makes no sense; the message names it
             Infeasible: a waypoint has no stable solution; carries the plan up to it
         """
-        for name, cutout in (('first', first), ('second', second)):
-            instance(name, cutout, CutOut)
-        instance('start', start, Pose, optional=True)
-        return thread_two(self._alone, first, second, self._checked(depths), start,
-                          self._brief(linear_speed, angular_speed, progress, deadline))
+        return self._plan(ThreadTwo(first, second, depths), start, None,
+                          self._with(linear_speed, angular_speed, deadline), progress)
 
     def thread_sequence(self, cutouts: Iterable[CutOut], *, weights: ArrayLike | None = None,
                         start: Pose | None = None, depths: ArrayLike | None = None,
@@ -267,31 +249,20 @@ class InverseSimulator(Value):
                 count from the first cut-out
 
         Returns:
-            Plan; `Plan.misses` says by how much each is missed
+            Plan; `Plan.position_errors` says by how much each is missed
 
         Raises:
             InvalidTask: an argument makes no sense; the message names it
             Infeasible: a waypoint has no stable solution; carries the plan up to it
         """
-        cutouts = items('cutouts', cutouts, CutOut, least=1)
-        weights = np.ones(len(cutouts)) if weights is None else row('weights', weights, above=0)
-        if weights.size != len(cutouts):
-            raise InvalidTask(f'weights has {weights.size} entries: expected one per cut-out, '
-                              f'{len(cutouts)}')
-        instance('start', start, Pose, optional=True)
-        depths = self._checked(depths)
-        brief = self._brief(linear_speed, angular_speed, progress, deadline)
-        if len(cutouts) == 1:
-            return thread(self._alone, cutouts[0], depths, start, None, 'coupled', brief)
-        if len(cutouts) == 2:
-            return thread_two(self._alone, *cutouts, depths, start, brief)
-        return thread_sequence(self._alone, cutouts, weights, depths, start, brief)
+        return self._plan(ThreadSequence(cutouts, weights, depths), start, None,
+                          self._with(linear_speed, angular_speed, deadline), progress)
 
     minimise_penalty = renamed('minimise_penalty', 'minimize_penalty')
 
     def minimize_penalty(self, penalties: object, start: Pose, *, initial: Shape | None = None,
                          max_iterations: int = 200, progress: OnProgress = None,
-                         deadline: float | None = None) -> Found:
+                         deadline: float | None = None) -> PenaltyResult:
         """Return what `minimize_penalty` finds for this simulator (paper, section 5.1).
 
         Its arguments are explained there.
@@ -300,10 +271,11 @@ class InverseSimulator(Value):
             InvalidTask, NotConverged: as there
             Infeasible: what it finds breaks a demand
         """
-        found = minimize_penalty(self.simulator, penalties, start, initial=initial,
-                                 max_iterations=max_iterations, progress=progress,
-                                 deadline=deadline)
-        Draft([0.0], self._brief(1.0, 1.0, touching=True)).add(Waypoint(found.shape))
+        task = Minimize(penalties, max_iterations)
+        context = self._context(task, instance('start', start, Pose), initial,
+                                replace(self.requirements, deadline=deadline), progress)
+        found = task.result(context)
+        context.builder([0.0]).add(Waypoint(found.shape))
         return found
 
     def hold_contact(self, contact: Pose, s: float, *, condition: str | None = 'least_energy',
@@ -344,13 +316,8 @@ class InverseSimulator(Value):
                 'contact': by so much, in m, the DLO would be in an obstacle, or off the best of
                 these shapes
         """
-        s = number('s', s, above=0, below=self.simulator.rod.length)
-        forces = self._contact(contact, forces, condition, start)
-        if condition == 'least_motion' and start is None:
-            raise InvalidTask('start = None: expected a Pose with condition \'least_motion\'')
-        return hold_contact(self.simulator, contact, s, forces, condition, start,
-                            self._brief(linear_speed, angular_speed, progress, deadline,
-                                        touching=True))
+        return self._plan(HoldContact(contact, s, condition, forces), start, None,
+                          self._with(linear_speed, angular_speed, deadline), progress)
 
     def slide_contact(self, contact: Pose, lengths: ArrayLike, *, condition: str = 'least_motion',
                       forces: ArrayLike | None = None, start: Pose | None = None,
@@ -368,7 +335,8 @@ class InverseSimulator(Value):
                 gripper keeps its orientation and goes straight from the first waypoint towards the
                 contact, or away from it (footnote 19 of the paper). The DLO then touches where and
                 as it comes to lie: `Plan.misalignment` is by how much its direction has drifted,
-                `Plan.miss` how far the place. `condition` and `forces` choose the first waypoint.
+                `Plan.position_error` how far the place. `condition` and `forces` choose the first
+                waypoint.
             linear_speed, angular_speed, progress, deadline: as for `thread`
 
         Returns:
@@ -381,13 +349,8 @@ class InverseSimulator(Value):
                 length); on a straight way how far the DLO falls, in m, or 'contact': how far the
                 arc length that touches is from the one asked for, in m; carries the plan up to it
         """
-        lengths = row('lengths', lengths, most=_MOST, above=0, below=self.simulator.rod.length)
-        choice('condition', condition, CONDITIONS)
-        slide = {'aligned': slide_contact, 'straight': slide_straight}[
-            choice('way', way, ('aligned', 'straight'))]
-        forces = self._contact(contact, forces, condition, start)
-        return slide(self.simulator, contact, lengths, forces, condition, start,
-                     self._brief(linear_speed, angular_speed, progress, deadline, touching=True))
+        return self._plan(SlideContact(contact, lengths, condition, forces, way), start, None,
+                          self._with(linear_speed, angular_speed, deadline), progress)
 
     def check(self, plan: Plan, *, progress: OnProgress = None,
               deadline: float | None = None) -> Plan:
@@ -406,49 +369,29 @@ class InverseSimulator(Value):
             Infeasible: it does not; the waypoint is the one to which the gripper is going
         """
         touching = any(shape.contacts for shape in instance('plan', plan, Plan).shapes)
-        return kept_between(plan, self._brief(1.0, 1.0, progress, deadline, touching))
+        context = PlanContext(self._given, self.simulator, requirements=self.requirements,
+                              touching=touching, progress=Progress(progress, deadline))
+        return kept_between(plan, context.demands)
 
-    def _contact(self, contact, forces, condition, start):
-        """Return the forces to look at or None (all); judge what both contact tasks take."""
-        instance('contact', contact, Pose)
-        if not self.simulator.obstacles:
-            raise InvalidTask('simulator has no obstacles: expected the one to touch among them')
+    def _plan(self, task, start, initial, requirements, progress):
+        return task.solve(self._context(task, start, initial, requirements, progress))
+
+    def _context(self, task, start, initial, requirements, progress):
+        """Return the PlanContext of a task; judge what does not belong to the task itself."""
         instance('start', start, Pose, optional=True)
-        if condition is not None:
-            choice('condition', condition, CONDITIONS)
-        if forces is None:
-            return None
-        return row('forces', forces, most=_MOST, above=0)
+        instance('initial', initial, Shape, optional=True)
+        if initial is not None and not task.takes_initial:
+            raise InvalidTask(f'initial = {initial!r}: expected None, the shape before does not '
+                              f'count in {type(task).__name__}')
+        return PlanContext(self._given, self.simulator, start, initial, requirements, task.touches,
+                           Progress(progress, requirements.deadline))
 
-    def _left_by(self, initial):
-        """Return the simulator of the DLO as the Shape `initial` (or None) leaves it, elastic."""
-        if initial is None:
-            return self._alone
-        instance('initial', initial, Shape)
-        self._alone._check(initial.gripper, initial)
-        if initial.far_end is not None:
-            raise InvalidTask('initial is held at its far end: expected a Shape whose far end is '
-                              'free, as it is in the plan')
-        past = initial._history
-        if past is None or not past.set.any():
-            return self._alone
-        return self._given.with_set(initial).elastic().without_obstacles()
-
-    def _checked(self, depths):
+    def _with(self, linear_speed, angular_speed, deadline):
+        """Return the requirements with the speeds and the deadline of a shorthand."""
         length = self.simulator.rod.length
-        if depths is None:
-            return np.linspace(0, _DEEPEST * length, _WAYPOINTS)
-        depths = row('depths', depths, most=_MOST, minimum=0, maximum=length)
-        if (np.diff(depths) < 0).any():
-            bad = int(np.argmax(np.diff(depths) < 0)) + 1
-            raise InvalidTask(
-                f'depths[{bad}] = {depths[bad]}: expected not less than the one before')
-        return depths
-
-    def _brief(self, linear_speed, angular_speed, progress=None, deadline=None, touching=False):
-        speeds = (number('linear_speed', linear_speed, above=0,
-                         maximum=_FASTEST * self.simulator.rod.length),
-                  number('angular_speed', angular_speed, above=0, maximum=_FASTEST))
-        return Brief(speeds, Progress(progress, deadline), self.workspace,
-                     () if touching else self.simulator.obstacles, Surface.of(self.simulator.rod),
-                     self._yielding, None if touching else self._alone)
+        limits = replace(self.requirements.limits,
+                         linear_speed=checked_speed('linear_speed', linear_speed, length),
+                         angular_speed=checked_speed('angular_speed', angular_speed))
+        if deadline is not None:
+            deadline = number('deadline', deadline, above=0)
+        return replace(self.requirements, limits=limits, deadline=deadline)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.task import depths_on, depths_or_none
 from dlo_planner.model.checks import instance, integer, items, number, results, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
@@ -117,7 +118,7 @@ def capability_map(inverse: InverseSimulator, grid: CellGrid, executor: Workers 
     Args:
         inverse: InverseSimulator, with the workspace and the obstacles of the cell
         grid: CellGrid
-        starts: Poses of the gripper from which it has to get there (`InverseSimulator.start_phase`)
+        starts: Poses of the gripper from which it has to get there (`InverseSimulator.approach`)
             with the DLO as it hangs; the one that leaves the DLO most stable is chosen. None:
             only the threading is looked at, wherever it begins.
         depths: as for `InverseSimulator.thread`
@@ -135,7 +136,8 @@ def capability_map(inverse: InverseSimulator, grid: CellGrid, executor: Workers 
     instance('inverse', inverse, InverseSimulator)
     instance('grid', grid, CellGrid)
     starts = items('starts', starts, Pose)
-    depths = None if depths is None else inverse._checked(depths)
+    if depths is not None:
+        depths = depths_on(inverse.simulator.rod.length, depths_or_none('depths', depths))
     checked(executor)
     chunk = integer('chunk', chunk, minimum=1, maximum=1_000_000)
     question = Question(inverse, grid, starts, depths,

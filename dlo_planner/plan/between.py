@@ -28,7 +28,7 @@ from dlo_planner.energy.distance import NODE_FACE, build_scene
 from dlo_planner.energy.outline import node_gap, nodes_of, stretch, taper
 from dlo_planner.kernels import kernel
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.clearance import clearance, room_in
+from dlo_planner.plan.clearance import clearance, hole_clearances
 from dlo_planner.ritz.kinematics import point_inside
 
 _HALVINGS = 7   # of the way between two waypoints
@@ -46,16 +46,16 @@ class Broken:
     why: str
 
 
-def broken_between(path, shapes, sheets, brief, known=None):
+def violation_between(path, shapes, sheets, brief, known=None):
     """Return what a plan breaks between its waypoints as a Broken, None if nothing.
 
     Args:
         path: GripperPath through the gripper poses of the plan
         shapes: n Shape at its waypoints
         sheets: (Sheet, normal (3,)) around the cut-outs
-        brief: Brief: workspace, obstacles, surface; its simulator finds the shapes between the
-            waypoints; without one, and for shapes that are parts of its rod, the DLO is not
-            looked at
+        brief: PlanRequirements: workspace, obstacles, surface; its simulator finds the shapes
+            between the waypoints; without one, and for shapes that are parts of its rod, the DLO
+            is not looked at
         known: n least rooms in the sheets at the waypoints, m; each None, or all: computed
     """
     found = None
@@ -122,7 +122,7 @@ class _Sweep:
         return None
 
     def _look(self, u, shape, known=None):
-        rooms = [room_in(*sheet, self._brief.surface, shape).min()
+        rooms = [hole_clearances(*sheet, self._brief.surface, shape).min()
                  for sheet in self._sheets] if known is None else [known]
         if self._others:
             rooms.append(clearance(self._others, self._brief.surface, shape))

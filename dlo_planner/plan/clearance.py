@@ -55,7 +55,7 @@ def clearance(obstacles, surface, shape):
     return float(_smallest(scene, *shape.for_kernels, np.zeros(3), np.inf)[3])
 
 
-def room_in(sheet, normal, surface, shape):
+def hole_clearances(sheet, normal, surface, shape):
     """Return the distances (3,) in m between a DLO's surface and a Sheet, by parts of the DLO.
 
     The first: of what is in the plate, to the rim; by as much the cut-out may be displaced in its

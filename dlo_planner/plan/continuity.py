@@ -40,7 +40,7 @@ def excess(one, other, step, length):
     return length * max(0.0, turn - largest_turn(step), shift - largest_shift(step))
 
 
-def leap(simulator, before, shape):
+def discontinuity(simulator, before, shape):
     """Return how far (m) a DLO is from `shape` when the gripper goes there, 0 if it gets there.
 
     The direct simulation decides where the shape changes more than the gripper's turn causes.
@@ -84,8 +84,8 @@ def gripper_motion(one, other, length):
 
 
 def refusal_for_leap(simulator, draft, shape):
-    """Return Infeasible if the next waypoint of a Draft cannot have this Shape, else None."""
-    away = leap(simulator, draft.last, shape)
+    """Return Infeasible if the next waypoint of a PlanBuilder cannot have this Shape, else None."""
+    away = discontinuity(simulator, draft.last, shape)
     if not away:
         return None
     if not draft.waypoints:

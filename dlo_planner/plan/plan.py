@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.deprecated import renamed, renamed_fields
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
@@ -18,7 +19,7 @@ from dlo_planner.model.checks import choice, instance, integer, items, number, r
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Filmed
-from dlo_planner.plan.clearance import room_in
+from dlo_planner.plan.clearance import hole_clearances
 from dlo_planner.plan.passing import arc_lengths_at, first_center
 from dlo_planner.plan.path import pose_at_arc_length
 from dlo_planner.plan.plan_storage import plan_arrays, plan_contents
@@ -47,11 +48,14 @@ class PlanPoint(NamedTuple):
     depth: float
     gripper: Pose
     shape: Shape
-    miss: float
+    position_error: float
     misalignment: float
     clearance: float
 
+    miss = renamed('miss', 'position_error')
 
+
+@renamed_fields(miss='position_error', passes='via_points')
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan(Filmed):
     """A sequence of gripper poses; n waypoints.
@@ -62,9 +66,10 @@ class Plan(Filmed):
         shapes: n Shape, the DLO at each waypoint
         misalignment: (n,) angle between DLO and normal at the cut-out, rad; of a contact against
             the direction that was asked for
-        miss: (n,) distance of the DLO from the cut-out's center, or that place, m
+        position_error: (n,) distance of the DLO from the cut-out's center, or that place, m
         times: (n,) seconds from the first waypoint, see `timing`
-        passes: n tuples of (center (3,), s, normal (3,) or None): which arc length should be where
+        via_points: n tuples of (center (3,), s, normal (3,) or None): which arc length should be
+            where
         clearances: (n, k, 3) distances in m between the DLO's surface and the sheets around the k
             cut-outs of the task: at the rim (by so much the cut-out may be displaced), of what is
             before the sheet, of what is behind it; infinite where a cut-out has no size
@@ -78,9 +83,9 @@ class Plan(Filmed):
     grippers: tuple[Pose, ...]
     shapes: tuple[Shape, ...]
     misalignment: np.ndarray
-    miss: np.ndarray
+    position_error: np.ndarray
     times: np.ndarray
-    passes: tuple[tuple, ...]
+    via_points: tuple[tuple, ...]
     clearances: np.ndarray
     sheets: tuple
     fraction: float
@@ -95,8 +100,8 @@ class Plan(Filmed):
                 raise InvalidTask(f'Plan.{name} = {shown(getattr(self, name))}: expected one entry '
                                   f'per gripper pose, {n}')
         put(self, grippers=grippers, shapes=items('Plan.shapes', self.shapes, Shape),
-            passes=tuple(items('Plan.passes', one, tuple)
-                         for one in items('Plan.passes', self.passes, Iterable)),
+            via_points=tuple(items('Plan.via_points', one, tuple)
+                         for one in items('Plan.via_points', self.via_points, Iterable)),
             clearances=results('Plan.clearances', self.clearances, (n, None, 3)),
             sheets=items('Plan.sheets', self.sheets, tuple),
             fraction=number('Plan.fraction', self.fraction, minimum=0, maximum=1),
@@ -104,7 +109,7 @@ class Plan(Filmed):
             stops=tuple(integer('Plan.stops', stop, minimum=0, maximum=max(n - 1, 0))
                         for stop in items('Plan.stops', self.stops, object)),
             **{name: results(f'Plan.{name}', getattr(self, name), (n,))
-               for name in ('depths', 'misalignment', 'miss', 'times')})
+               for name in ('depths', 'misalignment', 'position_error', 'times')})
         super().__post_init__()
 
     def __len__(self):
@@ -113,7 +118,7 @@ class Plan(Filmed):
     def __getitem__(self, index: int | slice) -> 'PlanPoint | tuple[PlanPoint, ...]':
         """Return the PlanPoint of one waypoint, or several."""
         points = tuple(map(PlanPoint, self.times, self.depths, self.grippers, self.shapes,
-                           self.miss, self.misalignment, self.clearance))
+                           self.position_error, self.misalignment, self.clearance))
         return points[index]
 
     def __iter__(self) -> Iterator['PlanPoint']:
@@ -122,7 +127,7 @@ class Plan(Filmed):
     def __repr__(self):
         n = len(self)
         return brief(self, f'{n} waypoints', self.status.value,
-                     *([f'{self.times[-1]:.4g} s', f'miss {self.miss.max():.1g} m',
+                     *([f'{self.times[-1]:.4g} s', f'miss {self.position_error.max():.1g} m',
                         f'stability {self.stability.min():.2g}',
                         f'clearance {self.clearance.min():.2g} m'
                         if np.isfinite(self.clearance).any() else ''] if n else []))
@@ -149,16 +154,18 @@ class Plan(Filmed):
         """(n,) smallest of the `clearances` of each waypoint, m."""
         return self.clearances.min(axis=(1, 2), initial=np.inf)
 
+    misses = renamed('misses', 'position_errors')
+
     @property
-    def misses(self) -> list[list[float]]:
+    def position_errors(self) -> list[list[float]]:
         """N lists of the DLO's distances from each center that it should pass there, m."""
-        return [[float(np.linalg.norm(shape.frame_at(s)[1] - center)) for center, s, _ in passes]
-                for shape, passes in zip(self.shapes, self.passes, strict=True)]
+        return [[float(np.linalg.norm(shape.frame_at(s)[1] - center)) for center, s, _ in points]
+                for shape, points in zip(self.shapes, self.via_points, strict=True)]
 
     @property
     def arc_lengths(self) -> np.ndarray:
         """(n,) arc length that is to be in the first cut-out, or in contact, m; nan: none is."""
-        return arc_lengths_at(first_center(self.passes), self.passes)
+        return arc_lengths_at(first_center(self.via_points), self.via_points)
 
     def at_arc_length(self, s: float) -> Pose:
         """Return the Pose of the gripper at which the DLO passes the first cut-out at `s` in m.
@@ -215,8 +222,8 @@ class Waypoint:
 
     shape: Shape
     misalignment: float = 0.0
-    miss: float = 0.0
-    passes: tuple = ()
+    position_error: float = 0.0
+    via_points: tuple = ()
     clearances: tuple = ()
     sheets: tuple = ()
 
@@ -225,13 +232,13 @@ class Waypoint:
         """Smallest of the clearances, m."""
         return min((float(min(rooms)) for rooms in self.clearances), default=np.inf)
 
-    def also(self, center, s):
-        """Return the same waypoint, its miss that of the worse of this and another center."""
+    def with_via_point(self, center, s):
+        """Return the same waypoint, its error that of the worse of this and another center."""
         other = float(np.linalg.norm(self.shape.frame_at(s)[1] - center))
-        return replace(self, miss=max(self.miss, other),
-                       passes=(*self.passes, (center, s, None)))
+        return replace(self, position_error=max(self.position_error, other),
+                       via_points=(*self.via_points, (center, s, None)))
 
-    def inside(self, cutouts, sheets, surface):
+    def with_clearances(self, cutouts, sheets, surface):
         """Return the same waypoint with its clearances in CutOuts.
 
         Args:
@@ -241,7 +248,7 @@ class Waypoint:
         both = [(sheet, cutout.normal) for cutout, sheet in zip(cutouts, sheets, strict=True)]
         return replace(
             self, sheets=tuple(one for one in both if one[0] is not None), clearances=tuple(
-                _FREE if sheet is None else room_in(sheet, normal, surface, self.shape)
+                _FREE if sheet is None else hole_clearances(sheet, normal, surface, self.shape)
                 for sheet, normal in both))
 
 
@@ -281,15 +288,15 @@ def build_plan(waypoints, depths, speeds, status, stops=()):
     return Plan(np.array(depths[:len(waypoints)]), grippers,
                 [waypoint.shape for waypoint in waypoints],
                 np.array([waypoint.misalignment for waypoint in waypoints]),
-                np.array([waypoint.miss for waypoint in waypoints]),
+                np.array([waypoint.position_error for waypoint in waypoints]),
                 times_at_speed(grippers, *speeds),
-                [waypoint.passes for waypoint in waypoints],
+                [waypoint.via_points for waypoint in waypoints],
                 _padded([waypoint.clearances for waypoint in waypoints]),
                 waypoints[-1].sheets if waypoints else (),
                 len(waypoints) / len(depths), status, stops)
 
 
-def first_part(plan, count, status):
+def truncate(plan, count, status):
     """Return the first `count` waypoints of a Plan, as a plan with another PlanStatus."""
     part = {name: getattr(plan, name)[:count] for name in _PER_WAYPOINT}
     return replace(plan, **part, fraction=1.0 if status is PlanStatus.COMPLETE
@@ -297,7 +304,7 @@ def first_part(plan, count, status):
                    stops=tuple(stop for stop in plan.stops if stop < count))
 
 
-def joined(one: Plan, other: Plan) -> Plan:
+def concatenate(one: Plan, other: Plan) -> Plan:
     """Return one Plan that does a Plan and then another, which begins where the first ends.
 
     The gripper stops between them, unless it goes on in the same direction (within 5 degrees).
@@ -312,15 +319,15 @@ def joined(one: Plan, other: Plan) -> Plan:
     if apart > _SAME * max(1.0, one.shapes[-1].s[-1]):
         raise InvalidTask(f'other begins at {other.grippers[0]!r}: expected the end of one, '
                           f'{one.grippers[-1]!r}')
-    depths, grippers, shapes, misalignment, miss, times, passes, clearances = (
+    depths, grippers, shapes, misalignment, errors, times, via_points, clearances = (
         [*getattr(one, name), *getattr(other, name)[1:]] for name in _PER_WAYPOINT)
     end = len(one) - 1
     times[end + 1:] = one.times[-1] + other.times[1:] - other.times[0]
     stops = [*one.stops, *(stop + end for stop in other.stops if stop)]
     if _turns(grippers[max(end - 1, 0):end + 2], shapes[0].s[-1]):
         stops.append(end)
-    return Plan(np.array(depths), grippers, shapes, np.array(misalignment), np.array(miss),
-                np.array(times), passes, _padded(clearances), other.sheets or one.sheets,
+    return Plan(np.array(depths), grippers, shapes, np.array(misalignment), np.array(errors),
+                np.array(times), via_points, _padded(clearances), other.sheets or one.sheets,
                 min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))))
 
 
@@ -334,7 +341,8 @@ def _turns(grippers, length):
         ways[0] @ ways[1] < _STRAIGHT * sizes[0] * sizes[1])
 
 
-_PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'miss', 'times', 'passes',
+_PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'times',
+                 'via_points',
                  'clearances')
 
 

@@ -72,7 +72,7 @@ class Workspace(Value):
                    for o, (source, kind) in enumerate(zip(scene.source, scene.kind, strict=True))]
         return limits
 
-    def least_room(self, gripper: Pose) -> tuple[str, float]:
+    def min_margin(self, gripper: Pose) -> tuple[str, float]:
         """Return (name, m) of the limit that is nearest to a gripper Pose, < 0 beyond it."""
         place = instance('gripper', gripper, Pose).position[None]
         rooms = [(name, float(room(place)[0][0]))

@@ -63,7 +63,7 @@ def doubts(correction: Correction, observing: Observing, scene: Scene) -> str:
 
 def _leaves(correction, scene):
     """Return in words what the gripper or the DLO would run into."""
-    rooms = [scene.inverse.workspace.least_room(pose) for pose in correction.grippers]
+    rooms = [scene.inverse.workspace.min_margin(pose) for pose in correction.grippers]
     name, room = min(rooms, key=lambda one: one[1])
     if room < 0:
         return f'it moves the gripper {-room:.3g} m beyond {name}'

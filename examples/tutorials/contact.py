@@ -35,4 +35,4 @@ assert abs(held.shapes[0].contacts[0].s - 0.6) < 0.01
 # %%
 # Slide the wire over the bar, from s = 0.7 m to 0.5 m, with its direction there kept.
 slid = InverseSimulator(simulator).slide_contact(top, np.linspace(0.7, 0.5, 5))
-print(len(slid), 'poses, largest miss', slid.miss.max())
+print(len(slid), 'poses, largest miss', slid.position_error.max())

@@ -98,7 +98,7 @@ class Trajectory(TimedPath):
             **{name: getattr(way, name) for name in ('laws', 'starts', 'duration')})
 
     def __repr__(self):
-        said = '' if self.motion is None else f'miss {self.motion.miss:.2g} m'
+        said = '' if self.motion is None else f'miss {self.motion.position_error:.2g} m'
         return brief(self, f'{self.duration:.4g} s', f'{len(self.path.legs)} legs', said)
 
 
@@ -202,7 +202,7 @@ class _Search:
 
     def _missed(self, motion):
         """Return by how much a motion misses more than the plan, m; nan without a center."""
-        return motion.miss - self._plan.miss.max()
+        return motion.position_error - self._plan.position_error.max()
 
     def _margin(self, way, motion):
         """Return by which part frequencies may be off until the miss is twice the tolerance."""

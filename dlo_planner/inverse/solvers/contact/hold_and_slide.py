@@ -12,8 +12,8 @@ import numpy as np
 
 from dlo_planner.inverse.solvers.contact.intervals import best_first, minima
 from dlo_planner.inverse.solvers.contact.touching import HARDLY_STABLE, Contacting
+from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.continuity import gripper_motion
-from dlo_planner.plan.draft import Draft
 
 CONDITIONS = ('least_energy', 'least_force', 'least_motion', 'largest_clearance')
 _FOUND = 1e-3   # relative: the last force that is confirmed
@@ -24,10 +24,11 @@ _MOST_HALVINGS = 7
 _BESIDE = (1.0, 0.9, 1.1, 0.75, 1.33)  # of a force: where else a way may lead
 
 
-def hold_contact(simulator, contact, s, forces, condition, start, brief):
-    """Return the Plan; see `InverseSimulator.hold_contact`."""
-    draft = Draft([simulator.rod.length - s], brief)
-    task = Contacting.at(simulator, contact, s, brief)
+def hold_contact(simulator, asked, start, brief):
+    """Return the Plan of a HoldContact task; see `InverseSimulator.hold_contact`."""
+    s, forces, condition = asked.s, asked.forces, asked.condition
+    draft = PlanBuilder([simulator.rod.length - s], brief)
+    task = Contacting.at(simulator, asked.contact, s, brief)
     parts = task.parts(forces, draft)
     if condition is not None:
         _, shape = _chosen(task, parts, condition, start, draft)
@@ -42,18 +43,19 @@ def hold_contact(simulator, contact, s, forces, condition, start, brief):
         shapes = [shape for shape in shapes if shape is not None]
     if not shapes:
         raise task.unconfirmed(draft, parts)
-    draft = Draft([simulator.rod.length - s] * len(shapes), brief)
+    draft = PlanBuilder([simulator.rod.length - s] * len(shapes), brief)
     for shape in shapes:
         draft.add(task.waypoint(shape))
     return draft.finished()
 
 
-def slide_contact(simulator, contact, lengths, forces, condition, start, brief):
-    """Return the Plan; see `InverseSimulator.slide_contact`."""
-    draft = Draft([simulator.rod.length - s for s in lengths], brief)
+def slide_contact(simulator, asked, start, brief):
+    """Return the Plan of an aligned SlideContact; see `InverseSimulator.slide_contact`."""
+    lengths, forces, condition = asked.lengths, asked.forces, asked.condition
+    draft = PlanBuilder([simulator.rod.length - s for s in lengths], brief)
     task = force = None
     for s in lengths:
-        before, task = (task, force), Contacting.at(simulator, contact, s, brief)
+        before, task = (task, force), Contacting.at(simulator, asked.contact, s, brief)
         parts = task.parts(forces, draft)
         if not draft.waypoints:
             force, shape = first_choice(task, parts, condition, start, draft)

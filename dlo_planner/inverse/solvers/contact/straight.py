@@ -12,8 +12,8 @@ import numpy as np
 from dlo_planner.inverse.solvers.contact.hold_and_slide import first_choice
 from dlo_planner.inverse.solvers.contact.touching import Contacting
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.continuity import apart
-from dlo_planner.plan.draft import Draft
 from dlo_planner.plan.plan import waypoint_at
 
 _FOUND = 1e-6     # of the length: how exactly an arc length touches
@@ -23,11 +23,12 @@ _LONGEST = 0.03   # of the length: a step of the arc length that touches
 _SAME = 1e-10     # of the way: places that are one
 
 
-def slide_straight(simulator, contact, lengths, forces, condition, start, brief):
-    """Return the Plan; see `InverseSimulator.slide_contact`."""
-    draft = Draft([simulator.rod.length - s for s in lengths], brief)
-    task = Contacting.at(simulator, contact, lengths[0], brief)
-    _, shape = first_choice(task, task.parts(forces, draft), condition, start, draft)
+def slide_straight(simulator, asked, start, brief):
+    """Return the Plan of a straight SlideContact; see `InverseSimulator.slide_contact`."""
+    lengths = asked.lengths
+    draft = PlanBuilder([simulator.rod.length - s for s in lengths], brief)
+    task = Contacting.at(simulator, asked.contact, lengths[0], brief)
+    _, shape = first_choice(task, task.parts(asked.forces, draft), asked.condition, start, draft)
     draft.add(task.waypoint(shape))
     slide = _Slide(simulator, task.family, shape, brief.progress.check)
     gone = 0.0

@@ -15,8 +15,8 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.solvers.contact.family import STABLE, ContactFamily
 from dlo_planner.inverse.solvers.contact.intervals import intervals
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.builder import PlanRequirements
 from dlo_planner.plan.continuity import apart
-from dlo_planner.plan.draft import Brief
 from dlo_planner.plan.plan import waypoint_at
 
 LEAST, MOST = 1e-3, 30.0  # forces looked at, as parts of the natural ones
@@ -33,13 +33,13 @@ class Contacting:
 
     Attributes:
         simulator: DirectSimulator; family: ContactFamily, quick; s: m; contact: Pose
-        brief: Brief
+        brief: PlanRequirements
     """
 
     simulator: DirectSimulator
     family: ContactFamily
     contact: Pose
-    brief: Brief
+    brief: PlanRequirements
 
     @classmethod
     def at(cls, simulator, contact, s, brief):
@@ -59,7 +59,7 @@ class Contacting:
         merit = self.family.merit(force)
         if merit <= 0:
             return merit
-        broken = self.brief.broken(self.waypoint(self.family.shape(force)))
+        broken = self.brief.violation(self.waypoint(self.family.shape(force)))
         return merit if broken is None else -broken[1]
 
     def waypoint(self, shape):
@@ -123,7 +123,7 @@ class Contacting:
         family = self.family
         good = [force for force in family.known if family.merit(force) > 0]
         if good:
-            broken = [self.brief.broken(self.waypoint(family.shape(force))) for force in good]
+            broken = [self.brief.violation(self.waypoint(family.shape(force))) for force in good]
             constraint, amount, why = min(broken, key=lambda what: what[1])
             return draft.refusal(constraint, amount, f'none of {len(good)} contact forces will '
                                  f'do; with the best of them, {why}')

@@ -92,7 +92,7 @@ def follow(task, here, depth, wanted, route=None):
 
 
 def refusal_for_step(simulator, draft, before, found):
-    """Return Infeasible if gripper or DLO have to leap to the next waypoint of a Draft, or None.
+    """Return Infeasible if gripper or DLO have to leap to the next waypoint, or None.
 
     Args:
         before: Passing of the waypoint before, None at the first; found: Passing of the next one

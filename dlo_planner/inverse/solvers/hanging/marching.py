@@ -27,18 +27,18 @@ _ROUNDS = 30
 
 
 def hanging(system, end):
-    """Return the State and the gripper's rotation (3, 3) that `march_from_end` finds.
+    """Return the State and the gripper's rotation (3, 3) that `integrate_from_tip` finds.
 
     Args:
         system: without obstacles
         end: (3, 3) rotation of the free end
     """
-    strains, base = march_from_end(system, end)
+    strains, base = integrate_from_tip(system, end)
     return placed(system._replace(base=base), strains), base
 
 
 @kernel
-def march_from_end(system, end):
+def integrate_from_tip(system, end):
     """Return strains (N, 3) and gripper rotation (3, 3) in equilibrium, from the end's rotation.
 
     Args:

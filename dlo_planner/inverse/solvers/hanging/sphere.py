@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.energy.potential import evaluate, new_state, turned_system
-from dlo_planner.inverse.solvers.hanging.marching import march_from_end
+from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorize, new_hessian
 from dlo_planner.minimize.spectrum import lowest_mode
@@ -118,7 +118,7 @@ def _hang(system, ends):
     state = new_state(system)
     hessian = new_hessian(system)
     for k in range(n):
-        strains, base = march_from_end(system, ends[k])
+        strains, base = integrate_from_tip(system, ends[k])
         here = turned_system(system, base)
         state.q[:] = (strains - system.natural) / system.scale
         evaluate(here, state)

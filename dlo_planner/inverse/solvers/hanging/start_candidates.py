@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.statics import shape_of
 from dlo_planner.energy.potential import placed
-from dlo_planner.inverse.solvers.hanging.marching import march_from_end
+from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.model.pose import Pose, angle_between
 
@@ -16,7 +16,7 @@ _ALIKE = 1e-9  # part of the stiffness, rad along the length: what makes no diff
 _ROLLS = 24  # of the free end, tried
 
 
-def beginnings(simulator, cutout, start):
+def start_candidates(simulator, cutout, start):
     """Yield what a threading can begin with: Shape, reference (3, 3) for its roll, depth 0.
 
     The Shape's free end points along the normal.
@@ -36,7 +36,7 @@ def beginnings(simulator, cutout, start):
     def end_rolled(angle):
         """Return strains, gripper rotation, its reference and its roll against that, rad."""
         turn = Rotation.from_rotvec(angle * cutout.normal).as_matrix()
-        strains, base = march_from_end(system, turn @ wanted)
+        strains, base = integrate_from_tip(system, turn @ wanted)
         reference = least_turn(wanted[:, 0], base[:, 0]) @ wanted
         across = reference.T @ base[:, 1]
         return strains, base, reference, np.arctan2(across[2], across[1])
@@ -47,7 +47,7 @@ def beginnings(simulator, cutout, start):
     def turn_against_start(angle):
         return angle_between(end_rolled(angle)[1], wanted)
 
-    if rolls_are_alike(simulator):
+    if is_axisymmetric(simulator):
         # rolled about itself, the DLO carries the gripper along
         strains, base, reference, _ = end_rolled(-roll(0.0))
         yield _shape_at(discretization, strains, base), reference, 0.0
@@ -67,11 +67,11 @@ def beginnings(simulator, cutout, start):
 def with_free_end(simulator, end):
     """Return the Shape (a guess) whose free end has the frame `end` (3, 3)."""
     discretization = simulator.discretization(Pose.from_rotation((0, 0, 0), end), None)
-    strains, base = march_from_end(discretization.system(end), np.array(end, order='C'))
+    strains, base = integrate_from_tip(discretization.system(end), np.array(end, order='C'))
     return _shape_at(discretization, strains, base)
 
 
-def rolls_are_alike(simulator):
+def is_axisymmetric(simulator):
     """Whether the DLO is straight and equally stiff all around: its roll makes no difference."""
     rod = simulator.rod
     s = np.linspace(0, rod.length, 65)

@@ -17,9 +17,9 @@ from dlo_planner.direct.continuation import between
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.solvers.continuation.quick import quick_simulator
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import apart, same
-from dlo_planner.plan.draft import Draft
 from dlo_planner.plan.plan import Waypoint
 
 _MARGIN = 0.02        # of the length
@@ -29,7 +29,7 @@ _SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way back that is safe in any cas
 _STRAIGHT = None      # instead of a way back: translation and rotation at once
 
 
-def start_phase(simulator, cutout, start, first, standoff, initial, brief):
+def approach(simulator, cutout, start, first, standoff, initial, brief):
     """Return the Plan from `start` to the Shape `first` (where a threading begins).
 
     Args:
@@ -38,7 +38,7 @@ def start_phase(simulator, cutout, start, first, standoff, initial, brief):
         first: Shape where the threading begins
         standoff: m, between the free end and the center where the last straight way begins
         initial: Shape at `start`; None: the natural shape set down there
-        brief: Brief
+        brief: PlanRequirements
     """
     behind = float((cutout.center - start.position) @ cutout.normal)
     back = max(0.0, (1 + _MARGIN) * simulator.rod.length + brief.surface.bound - behind)
@@ -64,7 +64,7 @@ def _from_behind(simulator, first, asked, brief, back):
     """Return the Plan to the Shape `first` that goes `back` (m) before it turns, or _STRAIGHT.
 
     Args:
-        asked: cutout, start, standoff, initial of `start_phase`
+        asked: cutout, start, standoff, initial of `approach`
     """
     cutout, start, standoff, initial = asked
     normal, length, radius = cutout.normal, simulator.rod.length, brief.surface.bound
@@ -80,7 +80,7 @@ def _from_behind(simulator, first, asked, brief, back):
         way[-1] = (way[-1][0], hole)
     way += [(pose, 0.0) for pose in entering[1:]]
     way[-1] = (way[-1][0], hole)
-    draft = Draft(np.zeros(len(way)), brief, 'start phase, waypoint', stops=(stop,))
+    draft = PlanBuilder(np.zeros(len(way)), brief, 'start phase, waypoint', stops=(stop,))
     sheet = sheet_of(cutout, length, brief.obstacles)
     sheets = () if sheet is None else ((sheet, normal),)
     for gripper, wanted in way:

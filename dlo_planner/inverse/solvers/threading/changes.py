@@ -14,7 +14,7 @@ from dlo_planner.inverse.solvers.points.one_point import Aligned
 from dlo_planner.inverse.solvers.points.two_points import TwoPoints
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.draft import Brief
+from dlo_planner.plan.builder import PlanRequirements
 
 _CURVES = 16        # depths at which a route is looked for, before the change and after it
 _CHANGES = 8        # changes that are tried
@@ -43,14 +43,14 @@ class Pair:
 
     Attributes:
         first, second: CutOut; depths: (n,) in the first one, m
-        start: Pose whose roll is kept as far as can be, or None; brief: Brief
+        start: Pose whose roll is kept as far as can be, or None; brief: PlanRequirements
     """
 
     first: CutOut
     second: CutOut
     depths: np.ndarray
     start: Pose | None
-    brief: Brief
+    brief: PlanRequirements
 
     @property
     def way(self):

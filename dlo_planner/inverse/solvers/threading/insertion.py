@@ -21,15 +21,15 @@ import numpy as np
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.solvers.hanging.marching import hanging
-from dlo_planner.inverse.solvers.hanging.start_candidates import beginnings, with_free_end
+from dlo_planner.inverse.solvers.hanging.start_candidates import start_candidates, with_free_end
 from dlo_planner.inverse.solvers.points.one_point import aligned_shape
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.part import before
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import gripper_motion, refusal_for_leap
-from dlo_planner.plan.draft import Draft
 from dlo_planner.plan.plan import waypoint_at
 
 _ELEMENTS = 64
@@ -42,7 +42,7 @@ _AT_END = 1e-12   # of the length
 def insert(simulator, bore, depths, start, brief):
     """Return the Plan; see `InverseSimulator.insert`."""
     refused = None
-    for first, *_ in beginnings(simulator, bore, start):
+    for first, *_ in start_candidates(simulator, bore, start):
         brief.progress.check()
         try:
             return _Insertion(simulator, bore, first.frames[-1], brief).plan(depths)
@@ -66,15 +66,16 @@ class _Insertion:
     def plan(self, depths):
         """Return the Plan; raise Infeasible."""
         first = float(depths[0]), 0.0
-        shape = self._shape(first, Draft(depths, self.brief), 0.0)  # before anything else is done
+        shape = self._shape(first, PlanBuilder(depths, self.brief),
+                            0.0)  # before anything else is done
         stops = self._stops(depths)
-        draft = Draft([depth for depth, _ in stops], self.brief)
+        draft = PlanBuilder([depth for depth, _ in stops], self.brief)
         for index, stop in enumerate(stops):
             if index:
                 shape = self._shape(stop, draft, stops[index - 1][0])
                 self._check_step(stops[index - 1], stop, shape, draft)
             waypoint = waypoint_at(shape, self.bore.center, shape.s[-1], self.bore.normal)
-            draft.add(waypoint.inside([self.bore], [self.sheet], self.brief.surface))
+            draft.add(waypoint.with_clearances([self.bore], [self.sheet], self.brief.surface))
         return draft.finished()
 
     def _stops(self, depths):

@@ -18,18 +18,18 @@ from dlo_planner.inverse.solvers.continuation.quick import (
 from dlo_planner.inverse.solvers.continuation.route import find_route
 from dlo_planner.inverse.solvers.hanging.sphere import hanging_shapes
 from dlo_planner.inverse.solvers.hanging.start_candidates import (
-    beginnings,
-    rolls_are_alike,
+    is_axisymmetric,
+    start_candidates,
     with_free_end,
 )
 from dlo_planner.inverse.solvers.points.one_point import Aligned
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import largest_turn
-from dlo_planner.plan.draft import Brief, Draft
-from dlo_planner.plan.plan import PlanStatus, first_part, waypoint_of
+from dlo_planner.plan.plan import PlanStatus, truncate, waypoint_of
 
 _ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
 _DOUBTFUL = 0.05    # stability below which another roll is looked for
@@ -49,14 +49,14 @@ class Threading:
     Attributes:
         cutout: CutOut; depths: (n,) m
         start: Pose whose roll is kept as far as can be, or None
-        initial: Shape before, or None; brief: Brief
+        initial: Shape before, or None; brief: PlanRequirements
     """
 
     cutout: CutOut
     depths: np.ndarray
     start: Pose | None
     initial: object
-    brief: Brief
+    brief: PlanRequirements
 
 
 def thread(simulator, cutout, depths, start, initial, method, brief):
@@ -74,19 +74,20 @@ def thread(simulator, cutout, depths, start, initial, method, brief):
     silent = replace(asked, brief=brief.silent(quick))
     _, begin, route = _search(quick, silent, 'coupled')
     if begin is None:  # the first choice will do
-        begin = next(beginnings(simulator, cutout, start))
+        begin = next(start_candidates(simulator, cutout, start))
     return _thread_from(simulator, asked, begin, route, method)
 
 
 def first_choice(simulator, asked):
     """Return the Plan of a Threading that begins with the first choice and is followed as it is."""
-    return _thread_from(simulator, asked, next(beginnings(simulator, asked.cutout, asked.start)),
+    return _thread_from(simulator, asked, next(start_candidates(simulator, asked.cutout,
+                                                                asked.start)),
                         None, 'coupled')
 
 
 def _search(simulator, asked, method):
     """Return a Plan, what it begins with (None: the first choice), and its Route or None."""
-    begins = beginnings(simulator, asked.cutout, asked.start)
+    begins = start_candidates(simulator, asked.cutout, asked.start)
     try:
         return _thread_from(simulator, asked, next(begins), None, method), None, None
     except Infeasible as error:
@@ -113,7 +114,7 @@ def _other_ways(simulator, asked, begins, refused):
     if refused.constraint not in NO_WAY:  # a demand: another roll may keep it
         yield from ((begin, None) for begin in begins)
         return
-    if rolls_are_alike(simulator):
+    if is_axisymmetric(simulator):
         return
     shapes = hanging_shapes(simulator.surroundings, grid_nodes(simulator))
     if shapes is None:
@@ -162,7 +163,7 @@ def _depth(asked, refused):
     return asked.depths[refused.waypoint], refused.constraint == 'start'
 
 
-def kept_before(plan, cutout, wanted, may_end):
+def trim_to_clearance(plan, cutout, wanted, may_end):
     """Return the part of a Plan in which the gripper is `wanted` m before the sheet.
 
     Args:
@@ -177,11 +178,11 @@ def kept_before(plan, cutout, wanted, may_end):
         return plan
     index = int(np.argmax(rooms < wanted))
     if may_end and index:
-        return first_part(plan, index, PlanStatus.COMPLETE)
+        return truncate(plan, index, PlanStatus.COMPLETE)
     raise Infeasible(f'waypoint {index} (depth {plan.depths[index]:g} m): the gripper is '
                      f'{rooms[index]:.3g} m before the sheet, gripper_clearance = {wanted:g} m',
                      index, 'gripper_clearance', float(wanted - rooms[index]),
-                     first_part(plan, index, PlanStatus.PARTIAL))
+                     truncate(plan, index, PlanStatus.PARTIAL))
 
 
 def _thread_from(simulator, asked, begin, route, method):
@@ -192,10 +193,10 @@ def _thread_from(simulator, asked, begin, route, method):
         route: Route that gives the rolls, or None
     """
     length, cutout, brief = simulator.rod.length, asked.cutout, asked.brief
-    draft = Draft(asked.depths, brief, initial=asked.initial)
+    draft = PlanBuilder(asked.depths, brief, initial=asked.initial)
     sheet = sheet_of(cutout, length, brief.obstacles)
     task = Aligned(simulator, cutout.normal, method)
-    alike = rolls_are_alike(simulator)
+    alike = is_axisymmetric(simulator)
     guess, reference, depth = begin
     here, passings, jerks = task.from_guess(guess, depth, reference), [], False
     for wanted in asked.depths:
@@ -215,7 +216,8 @@ def _thread_from(simulator, asked, begin, route, method):
             raise refusal
         here, depth = found, wanted
         passings.append(here)
-        draft.add(waypoint_of(here.shape, cutout.center, length - wanted, cutout.normal).inside(
+        draft.add(waypoint_of(here.shape, cutout.center, length - wanted,
+                              cutout.normal).with_clearances(
             [cutout], [sheet], brief.surface))
     plan = draft.finished()
     return _evenly(simulator, asked, begin, method, plan, passings) if jerks else plan

@@ -16,13 +16,13 @@ import numpy as np
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.penalties import DirectionAt, PositionAt, Through
 from dlo_planner.inverse.solvers.continuation.quick import quick_simulator
-from dlo_planner.inverse.solvers.hanging.start_candidates import rolls_are_alike
+from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric
 from dlo_planner.inverse.solvers.points.nearest import nearest_within
 from dlo_planner.inverse.solvers.threading.one_cutout import thread
 from dlo_planner.model.pose import Pose, turned_by
+from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import largest_shift, largest_turn, refusal_for_leap
-from dlo_planner.plan.draft import Brief, Draft
 from dlo_planner.plan.plan import waypoint_at
 from dlo_planner.ritz.rotation import turn_between
 
@@ -31,7 +31,7 @@ _LONGEST_STEP = 1 / 20  # of the length: depth steps of the continuation
 _FREE = 1e-3          # weight of the first normal, which decides only what is left free
 _SHORTEST_STEP = 1 / 200
 _SOON = 0.02          # share of a third one at which the second counts in full
-_COMPARED, _ROLLS = 8, 4  # depths and rolls at which beginnings are compared
+_COMPARED, _ROLLS = 8, 4  # depths and rolls at which start_candidates are compared
 _HIT = 0.01           # of the length: misses that need no comparison
 _BETTER = 0.5         # of the squared misses: what another roll has to gain
 _PART = 0.7           # of the largest turn and shift, so that both together are no leap
@@ -44,14 +44,14 @@ class Sequence:
     Attributes:
         cutouts: k CutOut; weights: (k,) of their distances
         depths: (n,) in the first, m
-        start: Pose whose roll is kept as far as can be, or None; brief: Brief
+        start: Pose whose roll is kept as far as can be, or None; brief: PlanRequirements
     """
 
     cutouts: list
     weights: list
     depths: np.ndarray
     start: Pose | None
-    brief: Brief
+    brief: PlanRequirements
 
     @cached_property
     def centers(self):
@@ -83,7 +83,7 @@ def thread_sequence(simulator, cutouts, weights, depths, start, brief):
         except Infeasible as error:
             refused = refused or error
             continue
-        missed = sum((weight * miss) ** 2 for misses in plan.misses
+        missed = sum((weight * miss) ** 2 for misses in plan.position_errors
                      for weight, miss in zip(weights, misses, strict=False))
         if missed < _BETTER * best[0]:
             best = missed, replace(asked, start=begin)
@@ -99,7 +99,7 @@ def thread_sequence(simulator, cutouts, weights, depths, start, brief):
 def _rolled(simulator, asked):
     """Yield Poses, or None, against whose roll the DLO is turned least: first as it is wanted."""
     yield asked.start
-    if rolls_are_alike(simulator):
+    if is_axisymmetric(simulator):
         return
     first = asked.cutouts[0]
     upright = (Pose.looking_along((0.0, 0.0, 0.0), first.normal) if asked.start is None
@@ -113,9 +113,9 @@ def _thread(simulator, asked):
     """Return the Plan that begins with the roll of `asked.start`."""
     length, brief, centers = simulator.rod.length, asked.brief, asked.centers
     sheets = [sheet_of(cutout, length, brief.obstacles) for cutout in asked.cutouts]
-    draft = Draft(asked.depths, brief)
+    draft = PlanBuilder(asked.depths, brief)
     begin = thread(simulator, asked.cutouts[0], np.zeros(1), asked.start, None, 'coupled',
-                   Brief(brief.speeds, brief.progress.silent()))
+                   PlanRequirements(brief.speeds, brief.progress.silent()))
     shape, depth = begin.shapes[0], 0.0
     for wanted in asked.depths:
         shape, depth = _follow(simulator, asked, shape, depth, wanted)
@@ -130,13 +130,14 @@ def _thread(simulator, asked):
             s = Through(center, length - wanted).passage(shape)
             if s > length:
                 break
-            waypoint = waypoint.also(center, s)
-        for k, (cutout, (_, s, _)) in enumerate(zip(asked.cutouts, waypoint.passes, strict=False)):
+            waypoint = waypoint.with_via_point(center, s)
+        for k, (cutout, (_, s, _)) in enumerate(zip(asked.cutouts, waypoint.via_points,
+                                                    strict=False)):
             along = float(shape.frame_at(s)[0][:, 0] @ cutout.normal)
             if along <= 0:
                 raise draft.refusal('direction', -along, f'the DLO would pass cut-out {k} against '
                                     'its direction')
-        draft.add(waypoint.inside(asked.cutouts, sheets, brief.surface))
+        draft.add(waypoint.with_clearances(asked.cutouts, sheets, brief.surface))
     return draft.finished()
 
 

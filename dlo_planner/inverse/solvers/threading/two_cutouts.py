@@ -25,8 +25,8 @@ from dlo_planner.inverse.solvers.threading.one_cutout import NO_WAY, Threading, 
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.clearance import sheet_of
-from dlo_planner.plan.draft import Brief, Draft
 from dlo_planner.plan.plan import waypoint_of
 
 _GUESSES = 9
@@ -103,14 +103,14 @@ def _unreached(simulator, asked, shapes=None):
     if shapes is not None:
         begin = _no_beginning(simulator, asked, shapes)
         if begin is not None:
-            return Draft(asked.depths, asked.brief).refusal(
+            return PlanBuilder(asked.depths, asked.brief).refusal(
                 begin.constraint, begin.amount, 'stable shapes pass both centers, but set down in '
                 'its natural shape the DLO falls into none that leads to them')
         missing = TwoPoints(simulator, asked.way).least_miss(shapes)
     waypoint = min(int(np.searchsorted(asked.depths, apart)), len(asked.depths) - 1)
     return Infeasible(f'no stable shape was found that passes both centers, {apart:g} m apart, in '
                       'their directions as the free end reaches the second one', waypoint, 'reach',
-                      missing, Draft(asked.depths, asked.brief).partial())
+                      missing, PlanBuilder(asked.depths, asked.brief).partial())
 
 
 def _no_beginning(simulator, asked, shapes):
@@ -124,7 +124,7 @@ def _no_beginning(simulator, asked, shapes):
         begin = CutOut(Pose.looking_along(asked.first.center, direction))
         try:
             first_choice(simulator, Threading(begin, asked.depths[:1], asked.start, None,
-                                              Brief((1.0, 1.0))))
+                                              PlanRequirements((1.0, 1.0))))
         except Infeasible as error:
             refusals.append(error)
         else:
@@ -143,7 +143,7 @@ def _straight_there(simulator, asked):
         asked.brief.progress.check()
         try:
             plan = first_choice(simulator, Threading(along, np.linspace(0, depth, 6), asked.start,
-                                                     None, Brief((1.0, 1.0))))
+                                                     None, PlanRequirements((1.0, 1.0))))
         except Infeasible:
             continue
         found = TwoPoints(simulator, asked.way).from_end(plan.shapes[-1], depth)
@@ -167,7 +167,7 @@ def _thread_through(simulator, asked, change):
     direction = change.passing.shape.frame_at(length - change.depth)[0][:, 0]
     along = float(direction @ asked.first.normal)
     if along <= 0 and depths[0] < change.depth:  # it is passed along `direction` from the beginning
-        raise _direction_refusal(Draft(depths, asked.brief), 'first', along)
+        raise _direction_refusal(PlanBuilder(depths, asked.brief), 'first', along)
     found = {}
     for task, route, order in (
             (Aligned(simulator, direction), change.back,
@@ -209,7 +209,7 @@ def _judged(simulator, asked, change, found):
     Args:
         found: dict of index -> (Passing or None, depth that was reached, m, leap in m)
     """
-    length, draft = simulator.rod.length, Draft(asked.depths, asked.brief)
+    length, draft = simulator.rod.length, PlanBuilder(asked.depths, asked.brief)
     cutouts = [asked.first, asked.second]
     sheets = [sheet_of(cutout, length, asked.brief.obstacles) for cutout in cutouts]
     before = None
@@ -222,8 +222,8 @@ def _judged(simulator, asked, change, found):
         second = here.second if depth >= change.depth else None
         waypoint = waypoint_of(here.shape, asked.first.center, length - depth, None)
         if second is not None:
-            waypoint = waypoint.also(asked.second.center, second)
-        draft.add(waypoint.inside(cutouts, sheets, asked.brief.surface))
+            waypoint = waypoint.with_via_point(asked.second.center, second)
+        draft.add(waypoint.with_clearances(cutouts, sheets, asked.brief.surface))
         before = here
     return draft.finished()
 

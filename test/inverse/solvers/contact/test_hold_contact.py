@@ -46,7 +46,7 @@ def test_the_family_keeps_contact_and_direction(basis):
         np.testing.assert_allclose(contact.normal, [0, 0, 1], atol=3e-3)
         forces.append(contact.force)
     assert (np.diff(forces) > 0).all()
-    assert plan.miss.max() < 1e-4 and plan.misalignment.max() < 2e-3
+    assert plan.position_error.max() < 1e-4 and plan.misalignment.max() < 2e-3
     # what hangs beyond the contact is the same for all
     tails = [one.positions_at([0.9])[0] for one in plan.shapes]
     assert np.ptp(tails, axis=0).max() < 5e-4
@@ -169,7 +169,7 @@ def test_with_an_accuracy_as_with_elements(rod):
         samples = np.linspace(0.1, 1, 10)
         np.testing.assert_allclose(one.shapes[k].positions_at(samples),
                                    other.shapes[k].positions_at(samples), atol=3e-5)
-    assert one.miss.max() < 1e-5
+    assert one.position_error.max() < 1e-5
 
 
 def test_sliding_with_an_accuracy():

@@ -31,7 +31,7 @@ def over_bar(friction=0.0, **options):
 def test_the_gripper_goes_straight_to_the_contact(friction):
     inverse = over_bar(friction, basis='local', n_elements=24)
     plan = inverse.slide_contact(TOP, LENGTHS, way='straight')
-    begin, place = plan.grippers[0], plan.passes[0][0][0]
+    begin, place = plan.grippers[0], plan.via_points[0][0][0]
     gone = np.array([(gripper.position - begin.position) @ (place - begin.position)
                      for gripper in plan.grippers]) / np.sum((place - begin.position)**2)
     for part, gripper in zip(gone, plan.grippers, strict=True):
@@ -42,7 +42,8 @@ def test_the_gripper_goes_straight_to_the_contact(friction):
     # as the direct simulation of a finer DLO has it
     fine = over_bar(friction, basis='local', n_elements=80).simulator
     shapes = fine.track(plan.grippers, initial=fine.solve(plan.grippers[0], plan.shapes[0]))
-    for shape, s, drift, miss in zip(shapes, LENGTHS, plan.misalignment, plan.miss, strict=True):
+    for shape, s, drift, miss in zip(shapes, LENGTHS, plan.misalignment, plan.position_error,
+                                     strict=True):
         touch = max(shape.contacts, key=lambda one: one.force)
         assert shape.converged and touch.s == pytest.approx(s, abs=2e-3)
         axis = shape.frame_at(touch.s)
@@ -60,7 +61,7 @@ def test_it_goes_back_the_same_way():
     np.testing.assert_allclose(forth.grippers[1].position, there.grippers[1].position)
     np.testing.assert_allclose(forth.grippers[2].position, there.grippers[0].position, atol=1e-5)
     np.testing.assert_allclose(forth.depths, [0.4, 0.44, 0.4, 0.35])
-    assert forth.passes[3][0][1] == pytest.approx(0.65, abs=1e-5)
+    assert forth.via_points[3][0][1] == pytest.approx(0.65, abs=1e-5)
 
 
 def test_it_is_proved_in_motion():
@@ -68,7 +69,8 @@ def test_it_is_proved_in_motion():
     way = Trajectory(plan)
     assert way.motion.contact_force > 0.05
     # the drift is the plan's; what the motion adds is small
-    assert plan.miss.max() < way.motion.miss + 1e-4 <= plan.miss.max() + way.tolerance
+    still = plan.position_error.max()
+    assert still < way.motion.position_error + 1e-4 <= still + way.tolerance
 
 
 def test_refusals():

@@ -58,5 +58,5 @@ def test_a_dlo_that_hardly_stands_is_threaded_without_corners():
     assert np.abs(np.diff(turns)).max() < 0.02  # and evenly
     assert len(GripperPath.of(plan).legs) == 1
     report = replay(direct, plan)
-    assert report.converged and report.miss < 1e-6 and report.misalignment < 1e-6
+    assert report.converged and report.position_error < 1e-6 and report.misalignment < 1e-6
     assert Trajectory(plan, tolerance=np.inf).duration < 10

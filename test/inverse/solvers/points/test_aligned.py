@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.energy.potential import evaluate, new_state
-from dlo_planner.inverse.solvers.hanging.marching import march_from_end
-from dlo_planner.inverse.solvers.hanging.start_candidates import least_turn, rolls_are_alike
+from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
+from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric, least_turn
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton, free_axis
 
 ROD = Rod(1.0, 0.1, (0.5, 1.0), 0.4, natural_curvature=(0.6, -0.3), natural_twist=0.5,
@@ -118,7 +118,7 @@ def test_the_free_axis_lies_between_gripper_and_normal():
 def test_the_march_from_the_end_is_an_equilibrium(rng):
     end = Rotation.from_quat(rng.normal(size=4)).as_matrix()
     _, system = system_of('local')
-    strains, base = march_from_end(system, np.ascontiguousarray(end))
+    strains, base = integrate_from_tip(system, np.ascontiguousarray(end))
     turned = system._replace(base=base)
     state = new_state(turned)
     state.q[:] = (strains - turned.natural) / turned.scale
@@ -146,4 +146,4 @@ def test_the_least_turn_is_about_the_axis_across(rng):
 def test_rolls_are_alike_where_the_dlo_is_straight_and_round(more, alike):
     rod = Rod(**{'length': 1.0, 'mass_per_length': 0.1, 'bending_stiffness': 0.5,
                  'torsional_stiffness': 0.4, **more})
-    assert rolls_are_alike(DirectSimulator(rod)) == alike
+    assert is_axisymmetric(DirectSimulator(rod)) == alike

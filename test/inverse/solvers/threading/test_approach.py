@@ -33,7 +33,7 @@ def plan(inverse):
 @pytest.mark.parametrize('turn', [(0, 0, 0), (0, 0, 2.5), (0.5, 1.0, -0.5)])
 def test_the_dlo_stays_behind_the_sheet(inverse, plan, turn):
     start = Pose((-1.3, 0.4, 1.2), Rotation.from_rotvec(turn).as_quat())
-    way = inverse.start_phase(HOLE, plan, start, standoff=0.08)
+    way = inverse.approach(HOLE, plan, start, standoff=0.08)
     assert way.grippers[0] == start
     np.testing.assert_allclose(way.grippers[-1].matrix, plan.grippers[0].matrix, atol=1e-12)
     for shape in inverse.simulator.track(way.grippers)[:-1]:
@@ -50,13 +50,13 @@ def test_the_dlo_stays_behind_the_sheet(inverse, plan, turn):
 @pytest.mark.parametrize('standoff', [0.0, WIRE.radius, 0.5 * WIRE.radius])
 def test_a_standoff_below_the_dlos_radius(inverse, plan, standoff):
     start = Pose((-1.3, 0.4, 1.2), (0, 0, 0, 1))
-    way = inverse.start_phase(HOLE, plan, start, standoff=standoff)
+    way = inverse.approach(HOLE, plan, start, standoff=standoff)
     np.testing.assert_allclose(way.grippers[-1].matrix, plan.grippers[0].matrix, atol=1e-12)
 
 
 def test_it_goes_back_no_farther_than_it_must(inverse, plan):
-    far = inverse.start_phase(HOLE, plan, Pose((-1.3, 0.4, 1.2), (0, 0, 0, 1)))
-    near = inverse.start_phase(HOLE, plan, plan.grippers[0])
+    far = inverse.approach(HOLE, plan, Pose((-1.3, 0.4, 1.2), (0, 0, 0, 1)))
+    near = inverse.approach(HOLE, plan, plan.grippers[0])
     for way, begin in ((far, 1.3), (near, 1.0)):
         back = max((HOLE.center - gripper.position) @ HOLE.normal for gripper in way.grippers)
         assert back < begin + 0.35
@@ -64,7 +64,7 @@ def test_it_goes_back_no_farther_than_it_must(inverse, plan):
 
 def test_a_dlo_beyond_the_sheet_is_refused(inverse, plan):
     with pytest.raises(Infeasible, match='behind the sheet') as caught:
-        inverse.start_phase(HOLE, plan, Pose((0.0, 0, 1.0), (0, 0, 0, 1)))
+        inverse.approach(HOLE, plan, Pose((0.0, 0, 1.0), (0, 0, 0, 1)))
     assert caught.value.constraint == 'clearance' and caught.value.amount > 0
 
 
@@ -89,4 +89,4 @@ def test_gripper_clearance_ends_the_plan_or_refuses(inverse, plan):
 def test_nonsense_is_named(inverse, plan, change, named):
     values = {'cutout': HOLE, 'plan': plan, 'start': Pose((-1.3, 0, 1), (0, 0, 0, 1)), **change}
     with pytest.raises(InvalidTask, match=named):
-        inverse.start_phase(**values)
+        inverse.approach(**values)

@@ -21,7 +21,7 @@ from dlo_planner import (
     replay,
 )
 from dlo_planner.inverse.solvers.threading.insertion import _unconverged
-from dlo_planner.plan.draft import Brief, Draft
+from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 RODS = {'round': WIRE,
@@ -72,7 +72,7 @@ def test_the_mouth_bears_nothing(name, basis):
     asked = np.isin(plan.depths, DEPTHS) & (plan.depths > 0)
     assert bears[asked].max() < 1e-6
     report = replay(direct, plan)
-    assert report.converged and report.miss < 1e-6 and report.misalignment < 1e-6
+    assert report.converged and report.position_error < 1e-6 and report.misalignment < 1e-6
 
 
 def test_refused_and_named():
@@ -140,9 +140,10 @@ def test_reasons_are_true():
     assert plan.fraction == 1
     shape = DirectSimulator(rod).solve(Pose.identity())
     poor = replace(shape, residual=1.0, converged=False)
-    error = _unconverged(Draft([0.3], Brief((1.0, 1.0))), poor, 0.1)
+    error = _unconverged(PlanBuilder([0.3], PlanRequirements((1.0, 1.0))), poor, 0.1)
     assert error.constraint == 'equilibrium' and error.amount == 0.1
-    error = _unconverged(Draft([0.3], Brief((1.0, 1.0))), replace(poor, stability=-0.2), 0.1)
+    error = _unconverged(PlanBuilder([0.3], PlanRequirements((1.0, 1.0))), replace(poor, stability=
+                                                                                   -0.2), 0.1)
     assert error.constraint == 'stability' and error.amount == 0.2
 
 

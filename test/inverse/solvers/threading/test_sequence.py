@@ -40,7 +40,8 @@ def test_no_pose_nearby_is_better(weights, rng):
     found = INVERSE.thread_sequence(HOLES, weights=weights, depths=[0.3, 0.6])
     shape = found.shapes[1]
     least = squares(shape, 0.6, HOLES, weights)
-    assert least == pytest.approx(np.sum((np.array(weights) * found.misses[1]) ** 2), rel=1e-3)
+    assert least == pytest.approx(np.sum((np.array(weights) * found.position_errors[1]) ** 2),
+                                  rel=1e-3)
     assert least > 1e-5
     for step in rng.normal(size=(30, 6)) * 0.01:
         turn = Rotation.from_rotvec(step[:3]).as_matrix()
@@ -51,13 +52,13 @@ def test_no_pose_nearby_is_better(weights, rng):
 
 def test_two_are_hit_and_three_are_missed_by_what_is_said(plan):
     assert plan.fraction == 1 and plan.stability.min() > 0
-    for depth, misses, miss in zip(DEPTHS, plan.misses, plan.miss, strict=True):
+    for depth, misses, miss in zip(DEPTHS, plan.position_errors, plan.position_error, strict=True):
         # the second one is reached at 0.202, the third one at 0.41; it counts from 0.16 on
         assert len(misses) == (1 if depth < 0.2 else 2 if depth < 0.41 else 3)
         assert max(misses) == miss
         if depth < 0.16:
             assert max(misses) < 1e-6
-    assert plan.miss[-1] > 1e-3
+    assert plan.position_error[-1] > 1e-3
 
 
 def test_the_way_is_continuous():
@@ -75,7 +76,7 @@ def test_what_the_dlo_can_reach_is_reached(rod):
     shape = inverse.thread(HOLES[0], depths=[0.6]).shapes[0]
     on_it = [hole(shape.at(s).position) for s in (0.4, 0.55, 0.75, 0.9)]
     found = inverse.thread_sequence(on_it, depths=[0.0, 0.6])
-    assert max(found.misses[1]) < 1e-5
+    assert max(found.position_errors[1]) < 1e-5
 
 
 def test_one_and_two_are_exact():

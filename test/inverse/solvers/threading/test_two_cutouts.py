@@ -41,7 +41,7 @@ def test_both_centers_are_hit(rod, basis):
     first, second = hole((0.1, -0.2, 1.0)), hole((0.4, -0.15, 0.95))
     direct = DirectSimulator(rod, basis=basis)
     plan = InverseSimulator(direct).thread_two(first, second, depths=np.linspace(0, 0.9, 60))
-    assert plan.fraction == 1 and plan.miss.max() < 1e-8
+    assert plan.fraction == 1 and plan.position_error.max() < 1e-8
     assert plan.stability.min() > 0
     replayed = direct.track(plan.grippers)
     apart = np.linalg.norm(second.center - first.center)

@@ -12,16 +12,16 @@ import numpy as np
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.model.surface import Surface
-from dlo_planner.plan.between import broken_between
+from dlo_planner.plan.between import violation_between
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import PlanStatus, build_plan, first_part
+from dlo_planner.plan.plan import PlanStatus, build_plan, truncate
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import Progress
 
 
 @dataclass(frozen=True)
-class Brief:
+class PlanRequirements:
     """What a plan has to keep, whatever the task.
 
     Attributes:
@@ -29,10 +29,11 @@ class Brief:
         progress: Progress, which reports each waypoint
         workspace: Workspace or None
         obstacles: that the DLO must not touch; surface: Surface of the DLO
-        yielding: (3,) strains since the stress-free shape, torsion and both curvatures, at which
-            the DLO would yield, 1/m, or None where it may
+        yield_limits: (3,) strains since the stress-free shape, torsion and both curvatures, at
+            which the DLO would yield, 1/m, or None where it may
         simulator: DirectSimulator without obstacles that finds the DLO's shapes between the
             waypoints; None: the DLO is looked at at the waypoints only
+        tolerance: largest position error of a waypoint, m; None: any
     """
 
     speeds: tuple[float, float]
@@ -40,8 +41,9 @@ class Brief:
     workspace: Workspace | None = None
     obstacles: tuple = ()
     surface: Surface = Surface()
-    yielding: np.ndarray | None = None
+    yield_limits: np.ndarray | None = None
     simulator: DirectSimulator | None = None
+    tolerance: float | None = None
 
     def silent(self, simulator=None):
         """Return the same demands for a search, whose steps are not reported.
@@ -58,13 +60,17 @@ class Brief:
     def _between(self, simulator):
         return self.simulator if self.simulator is None or simulator is None else simulator
 
-    def broken(self, waypoint):
+    def violation(self, waypoint):
         """Return None, or the constraint that a Waypoint breaks, by how much, and in words."""
         shape = waypoint.shape
         if self.workspace is not None:
-            name, room = self.workspace.least_room(shape.gripper)
+            name, room = self.workspace.min_margin(shape.gripper)
             if room < 0:
                 return name, -room, f'the gripper is {-room:.3g} m beyond {name}'
+        if self.tolerance is not None and waypoint.position_error > self.tolerance:
+            return ('tolerance', waypoint.position_error - self.tolerance,
+                    f'the DLO is {waypoint.position_error:.3g} m off, tolerance = '
+                    f'{self.tolerance:g} m')
         if waypoint.clearance < 0:
             return ('clearance', -waypoint.clearance,
                     f'the DLO is {-waypoint.clearance:.3g} m in the sheet around a cut-out '
@@ -78,40 +84,40 @@ class Brief:
             return ('max_bend_curvature', -shape.bend_margin,
                     f'the DLO is bent by {-shape.bend_margin:.3g} 1/m more than '
                     f'max_bend_curvature = {shape.rod.max_bend_curvature:g} 1/m')
-        if self.yielding is not None:
-            load = utilization(shape, self.yielding)
+        if self.yield_limits is not None:
+            load = utilization(shape, self.yield_limits)
             if load > 1:
                 return ('yield', load - 1, f'the DLO would be set for good: bent or twisted to '
                         f'{load:.3g} times what it bears')
         return None
 
 
-def utilization(shape, yielding):
+def utilization(shape, yield_limits):
     """Return the largest of `yield_shares`."""
-    return float(yield_shares(shape, yielding).max())
+    return float(yield_shares(shape, yield_limits).max())
 
 
-def yield_shares(shape, yielding):
+def yield_shares(shape, yield_limits):
     """Return (N_L,) the strains since the stress-free shape as a part of what yields.
 
     Curvature counts by the ellipse of its two thresholds, that of a rectangle by what its corners
     are strained; torsion by itself.
 
     Args:
-        yielding: (3,) thresholds of torsion and of both curvatures, 1/m
+        yield_limits: (3,) thresholds of torsion and of both curvatures, 1/m
     """
-    part = np.abs(shape.bent) / yielding
+    part = np.abs(shape.bent) / yield_limits
     cornered = shape.rod.section_outline[0] == 'rectangular'
     bend = part[:, 1] + part[:, 2] if cornered else np.hypot(part[:, 1], part[:, 2])
     return np.maximum(part[:, 0], bend)
 
 
-class Draft:
+class PlanBuilder:
     """Collects the Waypoints of a plan in order.
 
     Args:
         depths: (n,) of the waypoints wanted, m
-        brief: Brief
+        brief: PlanRequirements
         what: how a waypoint is called in a refusal
         initial: Shape before the first waypoint, or None
         stops: indices of waypoints at which the gripper stops
@@ -134,7 +140,7 @@ class Draft:
 
     def add(self, waypoint):
         """Take the next Waypoint; raises Infeasible if it breaks a demand."""
-        broken = self._brief.broken(waypoint)
+        broken = self._brief.violation(waypoint)
         if broken is not None:
             raise self.refusal(*broken)
         self.waypoints.append(waypoint)
@@ -161,7 +167,7 @@ class Draft:
 
 
 def kept_between(plan, brief, what='waypoint', known=None):
-    """Return a Plan that keeps a Brief between its waypoints, on the path of its Trajectory.
+    """Return a Plan that keeps its demands between waypoints, on the path of its Trajectory.
 
     Args:
         what: how a waypoint is called in a refusal
@@ -174,12 +180,12 @@ def kept_between(plan, brief, what='waypoint', known=None):
         plan.sheets or brief.obstacles)
     if len(plan) < 2 or not plan.times[-1] > plan.times[0] or not looked_at:
         return plan
-    broken = broken_between(GripperPath.of(plan), plan.shapes, plan.sheets, brief, known)
+    broken = violation_between(GripperPath.of(plan), plan.shapes, plan.sheets, brief, known)
     if broken is None:
         return plan
     raise _refusal(what, broken.waypoint, plan.depths,
                    (broken.constraint, broken.amount, broken.why),
-                   first_part(plan, broken.waypoint, PlanStatus.PARTIAL))
+                   truncate(plan, broken.waypoint, PlanStatus.PARTIAL))
 
 
 def _refusal(what, index, depths, broken, plan):
