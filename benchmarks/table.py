@@ -181,6 +181,12 @@ def _many(n, count=500):
     return Work(lambda: solve(poses), count)
 
 
+def _many_rods(n, count=500):
+    simulator, poses = local(n), random_poses(count)
+    rods = [wire(1e-3 * (1 + 1e-4 * k)) for k in range(count)]
+    return Work(lambda: parallel.solve_many(simulator, poses, rods=rods), count)
+
+
 def _others():
     yield row('dynamic step, 40 elements', _dynamic, Goal(0.1, 'ms'))
     yield row('accuracy 1e-6 m, cold solve of A', lambda: _accurate(wire()), Goal(10, 'solves'))
@@ -190,6 +196,8 @@ def _others():
               floor='random')
     yield row('solve_many, a shape, 32 elements', lambda: _many(32), Goal(2.5e4, 'per s'),
               floor='random 32')
+    yield row('solve_many of many rods, a shape, 64 elements', lambda: _many_rods(64),
+              floor='random')
     yield Row('growth of a cold solve up to 4096 elements (exponent)', (Goal(1.05, ''),), growth,
               '', guarded=False)
     yield Row('first shape after the start of Python', (Goal(1.5, 's'),),

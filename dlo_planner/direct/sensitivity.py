@@ -216,13 +216,14 @@ def _node_twists(system, state, answers, columns):
     """
     n = system.lengths.size
     out = np.zeros((n + 1, 6, 6))
+    part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
     for i in range(6):
         out[0, i, i] = 1.0
     for e in range(n):
         for i in range(6):
             for j in range(6):
                 out[e + 1, i, j] = out[e, i, j]
-        _carry_on(system, state, answers, columns, e, 1.0, out[e + 1])
+        _carry_on(system, state, answers, columns, e, 1.0, part, arm, value, out[e + 1])
     return out
 
 
@@ -230,14 +231,18 @@ def _node_twists(system, state, answers, columns):
 def _twists_inside(system, state, answers, columns, begin, element, fraction):
     """Return (6, 6) the same inside `element`, whose beginning has the twists `begin` (6, 6)."""
     out = begin.copy()
-    _carry_on(system, state, answers, columns, element, fraction, out)
+    part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
+    _carry_on(system, state, answers, columns, element, fraction, part, arm, value, out)
     return out
 
 
 @kernel
-def _carry_on(system, state, answers, columns, e, share, out):
-    """Turn the twists `out` (6, 6) at the beginning of element e into those at a share of it."""
-    part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
+def _carry_on(system, state, answers, columns, e, share, part, arm, value, out):
+    """Turn the twists `out` (6, 6) at the beginning of element e into those at a share of it.
+
+    Args:
+        part: (6, 3), arm, value: (3,) to work with
+    """
     basis = system.basis
     part_of_element(system.lengths[e], share, state.strains[e], system.scale[e],
                     state.rotations[e], part, arm)

@@ -214,6 +214,8 @@ class DirectSimulator(Value):
 
     def without_obstacles(self) -> 'DirectSimulator':
         """Return a simulator of the same DLO, set as it is, with nothing in its way."""
+        if not self.obstacles:
+            return self
         return self._with(replace(self.surroundings, obstacles=()), self._history)
 
     def with_rod(self, rod: Rod) -> 'DirectSimulator':
