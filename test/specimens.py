@@ -20,6 +20,7 @@ from dlo_planner import (
     Capsule,
     ClosedLoop,
     CutOut,
+    Cylinder,
     DirectionAt,
     DirectSimulator,
     FarEnd,
@@ -89,7 +90,8 @@ def values():
     examples = [
         LEVEL, wire, hole, floor, simulator, shape, inverse, plan, grasped,
         touching.track([LEVEL])[0].contacts[0], Section.of('round', 0.01, 0.01, 1e9, 0.3),
-        Sphere((1, 0, 0), 0.1), Capsule((1, 0, 0), (2, 0, 0), 0.1), Box(LEVEL, (1, 2, 3)),
+        Sphere((1, 0, 0), 0.1), Capsule((1, 0, 0), (2, 0, 0), 0.1),
+        Cylinder((1, 0, 0), (2, 0, 0), 0.1), Box(LEVEL, (1, 2, 3)),
         PointLoad((0.0, 0.0, -1.0)), Piecewise(np.cos, (0.5,)),
         Sheet.around(hole, 1.0, 1.0), FarEnd(LEVEL), simulator.simulate([LEVEL] * 3, 0.01),
         replay(simulator, plan), Limits(), Workspace((-9, -9, -9), keep_out=[floor]),
@@ -137,7 +139,7 @@ def arguments():
         'rotation': np.eye(3), 'matrix': np.eye(4), 'direction': (1.0, 0.0, 0.0), 'other': LEVEL,
         'value': LEVEL, 'point': (0.0, 0.0, 0.0), 'normal': (0.0, 0.0, 1.0), 'center': (0, 0, 0),
         'radius': 0.01, 'start': LEVEL, 'end': (0.0, 0.0, 0.0), 'size': (1.0, 1.0, 1.0),
-        'Capsule.start': (1.0, 0.0, 0.0), 'cutout': hole,
+        'Capsule.start': (1.0, 0.0, 0.0), 'Cylinder.start': (1.0, 0.0, 0.0), 'cutout': hole,
         # simulators
         'at': 0.4, 'gripper': LEVEL, 'grippers': [LEVEL, LEVEL], 'dt': 0.01, 'shape': shape,
         's': 0.5, 'Plan.at_arc_length.s': 0.9,

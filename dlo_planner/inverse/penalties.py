@@ -205,7 +205,7 @@ class AwayFrom(Value):
     """The DLO's surface keeps a distance from obstacles (of the simulator or not).
 
     Attributes:
-        obstacles: sequence of Plane, Sphere, Capsule, Box, Sheet
+        obstacles: sequence of Plane, Sphere, Capsule, Cylinder, Box, Sheet
         distance: m
         radius: of the DLO, m
         weight: 1/m
