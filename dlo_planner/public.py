@@ -26,6 +26,7 @@ from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.predicted_miss import PredictedMiss
 from dlo_planner.identify.stamped import gripper_at
 from dlo_planner.identify.steering import Steered
+from dlo_planner.inverse.keep_tangent import KeepTangent
 from dlo_planner.inverse.penalties import (
     AwayFrom,
     BentAtMost,
@@ -69,10 +70,11 @@ __all__ = ['Approach', 'AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop',
            'Correction', 'CutOut', 'Cylinder', 'DeadlineExceeded', 'DirectSimulator',
            'DirectionAt', 'DloPlannerError', 'Estimate', 'FarEnd', 'Fit', 'GraspedInside',
            'GripperNear', 'HoldContact', 'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask',
-           'InverseSimulator', 'Limits', 'Minimize', 'Modes', 'Motion', 'NotConverged',
-           'Observation', 'ObservedMotion', 'Observer', 'PenaltyResult', 'Phase', 'Piecewise',
-           'Plan', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'PredictedMiss',
-           'Report', 'Requirements', 'Robustness', 'Rod', 'Section', 'Shape', 'Shapes', 'Sheet',
-           'SlideContact', 'Sphere', 'Spread', 'Steered', 'Thread', 'ThreadSequence', 'ThreadTwo',
-           'Through', 'Trajectory', 'Workspace', 'concatenate', 'correct', 'fit_rod', 'gripper_at',
-           'minimize_penalty', 'modes_along', 'replay', 'robustness', 'solve_many', 'with_plug']
+           'InverseSimulator', 'KeepTangent', 'Limits', 'Minimize', 'Modes', 'Motion',
+           'NotConverged', 'Observation', 'ObservedMotion', 'Observer', 'PenaltyResult', 'Phase',
+           'Piecewise', 'Plan', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt',
+           'PredictedMiss', 'Report', 'Requirements', 'Robustness', 'Rod', 'Section', 'Shape',
+           'Shapes', 'Sheet', 'SlideContact', 'Sphere', 'Spread', 'Steered', 'Thread',
+           'ThreadSequence', 'ThreadTwo', 'Through', 'Trajectory', 'Workspace', 'concatenate',
+           'correct', 'fit_rod', 'gripper_at', 'minimize_penalty', 'modes_along', 'replay',
+           'robustness', 'solve_many', 'with_plug']

@@ -29,6 +29,7 @@ from dlo_planner import (
     HoldContact,
     Insert,
     InverseSimulator,
+    KeepTangent,
     Limits,
     Minimize,
     Observation,
@@ -98,7 +99,8 @@ def values():
         shape.modes(2), solve_many(touching, [LEVEL]),
         Spread(length=0.01), robustness(simulator, plan, Spread(length=0.01), samples=2),
         PositionAt(0.5, (0.4, 0, 1)), DirectionAt(0.5, (1, 0, 0)), GripperNear(LEVEL),
-        Through((0.4, 0, 1)), AwayFrom((floor,), 0.1), BentAtMost(1.0),
+        KeepTangent(0.0, 0.5, (1, 0, 0)), Through((0.4, 0, 1)), AwayFrom((floor,), 0.1),
+        BentAtMost(1.0),
         Observation(LEVEL, shape.positions[1:], shape.s[1:]), Trajectory(plan),
         ObservedMotion([LEVEL] * 3, 0.01, [0.0, 0.02], np.ones((2, 1, 3)), [1.0]),
         minimize_penalty(simulator, PositionAt(1.0, (0.9, 0, 0.9)), LEVEL)]
@@ -256,7 +258,8 @@ def _of_tasks(known):
     names = ('Thread', 'ThreadTwo', 'ThreadSequence', 'Insert', 'Approach', 'Minimize',
              'HoldContact', 'SlideContact')
     return {
-        'ThreadTwo.first': known['CutOut'], 'Approach.first': known['Shape'], 'context': free,
+        'KeepTangent.begin': 0.0, 'KeepTangent.end': 0.5, 'ThreadTwo.first': known['CutOut'],
+        'Approach.first': known['Shape'], 'context': free,
         'HoldContact.solve.context': touching, 'SlideContact.solve.context': touching,
         'task': known['Thread'], 'requirements': None, 'allow_plastic': True,
         'Requirements.limits': Limits(), 'workspace': None,
