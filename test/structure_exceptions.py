@@ -63,7 +63,6 @@ EXCEPTIONS = {
         'dlo_planner/identify/likelihood.py:Errors._information': 4,
         'dlo_planner/identify/predicted_miss.py:crossing': 4,
         'dlo_planner/identify/smoothing.py:Search._told': 4,
-        'dlo_planner/inverse/solvers/hanging/start_candidates.py:start_candidates.end_rolled': 4,
         'dlo_planner/minimize/held.py:held_newton': 6,
         'dlo_planner/minimize/methods.py:judged': 4,
         'dlo_planner/parallel/speculation.py:AheadStepper._step.step': 4,

@@ -17,7 +17,7 @@ from dlo_planner.inverse.solvers.search import minimize_penalty
 from dlo_planner.inverse.task import Task
 from dlo_planner.model.checks import integer, vector
 from dlo_planner.model.value import put
-from dlo_planner.plan.plan import waypoint_at
+from dlo_planner.plan.waypoint import waypoint_at
 
 
 @dataclass(frozen=True, eq=False, repr=False)
