@@ -26,6 +26,7 @@ from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.predicted_miss import PredictedMiss
 from dlo_planner.identify.stamped import gripper_at
 from dlo_planner.identify.steering import Steered
+from dlo_planner.inverse.keep_tangent import KeepTangent
 from dlo_planner.inverse.penalties import (
     AwayFrom,
     BentAtMost,
@@ -49,7 +50,7 @@ from dlo_planner.inverse.tasks import (
 from dlo_planner.model.along import Piecewise
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.far_end import FarEnd
-from dlo_planner.model.obstacles import Box, Capsule, Plane, Sheet, Sphere
+from dlo_planner.model.obstacles import Box, Capsule, Cylinder, Plane, Sheet, Sphere
 from dlo_planner.model.plug import with_plug
 from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
@@ -66,13 +67,14 @@ from dlo_planner.verify.replay import Report, replay
 from dlo_planner.verify.robustness import Robustness, Spread, robustness
 
 __all__ = ['Approach', 'AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact',
-           'Correction', 'CutOut', 'DeadlineExceeded', 'DirectSimulator', 'DirectionAt',
-           'DloPlannerError', 'Estimate', 'FarEnd', 'Fit', 'GraspedInside', 'GripperNear',
-           'HoldContact', 'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask', 'InverseSimulator',
-           'Limits', 'Minimize', 'Modes', 'Motion', 'NotConverged', 'Observation',
-           'ObservedMotion', 'Observer', 'PenaltyResult', 'Phase', 'Piecewise', 'Plan',
-           'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'PredictedMiss', 'Report',
-           'Requirements', 'Robustness', 'Rod', 'Section', 'Shape', 'Shapes', 'Sheet',
-           'SlideContact', 'Sphere', 'Spread', 'Steered', 'Thread', 'ThreadSequence', 'ThreadTwo',
-           'Through', 'Trajectory', 'Workspace', 'concatenate', 'correct', 'fit_rod', 'gripper_at',
-           'minimize_penalty', 'modes_along', 'replay', 'robustness', 'solve_many', 'with_plug']
+           'Correction', 'CutOut', 'Cylinder', 'DeadlineExceeded', 'DirectSimulator',
+           'DirectionAt', 'DloPlannerError', 'Estimate', 'FarEnd', 'Fit', 'GraspedInside',
+           'GripperNear', 'HoldContact', 'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask',
+           'InverseSimulator', 'KeepTangent', 'Limits', 'Minimize', 'Modes', 'Motion',
+           'NotConverged', 'Observation', 'ObservedMotion', 'Observer', 'PenaltyResult', 'Phase',
+           'Piecewise', 'Plan', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt',
+           'PredictedMiss', 'Report', 'Requirements', 'Robustness', 'Rod', 'Section', 'Shape',
+           'Shapes', 'Sheet', 'SlideContact', 'Sphere', 'Spread', 'Steered', 'Thread',
+           'ThreadSequence', 'ThreadTwo', 'Through', 'Trajectory', 'Workspace', 'concatenate',
+           'correct', 'fit_rod', 'gripper_at', 'minimize_penalty', 'modes_along', 'replay',
+           'robustness', 'solve_many', 'with_plug']

@@ -20,6 +20,7 @@ from dlo_planner import (
     Capsule,
     ClosedLoop,
     CutOut,
+    Cylinder,
     DirectionAt,
     DirectSimulator,
     FarEnd,
@@ -28,6 +29,7 @@ from dlo_planner import (
     HoldContact,
     Insert,
     InverseSimulator,
+    KeepTangent,
     Limits,
     Minimize,
     Observation,
@@ -89,14 +91,16 @@ def values():
     examples = [
         LEVEL, wire, hole, floor, simulator, shape, inverse, plan, grasped,
         touching.track([LEVEL])[0].contacts[0], Section.of('round', 0.01, 0.01, 1e9, 0.3),
-        Sphere((1, 0, 0), 0.1), Capsule((1, 0, 0), (2, 0, 0), 0.1), Box(LEVEL, (1, 2, 3)),
+        Sphere((1, 0, 0), 0.1), Capsule((1, 0, 0), (2, 0, 0), 0.1),
+        Cylinder((1, 0, 0), (2, 0, 0), 0.1), Box(LEVEL, (1, 2, 3)),
         PointLoad((0.0, 0.0, -1.0)), Piecewise(np.cos, (0.5,)),
         Sheet.around(hole, 1.0, 1.0), FarEnd(LEVEL), simulator.simulate([LEVEL] * 3, 0.01),
         replay(simulator, plan), Limits(), Workspace((-9, -9, -9), keep_out=[floor]),
         shape.modes(2), solve_many(touching, [LEVEL]),
         Spread(length=0.01), robustness(simulator, plan, Spread(length=0.01), samples=2),
         PositionAt(0.5, (0.4, 0, 1)), DirectionAt(0.5, (1, 0, 0)), GripperNear(LEVEL),
-        Through((0.4, 0, 1)), AwayFrom((floor,), 0.1), BentAtMost(1.0),
+        KeepTangent(0.0, 0.5, (1, 0, 0)), Through((0.4, 0, 1)), AwayFrom((floor,), 0.1),
+        BentAtMost(1.0),
         Observation(LEVEL, shape.positions[1:], shape.s[1:]), Trajectory(plan),
         ObservedMotion([LEVEL] * 3, 0.01, [0.0, 0.02], np.ones((2, 1, 3)), [1.0]),
         minimize_penalty(simulator, PositionAt(1.0, (0.9, 0, 0.9)), LEVEL)]
@@ -137,7 +141,7 @@ def arguments():
         'rotation': np.eye(3), 'matrix': np.eye(4), 'direction': (1.0, 0.0, 0.0), 'other': LEVEL,
         'value': LEVEL, 'point': (0.0, 0.0, 0.0), 'normal': (0.0, 0.0, 1.0), 'center': (0, 0, 0),
         'radius': 0.01, 'start': LEVEL, 'end': (0.0, 0.0, 0.0), 'size': (1.0, 1.0, 1.0),
-        'Capsule.start': (1.0, 0.0, 0.0), 'cutout': hole,
+        'Capsule.start': (1.0, 0.0, 0.0), 'Cylinder.start': (1.0, 0.0, 0.0), 'cutout': hole,
         # simulators
         'at': 0.4, 'gripper': LEVEL, 'grippers': [LEVEL, LEVEL], 'dt': 0.01, 'shape': shape,
         's': 0.5, 'Plan.at_arc_length.s': 0.9,
@@ -158,6 +162,7 @@ def arguments():
         # contacts and motions
         'obstacle': 0, 'force': 1.0, 'friction': (0.0, 0.0, 0.0), 'penetration': 0.0,
         'Plane.friction': 0.0, 'Sphere.friction': 0.0, 'Capsule.friction': 0.0,
+        'Cylinder.friction': 0.0,
         'Box.friction': 0.0, 'Sheet.friction': 0.0, 'Sheet.around.friction': 0.0,
         'times': np.zeros(1), 'shapes': [shape], 'velocities': np.zeros((1, 9, 3)),
         'kinetic_energy': np.zeros(1), 'potential_energy': np.zeros(1), 'work': np.zeros(1),
@@ -255,7 +260,8 @@ def _of_tasks(known):
     names = ('Thread', 'ThreadTwo', 'ThreadSequence', 'Insert', 'Approach', 'Minimize',
              'HoldContact', 'SlideContact')
     return {
-        'ThreadTwo.first': known['CutOut'], 'Approach.first': known['Shape'], 'context': free,
+        'KeepTangent.begin': 0.0, 'KeepTangent.end': 0.5, 'ThreadTwo.first': known['CutOut'],
+        'Approach.first': known['Shape'], 'context': free,
         'HoldContact.solve.context': touching, 'SlideContact.solve.context': touching,
         'task': known['Thread'], 'requirements': None, 'allow_plastic': True,
         'Requirements.limits': Limits(), 'workspace': None,

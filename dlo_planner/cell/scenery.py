@@ -8,15 +8,14 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.cell.chain import DLO, SCENE
 from dlo_planner.cell.engine import mujoco
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.obstacles import Box, Capsule, Plane, Sheet, Sphere
+from dlo_planner.model.obstacles import OBSTACLES, Capsule, Plane, Sheet
 
 _SIDES = 24         # of the polygon around a round hole, which is up to 0.9 % wider than the hole
 _THINNEST = 1e-3    # m: a thinner sheet could be tunnelled through
 _HALF_PLANE = 10.0  # m
 
 
-def add_obstacle(spec: mujoco.MjSpec, obstacle: Plane | Sphere | Capsule | Box | Sheet,
-                 number: int) -> None:
+def add_obstacle(spec: mujoco.MjSpec, obstacle: object, number: int) -> None:
     """Add an obstacle to an MjSpec; the names of its geoms are 'number/part'.
 
     Raises:
@@ -34,18 +33,23 @@ def _parts(obstacle):
     """Return [(kind, size (3,), center (3,), rotation (3, 3))] of an obstacle."""
     if isinstance(obstacle, Plane):
         return [('PLANE', (_HALF_PLANE, _HALF_PLANE, 1), obstacle.point, _z_along(obstacle.normal))]
-    if isinstance(obstacle, Sphere):
-        return [('SPHERE', (obstacle.radius, 0, 0), obstacle.center, np.eye(3))]
     if isinstance(obstacle, Capsule):
         axis = obstacle.end - obstacle.start
         return [('CAPSULE', (obstacle.radius, 0.5 * np.linalg.norm(axis), 0),
                  0.5 * (obstacle.start + obstacle.end), _z_along(axis))]
-    if isinstance(obstacle, Box):
-        return [('BOX', 0.5 * obstacle.size, obstacle.pose.position, np.array(
-            obstacle.pose.rotation))]
     if isinstance(obstacle, Sheet):
         return _around_hole(obstacle)
-    raise InvalidTask(f'obstacles: expected Plane, Sphere, Capsule, Box, Sheet, got {obstacle!r}')
+    if not isinstance(obstacle, OBSTACLES):
+        raise InvalidTask(f'obstacles: expected {", ".join(one.__name__ for one in OBSTACLES)}, '
+                          f'got {obstacle!r}')
+    return [(*_GEOMS[solid.kind](*solid.size), solid.pose.position, np.array(solid.pose.rotation))
+            for solid in obstacle.solids]
+
+
+_GEOMS = {  # kind of a Solid -> its name in MuJoCo, and its size there
+    'box': lambda x, y, z: ('BOX', (0.5 * x, 0.5 * y, 0.5 * z)),
+    'ball': lambda x, y, z: ('SPHERE', (0.5 * x, 0, 0)),
+    'cylinder': lambda x, y, z: ('CYLINDER', (0.5 * x, 0.5 * z, 0))}
 
 
 def _around_hole(sheet):

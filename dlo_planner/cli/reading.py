@@ -4,6 +4,7 @@
 
 import csv
 from collections.abc import Sequence
+from dataclasses import MISSING, fields
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.identify.observation import Observation
 from dlo_planner.model.checks import row, shown
-from dlo_planner.model.obstacles import Box, Capsule, Plane, Sphere
+from dlo_planner.model.obstacles import OBSTACLES, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.settings.yaml_files import load_yaml
 
@@ -132,21 +133,21 @@ def _obstacle(name, content):
     kind, said = next(iter(content.items()))
     if kind not in _KINDS or not isinstance(said, dict):
         raise InvalidTask(f'{name}: expected one of {", ".join(_KINDS)}, with its values')
+    known = [item.name for item in fields(_KINDS[kind])]
+    for key in said:
+        if key not in known:
+            raise InvalidTask(f'{name}.{kind}.{key}: expected one of {", ".join(known)}')
+    for item in fields(_KINDS[kind]):
+        if item.default is MISSING and item.name not in said:
+            raise InvalidTask(f'{name}.{kind}: expected {item.name}')
     try:
-        return _KINDS[kind](name, said)
-    except KeyError as error:
-        raise InvalidTask(f'{name}.{kind}: expected {error.args[0]}') from None
+        return _KINDS[kind](**{key: pose_of(f'{name}.pose', part) if key == 'pose' else part
+                               for key, part in said.items()})
     except DloPlannerError as error:
         raise InvalidTask(f'{name}: {error}') from None
 
 
-_KINDS = {
-    'box': lambda name, said: Box(pose_of(f'{name}.pose', said['pose']), said['size'],
-                                  said.get('friction', 0.0)),
-    'sphere': lambda _, said: Sphere(said['center'], said['radius'], said.get('friction', 0.0)),
-    'capsule': lambda _, said: Capsule(said['start'], said['end'], said['radius'],
-                                       said.get('friction', 0.0)),
-    'plane': lambda _, said: Plane(said['point'], said['normal'], said.get('friction', 0.0))}
+_KINDS = {one.__name__.lower(): one for one in OBSTACLES if one is not Sheet}  # that has holes
 
 
 def _numbers(name, content, keys):

@@ -73,7 +73,7 @@ class DirectSimulator(Value):
             elements with 10 terms are kept wherever they do. The paper's methods keep them anyway.
         gravity: (3,) m/s^2, any direction, may be zero
         load: further force per length, N/m, world axes: (3,), or a callable of s (m)
-        obstacles: Plane, Sphere, Capsule, Box, Sheet, in any number
+        obstacles: Plane, Sphere, Capsule, Cylinder, Box, Sheet, in any number
         point_loads: PointLoads, dead forces and moments at points
         grip: 'clamped' (default), or 'pinned': the gripper holds the position of the DLO's
             beginning, which may turn like in a ball joint. A shape's gripper and first frame then

@@ -3,7 +3,8 @@
 """What a shape should be like, as penalties: the sum of the squares of their residuals counts.
 
 Each has  residuals(shape) -> (k,)  and  slopes(shape, sensitivity) -> (k, 6), derivatives by
-rotation (rad) and displacement (m) of the gripper, with the `Sensitivity` of the shape.
+rotation (rad) and displacement (m) of the gripper, with the `Sensitivity` of the shape. Where
+`ARC_LENGTHS` names attributes, they may not be beyond the DLO's length.
 """
 
 from dataclasses import dataclass
@@ -33,7 +34,8 @@ def _weight(penalty):
     return number(f'{type(penalty).__name__}.weight', penalty.weight, above=0)
 
 
-def _judge(shape, *sensitivity):
+def judged(shape: object, *sensitivity: object) -> None:
+    """Raise InvalidTask for what is no Shape, or a Sensitivity of another one."""
     instance('shape', shape, Shape)
     for one in sensitivity:
         if instance('sensitivity', one, Sensitivity).shape.s.size != shape.s.size:
@@ -63,12 +65,12 @@ class PositionAt(Value):
 
     def residuals(self, shape: Shape) -> np.ndarray:
         """Return (3,)."""
-        _judge(shape)
+        judged(shape)
         return self.weight * (shape.frame_at(self.s)[1] - self.target)
 
     def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (3, 6)."""
-        _judge(shape, sensitivity)
+        judged(shape, sensitivity)
         return self.weight * sensitivity.at(self.s)[3:]
 
 
@@ -89,12 +91,12 @@ class DirectionAt(Value):
 
     def residuals(self, shape: Shape) -> np.ndarray:
         """Return (3,): the difference of two unit vectors."""
-        _judge(shape)
+        judged(shape)
         return self.weight * (shape.frame_at(self.s)[0][:, 0] - self.direction)
 
     def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (3, 6)."""
-        _judge(shape, sensitivity)
+        judged(shape, sensitivity)
         tangent = shape.frame_at(self.s)[0][:, 0]
         return self.weight * (_across(tangent) @ sensitivity.at(self.s)[:3])
 
@@ -117,14 +119,14 @@ class GripperNear(Value):
 
     def residuals(self, shape: Shape) -> np.ndarray:
         """Return (6,)."""
-        _judge(shape)
+        judged(shape)
         turn = turn_between(self.pose.rotation, shape.gripper.rotation)
         away = shape.gripper.position - self.pose.position
         return self.weight * np.concatenate([turn, away])
 
     def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (6, 6); the rotation's to first order about the pose."""
-        _judge(shape, sensitivity)
+        judged(shape, sensitivity)
         return self.weight * np.eye(6)
 
 
@@ -151,17 +153,17 @@ class Through(Value):
 
     def passage(self, shape: Shape) -> float:
         """Return the arc length that is nearest to the point, m; beyond L if it only aims."""
-        _judge(shape)
+        judged(shape)
         return self._nearest(shape)[0]
 
     def residuals(self, shape: Shape) -> np.ndarray:
         """Return (3,)."""
-        _judge(shape)
+        judged(shape)
         return self.weight * self._nearest(shape)[1][0]
 
     def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (3, 6); the nearest arc length gives way."""
-        _judge(shape, sensitivity)
+        judged(shape, sensitivity)
         s, (off, tangent, turn) = self._nearest(shape)
         beyond = max(s - float(shape.s[-1]), 0.0)
         by_twist = sensitivity.at(s - beyond)
@@ -184,7 +186,7 @@ class AwayFrom(Value):
     """The DLO's surface keeps a distance from obstacles (of the simulator or not).
 
     Attributes:
-        obstacles: sequence of Plane, Sphere, Capsule, Box, Sheet
+        obstacles: sequence of Plane, Sphere, Capsule, Cylinder, Box, Sheet
         distance: m
         radius: of the DLO, m
         weight: 1/m
@@ -207,13 +209,13 @@ class AwayFrom(Value):
 
     def residuals(self, shape: Shape) -> np.ndarray:
         """Return what is missing of the distance, one number per body."""
-        _judge(shape)
+        judged(shape)
         gaps = np.array([gap for gap, _, _ in nearest(self._scene, shape)])
         return self.weight * np.maximum(self.distance - gaps, 0.0)
 
     def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (bodies, 6): the nearest point stays the nearest to first order."""
-        _judge(shape, sensitivity)
+        judged(shape, sensitivity)
         return np.array([-self.weight * (normal @ sensitivity.at(s)[3:]) * (gap < self.distance)
                          for gap, s, normal in nearest(self._scene, shape)]).reshape(-1, 6)
 
@@ -236,13 +238,13 @@ class BentAtMost(Value):
 
     def residuals(self, shape: Shape) -> np.ndarray:
         """Return (N,): the excess of each element, so that squares add up to the mean square."""
-        _judge(shape)
+        judged(shape)
         excess = np.hypot(*shape.element_strains[:, 1:].T) - self.curvature
         return self.weight * np.sqrt(np.diff(shape.s) / shape.s[-1]) * np.maximum(excess, 0.0)
 
     def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (N, 6)."""
-        _judge(shape, sensitivity)
+        judged(shape, sensitivity)
         bend = shape.element_strains[:, 1:]
         size = np.hypot(*bend.T)
         share = np.sqrt(np.diff(shape.s) / shape.s[-1]) * (size > self.curvature)

@@ -19,13 +19,11 @@ from dlo_planner.model.checks import choice, instance, integer, items, number, r
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Filmed
-from dlo_planner.plan.clearance import hole_clearances
 from dlo_planner.plan.passing import arc_lengths_at, first_center
 from dlo_planner.plan.path import pose_at_arc_length
 from dlo_planner.plan.plan_storage import plan_arrays, plan_contents
 from dlo_planner.plan.timing import times_at_speed
 
-_FREE = (np.inf,) * 3
 _SAME = 1e-6      # of the length, or of unit vectors: poses that are nearer are one
 _STRAIGHT = np.cos(np.deg2rad(5))
 
@@ -216,42 +214,6 @@ class Plan(Filmed):
         return np.array([shape.stability for shape in self.shapes])
 
 
-@dataclass(frozen=True)
-class Waypoint:
-    """A Shape in its place, and how well it passes a center."""
-
-    shape: Shape
-    misalignment: float = 0.0
-    position_error: float = 0.0
-    via_points: tuple = ()
-    clearances: tuple = ()
-    sheets: tuple = ()
-
-    @property
-    def clearance(self):
-        """Smallest of the clearances, m."""
-        return min((float(min(rooms)) for rooms in self.clearances), default=np.inf)
-
-    def with_via_point(self, center, s):
-        """Return the same waypoint, its error that of the worse of this and another center."""
-        other = float(np.linalg.norm(self.shape.frame_at(s)[1] - center))
-        return replace(self, position_error=max(self.position_error, other),
-                       via_points=(*self.via_points, (center, s, None)))
-
-    def with_clearances(self, cutouts, sheets, surface):
-        """Return the same waypoint with its clearances in CutOuts.
-
-        Args:
-            sheets: the Sheet of each, or None
-            surface: Surface of the DLO
-        """
-        both = [(sheet, cutout.normal) for cutout, sheet in zip(cutouts, sheets, strict=True)]
-        return replace(
-            self, sheets=tuple(one for one in both if one[0] is not None), clearances=tuple(
-                _FREE if sheet is None else hole_clearances(sheet, normal, surface, self.shape)
-                for sheet, normal in both))
-
-
 def _straightening(shape):
     """Return the moment (3,) in N m that makes a DLO go on straight beyond its held far end."""
     if shape.far_end is None or shape.rod is None:
@@ -260,26 +222,6 @@ def _straightening(shape):
     moment = (shape.rod.stiffnesses(s) * shape.rod.natural_strains(s))[0]
     moment[0] = 0.0  # its twist is free
     return shape.frames[-1] @ moment
-
-
-def waypoint_of(shape, center, s, normal):
-    """Return the Waypoint of a Shape carried so that it passes `center` at `s`: section 5.2.
-
-    Args:
-        normal: (3,) along which it should pass; None: along any
-    """
-    return waypoint_at(shape.moved(center - shape.frame_at(s)[1]), center, s, normal)
-
-
-def waypoint_at(shape, center, s, normal):
-    """Return the Waypoint of a Shape that should pass `center` at `s`, where it is."""
-    axes, position = shape.frame_at(s)
-    angle = 0.0
-    if normal is not None:
-        along = axes[:, 0] @ normal
-        angle = np.arctan2(np.linalg.norm(axes[:, 0] - along * normal), along)
-    return Waypoint(shape, float(angle), float(np.linalg.norm(position - center)),
-                    ((center, s, normal),))
 
 
 def build_plan(waypoints, depths, speeds, status, stops=()):

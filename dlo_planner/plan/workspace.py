@@ -28,7 +28,7 @@ class Workspace(Value):
 
     Attributes:
         lower, upper: (3,) m, opposite corners of the box, world axes; infinite: no limit
-        keep_out: Plane, Sphere, Capsule, Box, Sheet, in any number
+        keep_out: Plane, Sphere, Capsule, Cylinder, Box, Sheet, in any number
         gripper_radius: m, of the sphere about the gripper's origin that stands for the gripper
 
     Raises:

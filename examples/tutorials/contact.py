@@ -3,8 +3,8 @@
 # %%
 # # Contact
 #
-# Obstacles are arguments of the simulator: `Plane`, `Sphere`, `Capsule`, `Box`, and `Sheet`, a wall
-# with holes. All may have friction.
+# Obstacles are arguments of the simulator: `Plane`, `Sphere`, `Capsule`, `Cylinder`, `Box`, and
+# `Sheet`, a wall with holes. All may have friction.
 import numpy as np
 
 from dlo_planner import Capsule, DirectSimulator, InverseSimulator, Pose, Rod

@@ -40,7 +40,7 @@ from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks import threading_of
 from dlo_planner.model.value import put
-from dlo_planner.plan.plan import Waypoint
+from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.settings.tasks import read_task, task_from_yaml, task_to_yaml, write_task
 
 DEPTHS = (0.0, 0.1, 0.25)

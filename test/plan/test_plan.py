@@ -18,7 +18,8 @@ from dlo_planner import (
     Rod,
 )
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import concatenate, truncate, waypoint_at
+from dlo_planner.plan.plan import concatenate, truncate
+from dlo_planner.plan.waypoint import waypoint_at
 
 DIRECT = DirectSimulator(Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2),
                              radius=0.003), n_elements=24)

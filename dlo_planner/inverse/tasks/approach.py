@@ -53,5 +53,4 @@ class Approach(Task):
                 raise InvalidTask(f'{name} = {pose!r}: expected at most {farthest:g} m from the '
                                   f'cut-out, is {away:.3g} m')
         number('standoff', self.standoff, maximum=farthest)
-        return approach(context.without_obstacles, self.cutout, start, self.first, self.standoff,
-                        context.initial, context.demands)
+        return approach(context.without_obstacles, self, start, context.initial, context.demands)

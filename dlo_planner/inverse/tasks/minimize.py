@@ -12,7 +12,8 @@ from dlo_planner.inverse.task import Task
 from dlo_planner.model.checks import instance, integer
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
-from dlo_planner.plan.plan import Plan, Waypoint
+from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.waypoint import Waypoint
 
 
 @dataclass(frozen=True, eq=False, repr=False)

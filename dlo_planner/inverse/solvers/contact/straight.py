@@ -14,7 +14,7 @@ from dlo_planner.inverse.solvers.contact.touching import Contacting
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.continuity import apart
-from dlo_planner.plan.plan import waypoint_at
+from dlo_planner.plan.waypoint import waypoint_at
 
 _FOUND = 1e-6     # of the length: how exactly an arc length touches
 _HOP = 5e-3       # of the length: so far a contact may hop where it passes a node

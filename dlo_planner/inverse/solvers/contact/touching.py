@@ -17,7 +17,7 @@ from dlo_planner.inverse.solvers.contact.intervals import intervals
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.builder import PlanRequirements
 from dlo_planner.plan.continuity import apart
-from dlo_planner.plan.plan import waypoint_at
+from dlo_planner.plan.waypoint import waypoint_at
 
 LEAST, MOST = 1e-3, 30.0  # forces looked at, as parts of the natural ones
 _ELEMENTS = 64            # of the mesh on which a force is chosen

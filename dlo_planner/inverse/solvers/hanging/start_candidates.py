@@ -34,22 +34,22 @@ def start_candidates(simulator, cutout, start):
     system = discretization.system(upright)
 
     def end_rolled(angle):
-        """Return strains, gripper rotation, its reference and its roll against that, rad."""
+        """Return strains, gripper rotation, and the reference of its roll."""
         turn = Rotation.from_rotvec(angle * cutout.normal).as_matrix()
         strains, base = integrate_from_tip(system, turn @ wanted)
-        reference = least_turn(wanted[:, 0], base[:, 0]) @ wanted
-        across = reference.T @ base[:, 1]
-        return strains, base, reference, np.arctan2(across[2], across[1])
+        return strains, base, least_turn(wanted[:, 0], base[:, 0]) @ wanted
 
     def roll(angle):
-        return end_rolled(angle)[3]
+        _, base, reference = end_rolled(angle)
+        across = reference.T @ base[:, 1]
+        return np.arctan2(across[2], across[1])
 
     def turn_against_start(angle):
         return angle_between(end_rolled(angle)[1], wanted)
 
     if is_axisymmetric(simulator):
         # rolled about itself, the DLO carries the gripper along
-        strains, base, reference, _ = end_rolled(-roll(0.0))
+        strains, base, reference = end_rolled(-roll(0.0))
         yield _shape_at(discretization, strains, base), reference, 0.0
         return
     angles = np.linspace(-np.pi, np.pi, _ROLLS + 1)
@@ -57,10 +57,10 @@ def start_candidates(simulator, cutout, start):
     roots = [brentq(roll, angles[k], angles[k + 1], xtol=1e-12) for k in range(_ROLLS)
              if rolls[k] * rolls[k + 1] <= 0 and abs(rolls[k] - rolls[k + 1]) < np.pi]
     for root in sorted(roots, key=turn_against_start):
-        strains, base, reference, _ = end_rolled(root)
+        strains, base, reference = end_rolled(root)
         yield _shape_at(discretization, strains, base), reference, 0.0
     for angle in sorted(angles[:-1:2], key=turn_against_start):
-        strains, base, _, _ = end_rolled(angle)
+        strains, base, _ = end_rolled(angle)
         yield _shape_at(discretization, strains, base), base, 0.0
 
 

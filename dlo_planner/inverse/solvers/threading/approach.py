@@ -20,7 +20,7 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import apart, same
-from dlo_planner.plan.plan import Waypoint
+from dlo_planner.plan.waypoint import Waypoint
 
 _MARGIN = 0.02        # of the length
 _LONGEST = 0.1        # of the length, and
@@ -29,17 +29,17 @@ _SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way back that is safe in any cas
 _STRAIGHT = None      # instead of a way back: translation and rotation at once
 
 
-def approach(simulator, cutout, start, first, standoff, initial, brief):
-    """Return the Plan from `start` to the Shape `first` (where a threading begins).
+def approach(simulator, task, start, initial, brief):
+    """Return the Plan from `start` to the Shape `first` of an Approach, where a threading begins.
 
     Args:
         simulator: DirectSimulator
-        cutout: CutOut; start: Pose of the gripper
-        first: Shape where the threading begins
-        standoff: m, between the free end and the center where the last straight way begins
+        task: Approach: cutout, first, standoff
+        start: Pose of the gripper
         initial: Shape at `start`; None: the natural shape set down there
         brief: PlanRequirements
     """
+    cutout, first, standoff = task.cutout, task.first, task.standoff
     behind = float((cutout.center - start.position) @ cutout.normal)
     back = max(0.0, (1 + _MARGIN) * simulator.rod.length + brief.surface.bound - behind)
     quick = quick_simulator(simulator)

@@ -30,7 +30,7 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import gripper_motion, refusal_for_leap
-from dlo_planner.plan.plan import waypoint_at
+from dlo_planner.plan.waypoint import waypoint_at
 
 _ELEMENTS = 64
 _PACE = 0.1       # rad plus part of the length: a longer step is looked at, or made in parts

@@ -29,7 +29,8 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import largest_turn
-from dlo_planner.plan.plan import PlanStatus, truncate, waypoint_of
+from dlo_planner.plan.plan import PlanStatus, truncate
+from dlo_planner.plan.waypoint import waypoint_of
 
 _ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
 _DOUBTFUL = 0.05    # stability below which another roll is looked for

@@ -23,7 +23,7 @@ from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import largest_shift, largest_turn, refusal_for_leap
-from dlo_planner.plan.plan import waypoint_at
+from dlo_planner.plan.waypoint import waypoint_at
 from dlo_planner.ritz.rotation import turn_between
 
 _BLEND = 0.25         # of the length: from there on a cut-out ahead counts

@@ -27,7 +27,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.clearance import sheet_of
-from dlo_planner.plan.plan import waypoint_of
+from dlo_planner.plan.waypoint import waypoint_of
 
 _GUESSES = 9
 _DEMANDED = 4  # changes that are tried where a demand refuses them
