@@ -152,13 +152,15 @@ def _held():
     simulator, end = chebyshev(), held()
     moved = FarEnd(level(1.001, 0.802))
 
+    gripper = turned(0)
+
     def warm():
-        known = simulator.solve(turned(0), far_end=end)
-        return Work(lambda: simulator.solve(turned(0), known, far_end=moved))
+        known = simulator.solve(gripper, far_end=end)
+        return Work(lambda: simulator.solve(gripper, known, far_end=moved))
 
     yield row('far end held, step of 2 mm', warm, Goal(3, 'solves'))
     yield row('far end held, from the natural shape',
-              lambda: Work(lambda: simulator.solve(turned(0), far_end=end)), Goal(100, 'solves'))
+              lambda: Work(lambda: simulator.solve(gripper, far_end=end)), Goal(100, 'solves'))
 
 
 def _dynamic():
@@ -168,8 +170,8 @@ def _dynamic():
 
 
 def _accurate(rod):
-    simulator = DirectSimulator(rod, accuracy=1e-6)
-    return Work(lambda: simulator.solve(turned(0)))
+    simulator, gripper = DirectSimulator(rod, accuracy=1e-6), turned(0)
+    return Work(lambda: simulator.solve(gripper))
 
 
 def _many(n, count=500):
@@ -177,6 +179,12 @@ def _many(n, count=500):
     own = getattr(simulator, 'solve_many', None)
     solve = own or (lambda given: parallel.solve_many(simulator, given))
     return Work(lambda: solve(poses), count)
+
+
+def _many_rods(n, count=500):
+    simulator, poses = local(n), random_poses(count)
+    rods = [wire(1e-3 * (1 + 1e-4 * k)) for k in range(count)]
+    return Work(lambda: parallel.solve_many(simulator, poses, rods=rods), count)
 
 
 def _others():
@@ -188,6 +196,8 @@ def _others():
               floor='random')
     yield row('solve_many, a shape, 32 elements', lambda: _many(32), Goal(2.5e4, 'per s'),
               floor='random 32')
+    yield row('solve_many of many rods, a shape, 64 elements', lambda: _many_rods(64),
+              floor='random')
     yield Row('growth of a cold solve up to 4096 elements (exponent)', (Goal(1.05, ''),), growth,
               '', guarded=False)
     yield Row('first shape after the start of Python', (Goal(1.5, 's'),),

@@ -13,9 +13,9 @@ from dlo_planner.identify.correction import correct
 from dlo_planner.identify.fitting import fit_rod
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
-from dlo_planner.inverse.penalties import AwayFrom
+from dlo_planner.inverse.penalties import AwayFrom, Through
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.solvers.hanging import hanging_shapes
+from dlo_planner.inverse.solvers.hanging.sphere import hanging_shapes
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Plane, Sheet
 from dlo_planner.model.point_load import PointLoad
@@ -43,9 +43,12 @@ def shapes():
         assert shape.modes(2).error_estimate.max() < 1
         shape.at(0.5)
         Sensitivity(shape).moved([1e-3] * 6)
+        Sensitivity(shape).at(0.5)
+        Through((0.5, 0, -0.3)).residuals(shape)
         direct.simulate([_LEVEL, _LEVEL], 0.01)
         direct.track([_LEVEL, Pose((0, 0, 0), (0, 0, 0.5, 0.8))])
         assert solve_many(direct, [_LEVEL, _TILTED]).converged.all()
+        assert solve_many(direct, _LEVEL, rods=[_ROD, _ROD]).converged.all()
     turned = PointLoad(moment=(0.0, 0.0, 1e-3))
     assert DirectSimulator(_ROD, point_loads=[turned]).solve(_LEVEL).converged
 

@@ -26,6 +26,7 @@ from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.predicted_miss import PredictedMiss
 from dlo_planner.identify.stamped import gripper_at
 from dlo_planner.identify.steering import Steered
+from dlo_planner.inverse.keep_tangent import KeepTangent
 from dlo_planner.inverse.penalties import (
     AwayFrom,
     BentAtMost,
@@ -35,11 +36,21 @@ from dlo_planner.inverse.penalties import (
     Through,
 )
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.solvers.search import Found, minimize_penalty
+from dlo_planner.inverse.solvers.search import PenaltyResult, minimize_penalty
+from dlo_planner.inverse.tasks import (
+    Approach,
+    HoldContact,
+    Insert,
+    Minimize,
+    SlideContact,
+    Thread,
+    ThreadSequence,
+    ThreadTwo,
+)
 from dlo_planner.model.along import Piecewise
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.far_end import FarEnd
-from dlo_planner.model.obstacles import Box, Capsule, Plane, Sheet, Sphere
+from dlo_planner.model.obstacles import Box, Capsule, Cylinder, Plane, Sheet, Sphere
 from dlo_planner.model.plug import with_plug
 from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
@@ -49,19 +60,22 @@ from dlo_planner.parallel.mapping import solve_many
 from dlo_planner.parallel.shapes import Shapes
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
-from dlo_planner.plan.plan import Plan, PlanStatus, joined
+from dlo_planner.plan.plan import Plan, PlanStatus, concatenate
+from dlo_planner.plan.requirements import Requirements
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.verify.replay import Report, replay
 from dlo_planner.verify.robustness import Robustness, robustness
 from dlo_planner.verify.spread import Spread
 
-__all__ = ['AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact', 'Correction',
-           'CutOut', 'DeadlineExceeded', 'DirectSimulator', 'DirectionAt', 'DloPlannerError',
-           'Estimate', 'FarEnd', 'Fit', 'Found', 'GraspedInside', 'GripperNear', 'Infeasible',
-           'InvalidRod', 'InvalidTask', 'InverseSimulator', 'Limits', 'Modes', 'Motion',
-           'NotConverged', 'Observation', 'ObservedMotion', 'Observer', 'Phase', 'Piecewise',
-           'Plan', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'PredictedMiss',
-           'Report', 'Robustness', 'Rod', 'Section', 'Shape', 'Shapes', 'Sheet',
-           'Sphere', 'Spread', 'Steered', 'Through', 'Trajectory', 'Workspace', 'correct',
-           'fit_rod', 'gripper_at', 'joined', 'minimize_penalty', 'modes_along', 'replay',
+__all__ = ['Approach', 'AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact',
+           'Correction', 'CutOut', 'Cylinder', 'DeadlineExceeded', 'DirectSimulator',
+           'DirectionAt', 'DloPlannerError', 'Estimate', 'FarEnd', 'Fit', 'GraspedInside',
+           'GripperNear', 'HoldContact', 'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask',
+           'InverseSimulator', 'KeepTangent', 'Limits', 'Minimize', 'Modes', 'Motion',
+           'NotConverged', 'Observation', 'ObservedMotion', 'Observer', 'PenaltyResult', 'Phase',
+           'Piecewise', 'Plan', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt',
+           'PredictedMiss', 'Report', 'Requirements', 'Robustness', 'Rod', 'Section', 'Shape',
+           'Shapes', 'Sheet', 'SlideContact', 'Sphere', 'Spread', 'Steered', 'Thread',
+           'ThreadSequence', 'ThreadTwo', 'Through', 'Trajectory', 'Workspace', 'concatenate',
+           'correct', 'fit_rod', 'gripper_at', 'minimize_penalty', 'modes_along', 'replay',
            'robustness', 'solve_many', 'with_plug']

@@ -69,7 +69,7 @@ def main():
     direct = DirectSimulator(HOSE, obstacles=[sheet])
     inverse = InverseSimulator(direct, workspace=cell)
     plan = inverse.thread(HOLE, start=NOW, gripper_clearance=0.08)
-    way = inverse.start_phase(HOLE, plan, NOW)
+    way = inverse.approach(HOLE, plan, NOW)
     rim, before, behind = plan.clearances[:, 0].min(axis=0)
     print(f'{len(way)} poses to the hole, {len(plan)} through it; clearance at the rim '
           f'{1e3 * rim:.1f} mm, before the sheet {1e3 * before:.1f} mm, behind it '
@@ -81,8 +81,8 @@ def main():
     except Infeasible as error:
         print(f'with a higher post: {error} ({error.constraint}, {error.amount:.3f} m)')
     report = replay(direct, plan, limits=Limits(), tolerance=3e-3)
-    print(f'replayed: miss {report.miss:.0e} m; in {report.duration:.1f} s '
-          f'{1e3 * report.dynamic_miss:.2f} mm, {report.reason or "safe to be executed"}')
+    print(f'replayed: miss {report.position_error:.0e} m; in {report.duration:.1f} s '
+          f'{1e3 * report.max_tracking_error:.2f} mm, {report.reason or "safe to be executed"}')
     with ProcessPoolExecutor(2) as executor:
         spread = tolerance(direct, plan, SPREAD, samples=200, executor=executor)
     print(f'under the spreads, {spread.worst} hurts most; {100 * spread.success:.0f} % of the '

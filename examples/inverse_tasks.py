@@ -49,8 +49,8 @@ def main():
     first, second = (CutOut(Pose.looking_along(p, (1, 0, 0))) for p in ((0, 0, 1), (0.3, 0, 0.97)))
     two = InverseSimulator(free).thread_two(first, second)
     report = replay(free, two, limits=Limits(), tolerance=2e-3)
-    print(f'two cut-outs: {len(two)} poses, replayed miss {report.miss:.1e} m; in '
-          f'{report.duration:.1f} s {1e3 * report.dynamic_miss:.2f} mm, '
+    print(f'two cut-outs: {len(two)} poses, replayed miss {report.position_error:.1e} m; in '
+          f'{report.duration:.1f} s {1e3 * report.max_tracking_error:.2f} mm, '
           f'{report.reason or "safe to be executed"}')
     bar = Capsule((0.5, -0.5, 0.7), (0.5, 0.5, 0.7), 0.02)
     touching = InverseSimulator(DirectSimulator(wire, basis='local', obstacles=[bar]))
@@ -60,7 +60,7 @@ def main():
     print(f'contact held: {len(held)} of the possible gripper poses, force {forces[0]:.3f} to '
           f'{forces[-1]:.3f} N, stability {held.stability.min():.2f} at least')
     slid = touching.slide_contact(top, np.linspace(0.7, 0.3, 9))
-    print(f'contact slid: {len(slid)} poses, largest miss {slid.miss.max():.1e} m')
+    print(f'contact slid: {len(slid)} poses, largest miss {slid.position_error.max():.1e} m')
     figure, axes = plt.subplots(3, 1, figsize=(8, 10), layout='constrained')
     for axis, plan, every, title in (
             (axes[0], two, 3, 'Through two cut-outs'),

@@ -19,7 +19,7 @@ from dlo_planner import (  # noqa: E402
     Pose,
     Rod,
     Workspace,
-    joined,
+    concatenate,
 )
 from dlo_planner.view import view  # noqa: E402
 
@@ -35,7 +35,7 @@ def planned():
     inverse = InverseSimulator(DirectSimulator(HOSE, n_elements=48, n_terms=8),
                                workspace=Workspace(keep_out=[POST], gripper_radius=0.05))
     plan = inverse.thread(HOLE, start=NOW, depths=np.linspace(0, 0.7, 30))
-    return joined(inverse.start_phase(HOLE, plan, NOW, standoff=0.05), plan), inverse
+    return concatenate(inverse.approach(HOLE, plan, NOW, standoff=0.05), plan), inverse
 
 
 if __name__ == '__main__':

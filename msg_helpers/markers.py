@@ -11,7 +11,7 @@ from visualization_msgs.msg import MarkerArray
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.checks import instance, integer, items
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import Box, Capsule, Obstacle, Sphere
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Plane, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.view.dlo_items import (
@@ -25,6 +25,7 @@ from dlo_planner.view.scene_items import cutout_items, margin_items, obstacle_it
 from msg_helpers.marker_items import deleting_marker, markers_from_items
 
 _MOST = 10_000  # markers
+SOLID = tuple(one for one in OBSTACLES if one not in (Plane, Sheet))
 _COMMAND = 0.1  # m, axes of the command: longer than those of the gripper
 
 
@@ -160,12 +161,12 @@ def estimate_markers(shape: Shape, radius: float | None, points: ArrayLike, fram
 
 def obstacle_markers(obstacles: Iterable[Obstacle], before: int, frame_id: str,
                      stamp: Time) -> MarkerArray:
-    """Return MarkerArray: obstacles (Box, Sphere, Capsule), half transparent.
+    """Return MarkerArray: obstacles that are solid bodies, half transparent.
 
     Parameters
     ----------
     obstacles : Iterable
-        Boxes, Spheres, Capsules.
+        Obstacles of `model.obstacles`, but no Plane and no Sheet.
     before : int
         How many have been shown before, so that those too many disappear.
     frame_id : str
@@ -173,7 +174,7 @@ def obstacle_markers(obstacles: Iterable[Obstacle], before: int, frame_id: str,
     stamp : Time
         builtin_interfaces/Time.
     """
-    obstacles = items('obstacles', obstacles, (Box, Sphere, Capsule))
+    obstacles = items('obstacles', obstacles, SOLID)
     before = integer('before', before, minimum=0, maximum=_MOST)
     instance('stamp', stamp, Time)
     bodies = [item for item in obstacle_items(obstacles) if item.group == 'obstacle']

@@ -14,7 +14,7 @@ from dlo_planner.plan.motion.leg_tasks import leg_tasks
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.periods import slowest_period
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import joined
+from dlo_planner.plan.plan import concatenate
 
 CONFIG = Path(__file__).parent.parent / 'config'
 
@@ -55,7 +55,7 @@ def cell(name):
     hole = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=radius)
     plan = inverse.thread(hole, depths=np.linspace(0, 0.95 * length, 40))
     begin = Pose((-1.3 * length, 0.3 * length, 1 + 0.1 * length), (0, 0, 0, 1))
-    return direct, joined(inverse.start_phase(hole, plan, begin, standoff=0.1 * length), plan)
+    return direct, concatenate(inverse.approach(hole, plan, begin, standoff=0.1 * length), plan)
 
 
 @cache

@@ -126,7 +126,7 @@ def threaded(seed, plan, observer, looks=30, again=15, **errors):
     """
     rng = np.random.default_rng(seed)
     truth = Truth.drawn(rng, **errors)
-    passing, gripper = plan.passes[0][0], plan.grippers[0]
+    passing, gripper = plan.via_points[0][0], plan.grippers[0]
     misses, surprises, bounds = [truth.miss(passing, gripper)], [], []
     estimate = None
     for count in (looks, again):

@@ -23,7 +23,8 @@ from dlo_planner import DloPlannerError, InvalidRod, InvalidTask, Pose, parallel
 
 SECONDS = 5  # a call that takes longer hangs
 # not known until they are asked for or looked at, or until there are samples: see their docstrings
-MAY_BE_NAN = {'miss', 'misalignment', 'clearance', 'deviation', 'dynamic_miss', 'swing', 'arrival',
+MAY_BE_NAN = {'position_error', 'misalignment', 'clearance', 'deviation', 'max_tracking_error',
+              'swing', 'arrival',
               'departure', 'dynamic_clearance', 'dynamic_contact_force', 'duration', 'step',
               'workspace_margin', 'mode_margin', 'tolerance', 'success', 'noise', '_estimate',
               'misfit', 'outliers'}

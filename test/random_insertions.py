@@ -74,7 +74,7 @@ def outcome(rod, bore, how):
     if leaps(inverse, bore, plan, depths):
         return f'leaps: {steps(plan).max():.3g}', seconds
     report = replay(direct, plan)
-    if not report.converged or report.miss > 1e-5 or report.misalignment > 1e-5:
+    if not report.converged or report.position_error > 1e-5 or report.misalignment > 1e-5:
         return f'not replayed: {report}', seconds
     return 'inserted', seconds
 

@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from dlo_planner import DirectSimulator, Spread, Trajectory, joined, robustness
+from dlo_planner import DirectSimulator, Spread, Trajectory, concatenate, robustness
 from dlo_planner.cell.drivers import OpenLoop, sampled, ways
 from dlo_planner.cell.run import run
 from dlo_planner.cell.tasks import draw_task
@@ -53,7 +53,7 @@ def main(count, radii):
     for radius in radii:
         task = draw_task(TASK, 'wire 1.5', 1e-3 * radius)
         start, through = ways(task)
-        motion = Trajectory(joined(start, through))
+        motion = Trajectory(concatenate(start, through))
         spread = wider(SPREAD, radius / RADIUS)
         predicted = robustness(DirectSimulator(task.rod), through, spread, samples=SAMPLES, seed=1)
         driver = OpenLoop(partial(_known, sampled(motion)))
@@ -62,7 +62,7 @@ def main(count, radii):
         passed = sum(one.threaded and not one.touched for one in outcomes)
         low, high = interval(passed, count)
         print(f'radius {radius:g} mm: predicted {predicted.success:.3f} (the motion misses by '
-              f'{1e3 * motion.motion.miss:.2f} mm); in the cell {passed} of {count}, '
+              f'{1e3 * motion.motion.position_error:.2f} mm); in the cell {passed} of {count}, '
               f'{passed / count:.3f} ({low:.3f} to {high:.3f} with 95 %), '
               f'{motion.duration:.1f} s each', flush=True)
 

@@ -13,19 +13,25 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner import (
+    Approach,
     AwayFrom,
     BentAtMost,
     Box,
     Capsule,
     ClosedLoop,
     CutOut,
+    Cylinder,
     DirectionAt,
     DirectSimulator,
     FarEnd,
     GraspedInside,
     GripperNear,
+    HoldContact,
+    Insert,
     InverseSimulator,
+    KeepTangent,
     Limits,
+    Minimize,
     Observation,
     ObservedMotion,
     Observer,
@@ -35,12 +41,17 @@ from dlo_planner import (
     PointLoad,
     Pose,
     PositionAt,
+    Requirements,
     Rod,
     Section,
     Sheet,
+    SlideContact,
     Sphere,
     Spread,
     Steered,
+    Thread,
+    ThreadSequence,
+    ThreadTwo,
     Through,
     Trajectory,
     Workspace,
@@ -53,11 +64,13 @@ from dlo_planner import (
 )
 from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.inverse.context import PlanContext
 from dlo_planner.parallel import CellGrid, capability_map
 from msg_helpers.clouds import cloud_msg
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 DEPTHS = (0.0, 0.2)
+FAR = CutOut(Pose.looking_along((0.6, 0, 1), (1, 0, 0)), radius=0.2)
 
 
 @cache
@@ -78,14 +91,16 @@ def values():
     examples = [
         LEVEL, wire, hole, floor, simulator, shape, inverse, plan, grasped,
         touching.track([LEVEL])[0].contacts[0], Section.of('round', 0.01, 0.01, 1e9, 0.3),
-        Sphere((1, 0, 0), 0.1), Capsule((1, 0, 0), (2, 0, 0), 0.1), Box(LEVEL, (1, 2, 3)),
+        Sphere((1, 0, 0), 0.1), Capsule((1, 0, 0), (2, 0, 0), 0.1),
+        Cylinder((1, 0, 0), (2, 0, 0), 0.1), Box(LEVEL, (1, 2, 3)),
         PointLoad((0.0, 0.0, -1.0)), Piecewise(np.cos, (0.5,)),
         Sheet.around(hole, 1.0, 1.0), FarEnd(LEVEL), simulator.simulate([LEVEL] * 3, 0.01),
         replay(simulator, plan), Limits(), Workspace((-9, -9, -9), keep_out=[floor]),
         shape.modes(2), solve_many(touching, [LEVEL]),
         Spread(length=0.01), robustness(simulator, plan, Spread(length=0.01), samples=2),
         PositionAt(0.5, (0.4, 0, 1)), DirectionAt(0.5, (1, 0, 0)), GripperNear(LEVEL),
-        Through((0.4, 0, 1)), AwayFrom((floor,), 0.1), BentAtMost(1.0),
+        KeepTangent(0.0, 0.5, (1, 0, 0)), Through((0.4, 0, 1)), AwayFrom((floor,), 0.1),
+        BentAtMost(1.0),
         Observation(LEVEL, shape.positions[1:], shape.s[1:]), Trajectory(plan),
         ObservedMotion([LEVEL] * 3, 0.01, [0.0, 0.02], np.ones((2, 1, 3)), [1.0]),
         minimize_penalty(simulator, PositionAt(1.0, (0.9, 0, 0.9)), LEVEL)]
@@ -93,6 +108,11 @@ def values():
     examples.append(fit_rod(wire, [seen], n_elements=8, n_terms=4))
     observer = Observer(simulator, Spread(0.05, gripper_position=1e-3), cutout=1e-3)
     estimate = observer.update(observer.begin(), seen)
+    contact = Pose((0.5, 0, 0.9), (0, 0, 0, 1))
+    examples += [Thread(hole, DEPTHS), ThreadTwo(hole, FAR, DEPTHS), Insert(hole, DEPTHS),
+                 ThreadSequence((hole, FAR), depths=DEPTHS), Approach(hole, plan.shapes[0]),
+                 HoldContact(contact, 0.5), SlideContact(contact, [0.5]), Requirements(),
+                 Minimize(PositionAt(1.0, (0.9, 0, 0.9)))]
     examples += [observer, estimate, estimate.miss(plan), correct(estimate, plan), ClosedLoop(0.01),
                  Steered(Trajectory(plan, tolerance=np.inf), [1.0, 0.5, 0.1])]
     return {type(one).__name__: one for one in examples} | {
@@ -121,7 +141,7 @@ def arguments():
         'rotation': np.eye(3), 'matrix': np.eye(4), 'direction': (1.0, 0.0, 0.0), 'other': LEVEL,
         'value': LEVEL, 'point': (0.0, 0.0, 0.0), 'normal': (0.0, 0.0, 1.0), 'center': (0, 0, 0),
         'radius': 0.01, 'start': LEVEL, 'end': (0.0, 0.0, 0.0), 'size': (1.0, 1.0, 1.0),
-        'Capsule.start': (1.0, 0.0, 0.0), 'cutout': hole,
+        'Capsule.start': (1.0, 0.0, 0.0), 'Cylinder.start': (1.0, 0.0, 0.0), 'cutout': hole,
         # simulators
         'at': 0.4, 'gripper': LEVEL, 'grippers': [LEVEL, LEVEL], 'dt': 0.01, 'shape': shape,
         's': 0.5, 'Plan.at_arc_length.s': 0.9,
@@ -135,13 +155,14 @@ def arguments():
         'Workspace.first_beyond.path': known['Trajectory'].path,
         'Shape.load.path': 'saved.npz', 'Plan.load.path': 'plan.npz',
         'Motion.load.path': 'motion.npz',
-        'InverseSimulator.start_phase.start': Pose.looking_along((-1.2, 0, 1), (1, 0, 0)),
+        'InverseSimulator.approach.start': Pose.looking_along((-1.2, 0, 1), (1, 0, 0)),
         'displacement': (0.1, 0.0, 0.0), 'simulator': simulator, 'initial': None,
         'Observation.s': None, 'CutOut.radius': None, 'Sheet.cutouts': (),
         'Sheet.around.width': 1.0, 'Sheet.around.height': 1.0,
         # contacts and motions
         'obstacle': 0, 'force': 1.0, 'friction': (0.0, 0.0, 0.0), 'penetration': 0.0,
         'Plane.friction': 0.0, 'Sphere.friction': 0.0, 'Capsule.friction': 0.0,
+        'Cylinder.friction': 0.0,
         'Box.friction': 0.0, 'Sheet.friction': 0.0, 'Sheet.around.friction': 0.0,
         'times': np.zeros(1), 'shapes': [shape], 'velocities': np.zeros((1, 9, 3)),
         'kinetic_energy': np.zeros(1), 'potential_energy': np.zeros(1), 'work': np.zeros(1),
@@ -150,19 +171,20 @@ def arguments():
         'Motion.status': 'complete', 'integrator': 'paper',
         # tasks
         'bore': hole, 'cutouts': [hole],
-        'second': CutOut(Pose.looking_along((0.6, 0, 1), (1, 0, 0)), radius=0.2),
-        'plan': known['Plan'], 'joined.one': known['Plan'],
-        'joined.other': _back(known['Plan']), 'depths': DEPTHS,
+        'second': FAR, **_of_tasks(known),
+        'plan': known['Plan'], 'concatenate.one': known['Plan'],
+        'concatenate.other': _back(known['Plan']), 'depths': DEPTHS,
         'contact': Pose((0.5, 0, 0.9), (0, 0, 0, 1)),
         'way': 'straight',
         'lengths': [0.5], 'forces': [1.0], 'deadline': 2.0, 'penalties': known['PositionAt'],
         'target': (0.4, 0.0, 1.0), 'obstacles': (known['Sphere'],), 'distance': 0.1,
         'curvature': 1.0, 'sensitivity': Sensitivity(shape), 'max_iterations': 5,
         'DirectSimulator.obstacles': (), 'GraspedInside.obstacles': (), 'fit_rod.obstacles': (),
-        'before': None, 'misalignment': np.zeros(1), 'miss': np.zeros(1), 'passes': [()],
+        'before': None, 'misalignment': np.zeros(1), 'Plan.position_error': np.zeros(1),
+        'via_points': [()],
         'clearances': np.zeros((1, 0, 3)), 'sheets': (), 'fraction': 1.0,
         'status': PlanStatus.COMPLETE, 'Plan.depths': np.zeros(1), 'Plan.grippers': [LEVEL],
-        'bend_margin': 1.0, 'contact_force': 0.0, 'clearance': 0.1, 'Report.miss': 0.0,
+        'bend_margin': 1.0, 'contact_force': 0.0, 'clearance': 0.1, 'Report.position_error': 0.0,
         'Report.misalignment': 0.0, 'spread': known['Spread'], 'causes': ('length',),
         'by_cause': np.zeros((1, 1)), 'first_order': np.zeros(1), 'sampled': np.zeros((0, 1)),
         'success': 1.0, 'part': 0.5, 'penalty': 0.0, 'slope': 0.0, 'points': np.ones((2, 3)),
@@ -172,6 +194,7 @@ def arguments():
         'keep_out': (), 'Spread.length': 0.01, 'limits': None, 'samples': 0,
         # many at once
         'parallel.map.work': [LEVEL, LEVEL], 'executor': None, 'chunk': 2,
+        'rods': [wire, wire],
         'tasks': 2,
         'Shapes.of.shapes': [shape],
         'Shapes.of.s': [0.0, 0.5, 1.0], 'Shapes.joined.parts': [known['Shapes']], 'parts': None,
@@ -228,6 +251,23 @@ def arguments():
     }
 
 
+def _of_tasks(known):
+    """Return examples of arguments of tasks."""
+    back = Pose((-1.2, 0, 1), (0, 0, 0, 1))
+    over_bar = known['InverseSimulator.hold_contact'].simulator
+    free, touching = (PlanContext(one, one, start, touching=start is LEVEL)
+                      for one, start in ((known['DirectSimulator'], back), (over_bar, LEVEL)))
+    names = ('Thread', 'ThreadTwo', 'ThreadSequence', 'Insert', 'Approach', 'Minimize',
+             'HoldContact', 'SlideContact')
+    return {
+        'KeepTangent.begin': 0.0, 'KeepTangent.end': 0.5, 'ThreadTwo.first': known['CutOut'],
+        'Approach.first': known['Shape'], 'context': free,
+        'HoldContact.solve.context': touching, 'SlideContact.solve.context': touching,
+        'task': known['Thread'], 'requirements': None, 'allow_plastic': True,
+        'Requirements.limits': Limits(), 'workspace': None,
+        **{f'{name}.from_dict.content': known[name].to_dict() for name in names}}
+
+
 def _stamped():
     stamped = PoseStamped()
     stamped.header.frame_id = 'world'
@@ -242,5 +282,6 @@ def _capability(inverse):
 def _back(plan):
     """Return a Plan that goes back on the way of another."""
     turned = {name: getattr(plan, name)[::-1] for name in (
-        'depths', 'grippers', 'shapes', 'misalignment', 'miss', 'passes', 'clearances')}
+        'depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'via_points',
+        'clearances')}
     return replace(plan, **turned)

@@ -7,6 +7,7 @@ import os
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +25,11 @@ from dlo_planner import (
     Rod,
     Sheet,
     Spread,
+    Through,
     Workspace,
     correct,
     fit_rod,
+    solve_many,
 )
 from dlo_planner.direct.sensitivity import Sensitivity, _strains_by, gripper_answers
 from dlo_planner.energy.distance import signed_distance
@@ -36,10 +39,12 @@ from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.rolling import nearest_inside
 from dlo_planner.identify import looking, response
 from dlo_planner.identify.misfit import nearest
-from dlo_planner.inverse.solvers.aligned import aligned_newton
-from dlo_planner.inverse.solvers.marching import march_from_end
+from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
+from dlo_planner.inverse.solvers.points.aligned import aligned_newton
+from dlo_planner.inverse.solvers.points.coupled import aligned_hanging, two_points_hanging
 from dlo_planner.minimize.contact_forces import add_sliding, move_multipliers
 from dlo_planner.minimize.friction import with_friction
+from dlo_planner.minimize.hanging_rods import hang_rods
 from dlo_planner.minimize.held import descend_held, led
 from dlo_planner.minimize.newton import descend, gradient_noise
 from dlo_planner.minimize.touching import touching, truth
@@ -47,13 +52,15 @@ from dlo_planner.minimize.watching import watching
 from dlo_planner.plan import between, workspace
 from dlo_planner.plan.motion.oscillators import vibrated
 from dlo_planner.ritz.kinematics import point_inside
+from dlo_planner.ritz.nearest_place import nearest_place
 
-KERNELS = [descend, unknowns_of, aligned_newton, march_from_end, point_inside, passes_through,
+KERNELS = [descend, unknowns_of, aligned_newton, integrate_from_tip, point_inside, passes_through,
            evaluate, nearest_inside, nearest, signed_distance, settled, watching,
            with_friction, descend_held, led, gradient_noise, touching, truth, move_multipliers,
            add_sliding, gripper_answers, between._element_rooms,
            between._distances, workspace._distances, _strains_by, response._moved,
-           looking._points_at, vibrated]
+           looking._points_at, vibrated, nearest_place, aligned_hanging, two_points_hanging,
+           hang_rods]
 
 
 def use_everything():
@@ -74,12 +81,20 @@ def use_everything():
         direct.solve(start, again)
         direct.solve(start, shape.resample(20)).moved((1, 0, 0)).at(0.5)
         PositionAt(0.5, (0, 0, 0)).slopes(shape, Sensitivity(shape))
+        for one in (shape, again, shape.resample(20), shape.moved((1, 0, 0))):
+            Through([0.5, 0, -0.3], 0).passage(one)
+        for others in ([rod, rod], [rod, replace(rod, length=0.9)]):
+            one, _ = solve_many(direct, start, rods=others)
+            Through((0.5, 0, -0.3), 0.1).passage(one)
         Sensitivity(shape).moved(np.full(6, 1e-3)).at(0.5)
         assert shape.modes(2).error_estimate.max() < 1
         for first in (None, start):
             InverseSimulator(direct).thread(goal, start=first, depths=[0, 0.5])
         fit_rod(rod, [Observation(start, shape.positions[::9])], **options)
     plan = InverseSimulator(DirectSimulator(rod)).thread(goal, depths=[0, 0.5])
+    for options in ({}, {'accuracy': 1e-4}):
+        InverseSimulator(DirectSimulator(rod, **options)).thread_two(
+            goal, CutOut(Pose.looking_along((0.3, 0, 0.97), (1, 0, 0))), depths=[0, 0.2, 0.4])
     spread = Spread(0.05, 0.05, 0.05, 1e-3, 0.05, 1e-3, 1e-3, 0.05)
     for options in ({}, {'basis': 'local', 'n_elements': 48}):
         observer = Observer(DirectSimulator(rod, **options), spread, bias=1e-3)
@@ -102,7 +117,7 @@ def use_everything():
     Sensitivity(held)
     cell = Workspace(keep_out=[Plane((0, 0, -9), (0, 0, 1))])
     for gripper in (start, Pose.from_matrix(start.matrix)):
-        cell.least_room(gripper)
+        cell.min_margin(gripper)
     for simulator in (DirectSimulator(touching), direct):
         InverseSimulator(simulator, workspace=cell).thread(
             CutOut(Pose.looking_along((9, 0, 1), (1, 0, 0)), radius=0.2), depths=[0, 0.5])

@@ -72,7 +72,7 @@ def check_shapes_and_plans(names):
             assert value.fraction == 1 and value.stability.min() > 0, name
             # a contact rolls on its bar by what the mesh leaves open
             most = 1e-4 if value.shapes[0].contacts else 1e-6
-            assert value.miss.max() < most and value.misalignment.max() < most, name
+            assert value.position_error.max() < most and value.misalignment.max() < most, name
         elif isinstance(value, Motion):
             assert value.converged, name
         else:

@@ -189,7 +189,7 @@ def brought_there(units):
     inverse = InverseSimulator(units.simulator())
     hole = units.hole((1, 0.2, 0.8), (1, 0.3, 0), 0.05)
     plan = inverse.thread(hole, depths=[0.0])
-    return units.of_plan(inverse.start_phase(hole, plan, units.pose((-0.4, 0, 1)),
+    return units.of_plan(inverse.approach(hole, plan, units.pose((-0.4, 0, 1)),
                                              standoff=0.05 * units.length))
 
 
@@ -257,7 +257,8 @@ def moved_and_proved(units):
     report = replay(inverse.simulator, plan)
     return [np.array([pose.position for pose in poses]) / units.length,
             np.array([way.duration]) / units.time, off.by_cause / units.length,
-            off.sampled / units.length, np.array([report.miss, report.clearance]) / units.length]
+            off.sampled / units.length, np.array([report.position_error,
+                                                  report.clearance]) / units.length]
 
 
 TASKS = [solved, turned_over, on_a_bar, rubbing, in_a_sheet, held, set_for_good, in_motion,

@@ -47,7 +47,7 @@ def main(folder):
         apart = np.linalg.norm(way - other, axis=1)
         curve = first.positions_at(np.linspace(0, 1, 4001))
         off = max(np.linalg.norm(curve - at, axis=1).min() for at in other)
-        found[name] = {'miss': float(plan.miss.max()), 'first': float(apart[0]),
+        found[name] = {'miss': float(plan.position_error.max()), 'first': float(apart[0]),
                        'apart': float(apart.max()), 'curve': float(off)}
         lines.append([name, f'{found[name]["miss"]:.1e}', f'{apart[0]:.1e}', f'{apart.max():.3f}',
                       f'{off:.1e}'])

@@ -20,13 +20,13 @@ def main(folder):
     for x, _, z in PLACES:
         for sign in (-1, 1):
             axis.plot([x, x], [z + 0.015 * sign, z + 0.12 * sign], color='0.4', lw=3)
-    through = sum(len(passes) == 2 for passes in plan.passes)
+    through = sum(len(passes) == 2 for passes in plan.via_points)
     save(figure, folder, 'fig14', 'Fig. 14: threading through two cut-outs, copper wire, '
          'd = 1.5 mm, L = 1 m', ['what', 'found'],
          [['waypoints', str(len(plan))], ['of these, in both cut-outs', str(through)],
-          ['largest miss of a center [m]', f'{plan.miss.max():.1e}'],
+          ['largest miss of a center [m]', f'{plan.position_error.max():.1e}'],
           ['least stability', f'{plan.stability.min():.3f}']],
-         {'waypoints': len(plan), 'through': through, 'miss': float(plan.miss.max()),
+         {'waypoints': len(plan), 'through': through, 'miss': float(plan.position_error.max()),
           'stability': float(plan.stability.min())})
 
 

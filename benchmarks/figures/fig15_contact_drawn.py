@@ -41,7 +41,7 @@ def main(folder):
         turned = [np.degrees(np.arccos(np.clip(
             one.rotation[:, 0] @ plan.grippers[0].rotation[:, 0], -1, 1))) for one in plan.grippers]
         found[way] = {'drift': float(np.degrees(plan.misalignment.max())),
-                      'miss': float(plan.miss.max()), 'turned': float(max(turned))}
+                      'miss': float(plan.position_error.max()), 'turned': float(max(turned))}
     save(figure, folder, 'fig15', 'Fig. 15: length between gripper and contact from 0.7 to '
          '0.3 m, copper wire, d = 1.5 mm, L = 1 m',
          ['way', 'direction there drifts by [deg]', 'place drifts by [m]',

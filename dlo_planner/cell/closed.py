@@ -29,7 +29,7 @@ from dlo_planner.identify.steering import Steered
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
-from dlo_planner.plan.plan import PlanStatus, first_part, joined
+from dlo_planner.plan.plan import PlanStatus, concatenate, truncate
 from dlo_planner.verify.spread import Spread
 
 _STAMPS = 0.1       # s after an arrival whose images are left out: their stamps may be wrong
@@ -163,7 +163,7 @@ class _Looking:
         """Plan the motion to the standoff and begin it."""
         here = self._estimated()
         way, _ = ways(here, _STANDOFF * here.rod.length)
-        there = first_part(way, way.stops[0] + 1, PlanStatus.COMPLETE)
+        there = truncate(way, way.stops[0] + 1, PlanStatus.COMPLETE)
         tolerance = max(_LEAST_TOLERANCE, _FOR_MOTION * self._task.room)
         self._go(Trajectory(there, self._driver.limits, tolerance=tolerance), there.shapes[-1],
                  time)
@@ -171,12 +171,12 @@ class _Looking:
     def _aim(self) -> float:
         """Plan the way from the standoff to the depth; return the 95 % bound of its miss, m."""
         way, through = ways(self._estimated(), 0.0)
-        self._plan = joined(replace(way, stops=()), through)
+        self._plan = concatenate(replace(way, stops=()), through)
         stated, estimate = self._task.cutout.center, self._estimate
         self._commanded = replace(
             through, grippers=tuple(estimate.commanded(pose) for pose in through.grippers),
-            passes=tuple(tuple((stated, s, normal) for _, s, normal in passes)
-                         for passes in through.passes))
+            via_points=tuple(tuple((stated, s, normal) for _, s, normal in passes)
+                         for passes in through.via_points))
         looked_at = np.unique(np.linspace(0, len(through) - 1, _WAYPOINTS).astype(int))
         return float(estimate.miss(self._commanded, looked_at).bound.max())
 
@@ -184,7 +184,8 @@ class _Looking:
         room = self._task.room
         tolerance = max(_FOR_MOTION * room, 0.5 * (room - bound))
         trajectory = Trajectory(self._plan, self._driver.limits, tolerance=tolerance)
-        self.promised = (np.nan if trajectory.motion is None else trajectory.motion.miss) + bound
+        moves = np.nan if trajectory.motion is None else trajectory.motion.position_error
+        self.promised = moves + bound
         self._go(trajectory, self._plan.shapes[-1], time)
 
     def _estimated(self) -> Task:

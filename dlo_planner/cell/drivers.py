@@ -22,7 +22,7 @@ from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
-from dlo_planner.plan.plan import Plan, joined
+from dlo_planner.plan.plan import Plan, concatenate
 
 Command = Callable[[Sequence[Image], float], Pose | None]
 Driver = Callable[[Task], Command]
@@ -52,7 +52,7 @@ class _Replayed:
     def __init__(self, motion: Trajectory | Sequence[Pose]) -> None:
         self.promised = np.nan
         if isinstance(motion, Trajectory):
-            self.promised = motion.motion.miss if motion.motion else np.nan
+            self.promised = motion.motion.position_error if motion.motion else np.nan
             motion = sampled(motion)
         self._poses = iter(motion)
 
@@ -74,7 +74,7 @@ def planned(task: Task, limits: Limits | None = None) -> Trajectory:
     Infeasible
         There is no plan, or no calm motion.
     """
-    return Trajectory(joined(*ways(task)), limits)
+    return Trajectory(concatenate(*ways(task)), limits)
 
 
 def ways(task: Task, standoff: float = _STANDOFF) -> tuple[Plan, Plan]:
@@ -84,7 +84,7 @@ def ways(task: Task, standoff: float = _STANDOFF) -> tuple[Plan, Plan]:
     ----------
     task : Task
     standoff : float, optional
-        Distance of the free end from the hole between both, m, see `InverseSimulator.start_phase`.
+        Distance of the free end from the hole between both, m, see `InverseSimulator.approach`.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def ways(task: Task, standoff: float = _STANDOFF) -> tuple[Plan, Plan]:
     inverse = InverseSimulator(DirectSimulator(task.rod, obstacles=[task.sheet]))
     depths = np.linspace(0, task.depth, _WAYPOINTS)
     through = inverse.thread(task.cutout, start=task.start, depths=depths)
-    return inverse.start_phase(task.cutout, through, task.start, standoff=standoff), through
+    return inverse.approach(task.cutout, through, task.start, standoff=standoff), through
 
 
 def sampled(trajectory: Trajectory) -> list[Pose]:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sheets and obstacles as bodies of the physics engine."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,7 +11,7 @@ from dlo_planner.cell.chain import DLO, SCENE
 from dlo_planner.cell.engine import mujoco
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.obstacles import Box, Capsule, Obstacle, Plane, Sheet, Sphere
+from dlo_planner.model.obstacles import OBSTACLES, Capsule, Obstacle, Plane, Sheet
 
 _SIDES = 24         # of the polygon around a round hole, which is up to 0.9 % wider than the hole
 _THINNEST = 1e-3    # m: a thinner sheet could be tunnelled through
@@ -20,8 +20,7 @@ _HALF_PLANE = 10.0  # m
 Part = tuple[str, Sequence[float] | Floats, Floats, Floats]  # kind, size, center, rotation
 
 
-def add_obstacle(spec: mujoco.MjSpec, obstacle: Plane | Sphere | Capsule | Box | Sheet,
-                 number: int) -> None:
+def add_obstacle(spec: mujoco.MjSpec, obstacle: Obstacle, number: int) -> None:
     """Add an obstacle to an MjSpec; the names of its geoms are 'number/part'.
 
     Raises
@@ -41,18 +40,24 @@ def _parts(obstacle: Obstacle) -> list[Part]:
     """Return [(kind, size (3,), center (3,), rotation (3, 3))] of an obstacle."""
     if isinstance(obstacle, Plane):
         return [('PLANE', (_HALF_PLANE, _HALF_PLANE, 1), obstacle.point, _z_along(obstacle.normal))]
-    if isinstance(obstacle, Sphere):
-        return [('SPHERE', (obstacle.radius, 0, 0), obstacle.center, np.eye(3))]
     if isinstance(obstacle, Capsule):
         axis = obstacle.end - obstacle.start
         return [('CAPSULE', (obstacle.radius, 0.5 * float(np.linalg.norm(axis)), 0),
                  0.5 * (obstacle.start + obstacle.end), _z_along(axis))]
-    if isinstance(obstacle, Box):
-        return [('BOX', 0.5 * obstacle.size, obstacle.pose.position, np.array(
-            obstacle.pose.rotation))]
     if isinstance(obstacle, Sheet):
         return _around_hole(obstacle)
-    raise InvalidTask(f'obstacles: expected Plane, Sphere, Capsule, Box, Sheet, got {obstacle!r}')
+    if not isinstance(obstacle, OBSTACLES):
+        raise InvalidTask(f'obstacles: expected {", ".join(one.__name__ for one in OBSTACLES)}, '
+                          f'got {obstacle!r}')
+    return [(*_GEOMS[solid.kind](*solid.size), solid.pose.position, np.array(solid.pose.rotation))
+            for solid in obstacle.solids]
+
+
+# kind of a Solid -> its name in MuJoCo, and its size there
+_GEOMS: dict[str, Callable[[float, float, float], tuple[str, Sequence[float]]]] = {
+    'box': lambda x, y, z: ('BOX', (0.5 * x, 0.5 * y, 0.5 * z)),
+    'ball': lambda x, y, z: ('SPHERE', (0.5 * x, 0, 0)),
+    'cylinder': lambda x, y, z: ('CYLINDER', (0.5 * x, 0.5 * z, 0))}
 
 
 def _around_hole(sheet: Sheet) -> list[Part]:

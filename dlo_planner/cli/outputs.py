@@ -117,6 +117,7 @@ def _table(value: Drawable) -> tuple[tuple[str, ...], Sequence[Sequence[object]]
         poses = [[*pose.position, *pose.quaternion] for pose in value.grippers]
         return (('time', 'depth', *'xyz', 'qx', 'qy', 'qz', 'qw', 'miss', 'misalignment',
                  'clearance', 'stability', 'residual'),
-                np.column_stack([value.times, value.depths, poses, value.miss, value.misalignment,
+                np.column_stack([value.times, value.depths, poses, value.position_error,
+                                 value.misalignment,
                                  value.clearance, value.stability, value.residual]).tolist())
     return ('quantity', 'value', 'unit'), rows_of(value)

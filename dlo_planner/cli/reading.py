@@ -4,6 +4,7 @@
 
 import csv
 from collections.abc import Callable, Sequence
+from dataclasses import MISSING, Field, fields
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.identify.observation import Observation
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import row, shown
-from dlo_planner.model.obstacles import Box, Capsule, Plane, Sphere
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.settings.yaml_files import load_yaml
 
@@ -68,7 +69,7 @@ def read_poses(path: Path) -> list[Pose]:
     return [pose_of(f'{path}[{k}]', one) for k, one in enumerate(content)]
 
 
-def read_obstacles(path: Path) -> tuple[Box | Capsule | Plane | Sphere, ...]:
+def read_obstacles(path: Path) -> tuple[Obstacle, ...]:
     """Return the obstacles of a YAML file.
 
     Raises
@@ -140,27 +141,32 @@ def _table(path: Path) -> Floats:
     return np.array(rows)
 
 
-def _obstacle(name: str, content: object) -> Box | Capsule | Plane | Sphere:
+def _obstacle(name: str, content: object) -> Obstacle:
     if not isinstance(content, dict) or len(content) != 1:
         raise InvalidTask(f'{name} = {shown(content)}: expected one of {", ".join(_KINDS)}')
     kind, said = next(iter(content.items()))
     if kind not in _KINDS or not isinstance(said, dict):
         raise InvalidTask(f'{name}: expected one of {", ".join(_KINDS)}, with its values')
+    known = [item.name for item in _fields_of(_KINDS[kind])]
+    for key in said:
+        if key not in known:
+            raise InvalidTask(f'{name}.{kind}.{key}: expected one of {", ".join(known)}')
+    for item in _fields_of(_KINDS[kind]):
+        if item.default is MISSING and item.name not in said:
+            raise InvalidTask(f'{name}.{kind}: expected {item.name}')
     try:
-        return _KINDS[kind](name, said)
-    except KeyError as error:
-        raise InvalidTask(f'{name}.{kind}: expected {error.args[0]}') from None
+        return _KINDS[kind](**{key: pose_of(f'{name}.pose', part) if key == 'pose' else part
+                               for key, part in said.items()})
     except DloPlannerError as error:
         raise InvalidTask(f'{name}: {error}') from None
 
 
-_KINDS: dict[str, Callable[[str, Any], Box | Capsule | Plane | Sphere]] = {
-    'box': lambda name, said: Box(pose_of(f'{name}.pose', said['pose']), said['size'],
-                                  said.get('friction', 0.0)),
-    'sphere': lambda _, said: Sphere(said['center'], said['radius'], said.get('friction', 0.0)),
-    'capsule': lambda _, said: Capsule(said['start'], said['end'], said['radius'],
-                                       said.get('friction', 0.0)),
-    'plane': lambda _, said: Plane(said['point'], said['normal'], said.get('friction', 0.0))}
+def _fields_of(kind: Any) -> tuple[Field[Any], ...]:
+    return fields(kind)
+
+
+_KINDS: dict[str, Callable[..., Obstacle]] = {
+    one.__name__.lower(): one for one in OBSTACLES if one is not Sheet}  # that has holes
 
 
 def _numbers(name: str, content: Any, keys: str) -> ArrayLike:

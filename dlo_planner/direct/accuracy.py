@@ -9,16 +9,18 @@ import numpy as np
 from dlo_planner.direct.approach import brought
 from dlo_planner.direct.described import described_equilibrium
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.indicator import like_before, surely_within
-from dlo_planner.direct.mesh import even_mesh, graded_mesh, with_breaks
+from dlo_planner.direct.indicator import elements_for, like_before, like_coarser, surely_within
+from dlo_planner.direct.mesh import even_mesh, graded_mesh, straight_between, with_breaks
 from dlo_planner.direct.statics import equilibrium, hanging
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import same
+from dlo_planner.model.value import freeze, same
 
 _FIRST_ELEMENTS, _MOST_ELEMENTS = 48, 8192
 _MANY = 512  # elements: a DLO whose error is not known with so many is given up
 _FIRST_TERMS, _MOST_TERMS = 12, 48
 _PER_BEND = 2.5  # elements on (EI / weight per length)^(1/3), over which a soft DLO bends
+_FARTHEST = 20  # times as many elements: as far as one shape tells what another mesh will do
+_RESOLVED = 2e-4  # of the length: an error that is no more than that goes with the mesh
 _ENOUGH, _MARGIN = 0.75, 0.5  # parts of the accuracy: what is good, and what is aimed at
 
 
@@ -101,17 +103,21 @@ def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_e
     anyhow = not around.rod.yields and (
         not around.obstacles and far_end is None
         or initial is None and not any(one.friction for one in around.obstacles))
+    coarse = None
     while True:
-        shape, kicked = step(discretization, gripper, initial, history, far_end, most=most)
+        if coarse is not None and far_end is None and _resolved(coarse):
+            shape, kicked = hanging(discretization, gripper, _smooth_start(discretization, coarse))
+        else:
+            shape, kicked = step(discretization, gripper, initial, history, far_end, most=most)
         kicks += kicked
         if (not shape.converged or surely_within(shape, accuracy)
-                or like_before(shape, initial, accuracy)
+                or like_before(shape, initial, accuracy) or like_coarser(shape, coarse, accuracy)
                 or shape.error_estimate <= _ENOUGH * accuracy):
             return shape, kicks
         better = _refined(discretization, fine, shape, accuracy)
         if better is None:
             return replace(shape, converged=shape.error_estimate <= accuracy), kicks
-        discretization = better
+        discretization, coarse = better, shape
         if anyhow:
             initial = shape  # a better start; where the way counts, the step is made again
 
@@ -172,6 +178,9 @@ def _refined(discretization, fine, shape, accuracy):
     if discretization.basis != fine:
         s = graded_mesh(s, bent, elements, around.breaks)
         return Discretization(around, s, fine, _FIRST_TERMS)
+    if (fine == 'local' and discretization.told_by_truncation and shape.far_end is None
+            and _resolved(shape)):
+        return _at_once(discretization, shape, accuracy)
     from_mesh = shape.error_estimate
     if elements >= _MANY and not np.isfinite(from_mesh):
         return None
@@ -188,3 +197,39 @@ def _refined(discretization, fine, shape, accuracy):
     if terms == discretization.n_terms and s.size == discretization.s.size:
         return None
     return Discretization(around, s, fine, terms)
+
+
+def _resolved(shape):
+    """Whether the elements of a DLO that hangs freely follow its bend, if roughly."""
+    return (shape._discretization.hangs
+            and shape.error_estimate < _RESOLVED * shape._discretization.s[-1])
+
+
+def _smooth_start(discretization, shape):
+    """Return (N, 3), read-only: strains whose moments lie straight between those of a Shape.
+
+    Moments do not jump where stiffness and natural strains do: a search on a finer mesh begins
+    nearer to its end than with steps.
+    """
+    known = shape._discretization
+    moments = known.static.stiffness * (shape.element_strains - known.natural)
+    strains = discretization.natural + (straight_between(known.s, moments, discretization.s)
+                                        / discretization.static.stiffness)
+    freeze(strains)
+    return strains
+
+
+def _at_once(discretization, shape, accuracy):
+    """Return the Discretization, of a DLO that hangs freely, on which its shape will be within.
+
+    As far as can be told: what is bent more sharply than the elements can resolve needs another.
+    """
+    around, elements = discretization.surroundings, len(shape.element_strains)
+    if elements >= _MOST_ELEMENTS:
+        return None
+    bent = shape.element_strains - discretization.natural
+    s = graded_mesh(discretization.s, bent, elements, around.breaks)
+    wanted = elements_for(shape, s, accuracy)
+    wanted = int(np.clip(wanted, np.ceil(1.2 * elements), _FARTHEST * elements))
+    s = graded_mesh(discretization.s, bent, min(wanted, _MOST_ELEMENTS), around.breaks)
+    return Discretization(around, s, 'local', 0)

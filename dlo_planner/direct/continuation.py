@@ -10,7 +10,7 @@ from dlo_planner.direct.discretization import SAMPLES
 from dlo_planner.minimize.leash import largest_turn_between
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import freeze
-from dlo_planner.ritz.rotation import partway, rotation_vector
+from dlo_planner.ritz.rotation import partway, turn_between
 
 LONGEST_TURN = 0.25  # rad: longer steps of the gripper are cut in any case
 _HALVINGS = 7    # a step is cut into 2^7 parts at most before a leap counts as a jump
@@ -95,14 +95,14 @@ def fell(previous, shape):
 
 def _lost(previous, shape):
     """Whether less energy is left than the work of both grips accounts for."""
-    work = 0.0
-    ends = [(previous.gripper, shape.gripper, previous.gripper_wrench, shape.gripper_wrench),
-            (previous.at(previous.s[-1]), shape.at(shape.s[-1]), previous.far_wrench,
-             shape.far_wrench)]
-    for one, other, first, last in ends:
-        turn = rotation_vector(tuple((other.rotation @ one.rotation.T).ravel().tolist()))
-        moved = np.concatenate([other.position - one.position, turn])
-        work += 0.5 * float((first + last) @ moved)
+    one, other = previous.gripper, shape.gripper
+    shifts = (other.position - one.position, shape.positions[-1] - previous.positions[-1])
+    turns = (turn_between(one.rotation, other.rotation),
+             turn_between(previous.frames[-1], shape.frames[-1]))
+    forces = (previous.gripper_wrench + shape.gripper_wrench,
+              previous.far_wrench + shape.far_wrench)
+    work = sum(0.5 * float(force[:3] @ shift + force[3:] @ turn)
+               for force, shift, turn in zip(forces, shifts, turns, strict=True))
     lost = previous.energy + work - shape.energy - (shape.dissipated - previous.dissipated)
     return lost > _LOST_OF_WORK * abs(work) + _LOST_OF_ELASTIC * previous.elastic_energy
 

@@ -280,6 +280,14 @@ class Discretization(Value):
             return np.array(strains)
         return mapped(s, strains, self.s)
 
+    def start_from(self, shape):
+        """Return (N, 3), read-only: the strains of a Shape, of any mesh, to begin a search with."""
+        if self.has_nodes(shape.s):
+            return shape.element_strains
+        strains = self.strains_from(shape.s, shape.element_strains)
+        freeze(strains)
+        return strains
+
     def stress_free(self, history):
         """Return (N, 3) the strains at which no moment acts, 1/m: natural ones plus the set."""
         system = self._system

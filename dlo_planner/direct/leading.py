@@ -34,11 +34,11 @@ def lead(discretization, strains, grippers, far_ends, history, parts):
     done = 0.0
     for finer in range(_FINEST):
         count = int(np.ceil(parts * _FINER**finer * (1.0 - done) - 1e-9))
+        if count <= 1:
+            break
         shares = done + (1.0 - done) * np.arange(1, count) / count
         gripped, bases = _way(begin, end, shares)
         held_at, axes = _way(held.pose, far_end.pose, shares)
-        if not len(shares):
-            break
         system = discretization.system(bases[0], gripped[0], history,
                                        FarEnd(Pose.from_rotation(held_at[0], axes[0]), held.grip))
         rows = np.array([held_rows(held.grip, one) for one in axes])
@@ -64,8 +64,7 @@ def lead(discretization, strains, grippers, far_ends, history, parts):
 def _way(one, other, shares):
     """Return positions (n, 3) and rotations (n, 3, 3) at shares (n,) of a straight way."""
     turn = Rotation.from_matrix(other.rotation @ one.rotation.T).as_rotvec()
-    turns = Rotation.from_rotvec(shares[:, None] * turn).as_matrix() if len(shares) else (
-        np.zeros((0, 3, 3)))
+    turns = Rotation.from_rotvec(shares[:, None] * turn).as_matrix()
     return (one.position + shares[:, None] * (other.position - one.position),
             np.ascontiguousarray(turns @ one.rotation))
 
@@ -75,7 +74,7 @@ def grip_before(discretization, previous, strains, begin, far_end):
     if far_end is None:
         return None
     if previous is not None:
-        end = previous.at(previous.s[-1])
+        end = Pose.from_rotation(previous.positions[-1], previous.frames[-1])
     else:
         state = placed(discretization.system(begin.rotation), strains)
         end = Pose.from_rotation(begin.position + state.positions[-1], state.rotations[-1])

@@ -5,6 +5,7 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlo_planner.direct.indicator import hanging_surely_within
 from dlo_planner.direct.statics import MAX_ITERATIONS, NO_FRAMES, NO_NODES, TOLERANCE, hangs_still
@@ -30,25 +31,50 @@ def hanging_shapes(simulator: 'DirectSimulator', positions: np.ndarray,
         (n,) whether a shape is within the accuracy that is wanted; where it may not be, `solve`
             has to look
     """
-    mesh, n = simulator._discretization, len(positions)
+    mesh = simulator._discretization
     if not mesh.hangs or simulator.method != 'newton':
         return None
-    elements = mesh.s.size - 1
-    found = {'element_strains': np.empty((n, elements, 3)),
-             'frames': np.empty((n, elements + 1, 3, 3)),
-             'positions': np.empty((n, elements + 1, 3)), 'gripper_wrench': np.empty((n, 6))}
-    energies, proofs = np.empty((n, 2)), np.empty((n, 3))
-    iterations = np.empty(n, dtype=np.int64)
-    rotations, positions = (np.array(one, dtype=float, order='C') for one in (rotations, positions))
-    freeze((rotations, positions))
-    hang_many(mesh.static, rotations, positions, mesh.relaxed, TOLERANCE, MAX_ITERATIONS,
-              NO_FRAMES, NO_NODES, *found.values(), energies, proofs, iterations)
-    residual, stability, truncated = proofs.T
-    good = np.full(n, True)
+    filled = Filled(mesh.s.size - 1, positions, rotations)
+    hang_many(mesh.static, filled.rotations, filled.positions, mesh.relaxed, TOLERANCE,
+              MAX_ITERATIONS, NO_FRAMES, NO_NODES, *filled.arrays)
+    residual, stability, truncated = filled.proofs.T
+    good = np.full(len(positions), True)
     if simulator.accuracy is not None:
         good = hanging_surely_within(mesh, stability, truncated, simulator.accuracy)
-    nothing, none = np.zeros(n), np.zeros(n, dtype=bool)
-    return found | {'energy': energies[:, 1], 'elastic_energy': energies[:, 0],
-                    'residual': residual, 'stability': stability, 'iterations': iterations,
-                    'converged': hangs_still(residual, stability), 'jumped': none,
-                    'dissipated': nothing, 'violation': nothing}, good
+    return filled.columns(), good
+
+
+class Filled:
+    """The arrays that a loop over n grippers fills.
+
+    Args:
+        elements: N; positions: (n, 3) of the grippers, m; rotations: (n, 3, 3)
+    """
+
+    def __init__(self, elements: int, positions: NDArray[np.float64],
+                 rotations: NDArray[np.float64]):
+        n = len(positions)
+        self.rotations, self.positions = (np.array(one, dtype=float, order='C')
+                                          for one in (rotations, positions))
+        freeze((self.rotations, self.positions))
+        self._shapes = {'element_strains': np.empty((n, elements, 3)),
+                        'frames': np.empty((n, elements + 1, 3, 3)),
+                        'positions': np.empty((n, elements + 1, 3)),
+                        'gripper_wrench': np.empty((n, 6))}
+        self._energies, self.proofs = np.empty((n, 2)), np.empty((n, 3))
+        self._iterations = np.empty(n, dtype=np.int64)
+
+    @property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """What the loop fills, in its order; `proofs` (n, 3) is one of them."""
+        return *self._shapes.values(), self._energies, self.proofs, self._iterations
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays by the names of the attributes of `Shape`."""
+        residual, stability, _ = self.proofs.T
+        nothing, none = np.zeros(residual.size), np.zeros(residual.size, dtype=bool)
+        return self._shapes | {
+            'energy': self._energies[:, 1], 'elastic_energy': self._energies[:, 0],
+            'residual': residual, 'stability': stability, 'iterations': self._iterations,
+            'converged': hangs_still(residual, stability), 'jumped': none,
+            'dissipated': nothing, 'violation': nothing}

@@ -3,6 +3,7 @@
 """Where the nodes of a DLO are: at equal distances, or graded to the bend; always at its jumps."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 _NEAR = 0.3  # of an element: a node nearer to a jump moves there
 
@@ -66,3 +67,17 @@ def with_breaks(s, breaks):
     away = np.minimum(np.abs(breaks[after] - inner), np.abs(breaks[before] - inner))
     kept = inner[away > _NEAR * np.minimum(np.diff(s)[1:], np.diff(s)[:-1])]
     return np.concatenate([[0.0], np.union1d(kept, breaks), [s[-1]]])
+
+
+def straight_between(s: NDArray[np.float64], values: NDArray[np.float64],
+                     nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n, k) values in the middles of the elements of another mesh, straight in between.
+
+    Args:
+        s: (N + 1,) nodes, m; values: (N, k) in the middles of their elements, N > 1
+        nodes: (n + 1,) of the other mesh, m, on the same length
+    """
+    middle, wanted = 0.5 * (s[1:] + s[:-1]), 0.5 * (nodes[1:] + nodes[:-1])
+    after = np.clip(np.searchsorted(middle, wanted), 1, middle.size - 1)
+    share = ((wanted - middle[after - 1]) / (middle[after] - middle[after - 1]))[:, None]
+    return (1 - share) * values[after - 1] + share * values[after]

@@ -8,6 +8,7 @@ another equilibrium.
 """
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -69,9 +70,19 @@ class Sensitivity:
         equilibrium.
         """
         shape = self.shape
-        element = min(int(np.searchsorted(shape.s, s, side='right')) - 1, shape.s.size - 2)
+        element = min(int(shape.s.searchsorted(s, side='right')) - 1, shape.s.size - 2)
         fraction = (s - shape.s[element]) / (shape.s[element + 1] - shape.s[element])
-        return _twists(self._system, self._state, self._answers, element, fraction)
+        return _twists_inside(self._system, self._state, self._answers, self._columns,
+                              self._nodes[element], element, float(fraction))
+
+    @cached_property
+    def _nodes(self):
+        """(N + 1, 6, 6) the same at all nodes: of one shape, several places are asked for."""
+        return _node_twists(self._system, self._state, self._answers, self._columns)
+
+    @property
+    def _columns(self):
+        return self._hessian.cross.shape[2]
 
     @property
     def strains(self):
@@ -197,25 +208,51 @@ def gripper_answers(system, q):
 
 
 @kernel
-def _twists(system, state, answers, element, fraction):
-    """Return (6, 6) the twist of the frame inside `element` by that of the gripper."""
-    out = np.zeros((6, 6))
+def _node_twists(system, state, answers, columns):
+    """Return (N + 1, 6, 6) the twists of the nodes' frames by that of the gripper.
+
+    Args:
+        columns: of the gripper's twist, 3 where its displacement moves all alike, else 6
+    """
+    n = system.lengths.size
+    out = np.zeros((n + 1, 6, 6))
     part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
-    lengths, scale, basis = system.lengths, system.scale, system.basis
-    strains, rotations = state.strains, state.rotations
-    for column in range(6):
-        out[column, column] = 1.0
-    for e in range(element + 1):
-        share = fraction if e == element else 1.0
-        part_of_element(lengths[e], share, strains[e], scale[e], rotations[e], part, arm)
-        for column in range(6):
-            t0, t1, t2 = out[0, column], out[1, column], out[2, column]
-            out[3, column] += t1 * arm[2] - t2 * arm[1]
-            out[4, column] += t2 * arm[0] - t0 * arm[2]
-            out[5, column] += t0 * arm[1] - t1 * arm[0]
-            for i in range(3):
-                value[i] = at_element(basis, answers[column], e, i)
-            for i in range(6):
-                out[i, column] += (part[i, 0] * value[0] + part[i, 1] * value[1]
-                                   + part[i, 2] * value[2])
+    for i in range(6):
+        out[0, i, i] = 1.0
+    for e in range(n):
+        for i in range(6):
+            for j in range(6):
+                out[e + 1, i, j] = out[e, i, j]
+        _carry_on(system, state, answers, columns, e, 1.0, part, arm, value, out[e + 1])
     return out
+
+
+@kernel
+def _twists_inside(system, state, answers, columns, begin, element, fraction):
+    """Return (6, 6) the same inside `element`, whose beginning has the twists `begin` (6, 6)."""
+    out = begin.copy()
+    part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
+    _carry_on(system, state, answers, columns, element, fraction, part, arm, value, out)
+    return out
+
+
+@kernel
+def _carry_on(system, state, answers, columns, e, share, part, arm, value, out):
+    """Turn the twists `out` (6, 6) at the beginning of element e into those at a share of it.
+
+    Args:
+        part: (6, 3), arm, value: (3,) to work with
+    """
+    basis = system.basis
+    part_of_element(system.lengths[e], share, state.strains[e], system.scale[e],
+                    state.rotations[e], part, arm)
+    for column in range(columns):
+        t0, t1, t2 = out[0, column], out[1, column], out[2, column]
+        out[3, column] += t1 * arm[2] - t2 * arm[1]
+        out[4, column] += t2 * arm[0] - t0 * arm[2]
+        out[5, column] += t0 * arm[1] - t1 * arm[0]
+        for i in range(3):
+            value[i] = at_element(basis, answers[column], e, i)
+        for i in range(6):
+            out[i, column] += (part[i, 0] * value[0] + part[i, 1] * value[1]
+                               + part[i, 2] * value[2])

@@ -3,7 +3,7 @@
 """The answer of the direct simulation: a shape, with its proof."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from os import PathLike
 
@@ -230,7 +230,7 @@ class Shape(Pictured):
         if not (isinstance(s, float) and 0.0 <= s <= length):
             s = number('s', s, minimum=-_ROUNDING * length, maximum=(1 + _ROUNDING) * length)
             s = min(max(s, 0.0), length)
-        element = min(int(np.searchsorted(self.s, s, side='right')) - 1, self.s.size - 2)
+        element = min(int(self.s.searchsorted(s, side='right')) - 1, self.s.size - 2)
         kernels = self.for_kernels
         rotation, position = np.empty((3, 3)), np.empty(3)
         point_inside(*kernels, element, (s - self.s[element]) / kernels[0][element], rotation,
@@ -385,10 +385,18 @@ class Shape(Pictured):
         """
         displacement = vector('displacement', displacement, 3)
         gripper = Pose.from_rotation(self.gripper.position + displacement, self.gripper.rotation)
-        return replace(self, gripper=gripper, positions=self.positions + displacement,
-                       energy=self.energy + float(displacement @ self.gripper_wrench[:3]))
+        positions = self.positions + displacement
+        freeze(positions)
+        other = object.__new__(type(self))  # without another look at what is the same
+        put(other, **{name: self.__dict__[name] for name in _FIELDS})
+        put(other, gripper=gripper, positions=positions,
+            energy=self.energy + float(displacement @ self.gripper_wrench[:3]))
+        return other
 
     @property
     def obstacles(self) -> tuple:
         """The obstacles of its simulator; () for a shape from a file."""
         return () if self._discretization is None else self._discretization.surroundings.obstacles
+
+
+_FIELDS = tuple(item.name for item in fields(Shape))

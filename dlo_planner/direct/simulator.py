@@ -75,7 +75,7 @@ class DirectSimulator(Value):
             elements with 10 terms are kept wherever they do. The paper's methods keep them anyway.
         gravity: (3,) m/s^2, any direction, may be zero
         load: further force per length, N/m, world axes: (3,), or a callable of s (m)
-        obstacles: Plane, Sphere, Capsule, Box, Sheet, in any number
+        obstacles: Plane, Sphere, Capsule, Cylinder, Box, Sheet, in any number
         point_loads: PointLoads, dead forces and moments at points
         grip: 'clamped' (default), or 'pinned': the gripper holds the position of the DLO's
             beginning, which may turn like in a ball joint. A shape's gripper and first frame then
@@ -196,6 +196,17 @@ class DirectSimulator(Value):
                               'held at its beginning, which knows its permanent set')
         return self._changed(_history=past.set_alone(len(past.node_force)))
 
+    def left_by(self, shape: Shape) -> 'DirectSimulator':
+        """Return the simulator of the DLO as `shape` leaves it: with its set, if it has any.
+
+        Raises:
+            InvalidTask: not a Shape of this DLO, or of one that is grasped inside
+        """
+        instance('initial', shape, Shape)
+        self._check(shape.gripper, shape)
+        past = shape._history
+        return self if past is None or not past.set.any() else self.with_set(shape)
+
     def reset(self) -> 'DirectSimulator':
         """Return a simulator of the DLO as it was made, without any permanent set."""
         return self._changed(_history=None)
@@ -223,6 +234,8 @@ class DirectSimulator(Value):
 
     def without_obstacles(self) -> 'DirectSimulator':
         """Return a simulator of the same DLO, set as it is, with nothing in its way."""
+        if not self.obstacles:
+            return self
         return self._with(replace(self.surroundings, obstacles=()), self._history)
 
     def with_rod(self, rod: Rod) -> 'DirectSimulator':

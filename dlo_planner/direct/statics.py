@@ -83,8 +83,13 @@ def hanging(discretization, gripper, strains, near=None, most=np.inf):
         freeze(strains)
     found = hang(discretization.static, gripper.rotation, gripper.position, strains, TOLERANCE,
                  MAX_ITERATIONS, frames, before, nodes, most)
+    return found_hanging(discretization, gripper, found), found[-1]
+
+
+def found_hanging(discretization, gripper, found):
+    """Return the Shape of a DLO that hangs freely with its error, as `hanging_shape` without."""
     estimate = partial(_estimate_hanging, discretization, gripper, found[0], found[2])
-    return hanging_shape(discretization, gripper, found, 0.0, estimate), found[-1]
+    return hanging_shape(discretization, gripper, found, 0.0, estimate)
 
 
 def unknown():

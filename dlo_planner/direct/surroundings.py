@@ -29,7 +29,7 @@ class Surroundings(Value):
         rod: Rod
         gravity: (3,) m/s^2
         load: force per length besides the weight, N/m, world axes: (3,), a callable of s, or None
-        obstacles: tuple of Plane, Sphere, Capsule, Box, Sheet
+        obstacles: tuple of Plane, Sphere, Capsule, Cylinder, Box, Sheet
         point_loads: tuple of PointLoad
         grip: of GRIPPERS, how the gripper holds the DLO's beginning
 

@@ -7,13 +7,14 @@ from itertools import product
 
 import numpy as np
 
+from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
-from dlo_planner.model.obstacles import Box, Capsule, Plane, Sheet, Sphere
+from dlo_planner.model.obstacles import Box, Capsule, Cylinder, Plane, Sheet, Sphere
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.surface import Surface
 from dlo_planner.ritz.record import Record, makes
 
-PLANE, SPHERE, CAPSULE, BOX, SHEET = range(5)
+PLANE, SPHERE, CAPSULE, BOX, SHEET, CYLINDER = range(6)
 AXIS, EDGE, FACE, NODE_FACE = range(4)
 _MOST_FOILS = 5
 _ROUNDING = 0.02  # of the smaller half size: of a section's edges where an obstacle has edges
@@ -33,10 +34,10 @@ class Scene(Record):
 
     Attributes:
         source: (M,) index of the obstacle that a body is (part of)
-        kind: (M,) PLANE ... SHEET
+        kind: (M,) PLANE ... CYLINDER
         axes: (M, 3, 3) columns x, y, z of the obstacle's frame; center: (M, 3) m, world
         size: (M, 3) half sizes along the axes; a sphere's or capsule's radius is the last one, a
-            capsule's half length the first
+            capsule's half length the first; a cylinder's (half length, radius, the smaller one)
         friction: (M,)
         hole_of: (H,) index of its sheet; hole_center: (H, 2) y, z there, m; hole_axis: (H, 2)
             the hole's own first axis there; hole_size: (H, 2) half width and height, or the
@@ -119,6 +120,9 @@ def _parts(obstacle, surface):
         return _foils(obstacle, surface.least)
     if isinstance(obstacle, Box) and surface.half is not None:
         return [obstacle, *_edges(obstacle)]
+    if isinstance(obstacle, Cylinder) and surface.half is not None:
+        raise InvalidTask(f'{obstacle!r}: expected a DLO with a round section, of a rectangular '
+                          'one the faces are not watched at its rims; a Capsule has none')
     return [obstacle]
 
 
@@ -142,6 +146,11 @@ def _body(part):
         along = part.end - part.start
         return (CAPSULE, Pose.looking_along(0.5 * (part.start + part.end), along),
                 (0.5 * np.linalg.norm(along), 0, part.radius))
+    if isinstance(part, Cylinder):
+        along = part.end - part.start
+        half = 0.5 * np.linalg.norm(along)
+        return (CYLINDER, Pose.looking_along(0.5 * (part.start + part.end), along),
+                (half, part.radius, min(half, part.radius)))
     if isinstance(part, Box):
         return BOX, part.pose, 0.5 * part.size
     if isinstance(part, Sheet):
@@ -224,6 +233,8 @@ def signed_distance(scene, o, x, normal, bend):
         distance = _from_axis(p, scene.size[o, 0], scene.size[o, 2], local, curved)
     elif kind == BOX:
         distance = _from_box(p, scene.size[o], local, curved)
+    elif kind == CYLINDER:
+        distance = _from_cylinder(p, scene.size[o, 0], scene.size[o, 1], local, curved)
     else:
         distance = _from_sheet(scene, o, p, local, curved)
     for i in range(3):
@@ -283,11 +294,35 @@ def _from_box(p, half, normal, bend):
 
 @kernel
 def _from_sheet(scene, o, p, normal, bend):
-    """Distance from a plate with holes: in the plane (a) and from the faces (b), then both."""
+    """Distance from a plate with holes."""
     slope = np.zeros(2)
     a, turn = in_plane(scene, o, p[1], p[2], slope)
+    return _from_faces(p, scene.size[o, 0], a, turn, slope, normal, bend)
+
+
+@kernel
+def _from_cylinder(p, half, radius, normal, bend):
+    """Distance from a cylinder along x with flat ends."""
+    slope = np.zeros(2)
+    rho = np.sqrt(p[1] * p[1] + p[2] * p[2])
+    turn = 0.0
+    if rho <= _CENTER * radius:
+        slope[1] = 1.0
+    else:
+        turn = 1.0 / rho
+        slope[0], slope[1] = p[1] * turn, p[2] * turn
+    return _from_faces(p, half, rho - radius, turn, slope, normal, bend)
+
+
+@kernel
+def _from_faces(p, half, a, turn, slope, normal, bend):
+    """Distance from what lies between two faces `half` above and below: in the plane (a), both.
+
+    Args:
+        a: distance in the plane, its gradient `slope` (2,) and its curvature `turn`
+    """
     side = 1.0 if p[0] >= 0 else -1.0
-    b = abs(p[0]) - scene.size[o, 0]
+    b = abs(p[0]) - half
     if a > 0 and b > 0:
         d = np.sqrt(a * a + b * b)
         normal[0], normal[1], normal[2] = side * b / d, a / d * slope[0], a / d * slope[1]

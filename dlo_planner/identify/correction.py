@@ -3,8 +3,8 @@
 """The rest of a threading, aimed anew for the estimated DLO.
 
 At each remaining waypoint, a coupled Newton system finds the equilibrium of the estimated DLO and
-the gripper's rotation together, as planning does (`inverse.solvers.aligned`), starting from the
-shape known there. The estimated offset of the gripper is then taken off the poses.
+the gripper's rotation together, as planning does (`inverse.solvers.points.aligned`), starting from
+the shape known there. The estimated offset of the gripper is then taken off the poses.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.predicted_miss import PredictedMiss, judged_plan, miss_of
 from dlo_planner.identify.uncertain import mesh_of
-from dlo_planner.inverse.solvers.one_point import aligned_on
+from dlo_planner.inverse.solvers.points.one_point import aligned_on
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import flag, instance, integer, items, results
@@ -111,14 +111,14 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0,
     if not len(plan):
         raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
     first = integer('first', first, minimum=0, maximum=len(plan) - 1)
-    if any(len(passes) > 1 or passes and passes[0][2] is None for passes in plan.passes):
+    if any(len(passes) > 1 or passes and passes[0][2] is None for passes in plan.via_points):
         raise InvalidTask('plan: expected one through one cut-out, along its normal')
     known = _known(plan, instance('before', before, Correction, optional=True))
     rest = range(first, len(plan))
     aim = _Aim(estimate)
     shapes: dict[int, Shape] = {}
     for k in rest:
-        if plan.passes[k]:
+        if plan.via_points[k]:
             shape = aim.shape(plan, k, known[k])
             if shape is None:
                 return _as_planned(estimate, plan, rest)
@@ -157,7 +157,7 @@ class _Aim:
 
     def shape(self, plan: Plan, index: int, guess: Shape) -> Shape | None:
         """Return the Shape that passes the center at a waypoint, or None."""
-        center, s, normal = plan.passes[index][0]
+        center, s, normal = plan.via_points[index][0]
         mesh = self._mesh(mesh_of(plan.shapes[index]))
         inside = min(s, float(mesh.s[-1]))
         shape = aligned_on(mesh, guess, inside, normal, plan.grippers[index].rotation)
@@ -182,7 +182,7 @@ class _Aim:
 
 
 def _as_planned(estimate: Estimate, plan: Plan, rest: Sequence[int]) -> Correction:
-    looked = _some([k for k in rest if plan.passes[k]])
+    looked = _some([k for k in rest if plan.via_points[k]])
     return Correction(rest[0], tuple(plan.grippers[k] for k in rest), np.zeros((len(rest), 6)),
                       miss_of(estimate, plan, looked), False,
                       tuple(plan.shapes[k] for k in rest))

@@ -110,7 +110,7 @@ def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
         varied = estimate.uncertain.varied(mesh_of(plan.shapes[index]))
         slopes = node_slopes(varied, estimate.mean, shape)
         off[k], covariance[k], bound[k] = max(
-            (_miss_at(estimate, slopes, shape, *one) for one in plan.passes[index]),
+            (_miss_at(estimate, slopes, shape, *one) for one in plan.via_points[index]),
             key=lambda found: found[2])
     return PredictedMiss(np.array(waypoints, dtype=float), off, covariance, bound)
 
@@ -124,7 +124,7 @@ def predicted_shape(estimate: Estimate, plan: Plan, index: int) -> Shape:
 
 def passing(plan: Plan) -> list[int]:
     """Return the indices of the waypoints that pass a center."""
-    return [k for k, passes in enumerate(plan.passes) if passes]
+    return [k for k, passes in enumerate(plan.via_points) if passes]
 
 
 def judged_plan(estimate: Estimate, plan: Plan) -> Plan:
@@ -156,7 +156,7 @@ def judged_waypoints(plan: Plan, waypoints: ArrayLike | None) -> list[int]:
 
 def _miss_at(estimate: Estimate, slopes: Floats, shape: Shape, center: Floats, s: float,
              normal: Floats | None) -> tuple[Floats, Floats, float]:
-    """Return the miss (3,) of one entry of `Plan.passes`, its covariance (3, 3) and bound, m.
+    """Return the miss (3,) of one entry of `Plan.via_points`, its covariance (3, 3) and bound, m.
 
     Parameters
     ----------

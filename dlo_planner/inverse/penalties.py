@@ -3,15 +3,15 @@
 """What a shape should be like, as penalties: the sum of the squares of their residuals counts.
 
 Each has  residuals(shape) -> (k,)  and  slopes(shape, sensitivity) -> (k, 6), derivatives by
-rotation (rad) and displacement (m) of the gripper, with the `Sensitivity` of the shape.
+rotation (rad) and displacement (m) of the gripper, with the `Sensitivity` of the shape. Where
+`ARC_LENGTHS` names attributes, they may not be beyond the DLO's length.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
-from scipy.optimize import minimize_scalar
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
@@ -22,6 +22,8 @@ from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.clearance import nearest
+from dlo_planner.ritz.nearest_place import nearest_place
+from dlo_planner.ritz.rotation import turn_between
 
 
 def _length(penalty, name):
@@ -32,16 +34,25 @@ def _weight(penalty):
     return number(f'{type(penalty).__name__}.weight', penalty.weight, above=0)
 
 
-def _judge(shape, *sensitivity):
+def judged(shape: object, *sensitivity: object) -> None:
+    """Raise InvalidTask for what is no Shape, or a Sensitivity of another one."""
     instance('shape', shape, Shape)
     for one in sensitivity:
         if instance('sensitivity', one, Sensitivity).shape.s.size != shape.s.size:
             raise InvalidTask(f'shape = {shape!r}: expected the one of the sensitivity')
 
 
+def _across(v):
+    """Return the matrix (3, 3) that makes the change of a vector (3,) of a rotation: turn x v."""
+    x, y, z = v.tolist()
+    return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class PositionAt(Value):
     """The DLO's point at arc length s (m) lies at `target` (3,) m; weight 1/m."""
+
+    ARC_LENGTHS: ClassVar[tuple[str, ...]] = ('s',)
 
     s: float
     target: np.ndarray
@@ -54,18 +65,20 @@ class PositionAt(Value):
 
     def residuals(self, shape: Shape) -> np.ndarray:
         """Return (3,)."""
-        _judge(shape)
+        judged(shape)
         return self.weight * (shape.frame_at(self.s)[1] - self.target)
 
     def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (3, 6)."""
-        _judge(shape, sensitivity)
+        judged(shape, sensitivity)
         return self.weight * sensitivity.at(self.s)[3:]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DirectionAt(Value):
     """The DLO's tangent at arc length s (m) is along `direction` (3,); weight 1/rad."""
+
+    ARC_LENGTHS: ClassVar[tuple[str, ...]] = ('s',)
 
     s: float
     direction: np.ndarray
@@ -78,14 +91,14 @@ class DirectionAt(Value):
 
     def residuals(self, shape: Shape) -> np.ndarray:
         """Return (3,): the difference of two unit vectors."""
-        _judge(shape)
+        judged(shape)
         return self.weight * (shape.frame_at(self.s)[0][:, 0] - self.direction)
 
     def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (3, 6)."""
-        _judge(shape, sensitivity)
+        judged(shape, sensitivity)
         tangent = shape.frame_at(self.s)[0][:, 0]
-        return self.weight * np.cross(sensitivity.at(self.s)[:3].T, tangent).T
+        return self.weight * (_across(tangent) @ sensitivity.at(self.s)[:3])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -106,14 +119,14 @@ class GripperNear(Value):
 
     def residuals(self, shape: Shape) -> np.ndarray:
         """Return (6,)."""
-        _judge(shape)
-        turn = Rotation.from_matrix(shape.gripper.rotation @ self.pose.rotation.T).as_rotvec()
+        judged(shape)
+        turn = turn_between(self.pose.rotation, shape.gripper.rotation)
         away = shape.gripper.position - self.pose.position
         return self.weight * np.concatenate([turn, away])
 
     def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (6, 6); the rotation's to first order about the pose."""
-        _judge(shape, sensitivity)
+        judged(shape, sensitivity)
         return self.weight * np.eye(6)
 
 
@@ -127,6 +140,8 @@ class Through(Value):
         weight: 1/m
     """
 
+    ARC_LENGTHS: ClassVar[tuple[str, ...]] = ('after',)
+
     point: np.ndarray
     after: float = 0.0
     weight: float = 1.0
@@ -138,59 +153,32 @@ class Through(Value):
 
     def passage(self, shape: Shape) -> float:
         """Return the arc length that is nearest to the point, m; beyond L if it only aims."""
-        _judge(shape)
-        known = np.flatnonzero(shape.s > self.after)
-        if not known.size:
-            known = np.array([shape.s.size - 1])
-        away = np.linalg.norm(shape.positions[known] - self.point, axis=1)
-        off = self.point - shape.positions[-1]
-        ahead = float(off @ shape.tangents[-1])
-        if ahead > 0 and np.linalg.norm(off - ahead * shape.tangents[-1]) <= away.min():
-            return float(shape.s[-1] + ahead)
-        k = known[np.argmin(away)]
-        low, high = max(self.after, shape.s[k - 1]), shape.s[min(k + 1, shape.s.size - 1)]
-        s = minimize_scalar(lambda s: self._off(shape, s) @ self._off(shape, s),
-                            bounds=(low, high), method='bounded',
-                            options={'xatol': 1e-9 * shape.s[-1]}).x
-        for _ in range(4):  # what the bounded search leaves, Newton's method finds
-            tangent, turn = _curve(shape, s)
-            off = self._off(shape, s)
-            s = np.clip(s - off @ tangent / (1 + off @ turn), low, high)
-        return float(s)
+        judged(shape)
+        return self._nearest(shape)[0]
 
     def residuals(self, shape: Shape) -> np.ndarray:
         """Return (3,)."""
-        return self.weight * self._off(shape, self.passage(shape))
+        judged(shape)
+        return self.weight * self._nearest(shape)[1][0]
 
     def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (3, 6); the nearest arc length gives way."""
-        _judge(shape, sensitivity)
-        s = self.passage(shape)
-        beyond = max(s - shape.s[-1], 0.0)
+        judged(shape, sensitivity)
+        s, (off, tangent, turn) = self._nearest(shape)
+        beyond = max(s - float(shape.s[-1]), 0.0)
         by_twist = sensitivity.at(s - beyond)
-        tangent, turn = _curve(shape, s)
-        turned = np.cross(by_twist[:3].T, tangent).T        # change of the tangent, (3, 6)
+        turned = _across(tangent) @ by_twist[:3]        # change of the tangent, (3, 6)
         moved = by_twist[3:] + beyond * turned
-        off = self._off(shape, s)
         if self.after < s:
             along = (tangent @ moved + off @ turned) / (1 + off @ turn)
             moved = moved - np.outer(tangent, along)
         return self.weight * moved
 
-    def _off(self, shape, s):
-        beyond = max(s - shape.s[-1], 0.0)
-        axes, position = shape.frame_at(s - beyond)
-        return position + beyond * axes[:, 0] - self.point
-
-
-def _curve(shape, s):
-    """Return the tangent at `s` and its change per m."""
-    if s >= shape.s[-1]:
-        return shape.tangents[-1], np.zeros(3)
-    axes = shape.frame_at(s)[0]
-    k = min(int(np.searchsorted(shape.s, s, side='right')) - 1, shape.s.size - 2)
-    strain = shape.element_strains[k]
-    return axes[:, 0], strain[2] * axes[:, 1] - strain[1] * axes[:, 2]
+    def _nearest(self, shape):
+        """Return the arc length of the passage, and what `nearest_place` fills, (3, 3)."""
+        place = np.empty((3, 3))
+        s = nearest_place(shape.s, *shape.for_kernels, self.point, self.after, place)
+        return float(s), place
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -198,7 +186,7 @@ class AwayFrom(Value):
     """The DLO's surface keeps a distance from obstacles (of the simulator or not).
 
     Attributes:
-        obstacles: sequence of Plane, Sphere, Capsule, Box, Sheet
+        obstacles: sequence of Plane, Sphere, Capsule, Cylinder, Box, Sheet
         distance: m
         radius: of the DLO, m
         weight: 1/m
@@ -221,13 +209,13 @@ class AwayFrom(Value):
 
     def residuals(self, shape: Shape) -> np.ndarray:
         """Return what is missing of the distance, one number per body."""
-        _judge(shape)
+        judged(shape)
         gaps = np.array([gap for gap, _, _ in nearest(self._scene, shape)])
         return self.weight * np.maximum(self.distance - gaps, 0.0)
 
     def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (bodies, 6): the nearest point stays the nearest to first order."""
-        _judge(shape, sensitivity)
+        judged(shape, sensitivity)
         return np.array([-self.weight * (normal @ sensitivity.at(s)[3:]) * (gap < self.distance)
                          for gap, s, normal in nearest(self._scene, shape)]).reshape(-1, 6)
 
@@ -250,13 +238,13 @@ class BentAtMost(Value):
 
     def residuals(self, shape: Shape) -> np.ndarray:
         """Return (N,): the excess of each element, so that squares add up to the mean square."""
-        _judge(shape)
+        judged(shape)
         excess = np.hypot(*shape.element_strains[:, 1:].T) - self.curvature
         return self.weight * np.sqrt(np.diff(shape.s) / shape.s[-1]) * np.maximum(excess, 0.0)
 
     def slopes(self, shape: Shape, sensitivity: Sensitivity) -> np.ndarray:
         """Return (N, 6)."""
-        _judge(shape, sensitivity)
+        judged(shape, sensitivity)
         bend = shape.element_strains[:, 1:]
         size = np.hypot(*bend.T)
         share = np.sqrt(np.diff(shape.s) / shape.s[-1]) * (size > self.curvature)

@@ -214,6 +214,9 @@ def _plain(value: Any, shape: tuple[int | None, ...]) -> Floats | None:
 
 def vector(name: str, value: Any, size: int, error: type[Exception] = InvalidTask) -> Floats:
     """Return `value` as a new float array of shape (size,), all finite, or raise `error`."""
+    if (type(value) is np.ndarray and value.dtype == float and value.shape == (size,)
+            and all(-_EXTREME <= one <= _EXTREME for one in value.tolist())):
+        return np.array(value)
     return array(name, value, (size,), error)
 
 

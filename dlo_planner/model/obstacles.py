@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a DLO may touch: plane, sphere, capsule, box, and sheet with cut-outs."""
+"""What a DLO may touch: plane, sphere, capsule, cylinder, box, and sheet with cut-outs."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +22,24 @@ from dlo_planner.model.value import Value, put
 _FLUSH = 1e-6  # of the sheet, and rad: how far a cut-out may lie off its sheet's middle plane
 _NO_LENGTH = 1e-9  # of its other measures: a capsule that short has no direction
 _ROUNDING = 1e-9   # of the sheet
+
+
+class Solid(NamedTuple):
+    """A body that RViz, browsers and physics engines know: what obstacles are drawn with.
+
+    Attributes
+    ----------
+    kind : str
+        'box', 'ball' or 'cylinder' (flat ends, its axis along z).
+    pose : Pose
+        Pose of its center.
+    size : (float, float, float)
+        (3,) full sizes along the axes of the pose, m.
+    """
+
+    kind: str
+    pose: Pose
+    size: tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,6 +96,11 @@ class Sphere(Value):
             radius=number('Sphere.radius', self.radius, above=0), friction=_friction(self))
         super().__post_init__()
 
+    @property
+    def solids(self) -> tuple[Solid, ...]:
+        """What it looks like."""
+        return (_ball(self.center, self.radius),)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Capsule(Value):
@@ -108,12 +131,47 @@ class Capsule(Value):
         put(self, start=vector('Capsule.start', self.start, 3),
             end=vector('Capsule.end', self.end, 3),
             radius=number('Capsule.radius', self.radius, above=0), friction=_friction(self))
-        size = max(self.radius, np.abs(self.start).max(), np.abs(self.end).max())
-        if np.linalg.norm(self.end - self.start) <= _NO_LENGTH * size:
-            raise InvalidTask(f'Capsule.end = {self.end.tolist()}: expected another point than '
-                              'start, apart by more than rounding of their places and the radius '
-                              '(a Sphere has one center)')
+        _check_length(self, 'a Sphere has one center')
         super().__post_init__()
+
+    @property
+    def solids(self) -> tuple[Solid, ...]:
+        """What it looks like."""
+        return (_bar(self), _ball(self.start, self.radius), _ball(self.end, self.radius))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Cylinder(Value):
+    """A round bar with flat ends; only a DLO with a round section may touch it.
+
+    Attributes
+    ----------
+    start : ndarray, shape (3,)
+        Start in m, the centers of its ends, different.
+    end : ndarray, shape (3,)
+        End in m, the centers of its ends, different.
+    radius : float
+        Radius in m.
+    friction : float
+        Coulomb's coefficient.
+    """
+
+    start: np.ndarray
+    end: np.ndarray
+    radius: float
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        put(self, start=vector('Cylinder.start', self.start, 3),
+            end=vector('Cylinder.end', self.end, 3),
+            radius=number('Cylinder.radius', self.radius, above=0), friction=_friction(self))
+        _check_length(self, 'a Cylinder without length is none')
+        super().__post_init__()
+
+    @property
+    def solids(self) -> tuple[Solid, ...]:
+        """What it looks like."""
+        return (_bar(self),)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -143,6 +201,11 @@ class Box(Value):
         put(self, size=np.array([number(f'Box.size[{k}]', length, above=0)
                                  for k, length in enumerate(size)]), friction=_friction(self))
         super().__post_init__()
+
+    @property
+    def solids(self) -> tuple[Solid, ...]:
+        """What it looks like."""
+        return (Solid('box', self.pose, tuple(self.size)),)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -222,9 +285,28 @@ class Sheet(Value):
         return reach
 
 
-Obstacle: TypeAlias = Plane | Sphere | Capsule | Box | Sheet
-OBSTACLES = (Plane, Sphere, Capsule, Box, Sheet)
+Obstacle: TypeAlias = Plane | Sphere | Capsule | Cylinder | Box | Sheet
+OBSTACLES = (Plane, Sphere, Capsule, Cylinder, Box, Sheet)
 
 
 def _friction(self: Any) -> float:
     return number(f'{type(self).__name__}.friction', self.friction, minimum=0)
+
+
+def _check_length(bar: Capsule | Cylinder, why: str) -> None:
+    name = type(bar).__name__
+    size = max(bar.radius, np.abs(bar.start).max(), np.abs(bar.end).max())
+    if np.linalg.norm(bar.end - bar.start) <= _NO_LENGTH * size:
+        raise InvalidTask(f'{name}.end = {bar.end.tolist()}: expected another point than start, '
+                          f'apart by more than rounding of their places and the radius ({why})')
+
+
+def _bar(bar: Capsule | Cylinder) -> Solid:
+    along = bar.end - bar.start
+    pose = Pose.looking_along(0.5 * (bar.start + bar.end), along)
+    return Solid('cylinder', Pose.from_rotation(pose.position, pose.rotation[:, [1, 2, 0]]),
+                 (2 * bar.radius, 2 * bar.radius, float(np.linalg.norm(along))))
+
+
+def _ball(center: np.ndarray, radius: float) -> Solid:
+    return Solid('ball', Pose(center, (0.0, 0.0, 0.0, 1.0)), (2 * radius,) * 3)

@@ -190,8 +190,15 @@ def displaced(pose: Pose, twist: Floats) -> Pose:
     twist : ndarray, shape (6,)
         Rotation vector, rad, before displacement, m; world axes.
     """
-    turn = Rotation.from_rotvec(twist[:3]).as_matrix()
-    return Pose.from_rotation(pose.position + twist[3:], turn @ pose.rotation)
+    return Pose.from_rotation(pose.position + twist[3:], turned_by(twist[:3]) @ pose.rotation)
+
+
+def turned_by(vector: np.ndarray) -> np.ndarray:
+    """Return the rotation (3, 3) of a rotation vector (3,), rad, by its quaternion."""
+    x, y, z = vector.tolist()
+    angle = math.hypot(x, y, z)
+    share = math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
+    return _rotation_of(share * x, share * y, share * z, math.cos(0.5 * angle))
 
 
 def _rotation_of(x: float, y: float, z: float, w: float) -> Floats:

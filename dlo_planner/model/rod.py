@@ -385,6 +385,9 @@ def _size(name: str, value: object) -> float:
 
 def _mesh(s: ArrayLike) -> Floats:
     """Return nodes (N + 1,), ascending, as an array; raise InvalidRod if they are none."""
+    if (type(s) is np.ndarray and s.dtype == float and s.ndim == 1 and s.size > 1
+            and abs(s[0]) + abs(s[-1]) < np.inf and (s[1:] > s[:-1]).all()):
+        return s
     s = row('s', s, InvalidRod, least=2)
     if (np.diff(s) <= 0).any():
         raise InvalidRod(f's = {shown(s.tolist())}: expected arc lengths that grow')

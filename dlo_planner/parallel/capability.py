@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.task import depths_on, depths_or_none
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import instance, integer, items, number, results, row, shown
+from dlo_planner.model.checks import instance, integer, items, number, results, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.parallel.cell_grid import CellGrid
@@ -138,7 +139,7 @@ def capability_map(inverse: InverseSimulator, grid: CellGrid, executor: Workers 
         InverseSimulator, with the workspace and the obstacles of the cell.
     grid : CellGrid
     starts : iterable of Pose, optional
-        Poses of the gripper from which it has to get there (`InverseSimulator.start_phase`) with
+        Poses of the gripper from which it has to get there (`InverseSimulator.approach`) with
         the DLO as it hangs; the one that leaves the DLO most stable is chosen. None: only the
         threading is looked at, wherever it begins.
     depths : array_like, optional
@@ -165,9 +166,9 @@ def capability_map(inverse: InverseSimulator, grid: CellGrid, executor: Workers 
     """
     instance('inverse', inverse, InverseSimulator)
     instance('grid', grid, CellGrid)
+    starts = items('starts', starts, Pose)
     if depths is not None:
-        depths = _growing(row('depths', depths, most=_MOST, minimum=0,
-                              maximum=inverse.simulator.rod.length))
+        depths = depths_on(inverse.simulator.rod.length, depths_or_none('depths', depths))
     checked(executor)
     chunk = integer('chunk', chunk, minimum=1, maximum=1_000_000)
     question = Question(inverse, grid, items('starts', starts, Pose), depths,

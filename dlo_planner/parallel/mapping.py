@@ -3,14 +3,18 @@
 """Independent computation (paper, section 4.3.4): many shapes, by as many workers as there are."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from dlo_planner.direct.many_rods import even, scaled_nodes
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, shown
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
 from dlo_planner.parallel.chains import Following
 from dlo_planner.parallel.pieces import Found, Shared, found, piece_of
 from dlo_planner.parallel.shapes import Columns, Shapes, columns, stacked
@@ -22,7 +26,7 @@ _MOST = 100_000
 
 
 def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = None, *,  # noqa: A001
-        chunk: int = _AT_ONCE, progress: OnProgress = None,
+        rods: Iterable[Rod] | None = None, chunk: int = _AT_ONCE, progress: OnProgress = None,
         deadline: float | None = None) -> Shapes | list[Shapes]:
     """Return the shapes at many gripper poses, found by the workers of an executor.
 
@@ -46,6 +50,9 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
         `dask.distributed.Client(...).get_executor()`); a function that makes one, which is closed
         at the end. If None, one after the other. A pool that has lost a process is replaced, and
         only what it was working on is done again.
+    rods : iterable of Rod, optional
+        One rod for each Pose of `work`, which the gripper holds instead of the simulator's: the
+        same bit for bit as `simulator.with_rod(rod).solve(pose)`. If None, the simulator's.
     chunk : int, optional
         Poses in one piece of work.
     progress : callable, optional
@@ -57,7 +64,8 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     Returns
     -------
     Shapes or list of Shapes
-        Shapes on the simulator's mesh; or a list of them, one for each motion.
+        Shapes on the simulator's mesh, stretched to the length of each rod; or a list of them, one
+        for each motion.
 
     Raises
     ------
@@ -71,24 +79,32 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     """
     instance('simulator', simulator, DirectSimulator)
     grippers, chains = _poses(work)
+    rods = None if rods is None else _rods(simulator, rods, grippers)
     checked(executor)
     chunk = integer('chunk', chunk, minimum=1, maximum=_MOST)
     steps = Progress(progress, deadline)
     with Crew(executor, steps.check) as crew:
-        if chains is not None:
-            return _followed(simulator, chains, crew, chunk, steps)
-        return _alone(simulator, grippers, crew, chunk, steps)
+        if chains is None:
+            return _alone(simulator, grippers, rods, crew, chunk, steps)
+        return _followed(simulator, chains, crew, chunk, steps)
 
 
-def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose], *, progress: OnProgress = None,
+def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
+               rods: Iterable[Rod] | None = None, progress: OnProgress = None,
                deadline: float | None = None) -> Shapes:
-    """Return the shapes at many gripper poses, each the same bit for bit as `simulator.solve`.
+    """Return the shapes at many gripper poses, or of many rods, each bit for bit as `solve` does.
+
+    Shapes of DLOs that hang freely come from one compiled loop, also where their rods differ but
+    each is the same along its length.
 
     Parameters
     ----------
     simulator : DirectSimulator
-    grippers : iterable of Pose
-        Sequence of Pose.
+    grippers : iterable of Pose, or Pose
+        Sequence of Pose; with rods one for each rod, or one Pose for all.
+    rods : iterable of Rod, optional
+        Rods that the gripper holds, each instead of the simulator's, with as many elements: as
+        `simulator.with_rod(rod).solve(gripper)` finds. If None, the simulator's own.
     progress : callable, optional
         Called as progress(done, total) now and then.
     deadline : float, optional
@@ -99,9 +115,36 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose], *, progress
     InvalidTask
         An argument makes no sense; the message names it.
     """
-    found_ = map(simulator, items('grippers', grippers, Pose), progress=progress, deadline=deadline)
-    assert isinstance(found_, Shapes)  # there are no motions in it
-    return found_
+    if rods is not None:
+        rods = items('rods', rods, Rod)
+        if isinstance(grippers, Pose):
+            grippers = [grippers] * len(rods)
+        grippers = items('grippers', grippers, Pose)
+        if len(grippers) == 1:
+            grippers = grippers * len(rods)
+    grippers = items('grippers', grippers, Pose)
+    if rods is not None and len(grippers) != len(rods):
+        raise InvalidTask(f'grippers has {len(grippers)} entries: expected one Pose for each of '
+                          f'{len(rods)} rods, or one for all')
+    shapes = map(simulator, grippers, rods=rods, progress=progress, deadline=deadline)
+    assert isinstance(shapes, Shapes)  # there are no motions in it
+    return shapes
+
+
+def _rods(simulator: DirectSimulator, rods: Iterable[Rod],
+          grippers: Sequence[Pose] | None) -> tuple[Rod, ...]:
+    """Return a tuple of Rods, one for each gripper, that the simulator can have; InvalidTask."""
+    rods = items('rods', rods, Rod)
+    if grippers is None:
+        raise InvalidTask('rods: expected none where work has motions, each of which is of the '
+                          'simulator\'s rod')
+    if len(rods) != len(grippers):
+        raise InvalidTask(f'rods has {len(rods)} entries: expected one Rod for each of '
+                          f'{len(grippers)} Pose of work')
+    for rod in rods:
+        if not even(simulator, rod):
+            replace(simulator.surroundings, rod=rod)  # raises what is wrong with it there
+    return rods
 
 
 def _poses(work: Iterable[Any]) -> tuple[tuple[Pose, ...], list[tuple[Pose, ...]] | None]:
@@ -116,15 +159,21 @@ def _poses(work: Iterable[Any]) -> tuple[tuple[Pose, ...], list[tuple[Pose, ...]
     return (), [items(f'work[{k}]', one, Pose, least=1) for k, one in enumerate(work)]
 
 
-def _alone(simulator: DirectSimulator, grippers: Sequence[Pose], crew: Crew, chunk: int,
-           steps: Progress) -> Shapes:
-    """Return the Shapes at Poses, each by itself."""
+def _alone(simulator: DirectSimulator, grippers: Sequence[Pose], rods: Sequence[Rod] | None,
+           crew: Crew, chunk: int, steps: Progress) -> Shapes:
+    """Return the Shapes at Poses, each by itself, of the simulator's rod or of one rod each."""
     count, shared = _Count(steps, len(grippers)), Shared(simulator)
     pieces = (piece_of(shared, grippers[k:k + chunk], seconds=steps.left(),
-                       anew=tuple(range(len(grippers[k:k + chunk]))))
+                       anew=tuple(range(len(grippers[k:k + chunk]))),
+                       rods=None if rods is None else rods[k:k + chunk])
               for k in range(0, len(grippers), chunk))
-    return _shapes(simulator, grippers,
-                   [one.rows for one in crew.run(found, pieces, count.finished)])
+    rows = [one.rows for one in crew.run(found, pieces, count.finished)]
+    s = simulator._discretization.s
+    lengths = [] if rods is None else [rod.length for rod in rods]
+    if any(length != s[-1] for length in lengths):
+        nodes = [scaled_nodes(s, length) for length in lengths]
+        s = nodes[0] if len(set(lengths)) == 1 else np.array(nodes)
+    return _shapes(simulator, grippers, rows, s)
 
 
 def _followed(simulator: DirectSimulator, chains: Sequence[Sequence[Pose]], crew: Crew, chunk: int,
@@ -148,9 +197,9 @@ class _Count:
         self._steps.done(self._done, self._total)
 
 
-def _shapes(simulator: DirectSimulator, grippers: Sequence[Pose],
-            rows: Sequence[Columns]) -> Shapes:
-    s = simulator.mesh.s
+def _shapes(simulator: DirectSimulator, grippers: Sequence[Pose], rows: Sequence[Columns],
+            s: Floats | None = None) -> Shapes:
+    s = simulator.mesh.s if s is None else s
     found_ = stacked(rows or [columns([], s)])
     if simulator.surroundings.pinned:
         grippers = [Pose.from_rotation(gripper.position, np.array(frames[0]))

@@ -10,12 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.many import hanging_shapes
+from dlo_planner.direct.many_rods import even, hanging_rods, scaled_nodes
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze, put
-from dlo_planner.parallel.shapes import Columns, columns
+from dlo_planner.parallel.shapes import Columns, columns, stacked
 
 _KNOWN = 8  # contents that a worker keeps
 
@@ -58,6 +60,9 @@ class Piece(NamedTuple):
         Whether the first and the last Shape are given back as well.
     seconds : float or None
         Seconds of computing that are left. If None, no limit.
+    rods : sequence of Rod or None
+        The m rods that the gripper holds instead of the simulator's, each begun anew. If None,
+        that.
     """
 
     simulator: Shared
@@ -68,6 +73,7 @@ class Piece(NamedTuple):
     dropped: int = 0
     ends: bool = False
     seconds: float | None = None
+    rods: tuple[Rod, ...] | None = None
 
 
 class Found(NamedTuple):
@@ -97,6 +103,8 @@ def piece_of(simulator: Shared, grippers: Sequence[Pose], **more: Any) -> Piece:
 def found(piece: Piece) -> Found:
     """Return what a Piece asks for; this is what workers do."""
     simulator = piece.simulator.content
+    if piece.rods is not None:
+        return Found(_each_rod(simulator, piece))
     if len(piece.anew) == len(piece.positions):
         rows = _each_alone(simulator, piece)
         if rows is not None:
@@ -127,6 +135,28 @@ def _each_alone(simulator: DirectSimulator, piece: Piece) -> Columns | None:
             if name != 'contact_table':
                 rows[name][k] = values[0]
     return rows
+
+
+def _each_rod(simulator: DirectSimulator, piece: Piece) -> Columns:
+    """Return `columns` of one shape of each rod, on nodes like the simulator's."""
+    rods, s = piece.rods or (), simulator.mesh.s
+    n = len(rods)
+    parts: dict[int, Columns] = {}
+    loop = np.array([k for k, rod in enumerate(rods) if even(simulator, rod)], dtype=np.int64)
+    if loop.size:
+        rows, good = hanging_rods(simulator, [rods[k] for k in loop],
+                                  piece.positions[loop], piece.rotations[loop])
+        rows['contact_table'] = columns([], s)['contact_table']
+        if loop.size == n and good.all():
+            return rows
+        for row, k in enumerate(loop):
+            if good[row]:
+                parts[k] = {name: values[row:row + 1] for name, values in rows.items()}
+    for k in (k for k in range(n) if k not in parts):
+        one = simulator.with_rod(rods[k])
+        shape = one.solve(_pose(piece.positions[k], piece.rotations[k]))
+        parts[k] = columns([shape], scaled_nodes(s, rods[k].length))
+    return stacked([parts[k] for k in range(n)])
 
 
 def _pose(position: Floats, rotation: Floats) -> Pose:

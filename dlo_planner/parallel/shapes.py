@@ -14,7 +14,7 @@ from dlo_planner.direct.history import mapped
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Bools, Floats, Ints
-from dlo_planner.model.checks import instance, items, results, row, shown
+from dlo_planner.model.checks import array, instance, items, results, row, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 
@@ -37,8 +37,8 @@ class Shapes(Value):
     ----------
     grippers : tuple of Pose
         The n poses.
-    s : ndarray, shape (N + 1,)
-        Arc lengths of the nodes, m.
+    s : ndarray, shape (N + 1,) or (n, N + 1)
+        Arc lengths of the nodes, m; those of each where DLOs of different lengths are together.
     positions : ndarray, shape (n, N + 1, 3)
         Positions in m.
     frames : ndarray, shape (n, N + 1, 3, 3)
@@ -84,12 +84,11 @@ class Shapes(Value):
 
     def __post_init__(self) -> None:
         grippers = items('Shapes.grippers', self.grippers, Pose)
-        n, s = len(grippers), row('Shapes.s', self.s, least=2, minimum=0)
-        if s[0] != 0 or (np.diff(s) <= 0).any():
-            raise InvalidTask(f'Shapes.s = {shown(s.tolist())}: expected arc lengths that grow '
-                              'from 0')
-        sizes = {'positions': (s.size, 3), 'frames': (s.size, 3, 3),
-                 'element_strains': (s.size - 1, 3), 'gripper_wrench': (6,),
+        n = len(grippers)
+        s = _nodes(self.s, n)
+        nodes = s.shape[-1]
+        sizes = {'positions': (nodes, 3), 'frames': (nodes, 3, 3),
+                 'element_strains': (nodes - 1, 3), 'gripper_wrench': (6,),
                  **{name: () for name in _FIGURES}}
         contacts = self.contact_table if _length(self.contact_table) else np.zeros((0, _CONTACT))
         put(self, grippers=grippers, s=s,
@@ -106,7 +105,7 @@ class Shapes(Value):
 
     def __repr__(self) -> str:
         n = len(self)
-        return brief(self, f'{n} shapes', f'{self.s.size - 1} elements',
+        return brief(self, f'{n} shapes', f'{self.s.shape[-1] - 1} elements',
                      f'{int(self.converged.sum())} converged',
                      f'{int(self.jumped.sum())} jumped' if self.jumped.any() else '',
                      *([f'residual {self.residual.max():.1g}',
@@ -131,8 +130,8 @@ class Shapes(Value):
         table = np.concatenate([np.zeros((0, _CONTACT)), *tables])
         table[:, 0] = np.repeat(np.arange(len(tables)), [len(one) for one in tables])
         return replace(self, grippers=tuple(self.grippers[k] for k in chosen),
-                       contact_table=table, **{name: getattr(self, name)[order]
-                                               for name in _PER_SHAPE})
+                       s=self.s if self.s.ndim == 1 else self.s[order], contact_table=table,
+                       **{name: getattr(self, name)[order] for name in _PER_SHAPE})
 
     def _shape(self, k: int) -> Shape:
         contacts = self.contact_table[self.contact_table[:, 0] == k]
@@ -186,10 +185,14 @@ class Shapes(Value):
             There is none, or their nodes differ.
         """
         parts = items('parts', parts, Shapes, least=1)
+        s, each = parts[0].s, any(part.s.ndim == 2 for part in parts)
         for k, part in enumerate(parts):
-            if not np.array_equal(part.s, parts[0].s):
+            if part.s.shape[-1] != s.shape[-1] or not (each or np.array_equal(part.s, s)):
                 raise InvalidTask(f'parts[{k}] = {part!r}: expected the nodes of the first')
-        return cls(tuple(gripper for part in parts for gripper in part.grippers), parts[0].s,
+        if each:
+            s = np.concatenate([np.broadcast_to(part.s, (len(part), part.s.shape[-1]))
+                                for part in parts])
+        return cls(tuple(gripper for part in parts for gripper in part.grippers), s,
                    **stacked([{name: getattr(part, name) for name in (
                        *_PER_SHAPE, 'contact_table')} for part in parts]))
 
@@ -243,6 +246,20 @@ def _at(shape: Shape, s: Floats) -> tuple[Floats, Floats, Floats]:
 
 def _contact(line: Floats) -> Contact:
     return Contact(int(line[1]), line[2], line[3:6], line[6:9], line[9], line[10:13], line[13])
+
+
+def _nodes(value: Any, n: int) -> Floats:
+    """Return the arc lengths (N + 1,), or (n, N + 1), of the nodes of n shapes; InvalidTask."""
+    if isinstance(value, np.ndarray) and value.ndim == 2:
+        s = array('Shapes.s', value, (n, None)) if n else np.array(value, dtype=float)
+        if s.shape[1] < 2:
+            raise InvalidTask(f'Shapes.s has shape {s.shape}: expected two nodes or more')
+    else:
+        s = row('Shapes.s', value, least=2, minimum=0)
+    if (s[..., 0] != 0).any() or (np.diff(s) <= 0).any():
+        raise InvalidTask(f'Shapes.s = {shown(s.tolist())}: expected arc lengths that grow '
+                          'from 0')
+    return s
 
 
 def _length(value: Any) -> int:

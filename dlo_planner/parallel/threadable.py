@@ -96,7 +96,7 @@ def _from(question: Question, cutout: CutOut, index: int, start: Pose | None) ->
         line |= _margins(plan)
         if start is not None:
             prefix = 'start_phase.'
-            way = inverse.start_phase(cutout, plan, start, deadline=patience)
+            way = inverse.approach(cutout, plan, start, deadline=patience)
             line['stability'] = min(line['stability'], float(way.stability.min()))
     except Infeasible as refused:
         line |= {'outcome': (prefix + refused.constraint)[:LONGEST], 'amount': refused.amount}

@@ -35,12 +35,12 @@ from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.clearance import clearance, room_in
+from dlo_planner.plan.clearance import clearance, hole_clearances
 from dlo_planner.plan.path import GripperPath, Leg
 from dlo_planner.ritz.kinematics import point_inside
 
 if TYPE_CHECKING:
-    from dlo_planner.plan.draft import Brief
+    from dlo_planner.plan.builder import PlanRequirements
 
 SheetSide: TypeAlias = tuple[Sheet, Floats]      # and the normal (3,) from before it to behind it
 Violation: TypeAlias = tuple[str, float, str]    # constraint, by how much, in words
@@ -60,8 +60,9 @@ class Broken:
     why: str
 
 
-def broken_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequence[SheetSide],
-                   brief: Brief, known: Sequence[float | None] | None = None) -> Broken | None:
+def violation_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequence[SheetSide],
+                      brief: PlanRequirements,
+                      known: Sequence[float | None] | None = None) -> Broken | None:
     """Return what a plan breaks between its waypoints as a Broken, None if nothing.
 
     Parameters
@@ -72,9 +73,9 @@ def broken_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequence[
         The n shapes at its waypoints.
     sheets : sequence of SheetSide
         (Sheet, normal (3,)) around the cut-outs.
-    brief : Brief
-        Brief: workspace, obstacles, surface; its simulator finds the shapes between the waypoints;
-        without one, and for shapes that are parts of its rod, the DLO is not looked at.
+    brief : PlanRequirements
+        Workspace, obstacles, surface; its simulator finds the shapes between the waypoints; without
+        one, and for shapes that are parts of its rod, the DLO is not looked at.
     known : sequence of float or None, optional
         Least room in the sheets at each waypoint, m; what is None is computed.
     """
@@ -120,7 +121,8 @@ class _Look:
 class _Sweep:
     """Goes along a path and keeps what is around the DLO."""
 
-    def __init__(self, path: GripperPath, sheets: Sequence[SheetSide], brief: Brief) -> None:
+    def __init__(self, path: GripperPath, sheets: Sequence[SheetSide],
+                 brief: PlanRequirements) -> None:
         self._path, self._sheets, self._brief = path, sheets, brief
         around = [sheet for sheet, _ in sheets]
         self._others = [obstacle for obstacle in brief.obstacles
@@ -152,7 +154,7 @@ class _Sweep:
         return None
 
     def _look(self, u: float, shape: Shape, known: float | None = None) -> _Look:
-        rooms = [room_in(*sheet, self._brief.surface, shape).min()
+        rooms = [hole_clearances(*sheet, self._brief.surface, shape).min()
                  for sheet in self._sheets] if known is None else [known]
         if self._others:
             rooms.append(clearance(self._others, self._brief.surface, shape))

@@ -68,7 +68,8 @@ def clearance(obstacles: Iterable[Obstacle], surface: Surface | float, shape: Sh
     return float(_smallest(scene, *shape.for_kernels, np.zeros(3), np.inf)[3])
 
 
-def room_in(sheet: Sheet, normal: ArrayLike, surface: Surface | float, shape: Shape) -> Floats:
+def hole_clearances(sheet: Sheet, normal: ArrayLike, surface: Surface | float,
+                    shape: Shape) -> Floats:
     """Return the distances (3,) in m between a DLO's surface and a Sheet, by parts of the DLO.
 
     The first: of what is in the plate, to the rim; by as much the cut-out may be displaced in its

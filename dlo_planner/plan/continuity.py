@@ -12,7 +12,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.draft import Draft
+from dlo_planner.plan.builder import PlanBuilder
 
 _QUIET = 0.1   # rad: a change of shape, besides the gripper's turn, that needs no second look
 _SAME = 1e-3   # of the length: farther apart, two shapes are not the same
@@ -52,7 +52,7 @@ def excess(one: tuple[Floats, Floats], other: tuple[Floats, Floats], step: float
     return length * max(0.0, turn - largest_turn(step), shift - largest_shift(step))
 
 
-def leap(simulator: DirectSimulator, before: Shape | None, shape: Shape) -> float:
+def discontinuity(simulator: DirectSimulator, before: Shape | None, shape: Shape) -> float:
     """Return how far (m) a DLO is from `shape` when the gripper goes there, 0 if it gets there.
 
     The direct simulation decides where the shape changes more than the gripper's turn causes.
@@ -98,9 +98,10 @@ def gripper_motion(one: Pose, other: Pose, length: float) -> float:
     return angle_between(one.rotation, other.rotation) + float(shift) / length
 
 
-def refusal_for_leap(simulator: DirectSimulator, draft: Draft, shape: Shape) -> Infeasible | None:
-    """Return Infeasible if the next waypoint of a Draft cannot have this Shape, else None."""
-    away = leap(simulator, draft.last, shape)
+def refusal_for_leap(simulator: DirectSimulator, draft: PlanBuilder,
+                     shape: Shape) -> Infeasible | None:
+    """Return Infeasible if the next waypoint of a PlanBuilder cannot have this Shape, else None."""
+    away = discontinuity(simulator, draft.last, shape)
     if not away:
         return None
     if not draft.waypoints:

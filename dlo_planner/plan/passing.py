@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _NEWTON = 4           # steps to the point of the DLO that is nearest to a center
 
-# An entry of `Plan.passes`: center (3,), m; arc length, m; normal (3,) or None.
+# An entry of `Plan.via_points`: center (3,), m; arc length, m; normal (3,) or None.
 Passes: TypeAlias = Sequence[tuple[Floats, float, Floats | None]]
 
 
@@ -29,7 +29,7 @@ def worst_miss(shape: Shape, passes: Passes, later: Passes) -> float:
     shape : Shape
         Shape at or between two waypoints.
     passes, later : Passes
-        The entries of `Plan.passes` at the waypoints before and after it.
+        The entries of `Plan.via_points` at the waypoints before and after it.
     """
     return max(_misses(shape, passes, later), default=0.0)
 
@@ -87,12 +87,12 @@ def holes_passed(plan: Plan, u: Floats) -> Floats:
     nan before the first waypoint that passes a center, and after the last one.
     """
     centers: list[Floats] = []
-    for passes in plan.passes:
+    for passes in plan.via_points:
         centers += [center for center, _, _ in passes
                     if not any(np.array_equal(center, one) for one in centers)]
     out = np.full((len(centers), len(u)), np.nan)
     for row, center in zip(out, centers, strict=True):
-        s = [arc_length_at(center, passes) for passes in plan.passes]
+        s = [arc_length_at(center, passes) for passes in plan.via_points]
         known = np.array([k for k, one in enumerate(s) if one is not None])
         times = plan.times[known]
         inside = (u >= times[0]) & (u <= times[-1])

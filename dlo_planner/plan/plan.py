@@ -13,24 +13,22 @@ from typing import NamedTuple, overload
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.deprecated import renamed, renamed_fields
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
-from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Filmed
-from dlo_planner.plan.clearance import room_in
 from dlo_planner.plan.passing import Passes, arc_lengths_at, first_center
 from dlo_planner.plan.path import pose_at_arc_length
 from dlo_planner.plan.plan_storage import plan_arrays, plan_contents
 from dlo_planner.plan.timing import times_at_speed
+from dlo_planner.plan.waypoint import Waypoint
 
-_FREE = (np.inf,) * 3
 _SAME = 1e-6      # of the length, or of unit vectors: poses that are nearer are one
 _STRAIGHT = np.cos(np.deg2rad(5))
 
@@ -53,40 +51,55 @@ class PlanPoint(NamedTuple):
     depth: float
     gripper: Pose
     shape: Shape
-    miss: float
+    position_error: float
     misalignment: float
     clearance: float
 
+    miss = renamed('miss', 'position_error')  # type: ignore[misc]
 
+
+@renamed_fields(miss='position_error', passes='via_points')
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan(Filmed):
     """A sequence of gripper poses; n waypoints.
 
-    Attributes:
-        depths: (n,) arc length that has gone through the cut-out, m
-        grippers: n Pose
-        shapes: n Shape, the DLO at each waypoint
-        misalignment: (n,) angle between DLO and normal at the cut-out, rad; of a contact against
-            the direction that was asked for
-        miss: (n,) distance of the DLO from the cut-out's center, or that place, m
-        times: (n,) seconds from the first waypoint, see `timing`
-        passes: n tuples of (center (3,), s, normal (3,) or None): which arc length should be where
-        clearances: (n, k, 3) distances in m between the DLO's surface and the sheets around the k
-            cut-outs of the task: at the rim (by so much the cut-out may be displaced), of what is
-            before the sheet, of what is behind it; infinite where a cut-out has no size
-        sheets: (Sheet, normal (3,)) around each cut-out that has a size
-        fraction: part of the requested waypoints that is reached, 1 for a complete plan
-        status: PlanStatus
-        stops: indices of waypoints at which the gripper stops, besides sharp corners and dwells
+    Attributes
+    ----------
+    depths : ndarray, shape (n,)
+        Arc length that has gone through the cut-out, m.
+    grippers : tuple of Pose
+        The n poses.
+    shapes : tuple of Shape
+        The n shapes, the DLO at each waypoint.
+    misalignment : ndarray, shape (n,)
+        Angle between DLO and normal at the cut-out, rad; of a contact against the direction that
+        was asked for.
+    position_error : ndarray, shape (n,)
+        Distance of the DLO from the cut-out's center, or that place, m.
+    times : ndarray, shape (n,)
+        Seconds from the first waypoint, see `timing`.
+    via_points : tuple of Passes
+        n tuples of (center (3,), s, normal (3,) or None): which arc length should be where.
+    clearances : ndarray, shape (n, k, 3)
+        Distances in m between the DLO's surface and the sheets around the k cut-outs of the task:
+        at the rim (by so much the cut-out may be displaced), of what is before the sheet, of what
+        is behind it; infinite where a cut-out has no size.
+    sheets : tuple of (Sheet, ndarray)
+        (Sheet, normal (3,)) around each cut-out that has a size.
+    fraction : float
+        Part of the requested waypoints that is reached, 1 for a complete plan.
+    status : PlanStatus
+    stops : tuple of int
+        Indices of waypoints at which the gripper stops, besides sharp corners and dwells.
     """
 
     depths: Floats
     grippers: tuple[Pose, ...]
     shapes: tuple[Shape, ...]
     misalignment: Floats
-    miss: Floats
+    position_error: Floats
     times: Floats
-    passes: tuple[Passes, ...]
+    via_points: tuple[Passes, ...]
     clearances: Floats
     sheets: tuple[tuple[Sheet, Floats], ...]
     fraction: float
@@ -101,8 +114,8 @@ class Plan(Filmed):
                 raise InvalidTask(f'Plan.{name} = {shown(getattr(self, name))}: expected one entry '
                                   f'per gripper pose, {n}')
         put(self, grippers=grippers, shapes=items('Plan.shapes', self.shapes, Shape),
-            passes=tuple(items('Plan.passes', one, tuple)
-                         for one in items('Plan.passes', self.passes, (Iterable,))),
+            via_points=tuple(items('Plan.via_points', one, tuple)
+                         for one in items('Plan.via_points', self.via_points, (Iterable,))),
             clearances=results('Plan.clearances', self.clearances, (n, None, 3)),
             sheets=items('Plan.sheets', self.sheets, tuple),
             fraction=number('Plan.fraction', self.fraction, minimum=0, maximum=1),
@@ -110,7 +123,7 @@ class Plan(Filmed):
             stops=tuple(integer('Plan.stops', stop, minimum=0, maximum=max(n - 1, 0))
                         for stop in items('Plan.stops', self.stops, object)),
             **{name: results(f'Plan.{name}', getattr(self, name), (n,))
-               for name in ('depths', 'misalignment', 'miss', 'times')})
+               for name in ('depths', 'misalignment', 'position_error', 'times')})
         super().__post_init__()
 
     def __len__(self) -> int:
@@ -123,7 +136,7 @@ class Plan(Filmed):
     def __getitem__(self, index: int | slice) -> PlanPoint | tuple[PlanPoint, ...]:
         """Return the PlanPoint of one waypoint, or several."""
         points = tuple(map(PlanPoint, self.times, self.depths, self.grippers, self.shapes,
-                           self.miss, self.misalignment, self.clearance))
+                           self.position_error, self.misalignment, self.clearance))
         return points[index]
 
     def __iter__(self) -> Iterator[PlanPoint]:
@@ -132,7 +145,7 @@ class Plan(Filmed):
     def __repr__(self) -> str:
         n = len(self)
         return brief(self, f'{n} waypoints', self.status.value,
-                     *([f'{self.times[-1]:.4g} s', f'miss {self.miss.max():.1g} m',
+                     *([f'{self.times[-1]:.4g} s', f'miss {self.position_error.max():.1g} m',
                         f'stability {self.stability.min():.2g}',
                         f'clearance {self.clearance.min():.2g} m'
                         if np.isfinite(self.clearance).any() else ''] if n else []))
@@ -148,8 +161,10 @@ class Plan(Filmed):
     def load(cls, path: str | PathLike[str]) -> Plan:
         """Return the Plan saved at `path`; its shapes know no rod, see `Shape.load`.
 
-        Raises:
-            InvalidTask: not such a file; the message names it
+        Raises
+        ------
+        InvalidTask
+            Not such a file; the message names it.
         """
         result: Plan = load(path, lambda arrays: cls(
                     **plan_contents(arrays), status=PlanStatus(str(arrays['status']))), 'Plan')
@@ -161,24 +176,28 @@ class Plan(Filmed):
         result: Floats = self.clearances.min(axis=(1, 2), initial=np.inf)
         return result
 
+    misses = renamed('misses', 'position_errors')
+
     @property
-    def misses(self) -> list[list[float]]:
+    def position_errors(self) -> list[list[float]]:
         """N lists of the DLO's distances from each center that it should pass there, m."""
-        return [[float(np.linalg.norm(shape.frame_at(s)[1] - center)) for center, s, _ in passes]
-                for shape, passes in zip(self.shapes, self.passes, strict=True)]
+        return [[float(np.linalg.norm(shape.frame_at(s)[1] - center)) for center, s, _ in points]
+                for shape, points in zip(self.shapes, self.via_points, strict=True)]
 
     @property
     def arc_lengths(self) -> Floats:
         """(n,) arc length that is to be in the first cut-out, or in contact, m; nan: none is."""
-        return arc_lengths_at(first_center(self.passes), self.passes)
+        return arc_lengths_at(first_center(self.via_points), self.via_points)
 
     def at_arc_length(self, s: float) -> Pose:
         """Return the Pose of the gripper at which the DLO passes the first cut-out at `s` in m.
 
         On the path of its `Trajectory`, where it first does.
 
-        Raises:
-            InvalidTask: `s` does not pass it between the waypoints
+        Raises
+        ------
+        InvalidTask
+            `s` does not pass it between the waypoints.
         """
         return pose_at_arc_length(self, self.arc_lengths, number('s', s))
 
@@ -221,44 +240,6 @@ class Plan(Filmed):
         return np.array([shape.stability for shape in self.shapes])
 
 
-@dataclass(frozen=True)
-class Waypoint:
-    """A Shape in its place, and how well it passes a center."""
-
-    shape: Shape
-    misalignment: float = 0.0
-    miss: float = 0.0
-    passes: Passes = ()
-    clearances: tuple[Sequence[float] | Floats, ...] = ()
-    sheets: tuple[tuple[Sheet, Floats], ...] = ()
-
-    @property
-    def clearance(self) -> float:
-        """Smallest of the clearances, m."""
-        return min((float(min(rooms)) for rooms in self.clearances), default=np.inf)
-
-    def also(self, center: Floats, s: float) -> Waypoint:
-        """Return the same waypoint, its miss that of the worse of this and another center."""
-        other = float(np.linalg.norm(self.shape.frame_at(s)[1] - center))
-        return replace(self, miss=max(self.miss, other),
-                       passes=(*self.passes, (center, s, None)))
-
-    def inside(self, cutouts: Sequence[CutOut], sheets: Sequence[Sheet | None],
-               surface: Surface) -> Waypoint:
-        """Return the same waypoint with its clearances in CutOuts.
-
-        Args:
-            sheets: the Sheet of each, or None
-            surface: Surface of the DLO
-        """
-        both = [(sheet, cutout.normal) for cutout, sheet in zip(cutouts, sheets, strict=True)]
-        return replace(
-            self, sheets=tuple((sheet, normal) for sheet, normal in both if sheet is not None),
-            clearances=tuple(
-                _FREE if sheet is None else room_in(sheet, normal, surface, self.shape)
-                for sheet, normal in both))
-
-
 def _straightening(shape: Shape) -> Floats:
     """Return the moment (3,) in N m that makes a DLO go on straight beyond its held far end."""
     if shape.far_end is None or shape.rod is None:
@@ -270,26 +251,6 @@ def _straightening(shape: Shape) -> Floats:
     return result
 
 
-def waypoint_of(shape: Shape, center: Floats, s: float, normal: Floats | None) -> Waypoint:
-    """Return the Waypoint of a Shape carried so that it passes `center` at `s`: section 5.2.
-
-    Args:
-        normal: (3,) along which it should pass; None: along any
-    """
-    return waypoint_at(shape.moved(center - shape.frame_at(s)[1]), center, s, normal)
-
-
-def waypoint_at(shape: Shape, center: Floats, s: float, normal: Floats | None) -> Waypoint:
-    """Return the Waypoint of a Shape that should pass `center` at `s`, where it is."""
-    axes, position = shape.frame_at(s)
-    angle = 0.0
-    if normal is not None:
-        along = axes[:, 0] @ normal
-        angle = float(np.arctan2(np.linalg.norm(axes[:, 0] - along * normal), along))
-    return Waypoint(shape, angle, float(np.linalg.norm(position - center)),
-                    ((center, s, normal),))
-
-
 def build_plan(waypoints: Sequence[Waypoint], depths: Floats, speeds: tuple[float, float],
                status: PlanStatus, stops: tuple[int, ...] = ()) -> Plan:
     """Return the Plan of Waypoints at the first of the `depths`; speeds: m/s, rad/s."""
@@ -297,15 +258,15 @@ def build_plan(waypoints: Sequence[Waypoint], depths: Floats, speeds: tuple[floa
     return Plan(np.array(depths[:len(waypoints)]), tuple(grippers),
                 tuple(waypoint.shape for waypoint in waypoints),
                 np.array([waypoint.misalignment for waypoint in waypoints]),
-                np.array([waypoint.miss for waypoint in waypoints]),
+                np.array([waypoint.position_error for waypoint in waypoints]),
                 times_at_speed(grippers, *speeds),
-                tuple(waypoint.passes for waypoint in waypoints),
+                tuple(waypoint.via_points for waypoint in waypoints),
                 _padded([waypoint.clearances for waypoint in waypoints]),
                 waypoints[-1].sheets if waypoints else (),
                 len(waypoints) / len(depths), status, stops)
 
 
-def first_part(plan: Plan, count: int, status: PlanStatus) -> Plan:
+def truncate(plan: Plan, count: int, status: PlanStatus) -> Plan:
     """Return the first `count` waypoints of a Plan, as a plan with another PlanStatus."""
     part = {name: getattr(plan, name)[:count] for name in _PER_WAYPOINT}
     return replace(plan, **part, fraction=1.0 if status is PlanStatus.COMPLETE
@@ -313,13 +274,15 @@ def first_part(plan: Plan, count: int, status: PlanStatus) -> Plan:
                    stops=tuple(stop for stop in plan.stops if stop < count))
 
 
-def joined(one: Plan, other: Plan) -> Plan:
+def concatenate(one: Plan, other: Plan) -> Plan:
     """Return one Plan that does a Plan and then another, which begins where the first ends.
 
     The gripper stops between them, unless it goes on in the same direction (within 5 degrees).
 
-    Raises:
-        InvalidTask: the second begins elsewhere than the first ends
+    Raises
+    ------
+    InvalidTask
+        The second begins elsewhere than the first ends.
     """
     for name, plan in (('one', one), ('other', other)):
         if not len(instance(name, plan, Plan)):
@@ -328,7 +291,7 @@ def joined(one: Plan, other: Plan) -> Plan:
     if apart > _SAME * max(1.0, one.shapes[-1].s[-1]):
         raise InvalidTask(f'other begins at {other.grippers[0]!r}: expected the end of one, '
                           f'{one.grippers[-1]!r}')
-    depths, grippers, shapes, misalignment, miss, times, passes, clearances = (
+    depths, grippers, shapes, misalignment, errors, times, via_points, clearances = (
         [*getattr(one, name), *getattr(other, name)[1:]] for name in _PER_WAYPOINT)
     end = len(one) - 1
     times[end + 1:] = one.times[-1] + other.times[1:] - other.times[0]
@@ -336,7 +299,7 @@ def joined(one: Plan, other: Plan) -> Plan:
     if _turns(grippers[max(end - 1, 0):end + 2], shapes[0].s[-1]):
         stops.append(end)
     return Plan(np.array(depths), tuple(grippers), tuple(shapes), np.array(misalignment),
-                np.array(miss), np.array(times), tuple(passes), _padded(clearances),
+                np.array(errors), np.array(times), tuple(via_points), _padded(clearances),
                 other.sheets or one.sheets,
                 min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))))
 
@@ -351,7 +314,8 @@ def _turns(grippers: Sequence[Pose], length: float) -> bool:
         min(sizes) > 0 and ways[0] @ ways[1] < _STRAIGHT * sizes[0] * sizes[1])
 
 
-_PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'miss', 'times', 'passes',
+_PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'times',
+                 'via_points',
                  'clearances')
 
 

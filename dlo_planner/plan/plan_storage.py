@@ -21,17 +21,18 @@ from dlo_planner.model.pose import Pose
 if TYPE_CHECKING:
     from dlo_planner.plan.plan import Plan
 
-_ARRAYS = ('depths', 'misalignment', 'miss', 'times', 'clearances', 'stops')
+_ARRAYS = {'depths': 'depths', 'misalignment': 'misalignment', 'miss': 'position_error',
+           'times': 'times', 'clearances': 'clearances', 'stops': 'stops'}  # in a file: in a Plan
 
 
 def plan_arrays(plan: Plan) -> dict[str, NDArray[Any]]:
     """Return a dict of arrays that hold all of a Plan but the rods of its shapes."""
-    arrays = {name: np.asarray(getattr(plan, name)) for name in _ARRAYS}
+    arrays = {key: np.asarray(getattr(plan, name)) for key, name in _ARRAYS.items()}
     arrays['grippers'] = np.array([_pose(gripper) for gripper in plan.grippers]).reshape(-1, 7)
     arrays['fraction'], arrays['status'] = np.asarray(plan.fraction), np.asarray(plan.status.value)
     arrays['passes'] = np.array([
         [k, *center, s, *(np.full(3, np.nan) if normal is None else normal)]
-        for k, passes in enumerate(plan.passes) for center, s, normal in passes]).reshape(-1, 8)
+        for k, points in enumerate(plan.via_points) for center, s, normal in points]).reshape(-1, 8)
     arrays['sheets'] = np.asarray(json.dumps([
         {**_sheet(sheet), 'normal': list(normal)} for sheet, normal in plan.sheets]))
     for k, shape in enumerate(plan.shapes):
@@ -42,10 +43,10 @@ def plan_arrays(plan: Plan) -> dict[str, NDArray[Any]]:
 def plan_contents(arrays: Mapping[str, Any]) -> dict[str, Any]:
     """Return a dict of what a Plan is made of, from the arrays of `plan_arrays`."""
     grippers = [_read_pose(row) for row in arrays['grippers']]
-    passes: list[list[tuple[Floats, float, Floats | None]]] = [[] for _ in grippers]
+    via_points: list[list[tuple[Floats, float, Floats | None]]] = [[] for _ in grippers]
     for k, *numbers in arrays['passes']:
         normal = np.array(numbers[4:])
-        passes[int(k)].append((np.array(numbers[:3]), float(numbers[3]),
+        via_points[int(k)].append((np.array(numbers[:3]), float(numbers[3]),
                                None if np.isnan(normal).any() else normal))
     shapes = []
     for k in range(len(grippers)):
@@ -54,8 +55,8 @@ def plan_contents(arrays: Mapping[str, Any]) -> dict[str, Any]:
                                      if key.startswith(mark)}))
     sheets = [(_read_sheet(one), np.array(one['normal']))
               for one in json.loads(str(arrays['sheets']))]
-    return {**{name: arrays[name] for name in _ARRAYS[:-1]}, 'grippers': grippers,
-            'shapes': shapes, 'passes': [tuple(one) for one in passes], 'sheets': sheets,
+    return {**{name: arrays[key] for key, name in _ARRAYS.items()}, 'grippers': grippers,
+            'shapes': shapes, 'via_points': [tuple(one) for one in via_points], 'sheets': sheets,
             'fraction': float(arrays['fraction']),
             'stops': tuple(int(stop) for stop in arrays['stops'])}
 

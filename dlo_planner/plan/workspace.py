@@ -42,7 +42,7 @@ class Workspace(Value):
     upper : ndarray, shape (3,)
         Opposite corner, m; inf: no limit.
     keep_out : tuple of obstacle
-        Plane, Sphere, Capsule, Box, Sheet, in any number.
+        Plane, Sphere, Capsule, Cylinder, Box, Sheet, in any number.
     gripper_radius : float
         Radius in m of the sphere about the gripper's origin that stands for it.
 
@@ -94,7 +94,7 @@ class Workspace(Value):
                    for o, (source, kind) in enumerate(zip(scene.source, scene.kind, strict=True))]
         return limits
 
-    def least_room(self, gripper: Pose) -> tuple[str, float]:
+    def min_margin(self, gripper: Pose) -> tuple[str, float]:
         """Return name and distance (m) of the limit nearest to a gripper Pose; < 0 beyond it."""
         place = instance('gripper', gripper, Pose).position[None]
         rooms = [(name, float(room(place)[0][0]))

@@ -3,6 +3,7 @@
 """Rotations between two frames, in kernels: SciPy's take longer than the shape in between."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.arc import rotation_and_chord
@@ -49,3 +50,8 @@ def partway(one, other, fraction):
     frame = np.empty((3, 3))
     put_matrix(times(turn, begin), frame)
     return frame
+
+
+def turn_between(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the rotation vector (3,), rad, in world axes, from one frame (3, 3) to another."""
+    return np.array(rotation_vector(tuple((other @ one.T).ravel().tolist())))

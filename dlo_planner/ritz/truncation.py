@@ -6,7 +6,7 @@ import numpy as np
 
 from dlo_planner.kernels import kernel
 
-_OF_AN_ARC = 12  # h^3 |u'| / 12: how far an arc's end is off
+OF_AN_ARC = 12  # h^3 |u'| / 12: how far an arc's end is off
 
 
 @kernel
@@ -38,4 +38,4 @@ def truncation(lengths, strains, natural, scale, basis):
             series += abs(last[i]) * scale[0, i]
     if terms:
         series *= total * np.sqrt(total) / terms**2
-    return mesh / _OF_AN_ARC + series
+    return mesh / OF_AN_ARC + series

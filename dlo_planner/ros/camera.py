@@ -173,7 +173,8 @@ class Camera:
         self._corrected = made, stamp, found if found.converged else None
         reason = named(doubts(found, observing, scene), state.bodies)
         self._health.corrected(found, reason)
-        entry = next((time for time, passes in zip(reached, plan.passes, strict=True) if passes),
+        entry = next((time for time, passes in zip(reached, plan.via_points, strict=True)
+                      if passes),
                      -np.inf)
         barred = kept_out(found, scene, entry, execution.done)
         if barred:

@@ -178,6 +178,6 @@ def inside_of(scene: Scene, bodies: Mapping[tuple[str, int], Any], gripper: Pose
     """Return in words in which obstacle a gripper is, '' if in none."""
     if not bodies:
         return ''
-    found, room = scene.solid.least_room(gripper)
+    found, room = scene.solid.min_margin(gripper)
     return '' if room >= 0 else named(f'{name}: the gripper is {-room:.3g} m inside {found}: '
                                       'expected a pose outside of all obstacles', bodies)

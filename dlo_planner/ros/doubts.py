@@ -70,7 +70,7 @@ def doubts(correction: Correction, observing: Observing, scene: Scene) -> str:
 
 def _leaves(correction: Correction, scene: Scene) -> str:
     """Return in words what the gripper or the DLO would run into."""
-    rooms = [scene.workspace.least_room(pose) for pose in correction.grippers]
+    rooms = [scene.workspace.min_margin(pose) for pose in correction.grippers]
     name, room = min(rooms, key=lambda one: one[1])
     if room < 0:
         return f'it moves the gripper {-room:.3g} m beyond {name}'

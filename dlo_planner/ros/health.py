@@ -22,14 +22,14 @@ _STALE = 30.0     # s that an error stays the headline
 
 
 _REPORTED = {  # figures of a Report
-    'miss': 'largest miss [m]', 'misalignment': 'largest misalignment [rad]',
+    'position_error': 'largest miss [m]', 'misalignment': 'largest misalignment [rad]',
     'residual': 'largest residual', 'stability': 'smallest stability',
     'clearance': 'smallest clearance [m]', 'bend_margin': 'smallest bend margin [1/m]',
     'contact_force': 'largest contact force [N]',
     'deviation': 'largest deviation from the plan [m]',
     'workspace_margin': 'smallest workspace margin [m]',
     'tolerance': 'tolerance in motion [m]',
-    'dynamic_miss': 'largest miss in motion [m]', 'swing': 'largest swing in motion [m]',
+    'max_tracking_error': 'largest miss in motion [m]', 'swing': 'largest swing in motion [m]',
     'arrival': 'swing at arrival [m]', 'departure': 'swing at departure [m]',
     'dynamic_clearance': 'smallest clearance in motion [m]',
     'dynamic_contact_force': 'largest contact force in motion [N]',
@@ -79,7 +79,7 @@ class Health:
             self._counts['plans made'] += 1
             self._values.update({'plan waypoints': len(plan), 'plan stamp': stamp_text(stamp),
                                  'plan time [ms]': 1e3 * seconds,
-                                 'plan largest miss [m]': float(plan.miss.max()),
+                                 'plan largest miss [m]': float(plan.position_error.max()),
                                  'plan smallest clearance [m]': float(plan.clearance.min()),
                                  'plan smallest bend margin [1/m]': float(plan.bend_margin.min()),
                                  'plan largest residual': float(plan.residual.max()),

@@ -116,5 +116,5 @@ def _persistent(replayed: Callable[..., Report | None], arguments: Any) -> Repor
 
 def _lost(report: Report) -> str:
     return ('replayed slowly, the DLO does not follow the plan: largest miss '
-            f'{report.miss:.3g} m, largest deviation {report.deviation:.3g} m, smallest stability '
-            f'{report.stability:.3g}')
+            f'{report.position_error:.3g} m, largest deviation {report.deviation:.3g} m, '
+            f'smallest stability {report.stability:.3g}')

@@ -194,7 +194,7 @@ class Planning:
         outcome.message = f'{len(plan)} gripper poses'
         outcome.values = {'waypoints': len(plan), 'seconds': seconds}
         self._reporter.info(f'planned {len(plan)} gripper poses in {1e3 * seconds:.0f} ms, '
-                            f'largest miss {plan.miss.max():.1e} m, '
+                            f'largest miss {plan.position_error.max():.1e} m, '
                             f'smallest stability {plan.stability.min():.2f}')
         return path
 

@@ -140,7 +140,7 @@ def in_the_way(state: State, bodies: Mapping[tuple[str, int], Any]) -> str:
     said = []
     for key, body in list(bodies.items())[:_MOST_NAMED]:
         space = Workspace(keep_out=(body,), gripper_radius=radius)
-        rooms = {'gripper': min(space.least_room(pose)[1] for pose in grippers),
+        rooms = {'gripper': min(space.min_margin(pose)[1] for pose in grippers),
                  'DLO': min((clearance([body], surface, shape) for shape in shapes),
                             default=np.inf)}
         said += [f'{body_name(key)} is {-room:.3g} m in the way of the {who}'

@@ -81,7 +81,7 @@ class Verification:
         number = 1 + int(np.clip(np.ceil(way.duration / _TIMED_STEP), 1, _TIMED_MOST))
         self._out.publish(timed_trajectory(way, number, scene.tool, scene.frame_id, made.stamp))
         self._reporter.info(f'the plan is safe: {way.duration:.1f} s, largest miss in motion '
-                            f'{report.dynamic_miss:.1e} m, at most {way.tolerance:.1e} m')
+                            f'{report.max_tracking_error:.1e} m, at most {way.tolerance:.1e} m')
 
     def _move_arm(self, made: Made, report: Report) -> None:
         """Publish the motion of the robot's joints, where an arm is described."""

@@ -29,9 +29,9 @@ def warm_up() -> None:
         direct = DirectSimulator(rod, basis=basis, n_elements=16, n_terms=4)
         shape = direct.track([level, Pose.looking_along((0, 0, 0), (1, 0, 0.1))])[-1]
         _ = shape.error_estimate
-        Workspace(keep_out=[floor]).least_room(level)
+        Workspace(keep_out=[floor]).min_margin(level)
         free = InverseSimulator(direct)
-        free.start_phase(holes[0], free.thread(holes[0], depths=[0.0, 0.1]),
+        free.approach(holes[0], free.thread(holes[0], depths=[0.0, 0.1]),
                          Pose((-1.5, 0, 0), (0, 0, 0, 1)))
         free.thread_two(*holes, depths=[0.0, 0.3])
         lying = DirectSimulator(rod, basis=basis, n_elements=16, n_terms=4, obstacles=[floor])

@@ -57,7 +57,8 @@ def inverse_of(values: Values, direct: DirectSimulator) -> InverseSimulator:
     """Return the InverseSimulator of a DirectSimulator, with the workspace of the values."""
     workspace = Workspace(values['workspace.lower'], values['workspace.upper'], direct.obstacles,
                           values['workspace.gripper_radius'])
-    return InverseSimulator(direct, workspace=workspace, may_yield=values['threading.may_yield'])
+    return InverseSimulator(direct, workspace=workspace,
+                            allow_plastic=values['threading.may_yield'])
 
 
 def limits_of(values: Values) -> Limits:

@@ -3,17 +3,19 @@
 """The whole way through cut-outs, as the parameters `threading.*` ask for it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.solvers.threading import kept_before
+from dlo_planner.inverse.solvers.threading.one_cutout import trim_to_clearance
+from dlo_planner.inverse.tasks import Approach, threading_of
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.plan import Plan, joined
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.plan import Plan, concatenate
 from dlo_planner.progress import OnProgress
 
 
@@ -78,19 +80,14 @@ def way_through(inverse: InverseSimulator, cutouts: Sequence[CutOut], wanted: Wa
     """
     start = present.gripper
     depths = np.linspace(0.0, wanted.deepest * inverse.simulator.rod.length, wanted.waypoints)
-    options: dict[str, Any] = {
-        'linear_speed': wanted.linear_speed, 'angular_speed': wanted.angular_speed,
-        'progress': progress, 'deadline': deadline}
-    if len(cutouts) == 1:
-        plan = inverse.thread(cutouts[0], start=start, depths=depths, **options)
-    elif len(cutouts) == 2:
-        plan = inverse.thread_two(*cutouts, start=start, depths=depths, **options)
-    else:
-        plan = inverse.thread_sequence(cutouts, start=start, depths=depths, **options)
+    options: dict[str, Any] = {'progress': progress, 'requirements': replace(
+        inverse.requirements, deadline=deadline,
+        limits=Limits(wanted.linear_speed, wanted.angular_speed))}
+    plan = inverse.plan(threading_of(cutouts, depths), start=start, **options)
     if wanted.gripper_clearance:
-        plan = inverse.check(kept_before(plan, cutouts[0], wanted.gripper_clearance, True))
+        plan = inverse.check(trim_to_clearance(plan, cutouts[0], wanted.gripper_clearance, True))
     if not wanted.standoff or start is None:
         return plan
-    way = inverse.start_phase(cutouts[0], plan, start, standoff=wanted.standoff,
-                              initial=present.shape, **options)
-    return inverse.check(joined(way, plan))
+    way = inverse.plan(Approach(cutouts[0], plan.shapes[0], wanted.standoff), start=start,
+                       initial=present.shape, **options)
+    return inverse.check(concatenate(way, plan))

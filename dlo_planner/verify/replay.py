@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from dlo_planner.deprecated import renamed_fields
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.direct.storage import load, save
@@ -32,11 +33,13 @@ from dlo_planner.progress import OnProgress, Progress
 from dlo_planner.verify.report_storage import report_arrays, report_contents
 
 _AS_PLANNED = 0.01  # of the length: shapes that are farther from the planned ones are others
-_MAY_BE_LEFT_OUT = ('miss', 'misalignment', 'clearance', 'dynamic_miss', 'swing', 'arrival',
-                    'departure', 'dynamic_clearance', 'dynamic_contact_force', 'duration', 'step',
+_MAY_BE_LEFT_OUT = ('position_error', 'misalignment', 'clearance', 'max_tracking_error', 'swing',
+                    'arrival', 'departure', 'dynamic_clearance', 'dynamic_contact_force',
+                    'duration', 'step',
                     'workspace_margin', 'mode_margin')
 
 
+@renamed_fields(miss='position_error', dynamic_miss='max_tracking_error')
 @dataclass(frozen=True, eq=False, repr=False)
 class Report(Reported):
     """Result of a direct simulation of a plan: worst values over all waypoints, or in motion.
@@ -98,7 +101,7 @@ class Report(Reported):
     """
 
     converged: bool
-    miss: float
+    position_error: float
     misalignment: float
     residual: float
     stability: float
@@ -106,7 +109,7 @@ class Report(Reported):
     contact_force: float
     clearance: float
     deviation: float = np.nan
-    dynamic_miss: float = np.nan
+    max_tracking_error: float = np.nan
     swing: float = np.nan
     arrival: float = np.nan
     departure: float = np.nan
@@ -130,8 +133,8 @@ class Report(Reported):
             not_looked_at=items('Report.not_looked_at', self.not_looked_at, str))
 
     def __repr__(self) -> str:
-        said = {'miss': 'm', 'stability': '', 'clearance': 'm', 'deviation': 'm',
-                'dynamic_miss': 'm', 'swing': 'm', 'dynamic_clearance': 'm', 'duration': 's'}
+        said = {'position_error': 'm', 'stability': '', 'clearance': 'm', 'deviation': 'm',
+                'max_tracking_error': 'm', 'swing': 'm', 'dynamic_clearance': 'm', 'duration': 's'}
         return brief(self, 'safe' if self.safe else f'not safe: {self.reason}', *(
             f'{name.replace("_", " ")} {getattr(self, name):.3g} {unit}'.rstrip()
             for name, unit in said.items() if np.isfinite(getattr(self, name))))
@@ -219,7 +222,7 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
         simulator, plan, steps)
     figures = _at_rest(simulator, plan, shapes, obstacles)
     if workspace is not None:
-        figures['workspace_margin'] = float(min(workspace.least_room(gripper)[1]
+        figures['workspace_margin'] = float(min(workspace.min_margin(gripper)[1]
                                                 for gripper in plan.grippers))
     given = trajectory is not None
     if limits is not None and not given:
@@ -236,7 +239,8 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
             seen = in_motion(simulator, plan, trajectory, shapes[0], obstacles, steps)
             motion = seen if motion is None else motion.worse(seen)  # it knew other obstacles
         figures |= {'trajectory': trajectory, 'tolerance': trajectory.tolerance,
-                    'mode_margin': trajectory.mode_margin, 'dynamic_miss': motion.miss,
+                    'mode_margin': trajectory.mode_margin,
+                    'max_tracking_error': motion.position_error,
                     'dynamic_clearance': motion.clearance,
                     'dynamic_contact_force': motion.contact_force,
                     **{name: getattr(motion, name) for name in (
@@ -248,7 +252,7 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
 
 def _reason(figures: Mapping[str, Any], motion: InMotion, plan: Plan) -> str:
     """Return why the motion of a Plan must not be executed, '' if it may be."""
-    missed = plan.miss.max()  # as planned: more than two cut-outs are not hit exactly
+    missed = plan.position_error.max()  # as planned: more than two cut-outs are not hit exactly
     if not figures['converged']:
         return 'the DLO does not follow the poses, even slowly'
     if not motion.converged:
@@ -261,8 +265,8 @@ def _reason(figures: Mapping[str, Any], motion: InMotion, plan: Plan) -> str:
         return f'in motion the DLO is {-motion.clearance:.3g} m in the sheet or an obstacle'
     if motion.contact_force > 0 and not means_to_touch(plan):
         return f'in motion the DLO touches something, with {motion.contact_force:.3g} N'
-    if motion.miss > missed + figures['tolerance']:
-        return (f'in motion the DLO misses by {motion.miss:.3g} m: expected at most '
+    if motion.position_error > missed + figures['tolerance']:
+        return (f'in motion the DLO misses by {motion.position_error:.3g} m: expected at most '
                 f'{missed + figures["tolerance"]:.3g} m')
     if not np.isfinite(figures['tolerance']):
         return 'its trajectory has no tolerance, nothing was made calm'
@@ -282,11 +286,11 @@ def _parts(simulator: DirectSimulator, plan: Plan, progress: Progress) -> list[S
 def _at_rest(simulator: DirectSimulator, plan: Plan, shapes: Sequence[Shape],
              obstacles: Sequence[Obstacle]) -> dict[str, Any]:
     """Return the figures of the quasi-static replay."""
-    misses, angles = [], []
-    for shape, passes in zip(shapes, plan.passes, strict=True):
-        for center, s, normal in passes:
+    errors, angles = [], []
+    for shape, points in zip(shapes, plan.via_points, strict=True):
+        for center, s, normal in points:
             axes, position = shape.frame_at(s)
-            misses.append(float(np.linalg.norm(position - center)))
+            errors.append(float(np.linalg.norm(position - center)))
             if normal is not None:
                 angles.append(float(np.arctan2(np.linalg.norm(np.cross(axes[:, 0], normal)),
                                                axes[:, 0] @ normal)))
@@ -294,7 +298,7 @@ def _at_rest(simulator: DirectSimulator, plan: Plan, shapes: Sequence[Shape],
     return {
         'converged': all(shape.converged and not shape.jumped for shape in shapes)
         and bool(deviation <= _AS_PLANNED * simulator.rod.length),
-        'miss': _worst(misses), 'misalignment': _worst(angles),
+        'position_error': _worst(errors), 'misalignment': _worst(angles),
         'residual': max(shape.residual for shape in shapes),
         'stability': min(shape.stability for shape in shapes),
         'bend_margin': min(shape.bend_margin for shape in shapes),

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _LEG, _LAW = ('knots', 'positions', 'rotations'), ('parameters', 'rates', 'windows')
 _SHIFT = ('knots', 'coefficients')
+_RENAMED = {'miss': 'position_error', 'dynamic_miss': 'max_tracking_error'}  # in older files
 _OTHERS = ('trajectory', 'not_looked_at')  # fields of a Report that are no numbers or texts
 
 
@@ -39,9 +40,10 @@ def report_arrays(report: Report) -> dict[str, NDArray[Any]]:
 
 def report_contents(arrays: Mapping[str, Any]) -> dict[str, Any]:
     """Return a dict of what a Report is made of, from the arrays of `report_arrays`."""
-    own = {name: array for name, array in arrays.items() if '/' not in name}
+    own = {_RENAMED.get(name, name): array for name, array in arrays.items() if '/' not in name}
     contents = {name: array.item() for name, array in own.items() if name not in _OTHERS}
-    contents['not_looked_at'] = tuple(own['not_looked_at'].tolist())
+    contents['not_looked_at'] = tuple(_RENAMED.get(name, name)
+                                      for name in own['not_looked_at'].tolist())
     inside = _under('trajectory', arrays)
     return contents | {'trajectory': _trajectory(inside) if inside else None}
 
@@ -67,7 +69,8 @@ def _trajectory(arrays: Mapping[str, Any]) -> Trajectory:
         law, shift = _under(f'{k}/law', arrays), _under(f'{k}/shift', arrays)
         legs.append(Leg(**_under(f'{k}/leg', arrays)))
         laws.append(TimeLaw(**law, shift=Shift(**shift) if shift else None) if law else None)
-    motion = {name: array.item() for name, array in _under('motion', arrays).items()}
+    motion = {_RENAMED.get(name, name): array.item()
+              for name, array in _under('motion', arrays).items()}
     limits = dict(zip([item.name for item in fields(Limits)], arrays['limits'].ravel().tolist(),
                       strict=True))
     return restored(

@@ -153,7 +153,7 @@ def robustness(simulator: DirectSimulator, plan: Plan, spread: Spread, *, sample
         simulator = simulator.without_obstacles()  # a rim would hold it back, and hide the miss
     by_cause = _first_order(simulator.rod, plan, spread, steps)
     draws = np.random.default_rng(seed).normal(size=(samples, len(DRAWN)))
-    work = [(simulator, plan.shapes, plan.passes, spread, draws[k:k + _AT_ONCE])
+    work = [(simulator, plan.shapes, plan.via_points, spread, draws[k:k + _AT_ONCE])
             for k in range(0, samples, _AT_ONCE)]
     run = map if executor is None else executor.map
     batches = [np.zeros((0, len(plan)))]
@@ -186,7 +186,7 @@ def _first_order(rod: Rod, plan: Plan, spread: Spread, progress: Progress) -> Fl
     steps = [_SMALL * step for step, name in zip(np.eye(len(DRAWN)), DRAWN, strict=True)
              if getattr(spread, name)]
     rods = [(varied(rod, spread, step), varied(rod, spread, -step)) for step in steps]
-    for k, (shape, passes) in enumerate(zip(plan.shapes, plan.passes, strict=True)):
+    for k, (shape, passes) in enumerate(zip(plan.shapes, plan.via_points, strict=True)):
         if not passes or not steps:
             continue
         progress.check()

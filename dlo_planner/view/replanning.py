@@ -14,7 +14,7 @@ from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.plan import Plan, joined
+from dlo_planner.plan.plan import Plan, concatenate
 from dlo_planner.progress import OnProgress
 
 _SAME = 1e-9      # m
@@ -28,7 +28,7 @@ def cutouts_of(plan: Plan) -> list[CutOut]:
         return []
     sized = [cutout for sheet, _ in plan.sheets for cutout in sheet.cutouts]
     cutouts = []
-    for center, _, normal in plan.passes[-1]:
+    for center, _, normal in plan.via_points[-1]:
         if normal is not None:
             cutouts.append(next(
                 (cutout for cutout in sized if np.abs(cutout.center - center).max() < _SAME),
@@ -112,7 +112,7 @@ class Replanner:
         plan = self.inverse.thread(cutout, start=gripper, depths=self.depths, **options)
         if not whole:
             return plan
-        return joined(self.inverse.start_phase(cutout, plan, gripper, **options), plan)
+        return concatenate(self.inverse.approach(cutout, plan, gripper, **options), plan)
 
     def shape(self, gripper: Pose, before: Shape) -> Shape:
         """Return the Shape at a gripper's Pose, coming from another Shape.

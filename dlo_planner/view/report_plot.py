@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 
 # name of the attribute -> (what it says, whether it should be small)
 _DISTANCES = {
-    'miss': ('miss, at rest', True), 'deviation': ('deviation from the plan', True),
-    'dynamic_miss': ('miss, in motion', True), 'swing': ('swing', True),
+    'position_error': ('position error, at rest', True),
+    'deviation': ('deviation from the plan', True),
+    'max_tracking_error': ('position error, in motion', True), 'swing': ('swing', True),
     'arrival': ('swing at the arrival', True), 'departure': ('swing after the end', True),
     'clearance': ('clearance, at rest', False),
     'dynamic_clearance': ('clearance, in motion', False),

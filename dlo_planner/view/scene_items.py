@@ -9,7 +9,7 @@ import numpy as np
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items, number
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import OBSTACLES, Box, Capsule, Obstacle, Plane, Sheet, Sphere
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Plane, Sheet, Solid
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.view.colors import GRAY, ORANGE, SKY_BLUE, viridis
@@ -104,35 +104,21 @@ def obstacle_items(obstacles: Iterable[Obstacle]) -> list[Item]:
     """Return obstacles half transparent, 'obstacle' k; the round ends of a Capsule are 'cap's."""
     drawn = []
     for index, obstacle in enumerate(items('obstacles', obstacles, OBSTACLES)):
-        name = ('obstacle', index)
-        if isinstance(obstacle, Box):
-            drawn.append(Item(*name, 'box', GRAY, _BODY, pose=obstacle.pose, size=obstacle.size))
-        elif isinstance(obstacle, Sphere):
-            drawn.append(_ball(*name, obstacle.center, obstacle.radius))
-        elif isinstance(obstacle, Capsule):
-            drawn += _capsule(index, obstacle)
-        elif isinstance(obstacle, Plane):
+        if isinstance(obstacle, Plane):
             pose = Pose.looking_along(obstacle.point, obstacle.normal)
-            drawn.append(Item(*name, 'triangles', SKY_BLUE, _GLASS, rectangle(_WIDE, _WIDE),
-                              pose=pose))
-        else:
+            drawn.append(Item('obstacle', index, 'triangles', SKY_BLUE, _GLASS,
+                              rectangle(_WIDE, _WIDE), pose=pose))
+        elif isinstance(obstacle, Sheet):
             drawn += _sheet(index, obstacle)
+        else:
+            body, *ends = obstacle.solids
+            drawn += [_solid('obstacle', index, body),
+                      *(_solid('cap', 2 * index + k, end) for k, end in enumerate(ends))]
     return drawn
 
 
-def _ball(group: str, index: int, center: Floats, radius: float) -> Item:
-    return Item(group, index, 'ball', GRAY, _BODY, pose=Pose(center, (0.0, 0.0, 0.0, 1.0)),
-                size=(2 * radius,) * 3)
-
-
-def _capsule(index: int, capsule: Capsule) -> list[Item]:
-    along = capsule.end - capsule.start
-    pose = Pose.looking_along(0.5 * (capsule.start + capsule.end), along)
-    pose = Pose.from_rotation(pose.position, pose.rotation[:, [1, 2, 0]])  # z along the bar
-    size = (2 * capsule.radius, 2 * capsule.radius, float(np.linalg.norm(along)))
-    return [Item('obstacle', index, 'cylinder', GRAY, _BODY, pose=pose, size=size),
-            _ball('cap', 2 * index, capsule.start, capsule.radius),
-            _ball('cap', 2 * index + 1, capsule.end, capsule.radius)]
+def _solid(group: str, index: int, solid: Solid) -> Item:
+    return Item(group, index, solid.kind, GRAY, _BODY, pose=solid.pose, size=solid.size)
 
 
 def _sheet(index: int, sheet: Sheet) -> list[Item]:

@@ -67,7 +67,7 @@ class Stage:
         centers: tuple[Floats, ...] = ()
         if plan is not None and not _in_contact(plan):
             cutouts = tuple(cutouts_of(plan))
-            centers = tuple(center for center, _, normal in plan.passes[-1] if normal is None)
+            centers = tuple(center for center, _, normal in plan.via_points[-1] if normal is None)
         return cls(shapes, cutouts, centers, tuple(own), max(float(shape.s[-1])
                                                              for shape in shapes))
 

@@ -15,9 +15,10 @@ from dlo_planner.verify.replay import Report
 
 Row = tuple[str, str, str]  # quantity, value, unit
 _UNITS = {
-    'miss': 'm', 'misalignment': 'rad', 'contact_force': 'N', 'clearance': 'm', 'deviation': 'm',
-    'dynamic_miss': 'm', 'swing': 'm', 'arrival': 'm', 'departure': 'm', 'dynamic_clearance': 'm',
-    'dynamic_contact_force': 'N', 'duration': 's', 'step': 's', 'workspace_margin': 'm',
+    'position_error': 'm', 'misalignment': 'rad', 'contact_force': 'N', 'clearance': 'm',
+    'deviation': 'm', 'max_tracking_error': 'm', 'swing': 'm', 'arrival': 'm', 'departure': 'm',
+    'dynamic_clearance': 'm', 'dynamic_contact_force': 'N', 'duration': 's', 'step': 's',
+    'workspace_margin': 'm',
     'bend_margin': '1/m', 'tolerance': 'm'}
 
 
@@ -89,7 +90,7 @@ def _of_plan(plan: Plan) -> list[Row]:
 def plan_columns(plan: Plan) -> list[tuple[str, Floats, float, str]]:
     """Return what there is to say of each waypoint: (quantity, values (n,), worst, unit)."""
     rim = plan.clearances[:, :, 0].min(axis=1, initial=np.inf)
-    columns = [('miss', plan.miss, np.max, 'm'),
+    columns = [('miss', plan.position_error, np.max, 'm'),
                ('misalignment', np.rad2deg(plan.misalignment), np.max, 'deg'),
                ('room at the rim', rim, np.min, 'm'), ('clearance', plan.clearance, np.min, 'm'),
                ('bend margin', plan.bend_margin, np.min, '1/m'),

@@ -3,8 +3,8 @@
 # %%
 # # Contact
 #
-# Obstacles are arguments of the simulator: `Plane`, `Sphere`, `Capsule`, `Box`, and `Sheet`, a wall
-# with holes. All may have friction.
+# Obstacles are arguments of the simulator: `Plane`, `Sphere`, `Capsule`, `Cylinder`, `Box`, and
+# `Sheet`, a wall with holes. All may have friction.
 import numpy as np
 
 from dlo_planner import Capsule, DirectSimulator, InverseSimulator, Pose, Rod
@@ -35,4 +35,4 @@ assert abs(held.shapes[0].contacts[0].s - 0.6) < 0.01
 # %%
 # Slide the wire over the bar, from s = 0.7 m to 0.5 m, with its direction there kept.
 slid = InverseSimulator(simulator).slide_contact(top, np.linspace(0.7, 0.5, 5))
-print(len(slid), 'poses, largest miss', slid.miss.max())
+print(len(slid), 'poses, largest miss', slid.position_error.max())

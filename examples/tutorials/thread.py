@@ -31,14 +31,14 @@ assert plan.fraction == 1
 # %%
 # Each waypoint carries its proof: the miss at the hole, the stability of the shape, the room
 # between the wire and the rim.
-print(plan.miss.max(), plan.stability.min(), plan.clearance.min())
-assert plan.miss.max() < 1e-6 and plan.stability.min() > 0 and plan.clearance.min() > 0
+print(plan.position_error.max(), plan.stability.min(), plan.clearance.min())
+assert plan.position_error.max() < 1e-6 and plan.stability.min() > 0 and plan.clearance.min() > 0
 
 # %%
 # `replay` executes the plan in the direct simulator, slowly and then in motion. `report.safe` is
 # the answer to "may I run this on the robot?", `report.reason` says why not.
 report = replay(simulator, plan, limits=Limits(), tolerance=3e-3)
-print(report.safe, report.reason, report.dynamic_miss)
+print(report.safe, report.reason, report.max_tracking_error)
 assert report.safe
 
 # %%

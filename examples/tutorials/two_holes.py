@@ -17,14 +17,15 @@ plan = InverseSimulator(simulator).thread_two(first, second)
 # A gripper has six degrees of freedom. In each hole the wire has to meet the center (two
 # equations) and, as well as it can, the normal. `misalignment` says how far the directions are
 # off.
-print(len(plan), 'poses, miss', plan.miss.max(), 'm, misalignment', plan.misalignment.max(), 'rad')
+print(len(plan), 'poses, miss', plan.position_error.max(), 'm, misalignment',
+      plan.misalignment.max(), 'rad')
 assert plan.fraction == 1 and plan.stability.min() > 0
 
 # %%
 # The slow replay finds the same shapes again, by the direct simulator alone.
 report = replay(simulator, plan)
-print('replayed miss', report.miss)
-assert report.miss < 1e-4
+print('replayed miss', report.position_error)
+assert report.position_error < 1e-4
 
 # %%
 # For three holes and more, `thread_sequence` brings the wire as near to all of them as it can.

@@ -143,7 +143,7 @@ def test_tasks_are_drawn(seed):
 def test_the_planner_drives():
     task = draw_task(1)
     trajectory = planned(task, Limits(linear_speed=0.08))
-    assert trajectory.motion.miss < trajectory.tolerance
+    assert trajectory.motion.position_error < trajectory.tolerance
     poses = sampled(trajectory)
     gaps = [np.linalg.norm(b.position - a.position)
             for a, b in zip([task.start, *poses], poses, strict=False)]

@@ -106,7 +106,7 @@ def test_the_promise_is_the_motion_and_the_estimate(monkeypatch):
 
     def trajectory(*_, tolerance):
         asked['tolerance'] = tolerance
-        return SimpleNamespace(motion=SimpleNamespace(miss=2e-4))
+        return SimpleNamespace(motion=SimpleNamespace(position_error=2e-4))
 
     monkeypatch.setattr('dlo_planner.cell.closed.Trajectory', trajectory)
     command._plan = SimpleNamespace(shapes=(None,))

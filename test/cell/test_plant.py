@@ -15,6 +15,7 @@ from dlo_planner import (  # noqa: E402  mujoco may be missing
     Box,
     Capsule,
     CutOut,
+    Cylinder,
     DirectSimulator,
     InvalidTask,
     NotConverged,
@@ -161,6 +162,7 @@ def test_gripper_turns_evenly():
 
 @pytest.mark.parametrize('prop', [
     Sphere((0.99, 0, 0.948), 0.05), Capsule((0.99, -0.5, 0.948), (0.99, 0.5, 0.948), 0.05),
+    Cylinder((0.99, -0.5, 0.948), (0.99, 0.5, 0.948), 0.05),
     Plane((1, 0, 0.998), (-0.2, 0, 1)),
     Box(Pose.looking_along((1.01, 0, 0.949), (1, 0, 0.2)), (0.1, 0.1, 0.1))])
 def test_force_of_a_prop(prop):
@@ -172,7 +174,7 @@ def test_force_of_a_prop(prop):
         plant.move(at(z=1.02 - 3e-4 * k), 0.01)
     for _ in range(100):
         plant.move(plant.commanded, 0.01)
-    touching = {Sphere: 0.99, Capsule: 0.99, Plane: 1.0, Box: 1.0}[type(prop)]
+    touching = {Sphere: 0.99, Capsule: 0.99, Cylinder: 0.99, Plane: 1.0, Box: 1.0}[type(prop)]
     assert plant.forces[0] == 0
     assert plant.forces[1] == pytest.approx(3 * 0.01 / touching**3, rel=0.04)
     assert plant.largest_forces[1] >= plant.forces[1]

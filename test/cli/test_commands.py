@@ -156,7 +156,7 @@ def test_several_holes_are_passed():
     result = run('thread', 'copper_wire', *QUICK, '--hole', '0,0,1', '--hole', '0.2,0,1', '-o',
                  'plan.npz')
     assert result.exit_code == 0, result.output
-    assert len(Plan.load('plan.npz').passes[-1]) == 2
+    assert len(Plan.load('plan.npz').via_points[-1]) == 2
 
 
 # ---- identify, map --------------------------------------------------------------------------

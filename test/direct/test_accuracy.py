@@ -53,3 +53,26 @@ def test_a_way_through_a_wall_is_no_continuation(basis):
     below = direct.solve(Pose((0, 0, -1.0), (0, 0, 0, 1)), above)
     assert not below.converged and below.jumped
     assert direct.solve(Pose((0, 0, -1.0), (0, 0, 0, 1))).converged  # set down there it is one
+
+
+def test_a_mesh_that_was_found_at_once_is_fine_enough():
+    # judged by the shape on the first mesh, beside one on a mesh that is much finer still
+    rng = np.random.default_rng(23)
+    judged = 0
+    while judged < 8:
+        stiff = 10**rng.uniform(-1.5, 0.5)
+        rod = Rod(1.0, 0.1, (stiff, stiff * rng.uniform(1, 30)), stiff * rng.uniform(0.5, 2),
+                  natural_curvature=tuple(rng.normal(0, 1, 2)), tip_mass=rng.choice([0.0, 0.2]))
+        gripper = Pose((0, 0, 0), rng.normal(size=4))
+        accuracy = 10**rng.uniform(-6, -4.5)
+        simulator = DirectSimulator(rod, accuracy=accuracy)
+        shape = simulator.solve(gripper)
+        if 'error_estimate' in shape.__dict__ or shape.stability < 0.1:
+            continue
+        judged += 1
+        assert shape.converged
+        fine = DirectSimulator(rod, basis='local', n_elements=4000).solve(gripper, shape)
+        off = np.linalg.norm(fine.positions_at(shape.s) - shape.positions, axis=1).max()
+        assert off < accuracy
+        assert shape.error_estimate < accuracy
+        assert len(shape.element_strains) < 20 * 48

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from dlo_planner import Box, Capsule, CutOut, Plane, Pose, Sheet, Sphere
+from dlo_planner import Box, Capsule, CutOut, Cylinder, InvalidTask, Plane, Pose, Sheet, Sphere
 from dlo_planner.energy.distance import build_scene, signed_distance
+from dlo_planner.model.surface import Surface
 
 POSE = Pose((0.1, -0.2, 0.3), (0.2, -0.1, 0.4, 0.8))
 ROUND = CutOut(Pose.from_rotation(POSE.position + POSE.rotation @ [0, 0.1, 0.05], POSE.rotation),
@@ -17,7 +18,9 @@ SQUARE = CutOut(Pose.from_rotation(POSE.position + POSE.rotation @ [0, -0.12, 0]
                 width=0.1, height=0.06)
 OBSTACLES = [Plane((0, 0, 0.2), (1, 2, 3)), Sphere((0.3, 0.1, 0.2), 0.15),
              Capsule((0.3, 0, 0), (0.1, 0.4, 0.3), 0.05), Box(POSE, (0.1, 0.3, 0.5)),
-             Sheet(POSE, 0.5, 0.6, 0.0, [ROUND, SQUARE]), Sheet(POSE, 0.5, 0.4, 0.0, SQUARE)]
+             Sheet(POSE, 0.5, 0.6, 0.0, [ROUND, SQUARE]), Sheet(POSE, 0.5, 0.4, 0.0, SQUARE),
+             Cylinder((0.3, 0, 0.1), (0.1, 0.1, 0.3), 0.12),
+             Cylinder((0.1, -0.2, 0.3), (0.12, -0.18, 0.31), 0.3)]
 SCENE = build_scene(OBSTACLES, 0.0)
 SCENE.size[4, 0] = 0.01  # the kernel knows thickness; scenes are built of foils
 
@@ -78,6 +81,46 @@ def test_capsule_against_a_search(rng):
         found = minimize(lambda t, x=x: np.linalg.norm(
             x - bar.start - t[0] * (bar.end - bar.start)), [0.5], bounds=[(0, 1)], tol=1e-14)
         assert distance(2, x)[0] == pytest.approx(found.fun - bar.radius, abs=1e-7)
+
+
+@pytest.mark.parametrize('index', [6, 7])
+def test_cylinder_against_brute_force(index, rng):
+    body = OBSTACLES[index]
+    along = body.end - body.start
+    axis = along / np.linalg.norm(along)
+    def beside(y):
+        """Return the part (3,) of y across the axis."""
+        return y - body.start - axis * (axis @ (y - body.start))
+
+    solid = [{'type': 'ineq', 'fun': rule} for rule in (
+        lambda y: axis @ (y - body.start), lambda y: axis @ (body.end - y),
+        lambda y: body.radius**2 - beside(y) @ beside(y))]
+    for x in points(rng, 50):
+        away = x - body.start
+        height = away @ axis
+        rho = np.linalg.norm(away - height * axis)
+        found = distance(index, x)[0]
+        if found > 0:
+            nearest = minimize(lambda y, x=x: (y - x) @ (y - x), body.start + 0.5 * along,
+                               method='SLSQP', constraints=solid, options={'ftol': 1e-15})
+            assert found == pytest.approx(np.sqrt(nearest.fun), abs=1e-7)
+        else:  # inside: the nearest of three ways out
+            assert found == pytest.approx(
+                -min(height, np.linalg.norm(along) - height, body.radius - rho), abs=1e-12)
+
+
+def test_middle_of_a_cylinder_has_a_way_out():
+    for body, out in ((Cylinder((0, 0, -1), (0, 0, 1), 0.1), -0.1),
+                      (Cylinder((0, 0, -0.1), (0, 0, 0.1), 1.0), -0.1)):
+        scene, normal, bend = build_scene([body], 0.0), np.empty(3), np.empty((3, 3))
+        assert signed_distance(scene, 0, np.zeros(3), normal, bend) == pytest.approx(out)
+        assert np.linalg.norm(normal) == 1 and np.isfinite(bend).all()
+
+
+def test_a_section_with_edges_is_refused_by_a_cylinder():
+    body, strip = Cylinder((0, 0, 0), (1, 0, 0), 0.1), Surface(0.01, (0.01, 0.001))
+    with pytest.raises(InvalidTask, match='Cylinder.*round section'):
+        build_scene([body], strip)
 
 
 def test_a_sheet_with_thickness_is_a_stack_of_foils():

@@ -20,7 +20,7 @@ from dlo_planner import (
     correct,
 )
 from dlo_planner.identify import correction as correction_module
-from dlo_planner.plan.plan import joined
+from dlo_planner.plan.plan import concatenate
 
 OBSERVER = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE)
 PLAN = plan_of()
@@ -45,10 +45,10 @@ def test_a_dlo_that_is_known_is_aimed_well(rng):
     assert correction.converged
     assert np.abs(correction.offsets[:, 3:]).max() > 5e-3
     for k in (0, 6, 12):
-        assert np.linalg.norm(truth.miss(PLAN.passes[k][0], PLAN.grippers[k])) > 2e-3
-        assert np.linalg.norm(truth.miss(PLAN.passes[k][0], correction.grippers[k])) < 2e-5
+        assert np.linalg.norm(truth.miss(PLAN.via_points[k][0], PLAN.grippers[k])) > 2e-3
+        assert np.linalg.norm(truth.miss(PLAN.via_points[k][0], correction.grippers[k])) < 2e-5
         shape = truth.shape(correction.grippers[k])
-        assert shape.frame_at(min(PLAN.passes[k][0][1], shape.s[-1]))[0][:, 0] @ HOLE.normal > (
+        assert shape.frame_at(min(PLAN.via_points[k][0][1], shape.s[-1]))[0][:, 0] @ HOLE.normal > (
             1 - 1e-8)
         if k >= 3:
             np.testing.assert_allclose(again.grippers[k - 3].matrix,
@@ -68,12 +68,12 @@ def test_closed_loop_against_open_loop():
 def test_the_way_to_the_hole_goes_along():
     start = Pose.looking_along((-1.5, 0, 1), (1, 0, 0))
     inverse = InverseSimulator(DirectSimulator(WIRE))
-    whole = joined(inverse.start_phase(HOLE, PLAN, start), PLAN)
+    whole = concatenate(inverse.approach(HOLE, PLAN, start), PLAN)
     estimate = OBSERVER.begin()
     estimate = type(estimate)(estimate.uncertain, 0.5 * OBSERVER.uncertain.deviations,
                               estimate.covariance)
     correction = correct(estimate, whole)
-    first = next(k for k, passes in enumerate(whole.passes) if passes)
+    first = next(k for k, passes in enumerate(whole.via_points) if passes)
     assert first > 0
     np.testing.assert_allclose(correction.offsets[:first], np.tile(
         correction.offsets[first], (first, 1)), atol=1e-12)

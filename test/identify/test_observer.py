@@ -68,7 +68,7 @@ def test_the_estimate_is_as_good_as_it_says():
         estimate = looked(truth, OBSERVER, rng, START, 6)
         assert estimate.converged
         assert estimate.looks == 6
-        off = truth.miss(PLAN.passes[0][0], PLAN.grippers[0])
+        off = truth.miss(PLAN.via_points[0][0], PLAN.grippers[0])
         surprises.append(surprise(off, estimate.miss(PLAN, [0])))
     assert 0.4 < np.mean(surprises) < 5
 
@@ -108,7 +108,7 @@ def test_outliers_are_told_apart(outliers):
         estimate = looked(truth, observer, rng, START, 4, outliers=outliers)
         assert estimate.converged
         assert estimate.misfit < 2 * NOISE  # of two components, sqrt(2) expected
-        off.append(surprise(truth.miss(PLAN.passes[0][0], PLAN.grippers[0]),
+        off.append(surprise(truth.miss(PLAN.via_points[0][0], PLAN.grippers[0]),
                             estimate.miss(PLAN, [0])))
     assert np.mean(off) < 8
 
@@ -135,7 +135,7 @@ def test_a_sway_is_another_one_in_each_look(rng):
         moved = look.points + s[:, None] ** 2 * 5e-3 * rng.normal(size=3)
         estimates = [one.update(known, Observation(START, moved)) for one, known in zip(
             (steady, swaying), estimates, strict=True)]
-    off = truth.miss(PLAN.passes[0][0], PLAN.grippers[0])
+    off = truth.miss(PLAN.via_points[0][0], PLAN.grippers[0])
     one, two = (surprise(off, estimate.miss(PLAN, [0])) for estimate in estimates)
     assert two < 12
     assert two < one  # who does not know of it is too sure
@@ -151,7 +151,7 @@ def test_a_cutout_seen_by_the_same_camera(rng):
     after = observer.see_cutout(before, HOLE.center, HOLE.center + truth.hole + truth.bias, 1e-4)
     first, last = (one.miss(PLAN, [0]) for one in (before, after))
     assert last.bound[0] - last.distance[0] < 0.6 * (first.bound[0] - first.distance[0])
-    off = truth.miss(PLAN.passes[0][0], gripper)
+    off = truth.miss(PLAN.via_points[0][0], gripper)
     assert np.linalg.norm(off - last.off[0]) < 1.5e-3
     assert surprise(off, last) < 12
     again = observer.update(after, truth.seen(rng, gripper))
@@ -240,10 +240,10 @@ def test_the_covariance_of_a_miss_against_other_states(rng):
 def test_of_two_centers_the_worse_one_counts():
     two = CutOut(Pose.looking_along((0.7, 0.06, 1), (1, 0.2, 0)), radius=0.05)
     plan = InverseSimulator(DirectSimulator(WIRE)).thread_two(HOLE, two)
-    index = next(k for k, passes in enumerate(plan.passes) if len(passes) == 2)
+    index = next(k for k, passes in enumerate(plan.via_points) if len(passes) == 2)
     estimate = OBSERVER.begin()
-    single = [estimate.miss(replace(plan, passes=tuple(
-        passes[which:which + 1] for passes in plan.passes)), [index]) for which in (0, 1)]
+    single = [estimate.miss(replace(plan, via_points=tuple(
+        passes[which:which + 1] for passes in plan.via_points)), [index]) for which in (0, 1)]
     both = estimate.miss(plan, [index])
     assert single[0].bound[0] != pytest.approx(single[1].bound[0], rel=0.05)
     assert both == max(single, key=lambda one: one.bound[0])

@@ -16,6 +16,7 @@ from dlo_planner import (
     GripperNear,
     InvalidTask,
     InverseSimulator,
+    KeepTangent,
     NotConverged,
     Plane,
     Pose,
@@ -40,7 +41,7 @@ LIBRARY = {
     'at': ANY[:2], 'through': [Through((0.55, 0.15, 0.9), 0.2, 2.0)],
     'aiming': [Through((1.3, 0.3, 0.8))],
     'away': [AwayFrom([SPHERE, Plane((0, 0, 0.2), (0, 0, 1))], 0.4, 0.003)],
-    'bend': [BentAtMost(0.4)],
+    'bend': [BentAtMost(0.4)], 'keep': [KeepTangent(0.2, 0.7, (1, 0.2, 0.3), 2.0)],
     'own': [lambda shape: shape.positions[-1], lambda shape: shape.strains[5]]}
 
 
@@ -64,6 +65,36 @@ def test_position_and_direction_are_met():
     np.testing.assert_allclose(there.position, (0.6, 0.2, 0.8), atol=1e-6)
     np.testing.assert_allclose(there.direction, np.array([1, 0.5, -0.2]) / np.sqrt(1.29), atol=1e-6)
     assert found.penalty < 1e-9
+
+
+def test_a_kept_tangent_is_the_mean_over_the_stretch():
+    shape = DirectSimulator(STIFF).solve(START)
+    along = np.array([1.0, -0.2, 0.1])
+    keep = KeepTangent(0.3, 0.6, along, 3.0)
+    off = [shape.at(s).direction - along / np.linalg.norm(along) for s in np.linspace(0.3, 0.6, 9)]
+    assert np.sum(keep.residuals(shape)**2) == pytest.approx(9 * np.mean(np.sum(np.square(off), 1)))
+    whole = KeepTangent(0.0, 0.0, START.direction)  # the gripper's own
+    assert np.abs(whole.residuals(shape)).max() < 1e-12
+
+
+def test_a_short_stretch_is_laid_along_a_direction():
+    task = [KeepTangent(0.95, 1.0, (0, 1, 0)), PositionAt(1.0, (0.3, 0.3, 1.1)),
+            GripperNear(START, 1e-4)]
+    found = minimize_penalty(DirectSimulator(STIFF), task, START)
+    assert found.converged
+    assert found.shape.at(0.975).direction @ (0, 1, 0) > 0.9995
+    np.testing.assert_allclose(found.shape.positions[-1], (0.3, 0.3, 1.1), atol=1e-3)
+
+
+@pytest.mark.parametrize(('wrong', 'said'), [
+    (lambda: KeepTangent(0.5, 0.4, (1, 0, 0)), 'KeepTangent.end = 0.4'),
+    (lambda: KeepTangent(-0.1, 0.4, (1, 0, 0)), 'KeepTangent.begin = -0.1'),
+    (lambda: KeepTangent(0.1, 0.4, (0, 0, 0)), 'KeepTangent.direction'),
+    (lambda: minimize_penalty(DirectSimulator(STIFF), KeepTangent(0.1, 1.2, (1, 0, 0)), START),
+     'KeepTangent.end = 1.2')])
+def test_a_stretch_that_is_none_is_named(wrong, said):
+    with pytest.raises(InvalidTask, match=said):
+        wrong()
 
 
 def test_it_finds_what_threading_finds():

@@ -24,9 +24,9 @@ from dlo_planner import (
     Workspace,
 )
 from dlo_planner.energy.distance import build_scene
-from dlo_planner.plan.clearance import clearance, room_in
+from dlo_planner.plan.clearance import clearance, hole_clearances
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import joined
+from dlo_planner.plan.plan import concatenate
 from dlo_planner.plan.workspace import _distances
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
@@ -168,7 +168,8 @@ def test_the_dlo_in_the_hole_between_waypoints(depths):
     plan = thread(depths=depths)  # the same without a size: it is not looked at
     u, shapes = moved(plan, 161)
     sheet = Sheet.around(HOLE, 100.0, 100.0, 0.0)
-    rooms = np.array([room_in(sheet, HOLE.normal, WIRE.radius, shape).min() for shape in shapes])
+    rooms = np.array([hole_clearances(sheet, HOLE.normal, WIRE.radius, shape).min()
+                      for shape in shapes])
     if rooms.min() > 0:
         assert thread(HOLE, depths).fraction == 1
         return
@@ -221,7 +222,7 @@ def test_joined_and_shortened_plans_are_checked_again():
     inverse = InverseSimulator(DIRECT)
     plan = inverse.thread(HOLE)
     start = Pose.looking_along(HOLE.center - 1.3 * ALONG + (0, 0.2, 0.1), ALONG)
-    both = joined(inverse.start_phase(HOLE, plan, start), plan)
+    both = concatenate(inverse.approach(HOLE, plan, start), plan)
     assert inverse.check(both) is both
     u, way = places(both)
     ball = Sphere(way[len(u) // 5], 1e-3)

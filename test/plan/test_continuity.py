@@ -26,7 +26,8 @@ def test_where_the_family_folds_another_roll_is_taken():
     depths = np.linspace(0, 0.8 * FOLDED.length, 160)
     plan = InverseSimulator(DirectSimulator(FOLDED)).thread(OBLIQUE, depths=depths)
     turns, shifts = steps(plan, FOLDED.length)
-    assert plan.fraction == 1 and plan.miss.max() < 1e-9 and plan.misalignment.max() < 1e-8
+    assert plan.fraction == 1 and plan.position_error.max() < 1e-9
+    assert plan.misalignment.max() < 1e-8
     assert turns.max() < 0.1 and shifts.max() < 0.03
     replayed = DirectSimulator(FOLDED).track(plan.grippers)
     assert all(shape.converged and not shape.jumped for shape in replayed)
@@ -79,7 +80,7 @@ def test_pairs_do_not_leap_and_keep_their_directions():
             refused += 1
             continue
         assert not leaps(plan)
-        for shape, passes in zip(plan.shapes, plan.passes, strict=True):
+        for shape, passes in zip(plan.shapes, plan.via_points, strict=True):
             for cutout, (_, s, _) in zip((first, second), passes, strict=False):
                 assert shape.frame_at(s)[0][:, 0] @ cutout.normal > 0
     assert refused < 6

@@ -21,7 +21,7 @@ from dlo_planner import (
     Sphere,
     Workspace,
 )
-from dlo_planner.plan.draft import utilization
+from dlo_planner.plan.builder import utilization
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 STRIP = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.6, 0.4))
@@ -86,7 +86,7 @@ def test_another_roll_of_a_bent_dlo_keeps_the_workspace():
     side = np.sign(first[0].position[1] - 0.1)
     wall = Workspace(**{'upper' if side > 0 else 'lower': (side * np.inf, 0.1, side * np.inf)})
     plan = thread(STRIP, workspace=wall)
-    assert plan.fraction == 1 and plan.miss.max() < 1e-9
+    assert plan.fraction == 1 and plan.position_error.max() < 1e-9
     assert all(side * (gripper.position[1] - 0.1) <= 0 for gripper in plan.grippers)
 
 
@@ -157,10 +157,10 @@ def test_yield_is_reported_or_forbidden():
                         hardening=0.5)
     assert thread(soft).fraction == 1
     with pytest.raises(Infeasible) as caught:
-        thread(soft, may_yield=False)
+        thread(soft, allow_plastic=False)
     assert caught.value.constraint == 'yield' and 0 < caught.value.amount <= 0.251
     hard = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, yield_curvature=1.01 * sharpest)
-    assert thread(hard, may_yield=False).fraction == 1
+    assert thread(hard, allow_plastic=False).fraction == 1
 
 
 def test_a_held_contact_is_chosen_inside_the_workspace():
@@ -202,7 +202,7 @@ def test_curvature_yields_by_the_ellipse_whatever_the_roll():
         rod = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, yield_curvature=limit * sharpest,
                            hardening=0.5)
         start = Pose.from_rotation((0, 0, 0), Rotation.from_rotvec([roll, 0, 0]).as_matrix())
-        inverse = InverseSimulator(DirectSimulator(rod), may_yield=False)
+        inverse = InverseSimulator(DirectSimulator(rod), allow_plastic=False)
         try:
             return inverse.thread(CutOut(AHEAD), start=start, depths=DEPTHS)
         except Infeasible as error:
@@ -235,7 +235,7 @@ def test_each_axis_yields_at_its_own_limit():
     for limits, refused in (((1.01, 0.01), False), ((0.9, 10.0), True)):
         rod = Rod.circular(**fixed, yield_curvature=tuple(k * sharpest for k in limits),
                            yield_torsion=1e-3 * sharpest)
-        inverse = InverseSimulator(DirectSimulator(rod), may_yield=False)
+        inverse = InverseSimulator(DirectSimulator(rod), allow_plastic=False)
         if refused:
             with pytest.raises(Infeasible) as caught:
                 inverse.thread(CutOut(AHEAD), depths=DEPTHS)

@@ -18,7 +18,8 @@ from dlo_planner import (
     Rod,
 )
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import first_part, joined, waypoint_at
+from dlo_planner.plan.plan import concatenate, truncate
+from dlo_planner.plan.waypoint import waypoint_at
 
 DIRECT = DirectSimulator(Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2),
                              radius=0.003), n_elements=24)
@@ -33,35 +34,37 @@ def plan():
 
 
 def test_a_part_says_how_much_of_the_whole_it_is(plan):
-    part = first_part(plan, 6, PlanStatus.PARTIAL)
+    part = truncate(plan, 6, PlanStatus.PARTIAL)
     assert len(part) == 6 and part.fraction == pytest.approx(6 / 9)
-    assert first_part(part, 3, PlanStatus.PARTIAL).fraction == pytest.approx(3 / 9)
-    assert first_part(plan, 6, PlanStatus.COMPLETE).fraction == 1
+    assert truncate(part, 3, PlanStatus.PARTIAL).fraction == pytest.approx(3 / 9)
+    assert truncate(plan, 6, PlanStatus.COMPLETE).fraction == 1
     np.testing.assert_array_equal(part.depths, DEPTHS[:6])
-    for name in ('grippers', 'shapes', 'misalignment', 'miss', 'times', 'passes', 'clearances'):
+    for name in ('grippers', 'shapes', 'misalignment', 'position_error', 'times', 'via_points',
+                 'clearances'):
         assert len(getattr(part, name)) == 6
 
 
 def back(plan):
     """Return a plan the other way round."""
     turned = {name: getattr(plan, name)[::-1] for name in (
-        'depths', 'grippers', 'shapes', 'misalignment', 'miss', 'passes', 'clearances')}
+        'depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'via_points',
+        'clearances')}
     return replace(plan, **turned, times=plan.times[-1] - plan.times[::-1])
 
 
 @pytest.mark.parametrize('first', [True, False])
 def test_two_plans_are_as_complete_as_the_lesser(plan, first):
-    part = first_part(plan, 6, PlanStatus.PARTIAL)
-    there = back(first_part(plan, 6, PlanStatus.COMPLETE))
-    whole = joined(part, there) if first else joined(there, part)
+    part = truncate(plan, 6, PlanStatus.PARTIAL)
+    there = back(truncate(plan, 6, PlanStatus.COMPLETE))
+    whole = concatenate(part, there) if first else concatenate(there, part)
     assert whole.fraction == pytest.approx(6 / 9)
-    assert joined(plan, back(plan)).fraction == 1
+    assert concatenate(plan, back(plan)).fraction == 1
 
 
 def test_the_second_plan_begins_where_the_first_ends(plan):
     turned = back(plan)
     late = replace(turned, times=turned.times + 100.0)  # its clock does not count
-    whole = joined(plan, late)
+    whole = concatenate(plan, late)
     assert len(whole) == 17
     np.testing.assert_allclose(whole.times[:9], plan.times)
     np.testing.assert_allclose(np.diff(whole.times[8:]), np.diff(turned.times))
@@ -73,10 +76,10 @@ def test_the_second_plan_begins_where_the_first_ends(plan):
 @pytest.mark.parametrize('first', [True, False])
 def test_a_plan_that_begins_elsewhere_is_not_joined(plan, first):
     with pytest.raises(InvalidTask, match='other begins at'):
-        joined(plan, plan)
-    empty = first_part(plan, 0, PlanStatus.PARTIAL)
+        concatenate(plan, plan)
+    empty = truncate(plan, 0, PlanStatus.PARTIAL)
     with pytest.raises(InvalidTask, match='one' if first else 'other'):
-        joined(empty, plan) if first else joined(plan, empty)
+        concatenate(empty, plan) if first else concatenate(plan, empty)
 
 
 def straight_on(plan, angle):
@@ -90,25 +93,25 @@ def straight_on(plan, angle):
     there = Pose.from_rotation(end.position + way, (
         Rotation.from_rotvec(ahead.apply(turn.as_rotvec())).as_matrix() @ end.rotation))
     shapes = plan.shapes[-1], replace(plan.shapes[-1], gripper=there)
-    return replace(first_part(plan, 2, PlanStatus.COMPLETE), grippers=[end, there], shapes=shapes)
+    return replace(truncate(plan, 2, PlanStatus.COMPLETE), grippers=[end, there], shapes=shapes)
 
 
 @pytest.mark.parametrize(('degrees', 'stops'), [(0.0, False), (4.0, False), (6.0, True),
                                                 (90.0, True), (180.0, True)])
 def test_the_gripper_stops_where_two_plans_bend(plan, degrees, stops):
-    whole = joined(plan, straight_on(plan, np.deg2rad(degrees)))
+    whole = concatenate(plan, straight_on(plan, np.deg2rad(degrees)))
     assert whole.stops == ((8,) if stops else ())
     legs = GripperPath.of(whole).legs
     # a leg ends where the gripper stops: at the joint, and beyond 60 degrees in any case
     assert (plan.times[-1] in [leg.knots[0] for leg in legs]) == stops
     # stops of both parts are kept, counted from the beginning
-    assert joined(back(plan), whole).stops == (8, *(stop + 8 for stop in whole.stops))
+    assert concatenate(back(plan), whole).stops == (8, *(stop + 8 for stop in whole.stops))
 
 
 def test_what_has_no_cutout_has_all_the_room_there_is(plan):
     free = back(InverseSimulator(DIRECT).thread(CutOut(HOLE.pose), depths=DEPTHS))
-    assert (joined(free, plan).clearances[:9] == np.inf).all()
-    assert np.isfinite(joined(free, plan).clearances[9:, 0, 0]).all()
+    assert (concatenate(free, plan).clearances[:9] == np.inf).all()
+    assert np.isfinite(concatenate(free, plan).clearances[9:, 0, 0]).all()
 
 
 def test_velocities_lead_from_each_pose_to_the_next(plan):
@@ -132,13 +135,16 @@ def test_misalignment_is_an_angle(plan, angle):
     normal = Rotation.from_rotvec(angle * axes[:, 1]).apply(axes[:, 0])
     waypoint = waypoint_at(shape, position + [0.3, 0, 0.4], 0.4, normal)
     assert waypoint.misalignment == pytest.approx(angle, abs=1e-9)
-    assert waypoint.miss == pytest.approx(0.5)
-    worse, better = (waypoint.also(shape.frame_at(0.7)[1] + [0, off, 0], 0.7) for off in (0.9, 0.1))
-    assert worse.miss == pytest.approx(0.9) and better.miss == pytest.approx(0.5)
+    assert waypoint.position_error == pytest.approx(0.5)
+    worse, better = (waypoint.with_via_point(shape.frame_at(0.7)[1] + [0, off, 0], 0.7)
+                     for off in (0.9, 0.1))
+    assert worse.position_error == pytest.approx(0.9)
+    assert better.position_error == pytest.approx(0.5)
 
 
 def test_misses_are_those_of_every_center(plan):
-    for misses, miss, (passes,), shape in zip(plan.misses, plan.miss, plan.passes, plan.shapes,
+    for misses, miss, (passes,), shape in zip(plan.position_errors, plan.position_error,
+                                              plan.via_points, plan.shapes,
                                               strict=True):
         assert misses == pytest.approx([miss], abs=1e-12)
         center, s, normal = passes
@@ -153,8 +159,8 @@ def test_misses_are_those_of_every_center(plan):
 def test_a_cutout_that_only_one_part_has_leaves_the_other_free(plan):
     turned = back(plan)
     two = replace(turned, clearances=np.tile(turned.clearances, (1, 2, 1)))
-    for whole, free, same in ((joined(plan, two), slice(0, 9), joined(plan, turned)),
-                              (joined(two, plan), slice(9, 17), joined(turned, plan))):
+    for whole, free, same in ((concatenate(plan, two), slice(0, 9), concatenate(plan, turned)),
+                              (concatenate(two, plan), slice(9, 17), concatenate(turned, plan))):
         assert whole.clearances.shape == (17, 2, 3)
         assert (whole.clearances[free, 1] == np.inf).all()
         np.testing.assert_array_equal(whole.clearance, same.clearance)

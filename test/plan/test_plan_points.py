@@ -18,7 +18,7 @@ from dlo_planner import (
     Rod,
     Trajectory,
     Workspace,
-    joined,
+    concatenate,
 )
 
 WIRE = Rod.circular(1.0, 2e-3, 8960.0, 110e9, 0.34)
@@ -59,7 +59,8 @@ def test_waypoints_one_by_one():
     for k, point in enumerate(points):
         assert point.depth == DEPTHS[k] and point.gripper == plan.grippers[k]
         assert point.time == plan.times[k] and point.shape is plan.shapes[k]
-        assert point.clearance == plan.clearance[k] and point.miss == plan.miss[k]
+        assert point.clearance == plan.clearance[k]
+        assert point.position_error == plan.position_error[k]
     with pytest.raises(IndexError):
         plan[len(plan)]
 
@@ -68,15 +69,15 @@ def test_waypoints_one_by_one():
 def test_a_plan_in_a_file(tmp_path, name):
     inverse = planner(np.inf)
     plan = inverse.thread(HOLE, depths=DEPTHS)
-    whole = joined(inverse.start_phase(HOLE, plan, Pose((-1.2, 0, 1), (0, 0, 0, 1))), plan)
+    whole = concatenate(inverse.approach(HOLE, plan, Pose((-1.2, 0, 1), (0, 0, 0, 1))), plan)
     for made in (plan, whole):
         made.save(tmp_path / name)
         again = Plan.load(tmp_path / name)
-        for what in ('depths', 'times', 'miss', 'misalignment', 'clearances'):
+        for what in ('depths', 'times', 'position_error', 'misalignment', 'clearances'):
             np.testing.assert_array_equal(getattr(again, what), getattr(made, what))
         assert again.stops == made.stops and again.status is made.status
         assert again.sheets[0][0] == made.sheets[0][0] and again.fraction == made.fraction
-        assert [len(one) for one in again.passes] == [len(one) for one in made.passes]
+        assert [len(one) for one in again.via_points] == [len(one) for one in made.via_points]
         for one, other in zip(again, made, strict=True):
             np.testing.assert_allclose(one.gripper.matrix, other.gripper.matrix, atol=1e-14)
             np.testing.assert_array_equal(one.shape.positions, other.shape.positions)
@@ -130,7 +131,7 @@ def test_odd_files_are_refused_by_their_name(tmp_path, name, odd):
 def test_where_an_arc_length_stands_in_the_hole():
     inverse = planner(np.inf)
     plan = inverse.thread(HOLE, depths=DEPTHS)
-    way = joined(inverse.start_phase(HOLE, plan, Pose((-1.2, 0, 1), (0, 0, 0, 1))), plan)
+    way = concatenate(inverse.approach(HOLE, plan, Pose((-1.2, 0, 1), (0, 0, 0, 1))), plan)
     np.testing.assert_allclose(plan.arc_lengths, 1 - DEPTHS)
     assert np.isnan(way.arc_lengths[:-len(plan) + 1]).sum() > 2
     direct = inverse.simulator

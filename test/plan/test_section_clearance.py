@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet, Sphere
 from dlo_planner.model.surface import Surface
-from dlo_planner.plan.clearance import clearance, room_in
+from dlo_planner.plan.clearance import clearance, hole_clearances
 
 WIDTH, THICKNESS = 0.02, 0.004
 STRIP = Rod.rectangular(0.3, WIDTH, THICKNESS, 1000.0, 1e8, 0.3)
@@ -51,7 +51,7 @@ def test_room_in_a_hole_is_that_of_the_corners(roll, hole):
             outer = np.maximum(abs(y) - hole['width'] / 2, 0), np.maximum(
                 abs(z) - hole['height'] / 2, 0)
             wanted = -np.hypot(*outer).max()
-    found = room_in(sheet, np.array([1.0, 0, 0]), SURFACE, straight(roll))
+    found = hole_clearances(sheet, np.array([1.0, 0, 0]), SURFACE, straight(roll))
     assert found[0] == pytest.approx(wanted, abs=1e-12)
 
 
@@ -100,5 +100,6 @@ def test_what_passes_the_hole_counts_with_its_own_radius(depth, wanted):
     shape = DirectSimulator(PLUG, gravity=(0, 0, 0), n_elements=64).solve(Pose.identity())
     sheet = Sheet.around(CutOut(Pose((0.2 - depth, 0, 0), (0, 0, 0, 1)), radius=0.004),
                          thickness=0.0)
-    assert room_in(sheet, np.array([1.0, 0, 0]), Surface.of(PLUG), shape)[0] == pytest.approx(
+    assert hole_clearances(sheet, np.array([1.0, 0, 0]), Surface.of(PLUG),
+                           shape)[0] == pytest.approx(
         wanted, abs=1e-9)

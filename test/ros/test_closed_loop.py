@@ -145,7 +145,7 @@ def test_an_execution_is_corrected_by_what_is_seen(client, node, robot, tracker,
     assert client.execution_in('succeeded', 'stopped', timeout=30.0)[2]['state'] == 'succeeded'
     assert int(values(client)['corrections']) >= 1
     time.sleep(0.3)
-    center, s, normal = plan.passes[-1][0]
+    center, s, normal = plan.via_points[-1][0]
     missed = [np.linalg.norm(crossing(truth.shape(gripper), center, normal, s)[0])
               for gripper in (plan.grippers[-1], robot._pose)]
     assert missed[1] < 1e-3 < 0.5 * missed[0]

@@ -38,7 +38,7 @@ def test_slowly_first_and_then_the_motion_that_may_be_executed():
     assert (moving.state, moving.done, moving.safe, moving.reason) == ('held', True, True, '')
     report, way = moving.report, moving.report.trajectory
     assert way.limits == Limits() and way.tolerance == 1e-3  # the default: no size is known
-    assert 0 < report.dynamic_miss <= way.tolerance and report.departure <= way.tolerance
+    assert 0 < report.max_tracking_error <= way.tolerance and report.departure <= way.tolerance
     np.testing.assert_allclose(way.at([way.duration])[0][0].matrix, plan.grippers[-1].matrix,
                                atol=1e-9)
 
@@ -148,4 +148,4 @@ def test_two_cutouts_move_calmly():
     second = Pose.looking_along((0.25, 0.05, 0.97), (1.0, 0.0, 0.0))
     plan = make_plan(scene, [GOAL, second], None, None)[0]
     _, (_, moving) = proved(scene, plan)
-    assert moving.safe and 0 < moving.report.dynamic_miss < 1e-3
+    assert moving.safe and 0 < moving.report.max_tracking_error < 1e-3

@@ -29,7 +29,7 @@ def test_the_report_is_the_same_as_here(prover):
     here = replay(DIRECT, PLAN)
     there = prover.report(simulator=DIRECT, plan=PLAN)
     assert (there.converged, there.clearance) == (here.converged, here.clearance)
-    assert there.miss == pytest.approx(here.miss, abs=1e-9)
+    assert there.position_error == pytest.approx(here.position_error, abs=1e-9)
 
 
 def test_errors_are_told_and_the_process_goes_on(prover):
@@ -46,7 +46,8 @@ def test_the_trajectory_that_comes_back_is_the_one_that_would_be_made_here(prove
     assert there.safe and there.trajectory.tolerance == pytest.approx(there.tolerance)
     times = np.linspace(0, there.duration, 50)
     here = replay(DIRECT, PLAN, trajectory=there.trajectory)  # looked at again: as it said
-    assert here.safe and here.dynamic_miss == pytest.approx(there.dynamic_miss, rel=1e-6)
+    assert here.safe and here.max_tracking_error == pytest.approx(there.max_tracking_error,
+                                                                  rel=1e-6)
     poses = there.trajectory.at(times)[0]
     np.testing.assert_allclose([poses[0].matrix, poses[-1].matrix],
                                [PLAN.grippers[0].matrix, PLAN.grippers[-1].matrix], atol=1e-9)

@@ -74,13 +74,13 @@ def test_a_hole_without_a_size_has_no_clearance():
 def test_report_of_a_good_plan(plan):
     report = replay(DIRECT, plan, obstacles=[Sphere((0, 0, 3), 0.5)], limits=Limits())
     assert report.converged
-    assert report.miss < 1e-6 and report.misalignment < 1e-6
+    assert report.position_error < 1e-6 and report.misalignment < 1e-6
     assert report.stability == pytest.approx(plan.stability.min(), abs=1e-3)
     assert report.clearance == pytest.approx(plan.clearance.min())
     assert report.contact_force == 0
     # the default tolerance: a quarter of the room at the rim
     assert report.tolerance == pytest.approx(0.25 * plan.clearance.min(), rel=1e-3)
-    assert report.miss < report.dynamic_miss <= report.tolerance
+    assert report.position_error < report.max_tracking_error <= report.tolerance
     assert report.departure <= report.tolerance and 0 < report.mode_margin <= 0.3
     assert report.safe and report.reason == '' and 'safe' in repr(report)
     slow = replay(DIRECT, plan, limits=Limits(linear_speed=0.03))
@@ -93,8 +93,10 @@ def test_the_trajectory_that_was_looked_at_is_the_one_to_be_executed(plan):
     assert report.trajectory == Trajectory(plan, Limits(), tolerance=2e-3, simulator=DIRECT,
                                            initial=first)
     assert report.duration == report.trajectory.duration and report.tolerance == 2e-3
-    for name in ('miss', 'clearance', 'contact_force'):
-        assert getattr(report, f'dynamic_{name}') == getattr(report.trajectory.motion, name)
+    moved = report.trajectory.motion
+    assert report.max_tracking_error == moved.position_error
+    for name in ('clearance', 'contact_force'):
+        assert getattr(report, f'dynamic_{name}') == getattr(moved, name)
     # one that was made before is looked at as it is
     again = replay(DIRECT, plan, trajectory=report.trajectory)
     assert again.trajectory is report.trajectory and again.safe
@@ -105,7 +107,7 @@ def test_the_trajectory_that_was_looked_at_is_the_one_to_be_executed(plan):
 def test_a_plan_for_another_dlo_misses(plan):
     softer = DirectSimulator(Rod.circular(1.0, 1.4e-3, 8960.0, 110e9, 0.34))
     report = replay(softer, plan)
-    assert report.miss > 1e-2
+    assert report.position_error > 1e-2
     assert report.clearance < 0 < plan.clearance.min()  # its own shapes are looked at
 
 
@@ -113,7 +115,7 @@ def test_what_was_not_looked_at_is_nan_and_named(plan):
     unsized = InverseSimulator(DIRECT).thread(CutOut(ROUND.pose), depths=[0.0, 0.3])
     report = replay(DIRECT, unsized)
     assert set(report.not_looked_at) == {
-        'clearance', 'dynamic_miss', 'swing', 'arrival', 'departure', 'dynamic_clearance',
+        'clearance', 'max_tracking_error', 'swing', 'arrival', 'departure', 'dynamic_clearance',
         'dynamic_contact_force', 'duration', 'step', 'workspace_margin', 'mode_margin'}
     assert all(np.isnan(getattr(report, name)) for name in report.not_looked_at)
     assert report.trajectory is None and not report.safe
@@ -122,7 +124,7 @@ def test_what_was_not_looked_at_is_nan_and_named(plan):
     assert report.not_looked_at == ()
     assert report.workspace_margin == pytest.approx(min(
         3 - np.abs(gripper.position).max() for gripper in plan.grippers))
-    assert 0 < report.dynamic_miss < report.swing < 2e-2
+    assert 0 < report.max_tracking_error < report.swing < 2e-2
     assert 0 <= report.arrival <= report.swing and 0 < report.departure <= report.swing
     assert 0 < report.dynamic_clearance < report.clearance
     assert report.step <= slowest_period(WIRE) / 25
@@ -130,7 +132,7 @@ def test_what_was_not_looked_at_is_nan_and_named(plan):
 
 @pytest.fixture(scope='module')
 def way(plan):
-    return InverseSimulator(DIRECT).start_phase(ROUND, plan, Pose((-1.3, 0.2, 1.1), (0, 0, 0, 1)))
+    return InverseSimulator(DIRECT).approach(ROUND, plan, Pose((-1.3, 0.2, 1.1), (0, 0, 0, 1)))
 
 
 def test_a_start_phase_in_motion_is_judged_by_swing_and_clearance(way):
@@ -138,8 +140,9 @@ def test_a_start_phase_in_motion_is_judged_by_swing_and_clearance(way):
     report = replay(DIRECT, way, obstacles=[sheet],
                     trajectory=Trajectory(way, tolerance=np.inf))
     assert report.converged
-    assert np.isnan([report.miss, report.misalignment, report.dynamic_miss]).all()
-    assert set(report.not_looked_at) == {'miss', 'misalignment', 'dynamic_miss', 'arrival',
+    assert np.isnan([report.position_error, report.misalignment, report.max_tracking_error]).all()
+    assert set(report.not_looked_at) == {'position_error', 'misalignment', 'max_tracking_error',
+                                         'arrival',
                                          'workspace_margin', 'mode_margin'}
     assert 0.01 < report.swing < 0.5  # it swings by centimeters, whatever it passes
     assert report.dynamic_clearance < report.clearance
@@ -173,7 +176,7 @@ def test_every_reason_not_to_execute(plan, way, monkeypatch):
 def test_a_motion_that_touches_or_fails_is_not_safe(plan):
     calm = Trajectory(plan, simulator=DIRECT)
     for change, said in (({'contact_force': 0.2}, 'touches something, with 0.2 N'),
-                         ({'miss': 0.009}, 'misses by 0.009 m'),
+                         ({'position_error': 0.009}, 'misses by 0.009 m'),
                          ({'clearance': -0.001}, '0.001 m in the sheet'),
                          ({'converged': False}, 'could not be simulated')):
         other = pickle.loads(pickle.dumps(calm))
@@ -194,7 +197,7 @@ def test_a_contact_plan_begins_in_its_own_first_shape():
     # set down there in its natural shape it would come to lie below the bar
     assert not TOUCHING.solve(held.grippers[0]).contacts
     report = replay(TOUCHING, held)
-    assert report.converged and report.miss < 1e-4 and report.deviation < 1e-4
+    assert report.converged and report.position_error < 1e-4 and report.deviation < 1e-4
     assert report.contact_force > 0
     # set down below the bar, it is somewhere else, and where no bar is too
     for simulator, initial in ((TOUCHING, TOUCHING.solve(Pose(
@@ -221,12 +224,12 @@ def test_a_center_that_is_reached_on_the_way_counts_from_there_on():
     first, second = (CutOut(Pose.looking_along((x, 0, 1 - 0.1 * x), (1, 0, 0)), radius=0.02)
                      for x in (0.0, 0.3))
     plan = InverseSimulator(DIRECT).thread_two(first, second, depths=np.linspace(0, 0.6, 13))
-    numbers = [len(passes) for passes in plan.passes]
+    numbers = [len(passes) for passes in plan.via_points]
     assert 1 in numbers and 2 in numbers
     slow = Trajectory(plan, Limits(0.01, 0.05), tolerance=np.inf)
     crawling = replay(DIRECT, plan, trajectory=slow)
     # slow as it is, it is what the coarse waypoints leave: no way of the free end to the center
-    assert 1e-6 < crawling.dynamic_miss < 5e-3
+    assert 1e-6 < crawling.max_tracking_error < 5e-3
 
 
 def test_progress_and_deadline(plan):

@@ -147,7 +147,7 @@ def test_a_held_contact():
     plan = InverseSimulator(direct).hold_contact(Pose((0.5, 0, 0.72), (0, 0, 0, 1)), 0.51,
                                                  forces=[0.2])
     got = robustness(direct, plan, Spread(mass=SMALL))
-    shape, (place, s, _) = plan.shapes[0], plan.passes[0][0]
+    shape, (place, s, _) = plan.shapes[0], plan.via_points[0][0]
     ahead, back = (across(DirectSimulator(both, basis='local', n_elements=32, obstacles=[bar])
                           .solve(shape.gripper, shape), place, s) for both in rods('mass')[0])
     assert got.first_order[0] == pytest.approx(0.5 * np.linalg.norm(ahead - back), rel=2e-3)

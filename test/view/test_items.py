@@ -11,6 +11,7 @@ from dlo_planner import (
     Box,
     Capsule,
     CutOut,
+    Cylinder,
     DirectSimulator,
     InvalidTask,
     InverseSimulator,
@@ -117,6 +118,9 @@ def test_obstacles_are_where_they_are():
     np.testing.assert_allclose(np.abs(body.pose.rotation[:, 2]), (0, 0, 1), atol=1e-12)
     np.testing.assert_allclose(body.size, (0.2, 0.2, 2.0))
     np.testing.assert_allclose([one.pose.position, other.pose.position], [(1, 2, 3), (1, 2, 5)])
+    flat, = obstacle_items([Cylinder((1, 2, 3), (1, 2, 5), 0.1)])  # without the round ends
+    assert (flat.kind, flat.pose) == ('cylinder', body.pose)
+    np.testing.assert_allclose(flat.size, body.size)
     wall = obstacle_items([Plane((1, 0, 0), (1, 1, 0))])[0]
     normal = np.array((1, 1, 0)) / np.sqrt(2)
     world = wall.points @ wall.pose.rotation.T + wall.pose.position

@@ -74,8 +74,8 @@ def test_a_dragged_cut_out_is_planned_anew(page):
     target = Pose.looking_along((0.7, 0.0, 0.85), (1, 0, 0.2))
     dragged_to(page.cutout, target)
     assert page.settle()
-    assert 'ok:' in page.message.content and page.plan.miss.max() < 1e-6
-    center, _, normal = page.plan.passes[-1][0]
+    assert 'ok:' in page.message.content and page.plan.position_error.max() < 1e-6
+    center, _, normal = page.plan.via_points[-1][0]
     np.testing.assert_allclose(center, target.position)
     np.testing.assert_allclose(normal, target.direction, atol=1e-9)
     np.testing.assert_allclose(drawn(page, 'cutout')[0].pose.matrix, target.matrix, atol=1e-9)

@@ -195,7 +195,8 @@ def test_a_report_says_what_it_found_and_whether_it_is_safe():
     assert 'not safe: it was not looked at in motion' in axes.get_title()
     said = [text.get_text() for text in axes.texts]
     assert said.count('not looked at') == sum(np.isnan(getattr(report, name)) for name in (
-        'miss', 'deviation', 'dynamic_miss', 'swing', 'arrival', 'departure', 'clearance',
+        'position_error', 'deviation', 'max_tracking_error', 'swing', 'arrival', 'departure',
+        'clearance',
         'dynamic_clearance', 'workspace_margin'))
     assert f'{1e3 * report.clearance:.3g} mm' in said
     assert axes.get_xlabel() == 'mm' and axes.get_xscale() == 'log'

@@ -21,7 +21,6 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask, NotConverged
-from dlo_planner.inverse.penalties import DirectionAt, PositionAt, Through
 from dlo_planner.model.checks import figure, flag, instance, integer, number, shown
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.value import Value, brief, put
@@ -37,7 +36,7 @@ _WORSE = 1e3        # what has no equilibrium is worse than anything seen by so 
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Found(Value):
+class PenaltyResult(Value):
     """Where the search ended.
 
     Attributes:
@@ -57,12 +56,13 @@ class Found(Value):
     converged: bool
 
     def __post_init__(self):
-        instance('Found.gripper', self.gripper, Pose)
-        instance('Found.shape', self.shape, Shape)
-        put(self, penalty=figure('Found.penalty', self.penalty),
-            slope=figure('Found.slope', self.slope), converged=flag('Found.converged',
-                                                                    self.converged),
-            iterations=integer('Found.iterations', self.iterations, minimum=0, maximum=10**12))
+        instance('PenaltyResult.gripper', self.gripper, Pose)
+        instance('PenaltyResult.shape', self.shape, Shape)
+        put(self, penalty=figure('PenaltyResult.penalty', self.penalty),
+            slope=figure('PenaltyResult.slope', self.slope),
+            converged=flag('PenaltyResult.converged', self.converged),
+            iterations=integer('PenaltyResult.iterations', self.iterations, minimum=0,
+                               maximum=10**12))
 
     def __repr__(self):
         return brief(self, 'converged' if self.converged else 'not converged',
@@ -72,8 +72,8 @@ class Found(Value):
 
 def minimize_penalty(simulator: DirectSimulator, penalties: object, start: Pose, *,
                      initial: Shape | None = None, max_iterations: int = 200,
-                     progress: OnProgress = None, deadline: float | None = None) -> Found:
-    """Return the Found of a task given as penalties of the shape (paper, section 5.1).
+                     progress: OnProgress = None, deadline: float | None = None) -> PenaltyResult:
+    """Return the PenaltyResult of a task given as penalties of the shape (paper, section 5.1).
 
     Where the past counts (a DLO that yields, friction), each pose is judged as if the gripper went
     there straight from `start`.
@@ -94,7 +94,20 @@ def minimize_penalty(simulator: DirectSimulator, penalties: object, start: Pose,
     """
     clamping('simulator', simulator)
     instance('start', start, Pose)
-    most = integer('max_iterations', max_iterations, minimum=1, maximum=1_000_000)
+    asked = _Asked(judged_penalties(penalties), integer('max_iterations', max_iterations,
+                                                        minimum=1, maximum=1_000_000))
+    return least_penalty(simulator, asked, start, initial, Progress(progress, deadline))
+
+
+@dataclass(frozen=True)
+class _Asked:
+    penalties: list
+    max_iterations: int
+
+
+def least_penalty(simulator: DirectSimulator, asked: object, start: Pose, initial: Shape | None,
+                  progress: Progress) -> PenaltyResult:
+    """Return the PenaltyResult of `penalties` in `max_iterations` at most, both of `asked`."""
     if simulator.strains != 'components':
         raise InvalidTask(f'simulator.strains = {simulator.strains!r}: expected \'components\', '
                           'whose sensitivities guide the search')
@@ -102,13 +115,14 @@ def minimize_penalty(simulator: DirectSimulator, penalties: object, start: Pose,
     if initial is not None and initial.far_end is not None:
         raise InvalidTask('initial is held at its far end: expected a Shape whose far end is free, '
                           'as it is in the search')
-    search = _Search(simulator, _judged(penalties, simulator.rod.length), start, initial,
-                     Progress(progress, deadline), most)
+    _check_lengths(asked.penalties, simulator.rod.length)
+    most = asked.max_iterations
+    search = _Search(simulator, list(asked.penalties), start, initial, progress, most)
     return search.of_squares(most) if search.squares_only else search.of_numbers(most)
 
 
-def _judged(penalties, length):
-    """Return the penalties as a list; raise InvalidTask for what is none on a DLO so long."""
+def judged_penalties(penalties: object) -> list:
+    """Return one penalty or several as a list; raise InvalidTask for what is none."""
     penalties = list(penalties) if isinstance(penalties, list | tuple) else [penalties]
     if not penalties:
         raise InvalidTask('penalties = []: expected one at least, something to minimize')
@@ -116,11 +130,15 @@ def _judged(penalties, length):
         if not callable(penalty) and not hasattr(penalty, 'residuals'):
             raise InvalidTask(f'penalties: {shown(penalty)} is neither a function nor has '
                               'residuals')
-        if isinstance(penalty, PositionAt | DirectionAt):
-            number(f'{type(penalty).__name__}.s', penalty.s, minimum=0, maximum=length)
-        if isinstance(penalty, Through):
-            number('Through.after', penalty.after, minimum=0, maximum=length)
     return penalties
+
+
+def _check_lengths(penalties: list, length: float) -> None:
+    """Raise InvalidTask where an arc length of a penalty is beyond the DLO."""
+    for penalty in penalties:
+        for name in getattr(penalty, 'ARC_LENGTHS', ()):
+            number(f'{type(penalty).__name__}.{name}', getattr(penalty, name), minimum=0,
+                   maximum=length)
 
 
 class _Search:
@@ -144,7 +162,7 @@ class _Search:
         self._known[np.zeros(6).tobytes()] = shape
 
     def of_squares(self, most):
-        """Return the Found where the sum of the squared residuals is least."""
+        """Return the PenaltyResult where the sum of the squared residuals is least."""
         unit = self._size_of_slopes(np.zeros(6)) or 1.0
         self._worse = _WORSE * (unit + np.linalg.norm(self.residuals(np.zeros(6))))
         found = least_squares(lambda y: self.residuals(y * self.scale) / unit, np.zeros(6),
@@ -156,7 +174,7 @@ class _Search:
         return self._found(x, size**2, slope, _STILL * typical * (size + _STILL * typical))
 
     def of_numbers(self, most):
-        """Return the Found where the penalty, which is no sum of squares, is least."""
+        """Return the PenaltyResult where the penalty, which is no sum of squares, is least."""
         unit = self._change(np.zeros(6)) or 1.0
         self._worse = _WORSE * (unit + abs(self.value(np.zeros(6))))
         found = minimize(lambda y: self.value(y * self.scale) / unit, np.zeros(6), method='BFGS',
@@ -168,7 +186,7 @@ class _Search:
 
     def _found(self, x, penalty, slope, enough):
         shape = self.shape_at(x)
-        return Found(shape.gripper, shape, float(penalty), float(slope), self.count,
+        return PenaltyResult(shape.gripper, shape, float(penalty), float(slope), self.count,
                      bool(slope <= enough and shape.converged))
 
     def _size_of_slopes(self, x):

@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from dlo_planner.deprecated import renamed_fields
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
@@ -19,7 +20,7 @@ from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import Value, brief, put
-from dlo_planner.plan.clearance import clearance, room_in
+from dlo_planner.plan.clearance import clearance, hole_clearances
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.motion.inserted import Feed, pushed
 from dlo_planner.plan.motion.periods import slowest_period
@@ -34,6 +35,7 @@ _FEWEST, _MOST = 150, 20_000  # instants of a run
 _AT_ONCE = 1e-9       # of a plan's time
 
 
+@renamed_fields(miss='position_error')
 @dataclass(frozen=True, eq=False, repr=False)
 class InMotion(Value):
     """What the dynamic simulation says of a motion from rest to rest; worst values, SI units.
@@ -44,7 +46,7 @@ class InMotion(Value):
     ----------
     converged : bool
         Whether every step was solved.
-    miss : float
+    position_error : float
         Distance from the centers to be passed, between all waypoints: of the nearest arc length
         between those of both waypoints; a center that the free end only comes to on that way counts
         from then on; nan if there is none. A DLO in a bore cannot miss it: there the `swing` of
@@ -52,7 +54,7 @@ class InMotion(Value):
     swing : float
         Largest distance of the DLO from its equilibrium in the same gripper.
     arrival : float
-        The same at the first instant that counts for `miss`, or nan.
+        The same at the first instant that counts for `position_error`, or nan.
     departure : float
         The same in the slowest period after the motion's end.
     clearance : float
@@ -68,7 +70,7 @@ class InMotion(Value):
     """
 
     converged: bool
-    miss: float
+    position_error: float
     swing: float
     arrival: float
     departure: float
@@ -86,7 +88,7 @@ class InMotion(Value):
     def __repr__(self) -> str:
         return brief(self, 'converged' if self.converged else 'not converged', *(
             f'{name} {getattr(self, name):.3g} {unit}' for name, unit in (
-                ('miss', 'm'), ('swing', 'm'), ('departure', 'm'), ('clearance', 'm'),
+                ('position_error', 'm'), ('swing', 'm'), ('departure', 'm'), ('clearance', 'm'),
                 ('duration', 's')) if np.isfinite(getattr(self, name))))
 
     def worse(self, other: InMotion) -> InMotion:
@@ -124,12 +126,12 @@ def in_motion(simulator: DirectSimulator, plan: Plan, way: TimedPath, first: Sha
     grippers, done = way.at(times)[0], way.progress(times)
     seen = _seen(simulator, plan, grippers, done, times[1], first, progress)
     obstacles = watched(simulator, plan, obstacles)
-    passed, anything = any(plan.passes), bool(plan.sheets or obstacles)
+    passed, anything = any(plan.via_points), bool(plan.sheets or obstacles)
     if seen is None:
         lost, near = np.inf if passed else np.nan, -np.inf if anything else np.nan
         return InMotion(False, lost, np.inf, lost, np.inf, near, near, np.inf, way.duration,
                         times[1])
-    miss, swing, surface = seen.miss, seen.swing, Surface.of(simulator.rod)
+    miss, swing, surface = seen.position_error, seen.swing, Surface.of(simulator.rod)
     return InMotion(
         True, miss.max() if passed else np.nan, swing.max(),
         swing[np.argmax(miss > 0)] if passed else np.nan, swing[times >= way.duration].max(),
@@ -147,8 +149,8 @@ class _Seen:
     shapes : sequence of Shape
     calm : sequence of Shape
         Shapes of the DLO that follows slowly.
-    miss : ndarray, shape (n,)
-        Miss in m.
+    position_error : ndarray, shape (n,)
+        Position error in m.
     swing : ndarray, shape (n,)
         Swing in m.
     contact_force : float
@@ -157,14 +159,14 @@ class _Seen:
 
     shapes: Sequence[Shape]
     calm: Sequence[Shape]
-    miss: Floats
+    position_error: Floats
     swing: Floats
     contact_force: float
 
     def then(self, other: _Seen) -> _Seen:
         """Return this motion and another, which begins at the instant at which this one ends."""
         return _Seen([*self.shapes, *other.shapes[1:]], [*self.calm, *other.calm[1:]],
-                     np.append(self.miss, other.miss[1:]),
+                     np.append(self.position_error, other.position_error[1:]),
                      np.append(self.swing, other.swing[1:]),
                      max(self.contact_force, other.contact_force))
 
@@ -201,7 +203,7 @@ def _freely(simulator: DirectSimulator, plan: Plan, grippers: Sequence[Pose], do
     calm = simulator.track(grippers, progress.done, first)
     swing = np.array([apart(*pair) for pair in zip(motion.shapes, calm, strict=True)])
     last = np.clip(np.searchsorted(plan.times, done, side='right') - 1, 0, len(plan) - 2)
-    miss = np.array([worst_miss(shape, plan.passes[k], plan.passes[k + 1])
+    miss = np.array([worst_miss(shape, plan.via_points[k], plan.via_points[k + 1])
                      for k, shape in zip(last, motion.shapes, strict=True)])
     force = max((contact.force for shape in motion.shapes for contact in shape.contacts),
                 default=0.0)
@@ -230,6 +232,6 @@ def least_clearance(plan: Plan, obstacles: Sequence[Obstacle], surface: Surface,
                     shapes: Iterable[Shape]) -> float:
     """Return the least clearance in m of Shapes from a Plan's sheets and obstacles, nan if none."""
     rooms = [clearance(obstacles, surface, shape) for shape in shapes if obstacles]
-    rooms += [float(room_in(sheet, normal, surface, shape).min())
+    rooms += [float(hole_clearances(sheet, normal, surface, shape).min())
               for sheet, normal in plan.sheets for shape in shapes]
     return float(min(rooms, default=np.nan))

@@ -121,7 +121,7 @@ class Trajectory(TimedPath):
             **{name: getattr(way, name) for name in ('laws', 'starts', 'duration')})
 
     def __repr__(self) -> str:
-        said = '' if self.motion is None else f'miss {self.motion.miss:.2g} m'
+        said = '' if self.motion is None else f'miss {self.motion.position_error:.2g} m'
         return brief(self, f'{self.duration:.4g} s', f'{len(self.path.legs)} legs', said)
 
 
@@ -239,7 +239,7 @@ class _Search:
 
     def _missed(self, motion: InMotion) -> float:
         """Return by how much a motion misses more than the plan, m; nan without a center."""
-        return float(motion.miss - self._plan.miss.max())
+        return float(motion.position_error - self._plan.position_error.max())
 
     def _margin(self, way: TimedPath, motion: InMotion) -> float:
         """Return by which part frequencies may be off until the miss is twice the tolerance."""

@@ -47,7 +47,7 @@ def missed(name, rod, trajectory):
     motion = direct.simulate(grippers, times[1], first)
     assert motion.converged
     last = np.clip(np.searchsorted(plan.times, done, side='right') - 1, 0, len(plan) - 2)
-    return np.array([[worst_miss(shape, plan.passes[k], plan.passes[k + 1])
+    return np.array([[worst_miss(shape, plan.via_points[k], plan.via_points[k + 1])
                       for k, shape in zip(last, shapes, strict=True)]
                      for shapes in (motion.shapes, direct.track(grippers, initial=first))])
 
@@ -57,7 +57,7 @@ def test_from_a_start_pose_of_its_own_it_threads_calmly(name):
     miss, seconds = PROMISED[name]
     trajectory = calm(name)
     assert trajectory.duration <= seconds
-    assert trajectory.motion.miss <= miss and trajectory.motion.departure <= miss
+    assert trajectory.motion.position_error <= miss and trajectory.motion.departure <= miss
     for ratio in (0.0, 0.01):  # and each by itself, not as the search saw it
         rod = replace(RODS[name], damping=(ratio / 0.01 * RODS[name].damping[0], 0.0))
         assert missed(name, rod, trajectory)[0].max() <= miss
@@ -192,7 +192,7 @@ def test_what_is_passed_at_one_of_two_waypoints_counts_up_to_the_free_end():
 
 def test_a_center_is_passed_from_its_first_waypoint_to_its_last():
     one, other = (np.array([x, 0.0, 0.0]) for x in (0.0, 1.0))
-    plan = SimpleNamespace(times=np.arange(4.0), passes=(
+    plan = SimpleNamespace(times=np.arange(4.0), via_points=(
         (), ((one, 1.0, None),), ((one, 0.8, None), (other, 1.0, None)), ((other, 0.7, None),)))
     np.testing.assert_allclose(holes_passed(plan, np.array([0.5, 1.0, 1.5, 2.0, 2.5, 3.0])), [
         [np.nan, 1.0, 0.9, 0.8, np.nan, np.nan], [np.nan, np.nan, np.nan, 1.0, 0.85, 0.7]])
@@ -222,7 +222,7 @@ def test_the_default_tolerance_is_a_quarter_of_the_room(short):
     direct, plan = short
     way = Trajectory(plan)
     assert way.tolerance == pytest.approx(0.25 * plan.clearances[:, :, 0].min())
-    assert way.motion.miss <= way.tolerance and way.mode_margin > 0
+    assert way.motion.position_error <= way.tolerance and way.mode_margin > 0
     free = InverseSimulator(direct).thread(CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0))),
                                            depths=[0.0, 0.1])
     assert Trajectory(free).tolerance == 1e-3
@@ -281,10 +281,10 @@ def test_two_cutouts_are_passed_calmly():
     direct = DirectSimulator(rod)
     plan = InverseSimulator(direct).thread_two(first, second, depths=np.linspace(0, 0.6, 25))
     way = Trajectory(plan, tolerance=4e-3, simulator=direct)
-    assert way.motion.miss <= 4e-3 and way.motion.departure <= 4e-3
+    assert way.motion.position_error <= 4e-3 and way.motion.departure <= 4e-3
     fast = in_motion(direct, plan, Trajectory(plan, tolerance=np.inf), plan.shapes[0], (),
                      Progress(None, None))
-    assert fast.miss > 2 * way.motion.miss
+    assert fast.position_error > 2 * way.motion.position_error
 
 
 def damped_wire():
@@ -311,15 +311,16 @@ def test_a_contact_is_held_and_a_sequence_threaded_in_motion():
                  over.hold_contact(contact, 0.7, condition=None, forces=[0.2, 0.22])):
         # without a simulator it is the plan's own, with the bar that is touched
         way = Trajectory(plan)
-        assert way.motion.miss <= way.tolerance and way.motion.contact_force > 0.05
+        assert way.motion.position_error <= way.tolerance and way.motion.contact_force > 0.05
     holes = [CutOut(Pose.looking_along((x, 0, 1 - 0.3 * x * x), (1, 0, 0)), radius=0.02)
              for x in (0.0, 0.2, 0.4)]
     plan = InverseSimulator(DirectSimulator(damped_wire())).thread_sequence(
         holes, depths=np.linspace(0, 0.6, 13))
     way = Trajectory(plan)
     # three centers are not hit, even slowly: what the motion adds is what counts
-    assert plan.miss.max() > way.tolerance
-    assert plan.miss.max() < way.motion.miss <= plan.miss.max() + way.tolerance
+    assert plan.position_error.max() > way.tolerance
+    still = plan.position_error.max()
+    assert still < way.motion.position_error <= still + way.tolerance
 
 
 def test_nonsense_is_refused_by_name(short):

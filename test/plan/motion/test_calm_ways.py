@@ -17,7 +17,7 @@ from dlo_planner import (
 )
 from dlo_planner.plan.motion.leg_response import Response
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import PlanStatus, first_part
+from dlo_planner.plan.plan import PlanStatus, truncate
 
 SHORT = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)
 LEAF = Rod.rectangular(0.8, 0.020, 0.0005, 7850.0, 206e9, 0.29)
@@ -26,16 +26,16 @@ ASIDE = CutOut(Pose.looking_along((0, 0, 1), (0.3268, -0.8378, 0.4373)), radius=
 ABOVE = Pose.looking_along((-0.34008, 0.88092, 0.77364), (0.3813, -0.8164, 0.4337))
 
 
-def start_phase(rod, hole, start, depth):
+def approach(rod, hole, start, depth):
     inverse = InverseSimulator(DirectSimulator(rod))
     through = inverse.thread(hole, start=start, depths=[0, depth])
-    way = inverse.start_phase(hole, through, start)
-    return first_part(way, way.stops[0] + 1, PlanStatus.COMPLETE)
+    way = inverse.approach(hole, through, start)
+    return truncate(way, way.stops[0] + 1, PlanStatus.COMPLETE)
 
 
 def test_a_way_that_comes_to_no_rim_has_no_room_to_lose_there():
     hole = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0.1)), radius=2.5e-3)
-    way = start_phase(SHORT, hole, Pose.looking_along((-0.36, -0.1, 1.02), (1, 0, 0)), 0.1)
+    way = approach(SHORT, hole, Pose.looking_along((-0.36, -0.1, 1.02), (1, 0, 0)), 0.1)
     assert np.isinf(way.clearances[:, :, 0]).all()
     motion = Trajectory(way, Limits(0.2, 1.0), tolerance=1e-3).motion
     assert motion.departure < 1e-3
@@ -43,7 +43,7 @@ def test_a_way_that_comes_to_no_rim_has_no_room_to_lose_there():
 
 
 def test_modes_are_known_densely_where_they_change_fast():
-    way = start_phase(LEAF, ASIDE, ABOVE, 0.1)
+    way = approach(LEAF, ASIDE, ABOVE, 0.1)
     leg = GripperPath.of(way).legs[0]
     quick = DirectSimulator(LEAF, n_elements=32, basis='local')
     response = Response.of(quick, leg, quick.solve(way.grippers[0]))
@@ -58,8 +58,8 @@ def test_modes_are_known_densely_where_they_change_fast():
 
 def test_a_plan_that_comes_nearer_between_its_waypoints_than_at_them():
     hole = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0.1)), radius=2.5e-3)
-    way = start_phase(SHORT, hole, Pose.looking_along((-0.5, -0.1, 1.02), (1, 0, 0)), 0.1)
-    plan = first_part(way, 2, PlanStatus.COMPLETE)
+    way = approach(SHORT, hole, Pose.looking_along((-0.5, -0.1, 1.02), (1, 0, 0)), 0.1)
+    plan = truncate(way, 2, PlanStatus.COMPLETE)
     before, after = (shape.positions[-1] for shape in plan.shapes)
     beside = np.cross(after - before, (0, 0, 1))
     beside *= 0.012 / np.linalg.norm(beside)

@@ -46,18 +46,19 @@ def test_the_simulation_agrees():
     direct, plan = cell('wire')
     first = int(np.searchsorted(plan.times, task.leg.knots[0]))
     part = replace(plan, stops=(), **{name: getattr(plan, name)[first:] for name in (
-        'depths', 'grippers', 'shapes', 'misalignment', 'miss', 'times', 'passes', 'clearances')})
+        'depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'times', 'via_points',
+        'clearances')})
     path = GripperPath(part.times, (task.leg,))
     shape = direct.solve(part.grippers[0], part.shapes[0])
     laws = shaped(task, 0.7)
     found = [in_motion(direct, part, TimedPath(path, (law,), task.limits), shape, (),
                        Progress(None, None)) for law in laws]
     # coarser waypoints and a second mesh are in both
-    assert found[0].miss > 2 * found[1].miss
+    assert found[0].position_error > 2 * found[1].position_error
     # the response is right to a part of the largest deviation
     for one, law in zip(found, laws, strict=True):
         known = task.cases[0].deviation(law, task.rest[0])[0]
-        assert abs(one.miss - known) < 0.1 * one.swing
+        assert abs(one.position_error - known) < 0.1 * one.swing
 
 
 def test_a_leg_shorter_than_a_spline_has_no_shift():

@@ -19,7 +19,7 @@ from dlo_planner import (
     Pose,
     Rod,
     Trajectory,
-    joined,
+    concatenate,
     replay,
 )
 from dlo_planner.plan.motion.in_motion import in_motion
@@ -71,7 +71,7 @@ def test_what_is_outside_deviates_by_its_inertia_alone(rod):
     fast, slow = moved(rod), moved(rod, 4.0)
     assert fast.converged and slow.converged
     assert slow.swing < 0.1 * fast.swing < 1e-4  # inertia: a sixteenth; no noise of cutting anew
-    assert fast.miss == fast.swing  # a DLO in a bore cannot miss it otherwise
+    assert fast.position_error == fast.swing  # a DLO in a bore cannot miss it otherwise
     assert fast.contact_force < 0.02 and fast.departure < 1e-5
 
 
@@ -82,11 +82,11 @@ def test_the_mouth_bears_the_weight_it_takes_over():
 @pytest.mark.parametrize('rod', [WIRE, BENT], ids=['straight', 'bent'])
 def test_from_a_start_pose_of_its_own_it_is_inserted_safely(rod):
     direct, plan = planned(rod)
-    start = InverseSimulator(direct).start_phase(BORE, plan, Pose((-1.2, 0.2, 1.2), (0, 0, 0, 1)))
-    way = joined(start, plan)
+    start = InverseSimulator(direct).approach(BORE, plan, Pose((-1.2, 0.2, 1.2), (0, 0, 0, 1)))
+    way = concatenate(start, plan)
     report = replay(direct, way, limits=Limits())
     assert report.safe and report.tolerance == pytest.approx(0.25 * plan.clearance.min())
-    assert report.arrival <= report.dynamic_miss <= report.tolerance < report.swing
+    assert report.arrival <= report.max_tracking_error <= report.tolerance < report.swing
     assert report.departure < 1e-6 and 0 < report.dynamic_contact_force < 0.05
     assert 0 < report.dynamic_clearance < report.clearance
     # it stops where the bore takes it
@@ -116,7 +116,7 @@ def test_what_cannot_be_calm_or_is_not_known_is_refused(monkeypatch):
     with pytest.raises(InvalidTask, match='simulator: expected one of the plan\'s DLO, 1 m long'):
         Trajectory(inside, simulator=DirectSimulator(replace(WIRE, length=1.1)))
     way = Trajectory(inside, simulator=direct)
-    assert way.motion.miss <= way.tolerance
+    assert way.motion.position_error <= way.tolerance
 
 
 def test_a_bore_is_as_wide_as_the_dlo():

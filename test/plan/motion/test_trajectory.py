@@ -20,7 +20,8 @@ from dlo_planner import (
     Trajectory,
 )
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import PlanStatus, Waypoint, build_plan, joined
+from dlo_planner.plan.plan import PlanStatus, build_plan, concatenate
+from dlo_planner.plan.waypoint import Waypoint
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, damping=(0.5, 0.01))
 DIRECT = DirectSimulator(WIRE)
@@ -160,7 +161,7 @@ def test_trajectory_keeps_limits_and_poses(plan):
 def test_it_stops_at_corners(plan):
     inverse = InverseSimulator(DIRECT)
     start = Pose((-1.3, 0.2, 1.1), (0, 0, 0, 1))
-    whole = joined(inverse.start_phase(ROUND, plan, start), plan)
+    whole = concatenate(inverse.approach(ROUND, plan, start), plan)
     way = fastest(whole)
     times = np.linspace(0, way.duration, 6001)
     poses, speeds, _ = way.at(times)

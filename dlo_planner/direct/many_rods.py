@@ -1,0 +1,105 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""One shape each of many DLOs that hang freely and differ in their rods, in one compiled loop."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlo_planner.direct.indicator import hanging_surely_within
+from dlo_planner.direct.many import Filled
+from dlo_planner.direct.statics import MAX_ITERATIONS, NO_FRAMES, NO_NODES, TOLERANCE
+from dlo_planner.energy.loads import node_masses
+from dlo_planner.minimize.hanging_rods import RodTable, hang_rods
+from dlo_planner.model.rod import Rod
+from dlo_planner.model.value import freeze
+from dlo_planner.ritz.series import orthonormal_basis
+
+if TYPE_CHECKING:  # it imports this package
+    from dlo_planner.direct.simulator import DirectSimulator
+
+
+def even(simulator: 'DirectSimulator', rod: Rod) -> bool:
+    """Return whether a Rod hangs freely and all is the same along it, so `hanging_rods` takes it.
+
+    Args:
+        simulator: whose surroundings and options it has
+        rod: Rod
+    """
+    around = simulator.surroundings
+    return not (around.obstacles or around.pinned or around.point_loads or callable(around.load)
+                or rod.yields or rod.varies or rod.nodes or simulator.method != 'newton')
+
+
+def hanging_rods(simulator: 'DirectSimulator', rods: Sequence[Rod],
+                 positions: NDArray[np.float64], rotations: NDArray[np.float64],
+                 ) -> tuple[dict[str, Any], NDArray[np.bool_]]:
+    """Return what `simulator.with_rod(rod).solve` finds for many rods, as arrays.
+
+    Args:
+        simulator: DirectSimulator
+        rods: n Rods, one at least, which are all `even`
+        positions: (n, 3) of the grippers, m; rotations: (n, 3, 3)
+
+    Returns:
+        what `many.hanging_shapes` returns
+    """
+    mesh, accuracy = simulator._discretization, simulator.accuracy
+    if not even(simulator, simulator.rod):
+        mesh = simulator.with_rod(rods[0])._discretization
+    filled = Filled(mesh.s.size - 1, positions, rotations)
+    own = mesh.static
+    system = own._replace(**{name: getattr(own, name).copy() for name in (
+        'lengths', 'natural', 'stiffness', 'scale', 'basis', 'pull')})
+    table = _table(mesh, simulator._discretization.s, rods)
+    hang_rods(system, table, filled.rotations, filled.positions, TOLERANCE, MAX_ITERATIONS,
+              NO_FRAMES, NO_NODES, *filled.arrays)
+    if accuracy is None:
+        return filled.columns(), np.full(len(rods), True)
+    lengths = np.array([rod.length for rod in rods])
+    _, stability, truncated = filled.proofs.T
+    return filled.columns(), hanging_surely_within(mesh, stability, truncated,
+                                                   accuracy * (lengths / simulator.rod.length))
+
+
+def _table(mesh, s, rods):
+    """Return the RodTable of Rods on nodes like `s` (N + 1,); all else as in a Discretization."""
+    lengths, mesh_of = np.unique([rod.length for rod in rods], return_inverse=True)
+    nodes = np.array([scaled_nodes(s, length) for length in lengths])
+    h, mesh_of = np.diff(nodes), mesh_of.ravel()
+    stiffness = np.array([(rod.torsional_stiffness, *rod.bending_stiffness) for rod in rods])
+    natural = np.array([(rod.natural_twist, *rod.natural_curvature) for rod in rods])
+    elements, strains = (np.repeat(one[:, None], h.shape[1], axis=1)
+                         for one in (stiffness, natural))
+    freeze(strains)
+    if mesh.basis == 'local':
+        scale = 1 / np.sqrt(elements * h[mesh_of][:, :, None])
+    else:
+        scale = np.sqrt(stiffness)[:, None] / elements
+    basis = np.array([orthonormal_basis(mesh.basis, mesh.n_terms, one) for one in nodes])
+    return RodTable(mesh_of, h, basis, strains, elements, scale,
+                    _pulls(mesh.surroundings, rods, nodes[mesh_of]))
+
+
+def _pulls(around, rods, nodes):
+    """Return (n, N + 1, 3) the dead loads on the nodes (n, N + 1) of each rod, negated, N."""
+    h = np.diff(nodes)
+    masses, forces = np.zeros(nodes.shape), np.zeros((*nodes.shape, 3))
+    half = 0.5 * np.array([rod.mass_per_length for rod in rods])[:, None] * h
+    masses[:, :-1] += half
+    masses[:, 1:] += half
+    masses[:, -1] += [rod.tip_mass for rod in rods]
+    for k in (k for k, rod in enumerate(rods) if rod.point_masses):
+        masses[k] = node_masses(rods[k], nodes[k])
+    if around.load is not None:
+        half = 0.5 * h[:, :, None] * around.load
+        forces[:, :-1] += half
+        forces[:, 1:] += half
+    return -masses[:, :, None] * around.gravity - forces
+
+
+def scaled_nodes(s: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+    """Return nodes like `s` (N + 1,), m, of a DLO of another length, m."""
+    return np.append(s[:-1] * (length / s[-1]), length)

@@ -1,0 +1,93 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a task is solved with: the DLO, where it is now, and what its plan has to keep."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import number
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
+from dlo_planner.model.surface import Surface
+from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
+from dlo_planner.plan.requirements import Requirements
+from dlo_planner.progress import Progress
+
+_FASTEST = 1e6   # lengths of the DLO and rad per s: times of a plan have to differ
+
+
+@dataclass(frozen=True)
+class PlanContext:
+    """What a task's `solve` is given.
+
+    Attributes:
+        given: DirectSimulator of the DLO, which may yield; its obstacles count
+        simulator: the same, elastic: what plans are made with
+        start: Pose of the gripper now, or None
+        initial: Shape of the DLO now, or None
+        requirements: Requirements
+        touching: whether the plan means to touch the obstacles, which it avoids otherwise
+        progress: Progress, to be reported to and asked for the deadline
+    """
+
+    given: DirectSimulator
+    simulator: DirectSimulator
+    start: Pose | None = None
+    initial: Shape | None = None
+    requirements: Requirements = field(default_factory=Requirements)
+    touching: bool = False
+    progress: Progress = field(default_factory=Progress)
+
+    @property
+    def rod(self) -> Rod:
+        """The DLO."""
+        return self.simulator.rod
+
+    @cached_property
+    def without_obstacles(self) -> DirectSimulator:
+        """The simulator without obstacles; of the DLO as `initial` leaves it, if there is one."""
+        free = self.simulator.without_obstacles()
+        if self.initial is None:
+            return free
+        left = self.given.left_by(self.initial)
+        if self.initial.far_end is not None:
+            raise InvalidTask('initial is held at its far end: expected a Shape whose far end is '
+                              'free, as it is in the plan')
+        return free if left is self.given else left.elastic().without_obstacles()
+
+    @cached_property
+    def demands(self) -> PlanRequirements:
+        """The requirements as a PlanBuilder judges them, for this DLO and this computation."""
+        wanted, rod = self.requirements, self.simulator.rod
+        speeds = (checked_speed('linear_speed', wanted.limits.linear_speed, rod.length),
+                  checked_speed('angular_speed', wanted.limits.angular_speed))
+        touched = self.touching
+        return PlanRequirements(
+            speeds, self.progress, wanted.workspace, () if touched else self.simulator.obstacles,
+            Surface.of(rod), None if wanted.allow_plastic else _yield_limits(rod),
+            None if touched else self.simulator.without_obstacles(), wanted.tolerance)
+
+    def builder(self, depths: np.ndarray) -> PlanBuilder:
+        """Return a PlanBuilder: it takes one Waypoint per depth, in order, and judges each.
+
+        Args:
+            depths: (n,) m that have gone through a cut-out; zeros where there is none
+        """
+        return PlanBuilder(np.asarray(depths, dtype=float), self.demands)
+
+
+def checked_speed(name: str, value: object, length: float = 1.0) -> float:
+    """Return a speed (m/s or rad/s) that plans can be timed with; length: of the DLO, m."""
+    return number(name, value, above=0, maximum=_FASTEST * length)
+
+
+def _yield_limits(rod: Rod) -> np.ndarray | None:
+    """Return the strains (3,) at which a Rod yields, 1/m; None: it does not."""
+    if not rod.yields:
+        return None
+    return np.array([rod.yield_torsion or np.inf, *(rod.yield_curvature or (np.inf, np.inf))])

@@ -1,0 +1,70 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The penalty of a stretch of the DLO that turns away from a direction."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.penalties import judged
+from dlo_planner.model.checks import direction, number
+from dlo_planner.model.value import Value, put
+
+_POINTS = 9  # at which the tangent is looked at, evenly
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class KeepTangent(Value):
+    """The DLO's tangent keeps a direction on a stretch: the root mean square of its deviation.
+
+    Attributes:
+        begin, end: arc lengths of the stretch, m
+        direction: (3,) any length but zero
+        weight: 1/rad
+
+    Raises:
+        InvalidTask: an argument makes no sense; the message names it
+    """
+
+    ARC_LENGTHS: ClassVar[tuple[str, ...]] = ('begin', 'end')
+
+    begin: float
+    end: float
+    direction: NDArray[np.float64]
+    weight: float = 1.0
+
+    def __post_init__(self) -> None:
+        begin, end = (number(f'KeepTangent.{name}', getattr(self, name), minimum=0)
+                      for name in ('begin', 'end'))
+        if end < begin:
+            raise InvalidTask(f'KeepTangent.end = {end:g}: expected at least begin = {begin:g}')
+        put(self, begin=begin, end=end, direction=direction('KeepTangent.direction',
+                                                            self.direction),
+            weight=number('KeepTangent.weight', self.weight, above=0))
+        super().__post_init__()
+
+    def residuals(self, shape: Shape) -> NDArray[np.float64]:
+        """Return (27,): differences of unit vectors, 3 at each of 9 points."""
+        judged(shape)
+        return self._share * np.ravel([shape.frame_at(s)[0][:, 0] - self.direction
+                                       for s in self._points])
+
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> NDArray[np.float64]:
+        """Return (27, 6), by rotation (rad) and displacement (m) of the gripper."""
+        judged(shape, sensitivity)
+        return self._share * np.vstack([
+            np.cross(sensitivity.at(s)[:3].T, shape.frame_at(s)[0][:, 0]).T
+            for s in self._points])
+
+    @property
+    def _points(self) -> NDArray[np.float64]:
+        return np.linspace(self.begin, self.end, _POINTS)
+
+    @property
+    def _share(self) -> float:
+        return self.weight / float(np.sqrt(_POINTS))

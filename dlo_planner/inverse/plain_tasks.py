@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Tasks as plain Python and back: each value says its class, so that nothing has to be guessed."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
+
+import numpy as np
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.storage import pack, unpack
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import shown
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value
+
+_TYPE = 'type'
+_DEEPEST = 20  # values inside values
+_POSE = {'position', 'quaternion'}
+
+
+def to_plain(content: object) -> object:
+    """Return a content as dicts, lists, numbers, strings, truth values and None.
+
+    Raises:
+        InvalidTask: there is something else in it
+    """
+    if isinstance(content, Pose):
+        return {'position': content.position.tolist(), 'quaternion': content.quaternion.tolist()}
+    if isinstance(content, Shape):
+        return {_TYPE: 'Shape', **{name: {'shape': list(array.shape), 'of': array.dtype.kind,
+                                          'data': array.ravel().tolist()}
+                                   for name, array in pack(content).items()}}
+    if isinstance(content, Value) and is_dataclass(content):
+        return {_TYPE: type(content).__name__,
+                **{item.name: to_plain(getattr(content, item.name)) for item in fields(content)}}
+    if isinstance(content, np.ndarray | np.generic):
+        return content.tolist()
+    if isinstance(content, Mapping):
+        return {str(key): to_plain(part) for key, part in content.items()}
+    if isinstance(content, tuple | list):
+        return [to_plain(part) for part in content]
+    if content is None or isinstance(content, bool | int | float | str):
+        return content
+    raise InvalidTask(f'{shown(content)} cannot be written: expected values, numbers and texts')
+
+
+def from_plain(name: str, content: object, depth: int = 0) -> object:
+    """Return what `to_plain` was given; lists stay lists, which values take for arrays.
+
+    Args:
+        name: how the content is called in messages
+        depth: in how many others it is
+
+    Raises:
+        InvalidTask: a class is not known, or refuses what is given for it
+    """
+    if depth > _DEEPEST:
+        raise InvalidTask(f'{name[:40]}...: expected values in at most {_DEEPEST} others')
+    if isinstance(content, Mapping):
+        return _value(name, content, depth)
+    if isinstance(content, list | tuple):
+        return [from_plain(f'{name}[{k}]', part, depth + 1) for k, part in enumerate(content)]
+    return content
+
+
+def _value(name: str, content: Mapping, depth: int) -> object:
+    if _TYPE not in content and {'position'} <= set(content) <= _POSE:
+        return Pose(content['position'], content.get('quaternion', (0.0, 0.0, 0.0, 1.0)))
+    kind = content.get(_TYPE)
+    if kind == 'Shape':
+        return _shape(name, content)
+    known = {cls.__name__: cls for cls in _below(Value) if is_dataclass(cls)}
+    if not isinstance(kind, str) or kind not in known:
+        raise InvalidTask(f'{name}.type = {shown(kind)}: expected the name of a class of tasks, '
+                          'penalties, cut-outs or obstacles that has been imported')
+    cls = known[kind]
+    allowed = {item.name for item in fields(cls) if item.init}
+    for key in content:
+        if key != _TYPE and key not in allowed:
+            raise InvalidTask(f'{name}.{key}: expected one of {", ".join(sorted(allowed))}')
+    given = {key: from_plain(f'{name}.{key}', part, depth + 1) for key, part in content.items()
+             if key != _TYPE}
+    try:
+        return cls(**given)
+    except TypeError as error:
+        raise InvalidTask(f'{name}: {error}') from None
+
+
+def _shape(name: str, content: Mapping) -> Shape:
+    try:
+        arrays = {key: np.array(part['data'], dtype=_DTYPES[part['of']]).reshape(part['shape'])
+                  for key, part in content.items() if key != _TYPE}
+        return unpack(Shape, arrays)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InvalidTask(f'{name}: expected a Shape as `Task.to_dict` writes it, {error}'
+                          ) from None
+
+
+_DTYPES = {'f': float, 'i': int, 'u': int, 'b': bool, 'U': str}
+
+
+def _below(cls: type) -> Iterator[type]:
+    """Yield all classes derived from a class."""
+    for one in cls.__subclasses__():
+        yield one
+        yield from _below(one)

@@ -1,0 +1,288 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""One method for each task: `inverse.thread(hole)` is `inverse.plan(Thread(hole))`."""
+
+from abc import abstractmethod
+from collections.abc import Iterable
+from dataclasses import replace
+
+from numpy.typing import ArrayLike
+
+from dlo_planner.deprecated import renamed
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.context import PlanContext, checked_speed
+from dlo_planner.inverse.task import Task
+from dlo_planner.inverse.tasks import (
+    Approach,
+    HoldContact,
+    Insert,
+    SlideContact,
+    Thread,
+    ThreadSequence,
+    ThreadTwo,
+)
+from dlo_planner.model.checks import instance, number
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value
+from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.requirements import Requirements
+from dlo_planner.progress import OnProgress
+
+
+class Shorthands(Value):
+    """The methods of an InverseSimulator that are short for a task and its requirements."""
+
+    simulator: DirectSimulator
+    requirements: Requirements
+
+    @abstractmethod
+    def _context(self, task: Task, start: Pose | None, initial: Shape | None,
+                 requirements: Requirements, progress: OnProgress) -> PlanContext:
+        """Return the PlanContext of a task."""
+
+    def _plan(self, task: Task, start: Pose | None, initial: Shape | None,
+              requirements: Requirements, progress: OnProgress) -> Plan:
+        return task.solve(self._context(task, start, initial, requirements, progress))
+
+    def thread(self, cutout: CutOut, *, start: Pose | None = None, initial: Shape | None = None,
+               depths: ArrayLike | None = None, method: str = 'coupled',
+               gripper_clearance: float | None = None, as_deep_as_possible: bool = False,
+               linear_speed: float = 0.1, angular_speed: float = 0.5, progress: OnProgress = None,
+               deadline: float | None = None) -> Plan:
+        """Plan the threading through one cut-out, anywhere and in any direction in 3-D.
+
+        At each depth the DLO passes the center P_goal along the normal n_goal (paper, section
+        5.2). One rotation of the gripper is free (a round straight DLO may roll): the first
+        waypoint turns as little as it can against `start`, each other one against the one before
+        (about the mean of the gripper's axis and the normal it does not turn at all).
+
+        Args:
+            cutout: CutOut
+            start: Pose of the gripper before, for its roll; None: as upright as it can be
+            initial: Shape of the DLO before, its far end free, from which it has to get into the
+                first shape of the plan; a permanent set that it has counts; None: it is set down
+                there in its natural shape
+            depths: (n,) arc lengths that have gone through, m, not decreasing, in [0, L]; None:
+                40 of them from 0 to 0.95 L
+            method: 'coupled' solves equilibrium and alignment as one Newton system; 'nested' is
+                the paper's minimization of c arccos(t . n)^2 around the direct simulation
+            gripper_clearance: m, how far the gripper's origin has to stay before the sheet: where
+                no depths are given, the plan ends there
+            as_deep_as_possible: where not all depths can be reached, the plan ends with the
+                deepest one found, and `Plan.fraction` is its part of the last one
+            linear_speed: m/s, angular_speed: rad/s: limits for the plan's times
+            progress: called as progress(done, total) after each waypoint
+            deadline: s of computing after which DeadlineExceeded is raised; None: no limit
+
+        Returns:
+            Plan
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            Infeasible: a waypoint has no stable solution, or the gripper comes too near; carries
+                the plan up to it
+        """
+        task = Thread(cutout, depths, method, gripper_clearance, as_deep_as_possible)
+        return self._plan(task, start, initial, self._with(linear_speed, angular_speed, deadline),
+                          progress)
+
+    def insert(self, bore: CutOut, *, start: Pose | None = None, depths: ArrayLike | None = None,
+               linear_speed: float = 0.1, angular_speed: float = 0.5,
+               progress: OnProgress = None, deadline: float | None = None) -> Plan:
+        """Plan the insertion into a bore of about the DLO's diameter (paper, section 5.2).
+
+        The walls carry what is inside; what is outside transmits neither force nor moment to the
+        mouth. Where the DLO is naturally bent, the bore still has to keep the part inside straight:
+        `Plan.bore_moment`. Where a point mass or the tip's mass comes to the mouth, the plan stays
+        at that depth for some waypoints, in which the mouth takes over its weight. A uniform DLO's
+        gripper travels along the curve of its first shape (Zheng et al. 1991).
+
+        Args:
+            bore: CutOut: its center is that of the mouth, its normal points inwards
+            start, linear_speed, angular_speed, progress, deadline: as for `thread`
+            depths: as for `thread`, less than the length
+
+        Returns:
+            Plan; it may have more waypoints than `depths`. Its shapes are of what is outside, held
+            at the mouth, and so is their stability; `Shape.far_wrench` is what the mouth exerts on
+            that part: nothing, but where it takes over a mass
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            Infeasible: a waypoint has no stable solution, or the gripper would have to leap to it;
+                carries the plan up to it
+        """
+        return self._plan(Insert(bore, depths), start, None,
+                          self._with(linear_speed, angular_speed, deadline), progress)
+
+    start_phase = renamed('start_phase', 'approach')
+
+    def approach(self, cutout: CutOut, plan: Plan, start: Pose, *, standoff: float = 0.05,
+                    initial: Shape | None = None, linear_speed: float = 0.1,
+                    angular_speed: float = 0.5, progress: OnProgress = None,
+                    deadline: float | None = None) -> Plan:
+        """Plan the way from the gripper's present pose to where a threading begins.
+
+        The gripper backs off along the normal, turns where the DLO cannot reach the sheet, and
+        comes straight to where the free end is `standoff` before the hole, aligned, and then in it.
+
+        Args:
+            cutout: CutOut; plan: the Plan of its threading
+            start: Pose of the gripper now, the DLO behind the sheet
+            standoff: m
+            initial: Shape of the DLO now, as for `thread`; None: the one it falls into from its
+                natural shape
+            linear_speed, angular_speed, progress, deadline: as for `thread`
+
+        Returns:
+            Plan; its `clearance` is the distance of the DLO from the sheet's plane, its last pose
+            is the first of `plan`
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            Infeasible: the DLO is beyond the sheet at the start, has no stable shape on the way, or
+                does not come into the shape in which the plan begins
+        """
+        if not len(instance('plan', plan, Plan)):
+            raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
+        return self._plan(Approach(cutout, plan.shapes[0], standoff), instance('start', start,
+                                                                               Pose),
+                          initial, self._with(linear_speed, angular_speed, deadline), progress)
+
+    def thread_two(self, first: CutOut, second: CutOut, *, start: Pose | None = None,
+                   depths: ArrayLike | None = None, linear_speed: float = 0.1,
+                   angular_speed: float = 0.5, progress: OnProgress = None,
+                   deadline: float | None = None) -> Plan:
+        """Plan the threading through two cut-outs, whose centers count (paper, section 5.2).
+
+        From where the free end reaches the second center, both are hit at once; before, the first
+        one is passed along the direction that it then has, so the way is continuous.
+
+        Args:
+            first, second: CutOut, in the order in which they are passed
+            start, depths, linear_speed, angular_speed, progress, deadline: as for `thread`; depths
+                count from the first cut-out
+
+        Returns:
+            Plan; `miss` is the larger of both distances, `misalignment` is 0
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            Infeasible: a waypoint has no stable solution; carries the plan up to it
+        """
+        return self._plan(ThreadTwo(first, second, depths), start, None,
+                          self._with(linear_speed, angular_speed, deadline), progress)
+
+    def thread_sequence(self, cutouts: Iterable[CutOut], *, weights: ArrayLike | None = None,
+                        start: Pose | None = None, depths: ArrayLike | None = None,
+                        linear_speed: float = 0.1, angular_speed: float = 0.5,
+                        progress: OnProgress = None, deadline: float | None = None) -> Plan:
+        """Plan the threading through any number of cut-outs, as well as can be.
+
+        One is passed along its normal, as by `thread`, and two at once, as by `thread_two`. More
+        cannot be hit exactly: the sum of the squared weighted distances is made least, a cut-out
+        counting more and more as the free end comes near.
+
+        Args:
+            cutouts: CutOuts in the order in which they are passed
+            weights: (k,) of their distances; None: all alike
+            start, depths, linear_speed, angular_speed, progress, deadline: as for `thread`; depths
+                count from the first cut-out
+
+        Returns:
+            Plan; `Plan.position_errors` says by how much each is missed
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            Infeasible: a waypoint has no stable solution; carries the plan up to it
+        """
+        return self._plan(ThreadSequence(cutouts, weights, depths), start, None,
+                          self._with(linear_speed, angular_speed, deadline), progress)
+
+    def hold_contact(self, contact: Pose, s: float, *, condition: str | None = 'least_energy',
+                     forces: ArrayLike | None = None, start: Pose | None = None,
+                     linear_speed: float = 0.1, angular_speed: float = 0.5,
+                     progress: OnProgress = None, deadline: float | None = None) -> Plan:
+        """Plan how to hold the DLO in contact with an obstacle (paper, section 5.3, Fig. 16).
+
+        Arc length, place and direction at the contact leave the force of contact free: a family of
+        gripper poses, found without a search. Its admissible parts are intervals of the force: the
+        shape is stable, with the contact as a constraint, by 0.02 at least, it is in no obstacle,
+        and it keeps this simulator's demands. What is chosen from them is the least to 0.1 % and
+        confirmed by the direct simulation. What hangs beyond the contact is the shape that it
+        falls into from its natural one.
+
+        Args:
+            contact: Pose on the surface of one of the simulator's obstacles: x axis = direction of
+                the DLO, z axis = outward normal. A DLO that is not round lies there with the axes
+                (t, n, b) of its material frame along the contact's: a strip whose width is
+                along n lies flat.
+            s: arc length of the contact, m
+            condition: which one of the family: 'least_energy' (bending), 'least_force' (a
+                thousandth of weight + EI / L^2, where that can be held and the simulator's
+                discretization tells it from none), 'least_motion' (from `start`),
+                'largest_clearance' (from the other obstacles; without any, the least energy);
+                None: a motion through the interval that has the least energy, in order of the
+                force, its steps below 0.12 (rad plus parts of the length)
+            forces: (n,) N: only these are looked at, as they are; None: all
+            start: Pose of the gripper before
+            linear_speed, angular_speed, progress, deadline: as for `thread`
+
+        Returns:
+            Plan
+
+        Raises:
+            InvalidTask: an argument makes no sense, or the contact is not on a surface
+            Infeasible: no force will do; the constraint is the demand that the best one breaks, or
+                'contact': by so much, in m, the DLO would be in an obstacle, or off the best of
+                these shapes
+        """
+        return self._plan(HoldContact(contact, s, condition, forces), start, None,
+                          self._with(linear_speed, angular_speed, deadline), progress)
+
+    def slide_contact(self, contact: Pose, lengths: ArrayLike, *, condition: str = 'least_motion',
+                      forces: ArrayLike | None = None, start: Pose | None = None,
+                      way: str = 'aligned', linear_speed: float = 0.1, angular_speed: float = 0.5,
+                      progress: OnProgress = None, deadline: float | None = None) -> Plan:
+        """Plan how to draw the DLO over an obstacle, its direction there kept (Fig. 15), or not.
+
+        Args:
+            lengths: (n,) arc lengths between gripper and contact, m, one after the other
+            contact, condition, forces, start: as for `hold_contact`; 'least_motion' is from one
+                waypoint to the next, the first one has the least energy if there is no `start`.
+                The others choose the first waypoint; each further one is the local minimum of the
+                same that is nearest to the one before.
+            way: 'aligned': the DLO keeps its place and direction at the contact; 'straight': the
+                gripper keeps its orientation and goes straight from the first waypoint towards the
+                contact, or away from it (footnote 19 of the paper). The DLO then touches where and
+                as it comes to lie: `Plan.misalignment` is by how much its direction has drifted,
+                `Plan.position_error` how far the place. `condition` and `forces` choose the first
+                waypoint.
+            linear_speed, angular_speed, progress, deadline: as for `thread`
+
+        Returns:
+            Plan
+
+        Raises:
+            InvalidTask: an argument makes no sense; the message names it
+            Infeasible: as for `hold_contact`; or 'continuity': no admissible shapes lead from one
+                waypoint to the next, the amount is the gripper's leap (rad plus parts of the
+                length); on a straight way how far the DLO falls, in m, or 'contact': how far the
+                arc length that touches is from the one asked for, in m; carries the plan up to it
+        """
+        return self._plan(SlideContact(contact, lengths, condition, forces, way), start, None,
+                          self._with(linear_speed, angular_speed, deadline), progress)
+
+    def _with(self, linear_speed: float, angular_speed: float,
+              deadline: float | None) -> Requirements:
+        """Return the requirements with the speeds and the deadline of a shorthand."""
+        length = self.simulator.rod.length
+        limits = replace(self.requirements.limits,
+                         linear_speed=checked_speed('linear_speed', linear_speed, length),
+                         angular_speed=checked_speed('angular_speed', angular_speed))
+        if deadline is not None:
+            deadline = number('deadline', deadline, above=0)
+        return replace(self.requirements, limits=limits, deadline=deadline)

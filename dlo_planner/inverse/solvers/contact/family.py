@@ -1,0 +1,223 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The ways to hold one contact: a curve of shapes, by the force of contact (paper, Fig. 16).
+
+Arc length, place, direction and roll at the contact are given. What hangs beyond it is then a
+cantilever; force and moment are known there, and the force of contact alone is free. One march
+from the free end to the gripper gives the shape for each force: a smooth curve, without a search.
+A shape of it is admissible if it is a minimum with the contact as a constraint and lies in no
+obstacle. These parts of the curve are intervals of the force: `inverse.solvers.contact.intervals`.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.statics import equilibrium, shape_of
+from dlo_planner.energy.contact import along_the_dlo
+from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.potential import placed
+from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.solvers.hanging.marching import hanging
+from dlo_planner.minimize.minimum import Minimum
+from dlo_planner.minimize.newton import descend, residual_of
+from dlo_planner.model.along import SeenFrom
+from dlo_planner.model.part import part_of_loads, part_of_rod
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.surface import Surface
+from dlo_planner.plan.clearance import nearest
+from dlo_planner.ritz.kinematics import point_inside
+
+STABLE = 0.02       # least stability: a mesh's error does not make it doubtful
+_OUTSIDE = 1e-9     # of the length: rounding errors of a gap
+_BALANCED = 1e-8    # of the residual
+_ON_SURFACE = 1e-4  # of the length, and rad: how far a contact may be off its obstacle
+
+
+class ContactFamily:
+    """The shapes that touch at arc length `s` in a given way, by the force of contact.
+
+    Attributes:
+        s: m; place: (3,) of the DLO's axis there, m; frame: (3, 3) of the DLO there
+        obstacle: index of the one that is touched
+        scale: (2,) N, smallest and largest of the forces that are natural for this DLO
+        stable: the stability that is demanded
+        known: dict of the Shapes that were looked at, by their force
+
+    Args:
+        simulator: DirectSimulator with the obstacle among its obstacles
+        contact: Pose on the obstacle's surface: x axis = DLO's direction, z axis = outward
+            normal; its axes are those of the DLO's material frame there
+        s: m
+        check: called once a shape, as `Progress.check`
+        elements: of the mesh
+
+    Raises:
+        InvalidTask: the contact is not on the surface of an obstacle
+    """
+
+    def __init__(self, simulator, contact, s, check, elements=64):
+        self.s, self.stable, self._check, self.known = s, STABLE, check, {}
+        around, rod = _about_the_axis(simulator.surroundings), simulator.rod
+        thick = float(around.rod.radii([s])[0])
+        self._mesh, self._node = _mesh(around, s, elements)
+        self._alone = Discretization(replace(around, obstacles=()), self._mesh.s, 'local', 0)
+        self._rolling = self._mesh
+        if self._node < elements:
+            self._rolling = Discretization(around, np.delete(self._mesh.s, self._node), 'local', 0)
+        self._scene = self._mesh.static.scene
+        self._body, self.place, self.frame = _placed(self._scene, contact, thick, rod.length)
+        self.obstacle = int(self._scene.source[self._body])
+        self._end, strain = _cantilever(self._alone, self._node, self.frame)
+        self._inside = self._sag(strain)
+        weight = float(np.linalg.norm(self._mesh.static.pull, axis=1).sum())
+        stiffness = rod.stiffness[1:]
+        bent = float(np.abs(self._mesh.natural).max())
+        self.scale = (weight + stiffness.min() / rod.length**2,
+                      weight + stiffness.max() * (1 / s + bent) / s)
+
+    def shape(self, force):
+        """Return the Shape with this force of contact, N; it may not be admissible."""
+        if force not in self.known:
+            self._check()
+            self.known[force] = self._marched(force)
+        return self.known[force]
+
+    def _marched(self, force):
+        system = self._alone.system(np.eye(3))
+        pull = system.pull.copy()
+        pull[self._node] -= force * self.frame[:, 2]
+        system = system._replace(pull=pull)
+        state, base = hanging(system, self._end)
+        gripper = Pose.from_rotation(self.place - state.positions[self._node], base)
+        touching = self._mesh.system(base, gripper.position)
+        touching.contacts.node[self._body, self._node] = force
+        found = Minimum(state, residual_of(system, state),
+                        self._stability(state.strains, base, force), 0, 0, touching)
+        shape = shape_of(self._mesh, gripper, found)
+        return replace(shape, violation=max(0.0, -self.gap(shape), self._inside))
+
+    def _stability(self, strains, base, force):
+        """Return the smallest eigenvalue with the contact as a constraint.
+
+        A DLO that turns rolls over the obstacle, so that it touches elsewhere: that makes it more
+        stable. A contact inside an element can roll, one at a node cannot, so `s` is no node here.
+        """
+        mesh = self._rolling
+        system = mesh.system(base)
+        state = placed(system, mesh.strains_from(self._mesh.s, strains))
+        at_end, e = self._node == self._mesh.s.size - 1, self._node - 1
+        frame, x = np.empty((3, 3)), np.empty(3)
+        point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
+                     (self.s - mesh.s[e]) / system.lengths[e], frame, x)
+        system = mesh.system(base, self.place - x)
+        if at_end:
+            system.contacts.node[self._body, self._node] = force
+        else:
+            none = np.zeros((1, 3))
+            system = system._replace(contacts=system.contacts._replace(
+                element=np.array([e]), obstacle=np.array([self._body]),
+                multiplier=np.array([force]), fraction=np.array([0.5]), anchor=none, normal=none))
+        return descend(system, state.q, np.inf, 0, True)[2]
+
+    def _sag(self, strain):
+        """Return by how much, m, a DLO that curves into the obstacle at the contact is in it.
+
+        Args:
+            strain: (3,) of the DLO there, the same for all forces, as is the moment
+        """
+        bend, normal = np.empty((3, 3)), np.empty(3)
+        signed_distance(self._scene, self._body, np.array(self.place), normal, bend)
+        _, curve = along_the_dlo(normal, bend, self.frame, strain)
+        return -curve * np.diff(self._mesh.s).max() ** 2 / 8
+
+    def gap(self, shape, others=False):
+        """Return the smallest gap between a Shape and the obstacles, m; infinite without any.
+
+        Args:
+            others: whether the obstacle that is touched does not count
+        """
+        gaps = nearest(self._scene, shape)
+        return min((gap for source, (gap, _, _) in zip(self._scene.source, gaps, strict=True)
+                    if not others or source != self.obstacle), default=np.inf)
+
+    def merit(self, force):
+        """Return a number that is positive where the shape with this force is admissible.
+
+        Continuous, but for -inf where the march does not end in an equilibrium.
+        """
+        shape = self.shape(force)
+        length = shape.s[-1]
+        if shape.violation > _OUTSIDE * length:
+            return -shape.violation / length
+        return shape.stability - self.stable if shape.residual < _BALANCED else -np.inf
+
+    def most_stable(self):
+        """Return the most stable of the known Shapes that are in no obstacle, or None."""
+        good = [shape for shape in self.known.values() if shape.residual < _BALANCED
+                and shape.violation <= _OUTSIDE * shape.s[-1]]
+        return max(good, key=lambda shape: shape.stability, default=None)
+
+
+def _about_the_axis(surroundings):
+    """Return Surroundings whose DLO is round, as thick as a rectangular one is along its b axis.
+
+    That is the axis which points away from an obstacle that is touched.
+    """
+    half = Surface.of(surroundings.rod).half
+    if half is None:
+        return surroundings
+    return replace(surroundings, rod=replace(surroundings.rod, radius=half[1], section=None))
+
+
+def _mesh(surroundings, s, elements):
+    """Return a Discretization in which `s` is a node, and that node."""
+    length = surroundings.rod.length
+    if s >= length * (1 - 1e-9):
+        return Discretization(surroundings, np.linspace(0, length, elements + 1), 'local',
+                              0), elements
+    node = int(np.clip(round(elements * s / length), 2, elements - 2))
+    nodes = np.concatenate([np.linspace(0, s, node + 1),
+                            np.linspace(s, length, elements - node + 1)[1:]])
+    return Discretization(surroundings, nodes, 'local', 0), node
+
+
+def _placed(scene, contact, radius, length):
+    """Return the body that a contact is on, place (3,) and frame (3, 3) of the DLO there."""
+    axis = contact.position + radius * contact.rotation[:, 2]
+    normals, bend = np.empty((scene.kind.size, 3)), np.empty((3, 3))
+    gaps = np.array([signed_distance(scene, o, axis, normals[o], bend) - radius
+                     for o in range(scene.kind.size)])
+    # among foils and obstacles that meet there, the one with this normal
+    tilts = np.linalg.norm(normals - contact.rotation[:, 2], axis=1)
+    body = int(np.argmin(np.abs(gaps) / length + tilts))
+    if abs(gaps[body]) > _ON_SURFACE * length or tilts[body] > _ON_SURFACE:
+        raise InvalidTask(
+            f'contact = {contact!r}: expected a place on an obstacle\'s surface, the z axis its '
+            f'normal; the nearest one is {gaps[body]:.3g} m and {tilts[body]:.3g} rad off')
+    normal = normals[body]
+    along = contact.rotation[:, 0] - (contact.rotation[:, 0] @ normal) * normal
+    along /= np.linalg.norm(along)
+    frame = np.column_stack([along, np.cross(normal, along), normal])
+    return body, axis - gaps[body] * normal, frame
+
+
+def _cantilever(mesh, node, frame):
+    """Return what hangs beyond the contact: the rotation (3, 3) of its end, the strain (3,) there.
+
+    It is the shape that it falls into from its natural one.
+
+    Args:
+        mesh: Discretization of the whole DLO, without obstacles
+    """
+    if node == mesh.s.size - 1:
+        return np.array(frame, order='C'), mesh.natural[-1]
+    around = mesh.surroundings
+    s, load = mesh.s[node], around.load
+    part = replace(around, rod=part_of_rod(mesh.rod, s, 1),
+                   load=SeenFrom(load, s, 1) if callable(load) else load,
+                   point_loads=part_of_loads(around.point_loads, around.rod, s, 1))
+    tail = Discretization(part, mesh.s[node:] - s, 'local', 0)
+    shape, _ = equilibrium(tail, Pose.from_rotation(np.zeros(3), frame), tail.natural)
+    return np.array(shape.frames[-1], order='C'), shape.strains[0]

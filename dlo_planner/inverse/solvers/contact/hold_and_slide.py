@@ -1,0 +1,227 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Keeping contact with an obstacle (paper, section 5.3, Fig. 15, 16).
+
+Arc length, place and direction at the contact leave the force of contact free: a curve of gripper
+poses and shapes (`inverse.solvers.contact.family`), whose admissible parts are intervals
+(`inverse.solvers.contact.intervals`). A condition chooses from them, and the direct simulation
+confirms what is chosen (`inverse.solvers.contact.touching`).
+"""
+
+import numpy as np
+
+from dlo_planner.inverse.solvers.contact.intervals import best_first, minima
+from dlo_planner.inverse.solvers.contact.touching import HARDLY_STABLE, Contacting
+from dlo_planner.plan.builder import PlanBuilder
+from dlo_planner.plan.continuity import gripper_motion
+
+CONDITIONS = ('least_energy', 'least_force', 'least_motion', 'largest_clearance')
+_FOUND = 1e-3   # relative: the last force that is confirmed
+_TRIED = 8      # forces of an interval, before none of it counts as confirmed
+_PACE = 0.12    # rad plus part of the length: of one step through a family
+_NEAR = 0.06    # the same: a step that is no leap
+_MOST_HALVINGS = 7
+_BESIDE = (1.0, 0.9, 1.1, 0.75, 1.33)  # of a force: where else a way may lead
+
+
+def hold_contact(simulator, asked, start, brief):
+    """Return the Plan of a HoldContact task; see `InverseSimulator.hold_contact`."""
+    s, forces, condition = asked.s, asked.forces, asked.condition
+    draft = PlanBuilder([simulator.rod.length - s], brief)
+    task = Contacting.at(simulator, asked.contact, s, brief)
+    parts = task.parts(forces, draft)
+    if condition is not None:
+        _, shape = _chosen(task, parts, condition, start, draft)
+        draft.add(task.waypoint(shape))
+        return draft.finished()
+    if forces is None:
+        calm = _minima_of(task, parts, 'least_energy', None)[0][1]
+        part = next(part for part in parts if part[0] <= calm <= part[-1])
+        shapes = _motion(task, part)
+    else:
+        shapes = [task.confirmed(force) for part in parts for force in part]
+        shapes = [shape for shape in shapes if shape is not None]
+    if not shapes:
+        raise task.unconfirmed(draft, parts)
+    draft = PlanBuilder([simulator.rod.length - s] * len(shapes), brief)
+    for shape in shapes:
+        draft.add(task.waypoint(shape))
+    return draft.finished()
+
+
+def slide_contact(simulator, asked, start, brief):
+    """Return the Plan of an aligned SlideContact; see `InverseSimulator.slide_contact`."""
+    lengths, forces, condition = asked.lengths, asked.forces, asked.condition
+    draft = PlanBuilder([simulator.rod.length - s for s in lengths], brief)
+    task = force = None
+    for s in lengths:
+        before, task = (task, force), Contacting.at(simulator, asked.contact, s, brief)
+        parts = task.parts(forces, draft)
+        if not draft.waypoints:
+            force, shape = first_choice(task, parts, condition, start, draft)
+        else:
+            force, shape = _continued(task, parts, condition, before, draft)
+        draft.add(task.waypoint(shape))
+    return draft.finished()
+
+
+def _cost_of(task, condition, start):
+    """Return the function of the force that a condition of CONDITIONS makes least.
+
+    Args:
+        start: Pose from which a motion counts, or None
+    """
+    family = task.family
+    if condition == 'least_force':
+        return lambda force: force
+    if condition == 'least_motion':
+        return lambda force: _away(family.shape(force), start)
+    others = any(k != family.obstacle for k in range(len(task.simulator.obstacles)))
+    if condition == 'largest_clearance' and others:
+        return lambda force: -family.gap(family.shape(force), others=True)
+    return lambda force: family.shape(force).elastic_energy
+
+
+def _minima_of(task, parts, condition, start):
+    """Return [(cost, force)], best first, of the local minima in all `parts`."""
+    cost = _cost_of(task, condition, start)
+    return best_first([found for part in parts for found in minima(cost, task.merit, part)])
+
+
+def first_choice(task, parts, condition, start, draft):
+    """Return force and confirmed Shape with which a slide begins; raise Infeasible."""
+    how = 'least_energy' if condition == 'least_motion' and start is None else condition
+    return _chosen(task, parts, how, start, draft)
+
+
+def _chosen(task, parts, condition, start, draft):
+    """Return force and confirmed Shape that a condition prefers; raise Infeasible."""
+    cost, moved = _cost_of(task, condition, start), []
+    for _, force in _minima_of(task, parts, condition, start):
+        found = _confirmed(task, parts, force)
+        if found is not None:
+            moved.append((cost(found[0]), *found))
+            if found[0] == force:
+                break
+    if not moved:
+        raise task.unconfirmed(draft, parts)
+    return min(moved, key=lambda one: one[0])[1:]
+
+
+def _confirmed(task, parts, force):
+    """Return a force of `parts` with its confirmed Shape, or the nearest such pair, or None."""
+    shape = task.confirmed(force)
+    if shape is not None:
+        return force, shape
+    part = next(part for part in parts if part[0] <= force <= part[-1])
+    return _nearest_confirmed(task, part, force)
+
+
+def _nearest_confirmed(task, part, force):
+    """Return the confirmed (force, Shape) of an interval next to a force that is not, or None."""
+    good, shape = None, None
+    some = part[::max(1, len(part) // _TRIED)]
+    for good in sorted(some, key=lambda one: abs(np.log(one / force))):
+        shape = task.confirmed(good)
+        if shape is not None:
+            break
+    if shape is None:
+        return None
+    while abs(good - force) > _FOUND * good:
+        middle = float(np.sqrt(good * force))
+        found = task.confirmed(middle) if task.merit(middle) > 0 else None
+        if found is None:
+            force = middle
+        else:
+            good, shape = middle, found
+    return good, shape
+
+
+def _motion(task, part):
+    """Return confirmed Shapes through an interval, ascending, each gripper near the one before."""
+    family, last = task.family, part[-1]
+    forces = [part[0]]
+    while forces[-1] < last:
+        target = last
+        while (_step(family.shape(forces[-1]), family.shape(target)) > _PACE
+               and target - forces[-1] > 1e-6 * last):
+            target = 0.5 * (target + forces[-1])
+        forces.append(target)
+    found = [task.confirmed(force) for force in forces]
+    good = [k for k, shape in enumerate(found) if shape is not None]
+    if not good:
+        return []
+    middle = max(good, key=lambda k: found[k].stability)
+    first = last = middle
+    while first and found[first - 1] is not None:
+        first -= 1
+    while last + 1 < len(found) and found[last + 1] is not None:
+        last += 1
+
+    def end(inside, outside):
+        """Return [the confirmed Shape that is nearest to what is not], [] where nothing is."""
+        if not 0 <= outside < len(found):
+            return []
+        nearest = _nearest_confirmed(task, [forces[inside]], forces[outside])
+        return [] if nearest is None else [nearest[1]]
+
+    return [*end(first, first - 1), *found[first:last + 1], *end(last, last + 1)]
+
+
+def _continued(task, parts, condition, before, draft):
+    """Return force and confirmed Shape that continue a task (Contacting, force) `before`.
+
+    The nearest of the local minima; the gripper must not leap to it.
+    """
+    start = draft.last.gripper
+    found = _minima_of(task, parts, condition, start)
+    found.sort(key=lambda one: _away(task.family.shape(one[1]), start))
+    best = None
+    for _, force in found:
+        leap = _leap(before, (task, force))
+        if best is None or leap < best:
+            best = leap
+        if leap:
+            continue
+        confirmed = _confirmed(task, parts, force)
+        if confirmed is not None:
+            return confirmed
+    if not best:
+        raise task.unconfirmed(draft, parts)
+    raise draft.refusal('continuity', best * draft.last.s[-1], f'the gripper would leap by '
+                        f'{best:.3g} (rad, and parts of the length) from the waypoint before, '
+                        'however slowly the DLO is drawn')
+
+
+def _leap(one, other, halvings=_MOST_HALVINGS):
+    """Return 0 if a way of admissible shapes leads from a (Contacting, force) to another.
+
+    Else how far, in rad and parts of the length, the gripper leaps, or where no shape is
+    admissible on the way. Arc length and logarithm of the force go about evenly.
+    """
+    (task, force), (last, its) = one, other
+    apart = _step(task.family.shape(force), last.family.shape(its))
+    if apart <= _NEAR and halvings < _MOST_HALVINGS:
+        return 0.0
+    if not halvings:
+        return apart
+    middle = Contacting.at(task.simulator, task.contact, 0.5 * (task.s + last.s), task.brief)
+    middle.family.stable = HARDLY_STABLE  # the way may lead along the very end of an interval
+    forces = (float(np.sqrt(force * its)) * part for part in _BESIDE)
+    between = next((one for one in forces if middle.family.merit(one) > 0), None)
+    if between is None:
+        return apart
+    middle = (middle, between)
+    return _leap(one, middle, halvings - 1) or _leap(middle, other, halvings - 1)
+
+
+def _step(one, other):
+    """Return the gripper's motion between two Shapes, see `gripper_motion`."""
+    return gripper_motion(one.gripper, other.gripper, one.s[-1])
+
+
+def _away(shape, before):
+    """Return the square of a motion from the Pose `before`, in parts of the length and a turn."""
+    shift = (shape.gripper.position - before.position) / shape.s[-1]
+    turn = 1 - 0.25 * (1 + np.trace(shape.gripper.rotation @ before.rotation.T))
+    return float(shift @ shift + turn)

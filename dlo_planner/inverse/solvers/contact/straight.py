@@ -1,0 +1,130 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Drawing a DLO over an obstacle on a straight way (paper, section 5.3, footnote 19).
+
+The gripper goes straight from where the contact begins towards the contact, its orientation kept.
+One number is left, how far it has gone: it is found for each arc length that is to touch. Place and
+direction of the contact follow from the direct simulation, and drift.
+"""
+
+import numpy as np
+
+from dlo_planner.inverse.solvers.contact.hold_and_slide import first_choice
+from dlo_planner.inverse.solvers.contact.touching import Contacting
+from dlo_planner.model.pose import Pose
+from dlo_planner.plan.builder import PlanBuilder
+from dlo_planner.plan.continuity import apart
+from dlo_planner.plan.waypoint import waypoint_at
+
+_FOUND = 1e-6     # of the length: how exactly an arc length touches
+_HOP = 5e-3       # of the length: so far a contact may hop where it passes a node
+_TRIALS = 60
+_LONGEST = 0.03   # of the length: a step of the arc length that touches
+_SAME = 1e-10     # of the way: places that are one
+
+
+def slide_straight(simulator, asked, start, brief):
+    """Return the Plan of a straight SlideContact; see `InverseSimulator.slide_contact`."""
+    lengths = asked.lengths
+    draft = PlanBuilder([simulator.rod.length - s for s in lengths], brief)
+    task = Contacting.at(simulator, asked.contact, lengths[0], brief)
+    _, shape = first_choice(task, task.parts(asked.forces, draft), asked.condition, start, draft)
+    draft.add(task.waypoint(shape))
+    slide = _Slide(simulator, task.family, shape, brief.progress.check)
+    gone = 0.0
+    for s in lengths[1:]:
+        shape, gone = slide.to(s, shape, gone, draft)
+        draft.add(waypoint_at(shape, task.family.place, slide.touches_at(shape, s),
+                              task.family.frame[:, 0]))
+    return draft.finished()
+
+
+class _Slide:
+    """The straight way from the first Shape to the contact; `gone` is a part of it, 1 the end."""
+
+    def __init__(self, simulator, family, first, check):
+        self._simulator, self._obstacle, self._check = simulator, family.obstacle, check
+        self._from, self._way = first.gripper, family.place - first.gripper.position
+        self._length = simulator.rod.length
+
+    def to(self, s, shape, gone, draft):
+        """Return the Shape that touches at the arc length `s`, m, and how far the gripper has gone.
+
+        Args:
+            shape: Shape of the waypoint before; gone: part of the way there
+
+        Raises:
+            Infeasible: there is none on the way
+        """
+        here, longest = self.touches_at(shape, s), _LONGEST * self._length
+        for target in np.linspace(here, s, int(np.ceil(abs(s - here) / longest)) + 1)[1:]:
+            shape, gone = self._step(target, shape, gone, here, draft)
+            here = self.touches_at(shape, target)
+        return shape, gone
+
+    def touches_at(self, shape, s):
+        """Return the arc length in m, nearest to `s`, at which a Shape touches; nan: nowhere."""
+        found = [one.s for one in shape.contacts if one.obstacle == self._obstacle]
+        return float(min(found, key=lambda one: abs(one - s), default=np.nan))
+
+    def _at(self, gone, before):
+        """Return the Shape that follows the Shape `before` when the gripper has `gone` so far."""
+        gripper = Pose.from_rotation(self._from.position + gone * self._way, self._from.rotation)
+        return self._simulator.track([gripper], initial=before)[0]
+
+    def _step(self, target, before, gone, here, draft):
+        """Return the Shape that touches at `target`, m, and how far the gripper has gone.
+
+        The less of the DLO is left the nearer the gripper is: a root is bracketed and found. All
+        trials go on from the Shape `before`, which touches at `here`, because friction remembers.
+        """
+        sign = np.sign(here - target)
+        near, far = (gone, abs(here - target), before), None
+        trial = 1 - (1 - gone) * target / here
+        for _ in range(_TRIALS):
+            self._check()
+            shape = self._at(trial, before)
+            left = sign * (self.touches_at(shape, target) - target)
+            found = (trial, left if self._follows(shape) else np.nan, shape)
+            if abs(found[1]) <= _FOUND * self._length:
+                return shape, trial
+            if found[1] > 0:
+                near, before_that = found, near
+            else:
+                far, before_that = found, near
+            trial = _next(near, far, before_that)
+            if far is not None and abs(far[0] - near[0]) < _SAME:
+                break
+        return self._hopped(near, far, target, draft)
+
+    def _hopped(self, near, far, target, draft):
+        """Return what comes next to `target` where no Shape touches there; raise Infeasible."""
+        known = [one for one in (near, far) if one is not None and not np.isnan(one[1])]
+        gone, left, shape = min(known, key=lambda one: abs(one[1]))
+        if abs(left) <= _HOP * self._length:
+            return shape, gone  # from one side of a node to the other
+        if far is not None and np.isnan(far[1]) and not np.isnan(self.touches_at(far[2], target)):
+            raise draft.refusal('continuity', apart(far[2], near[2]), 'the DLO would fall into '
+                                f'another shape before it touches at s = {target:.4g} m')
+        raise draft.refusal('contact', abs(left), 'the DLO does not come to touch at s = '
+                            f'{target:.4g} m on the straight way, at best {abs(left):.3g} m off')
+
+    def _follows(self, shape):
+        return shape.converged and not shape.jumped
+
+
+def _next(near, far, before):
+    """Return the next trial between two that are (place, what is left, Shape), or beyond one.
+
+    Args:
+        near: the last one before the root; far: one behind it, or None
+        before: the trial before the last one
+    """
+    if far is None:  # straight on through the last two, at most three times as far
+        step, slope = near[0] - before[0], before[1] - near[1]
+        return near[0] + step * min(max(near[1] / slope if slope > 0 else 2.0, 0.1) * 1.1, 2.0)
+    if np.isnan(far[1]):
+        return 0.5 * (near[0] + far[0])
+    share = near[1] / (near[1] - far[1])
+    # a straight line, but never next to an end: a hop is no line
+    return near[0] + min(max(share, 0.05), 0.95) * (far[0] - near[0])

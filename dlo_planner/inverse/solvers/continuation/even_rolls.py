@@ -1,0 +1,50 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Rolls spread evenly over the waypoints of a plan.
+
+Where a DLO hardly stands, the gripper is rolled as little as each waypoint takes, by itself: in
+jerks, each a corner of its way. The sum of these rolls tells how far it has to be rolled by when. A
+smooth curve along it (Whittaker 1923) leads about the same way without corners.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.inverse.solvers.continuation.following import Passing, Task
+
+_FIRM = (1e3, 1e2, 1e1, 1.0)  # how much smoothness counts: features of 35 to 6 waypoints go
+_NO_ROLL = 1e-3               # rad between two waypoints
+
+
+@dataclass(frozen=True, eq=False)
+class EvenRolls:
+    """How far the gripper has rolled at n depths; a route for `following.follow`.
+
+    Attributes:
+        depths: (n,) m; turned: (n,) rad
+    """
+
+    depths: np.ndarray
+    turned: np.ndarray
+
+    def roll(self, task: Task, here: Passing, depth: float, target: float) -> float:
+        """Return the roll (rad) to make on the way from one depth to another, m."""
+        del task, here
+        return float(np.diff(np.interp((depth, target), self.depths, self.turned))[0])
+
+
+def even_rolls(task: Task, depths: np.ndarray, passings: Sequence[Passing]) -> Iterator[EvenRolls]:
+    """Yield ever less even rolls along those that are made between n Passings at n depths."""
+    rolls = [Rotation.from_matrix(after.shape.gripper.rotation @ before.shape.gripper.rotation.T)
+             .as_rotvec() @ task.axis(before.shape)
+             for before, after in zip(passings, passings[1:], strict=False)]
+    if len(rolls) < 2 or np.abs(rolls).max() < _NO_ROLL:
+        return
+    turned = np.append(0.0, np.cumsum(rolls))
+    bends = np.diff(np.eye(turned.size), 2, axis=0)
+    for firm in _FIRM:
+        yield EvenRolls(depths, np.linalg.solve(np.eye(turned.size) + firm * bends.T @ bends,
+                                                turned))

@@ -1,0 +1,82 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The hanging shape seen from its free end: one march, no iteration over the whole rod.
+
+Nothing pulls at the free end, so force and moment are known there, and if the end's direction is
+given, every element follows from the one before (an initial value problem). This is the exact
+solution for a DLO whose free end alone is prescribed: where a threading begins.
+"""
+
+import numpy as np
+
+from dlo_planner.energy.potential import placed
+from dlo_planner.kernels import kernel
+from dlo_planner.ritz.arc import rotation_and_chord, slope
+from dlo_planner.ritz.matrix3 import (
+    applied,
+    cross,
+    matrix,
+    plus,
+    put_matrix,
+    times_transposed,
+    transposed_applied,
+    vector,
+)
+
+_ROUNDS = 30
+
+
+def hanging(system, end):
+    """Return the State and the gripper's rotation (3, 3) that `integrate_from_tip` finds.
+
+    Args:
+        system: without obstacles
+        end: (3, 3) rotation of the free end
+    """
+    strains, base = integrate_from_tip(system, end)
+    return placed(system._replace(base=base), strains), base
+
+
+@kernel
+def integrate_from_tip(system, end):
+    """Return strains (N, 3) and gripper rotation (3, 3) in equilibrium, from the end's rotation.
+
+    Args:
+        system: its `base` is not used
+        end: (3, 3) rotation of the free end
+    """
+    n = system.lengths.size
+    lengths, natural, pull, stiffness = (system.lengths, system.natural, system.pull,
+                                         system.stiffness)
+    strains = np.empty((n, 3))
+    frame, force, moment = matrix(end), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    u = np.empty(3)
+    for e in range(n - 1, -1, -1):
+        h = lengths[e]
+        force = plus(force, vector(pull[e + 1]))
+        for i in range(3):
+            if e == n - 1:
+                u[i] = natural[e, i]
+            elif e < n - 2:
+                u[i] = 2 * strains[e + 1, i] - strains[e + 2, i]
+        # in the frame of the element's far end
+        far_force = transposed_applied(frame, force)
+        far_moment = transposed_applied(frame, moment)
+        for _ in range(_ROUNDS):
+            turn, _ = rotation_and_chord(h * u[0], h * u[1], h * u[2], h)
+            bend = slope(h * u[0], h * u[1], h * u[2], h, applied(turn, far_force),
+                         applied(turn, far_moment))
+            change = 0.0
+            for i in range(3):
+                wanted = natural[e, i] - bend[i] / stiffness[e, i]
+                change = max(change, abs(wanted - u[i]))
+                u[i] = wanted
+            if change * h < 1e-15:
+                break
+        strains[e] = u
+        turn, chord = rotation_and_chord(h * u[0], h * u[1], h * u[2], h)
+        frame = times_transposed(frame, turn)
+        moment = plus(moment, cross(applied(frame, chord), force))
+    rotation = np.empty((3, 3))
+    put_matrix(frame, rotation)
+    return strains, rotation

@@ -1,0 +1,239 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Every way in which a DLO can hang: all its equilibria, as points on a sphere.
+
+Nothing holds the free end, so the direction of gravity in the end's frame names an equilibrium: all
+else follows from it element by element (`inverse.solvers.hanging.marching`), up to a turn about the
+vertical, which changes nothing. The equilibria of a DLO are therefore a sphere (compare Bretl and
+McCarthy 2014 for a DLO that is held at both ends), and each task is a set of curves on it. A search
+on the sphere cannot overlook a way, as one that follows a single shape can.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from dlo_planner.direct.discretization import Discretization
+from dlo_planner.energy.potential import evaluate, new_state, turned_system
+from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.linear import assemble, factorize, new_hessian
+from dlo_planner.minimize.spectrum import lowest_mode
+
+_POINTS = 2500
+_PARALLEL = 1e-9  # relative: loads along one axis
+_LEVEL = 1e-3     # a horizontal part below this leaves the heading free, and
+_HEADINGS = 12    # so many are looked at
+_ROUNDS = 10      # Newton steps: enough for frames 2.5 rad apart
+_ROTATION = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class HangingShapes:
+    """The equilibria of a DLO whose loads are all along one axis, on a grid of n points.
+
+    Attributes:
+        up: (3,) unit vector along the loads, either way
+        s: (N + 1,) arc lengths of the nodes, m
+        frames: (n, N + 1, 3, 3) and positions: (n, N + 1, 3) of the nodes, m from the gripper
+        stability: (n,) smallest eigenvalue of the Hessian, as `Shape.stability`; -1 if negative
+        edges: (m, 2) indices of neighbors on the sphere
+    """
+
+    up: np.ndarray
+    s: np.ndarray
+    frames: np.ndarray
+    positions: np.ndarray
+    stability: np.ndarray
+    edges: np.ndarray
+
+    def at(self, s):
+        """Return positions (n, 3) and tangents (n, 3) at the arc length `s`, m, one or (n,)."""
+        k = np.clip(np.searchsorted(self.s, s, side='right') - 1, 0, self.s.size - 2)
+        share = np.reshape((s - self.s[k]) / (self.s[k + 1] - self.s[k]), (-1, 1))
+        rows = np.arange(len(self.frames))
+        low, high = self.positions[rows, k], self.positions[rows, k + 1]
+        first, last = self.frames[rows, k, :, 0], self.frames[rows, k + 1, :, 0]
+        tangent = (1 - share) * first + share * last
+        return ((1 - share) * low + share * high,
+                tangent / np.linalg.norm(tangent, axis=1)[:, None])
+
+
+def hanging_shapes(surroundings, s):
+    """Return the HangingShapes of a DLO; None if its loads are not along one axis, or are zero.
+
+    Args:
+        surroundings: Surroundings without obstacles
+        s: (N + 1,) nodes, m
+    """
+    mesh = Discretization(surroundings, s, 'local', 0)
+    load = mesh.static.pull
+    size = np.linalg.norm(load, axis=1)
+    strongest = load[np.argmax(size)]
+    if not size.max() > 0:
+        return None
+    up = strongest / np.linalg.norm(strongest)
+    if np.linalg.norm(np.cross(load, up), axis=1).max() > _PARALLEL * size.max():
+        return None
+    directions, edges = _sphere(_POINTS)
+    frames, positions, stability = _hang(mesh.static, _ends(directions, up))
+    return HangingShapes(up, s, frames, positions, stability, edges)
+
+
+@lru_cache(maxsize=2)
+def _sphere(n):
+    """Return n points (n, 3) spread evenly over the unit sphere, and their neighbors (m, 2)."""
+    k = np.arange(n) + 0.5
+    z, turn = 1 - 2 * k / n, np.pi * (1 + np.sqrt(5)) * k  # a Fibonacci lattice
+    points = np.column_stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn),
+                              z])
+    hull = ConvexHull(points).simplices
+    edges = np.vstack([hull[:, [0, 1]], hull[:, [1, 2]], hull[:, [2, 0]]])
+    return points, np.unique(np.sort(edges, axis=1), axis=0)
+
+
+def _ends(directions, up):
+    """Return (n, 3, 3) frames in which the world's `up` has these components (n, 3)."""
+    across = np.cross(np.eye(3)[np.argmin(np.abs(directions), axis=1)], directions)
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    local = np.stack([across, np.cross(directions, across), directions], axis=1)  # rows
+    return _upright(up) @ local
+
+
+def _upright(up):
+    """Return a rotation (3, 3) whose last column is `up`."""
+    side = np.cross(np.eye(3)[np.argmin(np.abs(up))], up)
+    side /= np.linalg.norm(side)
+    return np.column_stack([side, np.cross(up, side), up])
+
+
+@kernel
+def _hang(system, ends):
+    """Return frames (n, N + 1, 3, 3), positions (n, N + 1, 3) and stability (n,)."""
+    n, nodes = ends.shape[0], system.lengths.size + 1
+    frames, positions = np.empty((n, nodes, 3, 3)), np.empty((n, nodes, 3))
+    stability = np.empty(n)
+    state = new_state(system)
+    hessian = new_hessian(system)
+    for k in range(n):
+        strains, base = integrate_from_tip(system, ends[k])
+        here = turned_system(system, base)
+        state.q[:] = (strains - system.natural) / system.scale
+        evaluate(here, state)
+        assemble(here, state, hessian)
+        frames[k] = state.rotations
+        positions[k] = state.positions
+        if factorize(here, hessian, 0.0) > 0:
+            stability[k] = -1.0
+        else:
+            stability[k], _ = lowest_mode(here, hessian, 0.0, 1e-2)
+    return frames, positions, stability
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """Where a curve on the sphere crosses its grid: m shapes that do a task, about.
+
+    Attributes:
+        grippers: (m, 3, 3) rotations of the gripper
+        ends: (m, 3, 3) of the free end
+        places: (m, 3) the gripper's origin from the point that is at the goal, m
+        stability: (m,)
+        pairs: (m, 2) indices of the two grid points; shares: (m,) of the way between them
+    """
+
+    grippers: np.ndarray
+    ends: np.ndarray
+    places: np.ndarray
+    stability: np.ndarray
+    pairs: np.ndarray
+    shares: np.ndarray
+
+    def __len__(self):
+        return len(self.grippers)
+
+    def chosen(self, which):
+        """Return the same crossings, `which` of them (a mask or indices)."""
+        return Crossings(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+
+
+def crossings(shapes, vectors, goal, s):
+    """Return the stable Crossings of the curve where vectors (n, 3), turned upright, are `goal`.
+
+    Args:
+        shapes: HangingShapes
+        vectors: (n, 3) of each shape, as long as `goal`; nan where it has none
+        goal: (3,) world
+        s: arc length of the point that is to be at the goal, m, or one per shape (n,)
+    """
+    up = shapes.up
+    misfit = vectors @ up - goal @ up
+    a, b = shapes.edges.T
+    with np.errstate(invalid='ignore'):
+        crossed = ((misfit[a] <= 0) != (misfit[b] <= 0)) & np.isfinite(misfit[a] + misfit[b])
+    crossed &= (shapes.stability[a] > 0) & (shapes.stability[b] > 0)
+    a, b = a[crossed], b[crossed]
+    share = misfit[a] / (misfit[a] - misfit[b])
+    # a curve may be too small for the grid: about a vertical goal it is
+    near = _touching(shapes, misfit, np.linalg.norm(goal))
+    a, b, share = np.append(a, near), np.append(b, near), np.append(share, np.zeros(near.size))
+    places = -shapes.at(s)[0]
+    turns = [_headings(vectors[k], goal, up) for k in (a, b)]
+    which = np.repeat(np.arange(a.size), len(turns[0]) // max(a.size, 1)) if a.size else a
+    a, b, share = a[which], b[which], share[which]
+    blend = share[:, None, None]
+
+    def both(frames):
+        mixed = (1 - blend) * (turns[0] @ frames[a]) + blend * (turns[1] @ frames[b])
+        return _orthonormal(mixed)
+
+    place = ((1 - share)[:, None] * np.einsum('kij,kj->ki', turns[0], places[a])
+             + share[:, None] * np.einsum('kij,kj->ki', turns[1], places[b]))
+    found = Crossings(both(shapes.frames[:, 0]), both(shapes.frames[:, -1]), place,
+                      (1 - share) * shapes.stability[a] + share * shapes.stability[b],
+                      np.column_stack([a, b]), share)
+    return found.chosen(_are_rotations(found.grippers) & _are_rotations(found.ends))
+
+
+def _touching(shapes, misfit, scale):
+    """Return the stable points of the grid where |misfit| is least among neighbors, and small."""
+    size = np.where(np.isfinite(misfit), np.abs(misfit), np.inf)
+    least = size < 2 * scale / np.sqrt(size.size)
+    a, b = shapes.edges.T
+    np.logical_and.at(least, a, size[a] <= size[b])
+    np.logical_and.at(least, b, size[b] <= size[a])
+    return np.flatnonzero(least & (shapes.stability > 0))
+
+
+def _headings(vectors, goal, up):
+    """Return (m, 3, 3) turns about `up` that bring vectors (m, 3) to `goal`.
+
+    Where the goal is vertical every heading does: then each vector has _HEADINGS turns, in a row.
+    """
+    upright = _upright(up)
+    x, y, _ = (vectors @ upright).T
+    gx, gy, gz = goal @ upright
+    if np.hypot(gx, gy) > _LEVEL * np.linalg.norm(goal):
+        angles = np.arctan2(gy, gx) - np.arctan2(y, x)
+    else:
+        angles = np.tile(2 * np.pi / _HEADINGS * np.arange(_HEADINGS), len(vectors))
+    cosine, sine = np.cos(angles), np.sin(angles)
+    turns = np.zeros((angles.size, 3, 3))
+    turns[:, 0, 0] = turns[:, 1, 1] = cosine
+    turns[:, 1, 0], turns[:, 0, 1], turns[:, 2, 2] = sine, -sine, 1.0
+    return upright @ turns @ upright.T
+
+
+def _orthonormal(frames):
+    """Return the rotations (m, 3, 3) nearest to mixed ones, by Newton's method."""
+    for _ in range(_ROUNDS):
+        frames = frames @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(frames, 1, 2) @ frames)
+    return frames
+
+
+def _are_rotations(frames):
+    """Return (m,) which are: two opposite frames have no mean."""
+    off = np.abs(np.swapaxes(frames, 1, 2) @ frames - np.eye(3))
+    return off.max(axis=(1, 2), initial=0.0) < _ROTATION

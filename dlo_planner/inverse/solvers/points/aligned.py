@@ -1,0 +1,210 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Equilibrium and alignment in one Newton system: the shape and the gripper's rotation at once.
+
+Unknowns: the strains q and a rotation w of the gripper. Equations: the gradient of the potential
+vanishes; the tangent at one arc length is the goal's normal (two rows); and the gripper has not
+turned about a given axis since a reference (one row, for one rotation is left free: a straight
+round DLO may roll about the gripper's axis, a bent weightless one about the normal). As gravity
+does not notice where the gripper is, its position follows afterwards (paper, section 5.2). The
+Hessian is the direct simulator's, so an inverse solve costs about as much as a direct one.
+"""
+
+import numpy as np
+
+from dlo_planner.energy.potential import at_element, evaluate, new_state, project, turned_system
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.linear import assemble, factorize, largest_turn, new_hessian, solve
+from dlo_planner.minimize.newton import residual_of, safe_shift
+from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.ritz.arc import dot, jacobians, rotation_and_chord
+from dlo_planner.ritz.matrix3 import (
+    applied,
+    columns_scaled,
+    matrix,
+    put_matrix,
+    put_vector,
+    times,
+)
+
+_LARGEST_TURN = 0.6  # rad per step, of the gripper and of any node
+
+
+def free_axis(reference, normal):
+    """Return the axis (3,) about which the gripper shall not turn: its own and the normal's mean.
+
+    Both bodies' free rotations have a part about it, so the condition is regular unless the
+    gripper points against the normal; then it is the gripper's own axis.
+    """
+    axis = reference[:, 0] + normal
+    size = np.linalg.norm(axis)
+    return axis / size if size > 0.1 else np.array(reference[:, 0])
+
+
+
+@kernel
+def aligned_newton(system, q, element, fraction, normal, reference, axis, tolerance,
+                   max_iterations):
+    """Find the equilibrium whose tangent inside `element` is `normal`.
+
+    Args:
+        system: its `base` is where the gripper's rotation starts
+        q: (m, 3) scaled unknowns to start from
+        element, fraction: where the tangent is prescribed
+        normal: (3,) unit vector
+        reference: (3, 3) gripper rotation since which it must not turn about `axis`
+        axis: (3,) world, see `free_axis`
+        tolerance: of the residual and of the misalignment in rad
+        max_iterations: Newton steps at most
+
+    Returns:
+        state, base (3, 3) gripper rotation, residual, misalignment (rad), stability (smallest
+        eigenvalue of the Hessian), iterations, converged
+    """
+    here = turned_system(system, system.base.copy())
+    there = turned_system(system, system.base.copy())
+    state, trial = new_state(here), new_state(here)
+    hessian = new_hessian(here)
+    across = _perpendicular(normal)
+    m = state.q.shape[0]
+    part, tangent = np.empty((3, 3)), np.empty(3)
+    load, answers, turned = np.empty((m, 3)), np.empty((4, m, 3)), np.empty((4, 3))
+    state.q[:] = q
+    evaluate(here, state)
+    miss = _miss(here, state, element, fraction, across, reference, axis, part, tangent)
+    merit = _merit(here, state, miss)
+    converged = False
+    iterations = 0
+    while True:
+        residual = residual_of(here, state)
+        assemble(here, state, hessian)
+        negative = factorize(here, hessian, 0.0)
+        misaligned = np.arctan2(np.sqrt(miss[0]**2 + miss[1]**2), dot(tangent, normal))
+        converged = residual < tolerance and misaligned < tolerance
+        if converged or iterations >= max_iterations:
+            break
+        iterations += 1
+        # change of the equilibrium per gripper rotation, and the plain Newton step
+        for column in range(4):
+            _right_side(here, state, hessian, column, load)
+            solve(here, hessian, load, answers[column])
+        rows = np.empty((3, 3))
+        right = np.empty(3)
+        for column in range(4):
+            turned[column] = _turn_at(here, hessian, part, element, answers[column])
+        for row in range(2):
+            lever = np.cross(tangent, across[row])
+            for column in range(3):
+                rows[row, column] = lever[column] + dot(lever, turned[column])
+            right[row] = -miss[row] - dot(lever, turned[3])
+        for column in range(3):
+            rows[2, column] = _turn_rate(here.base, reference, axis, column)
+        right[2] = -miss[2]
+        if abs(np.linalg.det(rows)) < 1e-14:
+            break
+        turn = np.linalg.solve(rows, right)
+        step = answers[3]
+        for column in range(3):
+            step += turn[column] * answers[column]
+        size = max(np.sqrt(dot(turn, turn)), largest_turn(here, hessian, step))
+        if not np.isfinite(size):
+            break
+        portion = min(1.0, _LARGEST_TURN / size) if size > 0 else 1.0
+        moved = False
+        for _ in range(8):
+            turn_by(here.base, portion * turn, there.base)
+            trial.q[:] = state.q + portion * step
+            evaluate(there, trial)
+            new_miss = _miss(there, trial, element, fraction, across, reference, axis, part,
+                             tangent)
+            new_merit = _merit(there, trial, new_miss)
+            if new_merit < merit * (1 - 0.1 * portion) or new_merit < tolerance:
+                moved = True
+                break
+            portion *= 0.5
+        if not moved:
+            break
+        merit, miss = new_merit, new_miss
+        state, trial = trial, state
+        here, there = there, here
+    shift = safe_shift(here, hessian, 1e-3) if negative > 0 else 0.0
+    stability, _ = lowest_mode(here, hessian, shift, 1e-4)
+    return state, here.base, residual, misaligned, stability, iterations, converged
+
+
+@kernel
+def _perpendicular(normal):
+    across = np.empty((2, 3))
+    helper = np.zeros(3)
+    helper[np.argmin(np.abs(normal))] = 1.0
+    across[0] = np.cross(normal, helper)
+    across[0] /= np.sqrt(dot(across[0], across[0]))
+    across[1] = np.cross(normal, across[0])
+    return across
+
+
+@kernel
+def _miss(system, state, element, fraction, across, reference, axis, part, tangent):
+    """Return the three conditions' misfits; fill tangent and the turning of the part element."""
+    h = fraction * system.lengths[element]
+    u, scale = state.strains[element], system.scale[element]
+    turn, _ = rotation_and_chord(h * u[0], h * u[1], h * u[2], h)
+    turning, _ = jacobians(h * u[0], h * u[1], h * u[2], h)
+    frame = matrix(state.rotations[element])
+    put_vector(applied(frame, (turn[0], turn[3], turn[6])), tangent)
+    put_matrix(columns_scaled(times(frame, turning), h * scale[0], h * scale[1], h * scale[2]),
+               part)
+    return np.array([dot(across[0], tangent), dot(across[1], tangent),
+                     dot(axis, _axial(system.base @ reference.T))])
+
+
+@kernel
+def _merit(system, state, miss):
+    return residual_of(system, state) + np.sqrt(dot(miss, miss))
+
+
+@kernel
+def _right_side(system, state, hessian, column, load):
+    """Fill -(change of the gradient per gripper rotation about axis `column`); 3: -gradient."""
+    if column == 3:
+        load[:] = -state.gradient
+        return
+    project(system.basis, -hessian.cross[:, :, column], load)
+
+
+@kernel
+def _turn_at(system, hessian, part, element, step):
+    """Return the rotation (3,) of the frame inside `element` that the step (m, 3) makes."""
+    theta = np.zeros(3)
+    turnings, basis = hessian.turning, system.basis
+    for e in range(element + 1):
+        turning = part if e == element else turnings[e]
+        for j in range(3):
+            value = at_element(basis, step, e, j)
+            for i in range(3):
+                theta[i] += turning[i, j] * value
+    return theta
+
+
+@kernel
+def _axial(rotation):
+    """Return 2 sin(angle) times the axis of a rotation."""
+    return np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0],
+                     rotation[1, 0] - rotation[0, 1]])
+
+
+@kernel
+def _turn_rate(base, reference, axis, about):
+    """Return the change of axis . _axial(base reference^T) per rotation about a world axis."""
+    spin = np.zeros((3, 3))
+    first, second = (about + 1) % 3, (about + 2) % 3
+    spin[second, first] = 1.0
+    spin[first, second] = -1.0
+    return dot(axis, _axial(spin @ (base @ reference.T)))
+
+
+@kernel
+def turn_by(base, turn, out):
+    """Fill out (3, 3) = exp(turn^) base."""
+    rotation, _ = rotation_and_chord(turn[0], turn[1], turn[2], 1.0)
+    put_matrix(times(rotation, matrix(base)), out)

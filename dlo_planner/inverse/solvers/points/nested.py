@@ -1,0 +1,54 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The paper's nested optimization (sections 5.1, 5.2): outer over the gripper, inner direct.
+
+Slower than `aligned`, and independent of it: nothing but `DirectSimulator.solve` is used.
+"""
+
+import numpy as np
+from scipy.linalg import null_space
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.inverse.solvers.points.aligned import free_axis
+from dlo_planner.model.pose import Pose
+
+
+def nested_alignment(simulator, initial, s, normal, reference, penalty=1.0):
+    """Return the Shape whose tangent at `s` is `normal`, minimizing c arccos(t . n)^2.
+
+    The outer variables are two rotations of the gripper since `reference`, across `free_axis`.
+    The penalty is written as a sum of squares, c |angle vector|^2, and left to least squares.
+
+    Args:
+        simulator: DirectSimulator
+        initial: Shape to start from
+        s: arc length of the prescribed tangent, m
+        normal: (3,) unit vector
+        reference: (3, 3) gripper rotation
+        penalty: the constant c
+    """
+    latest = initial
+
+    across = null_space(free_axis(reference, normal)[None, :])
+
+    def gripper(tilts):
+        turn = Rotation.from_rotvec(across @ tilts).as_matrix()
+        return Pose.from_rotation((0.0, 0.0, 0.0), turn @ reference)
+
+    def root_penalty(tilts):
+        nonlocal latest
+        shape = simulator.solve(gripper(tilts), latest)
+        if shape.converged:
+            latest = shape
+        tangent = shape.at(s).direction
+        axis = np.cross(tangent, normal)
+        sine = np.linalg.norm(axis)
+        angle = np.arctan2(sine, tangent @ normal)
+        vector = axis * (angle / sine) if sine > 0 else axis
+        return np.sqrt(penalty) * vector
+
+    start = across.T @ Rotation.from_matrix(initial.gripper.rotation @ reference.T).as_rotvec()
+    found = least_squares(root_penalty, start, jac='3-point', method='lm', xtol=1e-14, ftol=1e-14,
+                          gtol=1e-14, diff_step=1e-5, max_nfev=500)
+    return simulator.solve(gripper(found.x), latest)

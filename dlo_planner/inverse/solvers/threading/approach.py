@@ -1,0 +1,141 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""From where the gripper is to where a threading begins, without touching the sheet.
+
+The gripper goes straight, turning evenly, to where the free end is `standoff` before the center,
+stops there, and goes in along the normal: few corners set the DLO swinging least. Where the DLO
+would come too near to the sheet on that way, the gripper backs off along the normal first, turns,
+and comes straight. While it only translates, a DLO that is behind the sheet at both ends of the way
+is behind it all along; where it turns, it has to keep away by as much as may happen between two
+poses. The shortest way back that allows that is taken; from farther than its length the DLO cannot
+reach the sheet at all.
+"""
+
+import numpy as np
+
+from dlo_planner.direct.continuation import between
+from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.solvers.continuation.quick import quick_simulator
+from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.plan.builder import PlanBuilder
+from dlo_planner.plan.clearance import sheet_of
+from dlo_planner.plan.continuity import apart, same
+from dlo_planner.plan.waypoint import Waypoint
+
+_MARGIN = 0.02        # of the length
+_LONGEST = 0.1        # of the length, and
+_SHARPEST = 0.15      # rad: between two waypoints
+_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way back that is safe in any case
+_STRAIGHT = None      # instead of a way back: translation and rotation at once
+
+
+def approach(simulator, task, start, initial, brief):
+    """Return the Plan from `start` to the Shape `first` of an Approach, where a threading begins.
+
+    Args:
+        simulator: DirectSimulator
+        task: Approach: cutout, first, standoff
+        start: Pose of the gripper
+        initial: Shape at `start`; None: the natural shape set down there
+        brief: PlanRequirements
+    """
+    cutout, first, standoff = task.cutout, task.first, task.standoff
+    behind = float((cutout.center - start.position) @ cutout.normal)
+    back = max(0.0, (1 + _MARGIN) * simulator.rod.length + brief.surface.bound - behind)
+    quick = quick_simulator(simulator)
+    own = quick is simulator
+    brief = brief.made_with(simulator)
+    end = first if own else quick.solve(first.gripper, first)
+    refused = None
+    asked = cutout, start, standoff, initial
+    for share in (_STRAIGHT, *(_SHARES if back else (0.0,))):
+        away = share if share is _STRAIGHT else share * back
+        try:
+            plan = _from_behind(quick, end, asked, brief if own else brief.silent(quick), away)
+        except Infeasible as error:
+            if refused is None or error.waypoint >= refused.waypoint:
+                refused = error
+            continue
+        return plan if own else _from_behind(simulator, first, asked, brief, away)
+    raise refused
+
+
+def _from_behind(simulator, first, asked, brief, back):
+    """Return the Plan to the Shape `first` that goes `back` (m) before it turns, or _STRAIGHT.
+
+    Args:
+        asked: cutout, start, standoff, initial of `approach`
+    """
+    cutout, start, standoff, initial = asked
+    normal, length, radius = cutout.normal, simulator.rod.length, brief.surface.bound
+    entering = _entering(first.gripper, normal, standoff, length)
+    before = entering[0]
+    coming = (_blended(start, before, standoff, radius, length) if back is _STRAIGHT else
+              _cornered(cutout, start, before, radius, length, back))
+    # the free end may wait in the hole, and comes to be there
+    hole = -(1 + _MARGIN) * radius - _MARGIN**2 * length
+    way = [(start, hole), *coming]
+    stop = len(way) - 1
+    if standoff <= radius:
+        way[-1] = (way[-1][0], hole)
+    way += [(pose, 0.0) for pose in entering[1:]]
+    way[-1] = (way[-1][0], hole)
+    draft = PlanBuilder(np.zeros(len(way)), brief, 'start phase, waypoint', stops=(stop,))
+    sheet = sheet_of(cutout, length, brief.obstacles)
+    sheets = () if sheet is None else ((sheet, normal),)
+    for gripper, wanted in way:
+        brief.progress.check()
+        initial = simulator.track([gripper], initial=initial)[0]
+        if not initial.converged:
+            raise draft.refusal('equilibrium', _way_left(way[len(draft.waypoints):]),
+                                'no stable shape is found')
+        if initial.jumped and draft.waypoints:
+            raise draft.refusal('continuity', apart(initial, draft.last), 'the DLO would fall into '
+                                'another shape on the way there')
+        room = float(((cutout.center - initial.positions) @ normal).min()) - brief.surface.bound
+        if room < wanted:
+            raise draft.refusal('clearance', wanted - room, 'the DLO is not behind the sheet' if
+                                room < 0 else f'the DLO would turn {room:.3g} m behind the sheet')
+        if len(draft.waypoints) == len(way) - 1 and not same(initial, first):
+            raise draft.refusal('start', apart(initial, first), 'the DLO does not come into '
+                                'the shape in which the threading begins')
+        behind = room if wanted >= 0 else np.inf  # else it is in the hole
+        draft.add(Waypoint(initial, clearances=((np.inf, behind, np.inf),), sheets=sheets))
+    return draft.finished()
+
+
+def _entering(first, normal, standoff, length):
+    """Return the Poses from where the free end is `standoff` before the center to `first`."""
+    before = Pose.from_rotation(first.position - standoff * normal, first.rotation)
+    return [before, *_way(before, first, length)]
+
+
+def _blended(start, before, standoff, radius, length):
+    """Return [(Pose, least distance of the DLO from the sheet, m)] of the straight way."""
+    margin = min(_MARGIN * length, 0.5 * max(standoff - radius, 0.0))
+    return [(pose, margin) for pose in _way(start, before, length)]
+
+
+def _cornered(cutout, start, before, radius, length, back):
+    """Return the same of a way back along the normal by `back` (m), a turn, and a way there."""
+    safe = (cutout.center - start.position) @ cutout.normal + back >= length + radius
+    away = start.position - back * cutout.normal
+    lifted, turned = (Pose.from_rotation(away, pose.rotation) for pose in (start, before))
+    return ([(pose, 0.0) for pose in _way(start, lifted, length)]
+            + [(pose, 0.0 if safe else _SHARPEST * length)
+               for pose in _way(lifted, turned, length)]
+            + [(pose, 0.0) for pose in _way(turned, before, length)])
+
+
+def _way_left(stations):
+    """Return how far (m) the gripper has still to go through stations [(Pose, room)]."""
+    positions = np.array([pose.position for pose, _ in stations])
+    return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
+
+
+def _way(one, other, length):
+    """Return Poses from `one`, which is left out, to `other`; none where they are the same."""
+    shift = np.linalg.norm(other.position - one.position)
+    turn = angle_between(one.rotation, other.rotation)
+    parts = int(np.ceil(max(shift / (_LONGEST * length), turn / _SHARPEST) - 1e-9))
+    return [between(one, other, k / parts) for k in range(1, parts + 1)]

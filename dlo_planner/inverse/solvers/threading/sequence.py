@@ -1,0 +1,211 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Threading through more than two cut-outs: nearest to all of their centers that are passed.
+
+The gripper has six degrees of freedom, and how far the DLO has gone through each cut-out but the
+first is free: two centers can be hit, three in general cannot. So their weighted distances are
+minimized, by the search for any task. What is ahead counts smoothly more as the free end comes
+near, so that the gripper's way is continuous: the DLO, extended straight on, aims at it.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.penalties import DirectionAt, PositionAt, Through
+from dlo_planner.inverse.solvers.continuation.quick import quick_simulator
+from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric
+from dlo_planner.inverse.solvers.points.nearest import nearest_within
+from dlo_planner.inverse.solvers.threading.one_cutout import thread
+from dlo_planner.model.pose import Pose, turned_by
+from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
+from dlo_planner.plan.clearance import sheet_of
+from dlo_planner.plan.continuity import largest_shift, largest_turn, refusal_for_leap
+from dlo_planner.plan.waypoint import waypoint_at
+from dlo_planner.ritz.rotation import turn_between
+
+_BLEND = 0.25         # of the length: from there on a cut-out ahead counts
+_LONGEST_STEP = 1 / 20  # of the length: depth steps of the continuation
+_FREE = 1e-3          # weight of the first normal, which decides only what is left free
+_SHORTEST_STEP = 1 / 200
+_SOON = 0.02          # share of a third one at which the second counts in full
+_COMPARED, _ROLLS = 8, 4  # depths and rolls at which start_candidates are compared
+_HIT = 0.01           # of the length: misses that need no comparison
+_BETTER = 0.5         # of the squared misses: what another roll has to gain
+_PART = 0.7           # of the largest turn and shift, so that both together are no leap
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """What is asked of a threading through k cut-outs.
+
+    Attributes:
+        cutouts: k CutOut; weights: (k,) of their distances
+        depths: (n,) in the first, m
+        start: Pose whose roll is kept as far as can be, or None; brief: PlanRequirements
+    """
+
+    cutouts: list
+    weights: list
+    depths: np.ndarray
+    start: Pose | None
+    brief: PlanRequirements
+
+    @cached_property
+    def centers(self):
+        """(k, 3) m."""
+        return np.array([cutout.center for cutout in self.cutouts])
+
+    @cached_property
+    def apart(self):
+        """(k,) how deep a straight DLO is as its free end reaches each center, m."""
+        legs = np.linalg.norm(np.diff(self.centers, axis=0), axis=1)
+        return np.concatenate([[0.0], legs.cumsum()])
+
+
+def thread_sequence(simulator, cutouts, weights, depths, start, brief):
+    """Return the Plan; see `InverseSimulator.thread_sequence` for what the arguments mean.
+
+    Of several rolls to begin with, the one is taken that misses least; they are compared with a
+    quick simulator at a few depths.
+    """
+    asked = Sequence(cutouts, weights, depths, start, brief)
+    quick = quick_simulator(simulator)
+    few = replace(asked, depths=depths[np.unique(np.linspace(
+        0, len(depths) - 1, _COMPARED).astype(int))], brief=brief.silent(quick))
+    best, refused = (np.inf, None), None
+    for begin in _rolled(simulator, asked):
+        brief.progress.check()
+        try:
+            plan = _thread(quick, replace(few, start=begin))
+        except Infeasible as error:
+            refused = refused or error
+            continue
+        missed = sum((weight * miss) ** 2 for misses in plan.position_errors
+                     for weight, miss in zip(weights, misses, strict=False))
+        if missed < _BETTER * best[0]:
+            best = missed, replace(asked, start=begin)
+        if missed <= (_HIT * simulator.rod.length) ** 2 * max(weights) ** 2:
+            break
+    if best[1] is None:
+        if quick is simulator and len(few.depths) < len(depths):
+            return _thread(simulator, asked)  # closer waypoints may do, or tell more
+        raise refused
+    return _thread(simulator, best[1])
+
+
+def _rolled(simulator, asked):
+    """Yield Poses, or None, against whose roll the DLO is turned least: first as it is wanted."""
+    yield asked.start
+    if is_axisymmetric(simulator):
+        return
+    first = asked.cutouts[0]
+    upright = (Pose.looking_along((0.0, 0.0, 0.0), first.normal) if asked.start is None
+               else asked.start)
+    for k in range(1, _ROLLS):
+        turn = turned_by(2 * np.pi * k / _ROLLS * upright.direction)
+        yield Pose.from_rotation(upright.position, turn @ upright.rotation)
+
+
+def _thread(simulator, asked):
+    """Return the Plan that begins with the roll of `asked.start`."""
+    length, brief, centers = simulator.rod.length, asked.brief, asked.centers
+    sheets = [sheet_of(cutout, length, brief.obstacles) for cutout in asked.cutouts]
+    draft = PlanBuilder(asked.depths, brief)
+    begin = thread(simulator, asked.cutouts[0], np.zeros(1), asked.start, None, 'coupled',
+                   PlanRequirements(brief.speeds, brief.progress.silent()))
+    shape, depth = begin.shapes[0], 0.0
+    for wanted in asked.depths:
+        shape, depth = _follow(simulator, asked, shape, depth, wanted)
+        if depth < wanted:
+            raise draft.refusal('equilibrium', wanted - depth, 'no stable shape was found that is '
+                                f'nearest to the centers beyond depth {depth:g} m')
+        refusal = refusal_for_leap(simulator, draft, shape)
+        if refusal is not None:
+            raise refusal
+        waypoint = waypoint_at(shape, centers[0], length - wanted, None)
+        for center in centers[1:]:
+            s = Through(center, length - wanted).passage(shape)
+            if s > length:
+                break
+            waypoint = waypoint.with_via_point(center, s)
+        for k, (cutout, (_, s, _)) in enumerate(zip(asked.cutouts, waypoint.via_points,
+                                                    strict=False)):
+            along = float(shape.frame_at(s)[0][:, 0] @ cutout.normal)
+            if along <= 0:
+                raise draft.refusal('direction', -along, f'the DLO would pass cut-out {k} against '
+                                    'its direction')
+        draft.add(waypoint.with_clearances(asked.cutouts, sheets, brief.surface))
+    return draft.finished()
+
+
+def _tasks(asked, depth, length):
+    """Return the penalties at a depth, m."""
+    cutouts, weights = asked.cutouts, asked.weights
+    share = np.clip((depth - asked.apart) / (_BLEND * length) + 1, 0, 1)
+    share = share**2 * (3 - 2 * share)
+    tasks = [PositionAt(length - depth, cutouts[0].center, weights[0])]
+    if share[1] < 1:
+        tasks.append(DirectionAt(length - depth, cutouts[0].normal,
+                                 _FREE * (1 - share[1]) * length))
+    if share[1] > 0:
+        # Two can be hit, whatever the weight: so the second one may decide what the normal did,
+        # and has to count in full before a third one does.
+        second = share[1] * max(_FREE, min(1.0, share[2] / _SOON))
+        tasks.append(Through(cutouts[1].center, length - depth,
+                             weights[1] * (1.0 if share[1] == 1 else second)))
+    return tasks + [Through(cutout.center, length - depth, weight * part)
+                    for cutout, weight, part in zip(cutouts[2:], weights[2:], share[2:],
+                                                    strict=True) if part > 0]
+
+
+@dataclass(frozen=True)
+class _NotRolled:
+    """The gripper has not turned about its own axis since a pose: what is free for a round DLO."""
+
+    before: Pose
+    weight: float
+
+    def residuals(self, shape):
+        turn = turn_between(self.before.rotation, shape.gripper.rotation)
+        return self.weight * np.array([turn @ self.before.direction])
+
+    def slopes(self, shape, sensitivity):
+        del shape, sensitivity  # to first order about the pose before
+        return self.weight * np.append(self.before.direction, np.zeros(3))[None]
+
+
+def _follow(simulator, asked, shape, depth, wanted):
+    """Return the Shape nearest to the centers at the depth `wanted`, and how far it came, m.
+
+    Args:
+        shape: Shape at `depth`, m
+    """
+    length = simulator.rod.length
+    step = _LONGEST_STEP * length
+    while True:
+        asked.brief.progress.check()
+        target = min(wanted, depth + step)
+        found = _nearest(simulator, _tasks(asked, target, length), shape, target - depth)
+        if found is not None:
+            shape, depth = found, target
+            if depth == wanted:
+                break
+        elif step > _SHORTEST_STEP * length and target > depth:
+            step /= 2
+        else:
+            break
+    return shape, depth
+
+
+def _nearest(simulator, tasks, shape, step):
+    """Return the Shape that follows `shape` after a step in depth (m), or None.
+
+    The nearest one may be far from where the DLO is: then it goes as far towards it as a step may.
+    """
+    length = shape.s[-1]
+    turn, shift = largest_turn(step / length), largest_shift(step / length) * length
+    free = _NotRolled(shape.gripper, _FREE * length)
+    return nearest_within(simulator, [*tasks, free], shape, _PART * turn, _PART * shift)

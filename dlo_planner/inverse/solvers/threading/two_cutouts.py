@@ -1,0 +1,252 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Threading through two cut-outs: their centers without orientation (paper, section 5.2, Fig. 14).
+
+Until the free end reaches the second cut-out, the DLO passes the first one along one direction;
+from then on it passes both centers at once. The direction is the one it has at the moment of the
+change, so that the gripper's way is continuous. As gravity does not notice where the gripper is,
+its rotation and one arc length are solved for, x(s2) - x(s1) = P2 - P1, and it is displaced after.
+Each cut-out is passed in its direction, possibly obliquely.
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.inverse.solvers.continuation.following import follow, refusal_for_step
+from dlo_planner.inverse.solvers.continuation.quick import grid_nodes, quick_simulator, thinned
+from dlo_planner.inverse.solvers.hanging.sphere import hanging_shapes
+from dlo_planner.inverse.solvers.points.one_point import Aligned
+from dlo_planner.inverse.solvers.points.two_points import TwoPoints
+from dlo_planner.inverse.solvers.threading.changes import Change, Pair, at_the_second, other_changes
+from dlo_planner.inverse.solvers.threading.one_cutout import NO_WAY, Threading, first_choice
+from dlo_planner.minimize.newton import NEUTRAL
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose
+from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
+from dlo_planner.plan.clearance import sheet_of
+from dlo_planner.plan.waypoint import waypoint_of
+
+_GUESSES = 9
+_DEMANDED = 4  # changes that are tried where a demand refuses them
+_FEW = 16  # waypoints at most where a way is only looked for
+
+
+def thread_two(simulator, first, second, depths, start, brief):
+    """Return the Plan; see `InverseSimulator.thread_two` for what the arguments mean.
+
+    As in `thread`, a way is looked for with a quick simulator, first by following one shape, then
+    on the sphere of all.
+    """
+    asked = Pair(first, second, depths, start, brief)
+    if np.linalg.norm(asked.way) < 1e-6 * simulator.rod.length:
+        raise InvalidTask('second: expected another center than the first cut-out\'s')
+    quick = quick_simulator(simulator)
+    plan, change = _search(quick, asked if quick is simulator else
+                           replace(asked, brief=brief.silent(quick)))
+    if quick is simulator:
+        return plan
+    refined = _refined(simulator, asked, change)
+    if refined is None:
+        raise _unreached(simulator, asked)
+    return _thread_through(simulator, asked, refined)
+
+
+def _search(simulator, asked):
+    """Return a Plan and the Change that it makes."""
+    refused = None
+    # all hanging shapes take a while: they are made once, and only if they are needed
+    shapes = cache(lambda: hanging_shapes(simulator.surroundings, grid_nodes(simulator)))
+    few, best = asked, None
+    for number, change in enumerate(_changes(simulator, asked, shapes)):
+        asked.brief.progress.check()
+        if number >= _DEMANDED and best is not None and best[-1].constraint not in NO_WAY:
+            break  # what is in the way of so many is in the way of all
+        tried = few
+        try:
+            if few is not asked:
+                _thread_through(simulator, few, change)
+            tried = asked
+            return _thread_through(simulator, asked, change), change
+        except Infeasible as error:
+            depth = tried.depths[error.waypoint]
+            if best is None or depth > best[0]:
+                best = depth, change, tried, error
+        few = thinned(asked, _FEW)
+    if best is None:
+        raise _unreached(simulator, asked, shapes())
+    _, change, tried, refused = best
+    if tried is not asked:  # the same at all depths, as evidence
+        return _thread_through(simulator, asked, change), change
+    raise refused
+
+
+def _changes(simulator, asked, shapes):
+    """Yield Changes: first the one that following a single shape finds, if it does.
+
+    Args:
+        shapes: function () -> HangingShapes, or None where there is no such sphere
+    """
+    change = _straight_there(simulator, asked)
+    if change is not None:
+        yield change
+    if shapes() is not None:
+        yield from other_changes(simulator, asked, shapes())
+
+
+def _unreached(simulator, asked, shapes=None):
+    """Return Infeasible: both centers cannot be passed at once."""
+    apart = float(np.linalg.norm(asked.way))
+    missing = max(apart - simulator.rod.length, 0.0)
+    if shapes is not None:
+        begin = _no_beginning(simulator, asked, shapes)
+        if begin is not None:
+            return PlanBuilder(asked.depths, asked.brief).refusal(
+                begin.constraint, begin.amount, 'stable shapes pass both centers, but set down in '
+                'its natural shape the DLO falls into none that leads to them')
+        missing = TwoPoints(simulator, asked.way).least_miss(shapes)
+    waypoint = min(int(np.searchsorted(asked.depths, apart)), len(asked.depths) - 1)
+    return Infeasible(f'no stable shape was found that passes both centers, {apart:g} m apart, in '
+                      'their directions as the free end reaches the second one', waypoint, 'reach',
+                      missing, PlanBuilder(asked.depths, asked.brief).partial())
+
+
+def _no_beginning(simulator, asked, shapes):
+    """Return why the DLO cannot begin along any direction that leads through both; None if it can.
+
+    That is the Infeasible of the direction that is nearest to it: of those that fall, if any does.
+    """
+    _, depths, along = at_the_second(simulator, asked, shapes)
+    along, refusals = along[depths > asked.depths[0]], []
+    for direction in along[::max(1, len(along) // _GUESSES)]:
+        begin = CutOut(Pose.looking_along(asked.first.center, direction))
+        try:
+            first_choice(simulator, Threading(begin, asked.depths[:1], asked.start, None,
+                                              PlanRequirements((1.0, 1.0))))
+        except Infeasible as error:
+            refusals.append(error)
+        else:
+            return None
+    return min(refusals, default=None, key=lambda one: (one.constraint != 'start', one.amount))
+
+
+def _straight_there(simulator, asked):
+    """Return the Change found from a threading along the way to the second center, or None."""
+    length, apart = simulator.rod.length, float(np.linalg.norm(asked.way))
+    along = CutOut(Pose.looking_along(asked.first.center, asked.way))
+    for share in np.linspace(1.0, 1.4, _GUESSES):
+        depth = share * apart
+        if depth >= length:
+            return None
+        asked.brief.progress.check()
+        try:
+            plan = first_choice(simulator, Threading(along, np.linspace(0, depth, 6), asked.start,
+                                                     None, PlanRequirements((1.0, 1.0))))
+        except Infeasible:
+            continue
+        found = TwoPoints(simulator, asked.way).from_end(plan.shapes[-1], depth)
+        if found is not None:
+            return Change(*found)
+    return None
+
+
+def _refined(simulator, asked, change):
+    """Return the same Change, found with another simulator, or None."""
+    shape = simulator.solve(change.passing.shape.gripper, change.passing.shape)
+    if not shape.converged:
+        return None
+    found = TwoPoints(simulator, asked.way).from_end(shape, change.depth)
+    return None if found is None else replace(change, passing=found[0], depth=found[1])
+
+
+def _thread_through(simulator, asked, change):
+    """Return the Plan that goes through a Change, before and after it."""
+    length, depths = simulator.rod.length, asked.depths
+    direction = change.passing.shape.frame_at(length - change.depth)[0][:, 0]
+    along = float(direction @ asked.first.normal)
+    if along <= 0 and depths[0] < change.depth:  # it is passed along `direction` from the beginning
+        raise _direction_refusal(PlanBuilder(depths, asked.brief), 'first', along)
+    found = {}
+    for task, route, order in (
+            (Aligned(simulator, direction), change.back,
+             np.flatnonzero(depths < change.depth)[::-1]),
+            (TwoPoints(simulator, asked.way), change.on, np.flatnonzero(depths >= change.depth))):
+        here, depth = change.passing, change.depth
+        for index in order:
+            asked.brief.progress.check()
+            here, depth, too_far = follow(task, here, depth, depths[index], route)
+            found[index] = here, depth, too_far
+            if here is None or _against(asked, here, depth) is not None:
+                break
+        if len(found) < np.sum(depths < change.depth):
+            break  # it is refused before the change
+    return _judged(simulator, asked, change, found)
+
+
+def _against(asked, here, depth):
+    """Return the name of a cut-out that a Passing passes against its direction, and its cosine."""
+    length = here.shape.s[-1]
+    passes = [('first', asked.first, length - depth)]
+    if here.second is not None:
+        passes.append(('second', asked.second, here.second))
+    for name, cutout, s in passes:
+        along = float(here.shape.frame_at(s)[0][:, 0] @ cutout.normal)
+        if along <= 0:
+            return name, along
+    return None
+
+
+def _direction_refusal(draft, name, along):
+    return draft.refusal('direction', -along, f'the DLO would pass the {name} cut-out against its '
+                         'direction')
+
+
+def _judged(simulator, asked, change, found):
+    """Return the Plan of all waypoints, or raise Infeasible at the first impossible one.
+
+    Args:
+        found: dict of index -> (Passing or None, depth that was reached, m, leap in m)
+    """
+    length, draft = simulator.rod.length, PlanBuilder(asked.depths, asked.brief)
+    cutouts = [asked.first, asked.second]
+    sheets = [sheet_of(cutout, length, asked.brief.obstacles) for cutout in cutouts]
+    before = None
+    for index, depth in enumerate(asked.depths):
+        missing = None, change.depth, 0.0  # the way back to it ended before it
+        here, reached, too_far = found.get(index, missing)
+        refusal = _refusal(simulator, asked, draft, before, here, abs(depth - reached), too_far)
+        if refusal is not None:
+            raise refusal
+        second = here.second if depth >= change.depth else None
+        waypoint = waypoint_of(here.shape, asked.first.center, length - depth, None)
+        if second is not None:
+            waypoint = waypoint.with_via_point(asked.second.center, second)
+        draft.add(waypoint.with_clearances(cutouts, sheets, asked.brief.surface))
+        before = here
+    return draft.finished()
+
+
+def _refusal(simulator, asked, draft, before, here, missing, too_far):
+    """Return why a Passing, or None, cannot be the next waypoint, or None.
+
+    Args:
+        before: Passing of the waypoint before, or None
+        missing: m of depth that it could not be followed; too_far: m that it would have to leap
+    """
+    if here is None and too_far:
+        return draft.refusal('continuity', too_far, 'the gripper would have to leap: the shapes '
+                             'that pass the centers turn back there')
+    if here is None:
+        return draft.refusal('equilibrium', missing, 'no equilibrium that passes the centers was '
+                             'found')
+    shape = here.shape
+    if shape.stability < -NEUTRAL:
+        return draft.refusal('stability', -shape.stability, 'the DLO would not stay there; '
+                             f'stability {shape.stability:.3g} < 0')
+    depth = asked.depths[len(draft.waypoints)]
+    against = _against(asked, here, depth)
+    if against is not None:
+        return _direction_refusal(draft, *against)
+    return refusal_for_step(simulator, draft, before, here)

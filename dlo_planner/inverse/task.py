@@ -1,0 +1,91 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a task is: a value that says what the DLO has to do, and how that is solved."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.context import PlanContext
+from dlo_planner.inverse.plain_tasks import from_plain, to_plain
+from dlo_planner.model.checks import instance, row, shown
+from dlo_planner.model.value import Value
+from dlo_planner.plan.plan import Plan
+
+_WAYPOINTS = 40
+_DEEPEST = 0.95  # of the length, where no depths are given
+MOST = 10_000    # waypoints of a plan, or forces
+
+
+class Task(Value, ABC):
+    """Base of all tasks: `@dataclass(frozen=True, eq=False, repr=False)` with two methods.
+
+    `__post_init__` judges what is given, once, and ends with `super().__post_init__()`; `solve`
+    returns the Plan. Such a class can be planned, pickled, compared, and written as plain Python
+    or YAML, one's own like those of the package.
+
+    Attributes:
+        touches: of the class: whether its plans mean to touch the simulator's obstacles; if not,
+            they avoid them
+        takes_initial: of the class: whether the shape before counts
+    """
+
+    touches: ClassVar[bool] = False
+    takes_initial: ClassVar[bool] = False
+
+    @abstractmethod
+    def solve(self, context: PlanContext) -> Plan:
+        """Return the Plan.
+
+        Raises:
+            InvalidTask: the task makes no sense for this DLO; the message names the argument
+            Infeasible: there is no such plan; carries what there is of it
+        """
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the task as dicts, lists, numbers and strings, for JSON and YAML.
+
+        Each value in it is a dict that says its class under 'type'; a Pose is {'position',
+        'quaternion'}.
+
+        Raises:
+            InvalidTask: it holds what cannot be written: a function
+        """
+        return to_plain(self)
+
+    @classmethod
+    def from_dict(cls, content: Mapping) -> 'Task':
+        """Return the task that `to_dict` has written, of any class that has been imported.
+
+        Raises:
+            InvalidTask: it is none; the message says what is missing
+        """
+        task = from_plain('content', instance('content', content, Mapping))
+        if not isinstance(task, cls):
+            raise InvalidTask(f'content = {shown(content)}: expected a {cls.__name__}')
+        return task
+
+
+def depths_or_none(name: str, depths: object) -> np.ndarray | None:
+    """Return depths (n,) that do not decrease, m; or None, which stands for `depths_on`."""
+    if depths is None:
+        return None
+    depths = row(name, depths, most=MOST, minimum=0)
+    if (np.diff(depths) < 0).any():
+        bad = int(np.argmax(np.diff(depths) < 0)) + 1
+        raise InvalidTask(f'{name}[{bad}] = {depths[bad]}: expected not less than the one before')
+    return depths
+
+
+def depths_on(length: float, depths: np.ndarray | None) -> np.ndarray:
+    """Return the depths (n,) of a task on a DLO of this length, m; None: 40 to 0.95 L.
+
+    Raises:
+        InvalidTask: one is beyond the length
+    """
+    if depths is None:
+        return np.linspace(0, _DEEPEST * length, _WAYPOINTS)
+    return row('depths', depths, most=MOST, minimum=0, maximum=length)

@@ -1,0 +1,15 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the DLO can be asked to do: one frozen value for each task."""
+
+from dlo_planner.inverse.tasks.approach import Approach
+from dlo_planner.inverse.tasks.hold_contact import HoldContact
+from dlo_planner.inverse.tasks.insert import Insert
+from dlo_planner.inverse.tasks.minimize import Minimize
+from dlo_planner.inverse.tasks.slide_contact import SlideContact
+from dlo_planner.inverse.tasks.thread import Thread
+from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, threading_of
+from dlo_planner.inverse.tasks.thread_two import ThreadTwo
+
+__all__ = ['Approach', 'HoldContact', 'Insert', 'Minimize', 'SlideContact', 'Thread',
+           'ThreadSequence', 'ThreadTwo', 'threading_of']

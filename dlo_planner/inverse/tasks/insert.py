@@ -1,0 +1,48 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Insert the DLO into a bore."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.context import PlanContext
+from dlo_planner.inverse.solvers.threading.insertion import insert
+from dlo_planner.inverse.task import Task, depths_on, depths_or_none
+from dlo_planner.model.checks import instance
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.value import put
+from dlo_planner.plan.plan import Plan
+
+_INSERTED = 0.99  # of the length, at most
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Insert(Task):
+    """Insert into a bore of about the DLO's diameter; see `InverseSimulator.insert`.
+
+    Attributes:
+        bore: CutOut: its center is that of the mouth, its normal points inwards
+        depths: (n,) arc lengths that are inside, m, or None
+    """
+
+    bore: CutOut
+    depths: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        instance('bore', self.bore, CutOut)
+        put(self, depths=depths_or_none('depths', self.depths))
+        super().__post_init__()
+
+    def solve(self, context: PlanContext) -> Plan:
+        """Return the Plan."""
+        instance('context', context, PlanContext)
+        depths = depths_on(context.rod.length, self.depths)
+        if depths[-1] > _INSERTED * context.rod.length:
+            raise InvalidTask(f'depths[{len(depths) - 1}] = {depths[-1]:g}: expected at most '
+                              f'{_INSERTED:g} of the length')
+        if context.simulator.surroundings.point_loads:
+            raise InvalidTask('simulator.point_loads: expected none where a DLO is inserted, parts '
+                              'of it are in the bore')
+        return insert(context.without_obstacles, self.bore, depths, context.start, context.demands)

@@ -1,0 +1,59 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Bring the DLO into a shape that penalties describe."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from dlo_planner.errors import NotConverged
+from dlo_planner.inverse.context import PlanContext
+from dlo_planner.inverse.solvers.search import PenaltyResult, judged_penalties, least_penalty
+from dlo_planner.inverse.task import Task
+from dlo_planner.model.checks import instance, integer
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import put
+from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.waypoint import Waypoint
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Minimize(Task):
+    """Make penalties of the shape least, beginning at `start`; see `minimize_penalty`.
+
+    Attributes:
+        penalties: one or several: values like `PositionAt`, or functions of a Shape
+        max_iterations: equilibria at most
+    """
+
+    touches: ClassVar[bool] = True
+    takes_initial: ClassVar[bool] = True
+
+    penalties: tuple
+    max_iterations: int = 200
+
+    def __post_init__(self) -> None:
+        put(self, penalties=tuple(judged_penalties(self.penalties)),
+            max_iterations=integer('max_iterations', self.max_iterations, minimum=1,
+                                   maximum=1_000_000))
+        super().__post_init__()
+
+    def solve(self, context: PlanContext) -> Plan:
+        """Return the Plan of one waypoint, where the penalty is least.
+
+        Raises:
+            NotConverged: the search ended before
+        """
+        instance('context', context, PlanContext)
+        result = self.result(context)
+        if not result.converged:
+            raise NotConverged(f'penalties: the search ended with a slope of {result.slope:.3g} '
+                               f'after {result.iterations} iterations', result.shape)
+        builder = context.builder([0.0])
+        builder.add(Waypoint(result.shape))
+        return builder.finished()
+
+    def result(self, context: PlanContext) -> PenaltyResult:
+        """Return what the search finds, converged or not."""
+        instance('context', context, PlanContext)
+        return least_penalty(context.simulator, self, instance('start', context.start, Pose),
+                             context.initial, context.progress)

@@ -1,0 +1,56 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Draw the DLO over an obstacle."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dlo_planner.inverse.context import PlanContext
+from dlo_planner.inverse.solvers.contact.hold_and_slide import CONDITIONS, slide_contact
+from dlo_planner.inverse.solvers.contact.straight import slide_straight
+from dlo_planner.inverse.task import MOST, Task
+from dlo_planner.inverse.tasks.hold_contact import check_obstacles, checked_forces
+from dlo_planner.model.checks import choice, instance, row
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import put
+from dlo_planner.plan.plan import Plan
+
+_WAYS = {'aligned': slide_contact, 'straight': slide_straight}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SlideContact(Task):
+    """Slide along one contact; `InverseSimulator.slide_contact` says what the attributes mean.
+
+    Attributes:
+        contact: Pose on the surface of an obstacle: x axis along the DLO, z axis outwards
+        lengths: (n,) arc lengths between gripper and contact, m, one after the other
+        condition: 'least_energy', 'least_force', 'least_motion', 'largest_clearance'
+        forces: (n,) N: only these are looked at; None: all
+        way: 'aligned' or 'straight'
+    """
+
+    touches: ClassVar[bool] = True
+
+    contact: Pose
+    lengths: np.ndarray
+    condition: str = 'least_motion'
+    forces: np.ndarray | None = None
+    way: str = 'aligned'
+
+    def __post_init__(self) -> None:
+        put(self, lengths=row('lengths', self.lengths, most=MOST, above=0),
+            forces=checked_forces(self.forces))
+        choice('condition', self.condition, CONDITIONS)
+        choice('way', self.way, tuple(_WAYS))
+        instance('contact', self.contact, Pose)
+        super().__post_init__()
+
+    def solve(self, context: PlanContext) -> Plan:
+        """Return the Plan."""
+        instance('context', context, PlanContext)
+        row('lengths', self.lengths, most=MOST, above=0, below=context.rod.length)
+        check_obstacles(context)
+        return _WAYS[self.way](context.simulator, self, context.start, context.demands)

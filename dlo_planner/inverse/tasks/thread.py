@@ -1,0 +1,64 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Thread the free end through one cut-out."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dlo_planner.inverse.context import PlanContext
+from dlo_planner.inverse.solvers.threading.deepest import deepest
+from dlo_planner.inverse.solvers.threading.one_cutout import thread, trim_to_clearance
+from dlo_planner.inverse.task import Task, depths_on, depths_or_none
+from dlo_planner.model.checks import choice, flag, instance, number
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.value import put
+from dlo_planner.plan.builder import kept_between
+from dlo_planner.plan.plan import Plan
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Thread(Task):
+    """Thread through one cut-out; `InverseSimulator.thread` says what the attributes mean.
+
+    Attributes:
+        cutout: CutOut
+        depths: (n,) arc lengths that have gone through, m, or None
+        method: 'coupled' or 'nested'
+        gripper_clearance: m, how far the gripper stays before the sheet, or None
+        as_deep_as_possible: whether the plan may end before the last depth
+    """
+
+    takes_initial: ClassVar[bool] = True
+
+    cutout: CutOut
+    depths: np.ndarray | None = None
+    method: str = 'coupled'
+    gripper_clearance: float | None = None
+    as_deep_as_possible: bool = False
+
+    def __post_init__(self) -> None:
+        instance('cutout', self.cutout, CutOut)
+        if self.gripper_clearance is not None:
+            put(self, gripper_clearance=number('gripper_clearance', self.gripper_clearance,
+                                               minimum=0))
+        choice('method', self.method, ('coupled', 'nested'))
+        flag('as_deep_as_possible', self.as_deep_as_possible)
+        put(self, depths=depths_or_none('depths', self.depths))
+        super().__post_init__()
+
+    def solve(self, context: PlanContext) -> Plan:
+        """Return the Plan."""
+        instance('context', context, PlanContext)
+        depths, demands = depths_on(context.rod.length, self.depths), context.demands
+
+        def planned(wanted: np.ndarray) -> Plan:
+            return thread(context.without_obstacles, self.cutout, wanted, context.start,
+                          context.initial, self.method, demands)
+
+        plan = deepest(planned, depths) if self.as_deep_as_possible else planned(depths)
+        if self.gripper_clearance is None:
+            return plan
+        kept = trim_to_clearance(plan, self.cutout, self.gripper_clearance, self.depths is None)
+        return kept if len(kept) == len(plan) else kept_between(kept, demands)

@@ -1,0 +1,87 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Many DLOs that hang freely, each of another rod, from one compiled loop."""
+
+import numpy as np
+
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.hanging import hang
+from dlo_planner.ritz.record import Record, makes
+from dlo_planner.ritz.truncation import truncation
+
+
+class RodTable(Record):
+    """What differs between DLOs of as many elements and terms; n rods, u different lengths.
+
+    Attributes:
+        mesh: (n,) which of the u meshes each rod has
+        lengths: (u, N) of the elements, m; basis: (u, N, N_c) orthonormal; (u, N, 0) = local
+        natural, stiffness, scale: (n, N, 3), pull: (n, N + 1, 3): as in `energy.potential.System`;
+            `natural` is read-only, like all from which a descent starts
+    """
+
+    mesh: np.ndarray
+    lengths: np.ndarray
+    basis: np.ndarray
+    natural: np.ndarray
+    stiffness: np.ndarray
+    scale: np.ndarray
+    pull: np.ndarray
+
+
+@makes(RodTable)
+@kernel
+def _new_rod_table(mesh, lengths, basis, natural, stiffness, scale, pull):
+    return RodTable(mesh, lengths, basis, natural, stiffness, scale, pull)
+
+
+@kernel
+def hang_rods(system, rods, bases, origins, tolerance, max_iterations, frames, nodes, strains,
+              rotations, positions, wrenches, energies, proofs, iterations):
+    """Fill the equilibria that n DLOs fall into from their natural shapes, as `hang_many`.
+
+    Args:
+        system: System whose lengths, natural, stiffness, scale, basis and pull are written over
+        rods: RodTable
+        bases: (n, 3, 3), read-only, rotations of the grippers; origins: (n, 3), read-only, m
+        tolerance, max_iterations, frames, nodes: as in `hang_many`
+        strains, rotations, positions, wrenches, energies, proofs, iterations: as in `hang_many`
+    """
+    last = -1
+    natural = rods.natural
+    for k in range(bases.shape[0]):
+        if rods.mesh[k] != last:
+            last = rods.mesh[k]
+            _put_mesh(system, rods, last)
+        _put_rod(system, rods, k)
+        (strains[k], rotations[k], positions[k], wrenches[k], energies[k, 0], energies[k, 1],
+         proofs[k, 0], proofs[k, 1], iterations[k], _) = hang(
+            system, bases[k], origins[k], natural[k], tolerance, max_iterations, frames, bases[k],
+            nodes, np.inf)
+        proofs[k, 2] = truncation(system.lengths, strains[k], system.natural, system.scale,
+                                  system.basis)
+
+
+@kernel
+def _put_mesh(system, rods, u):
+    """Write the mesh `u` into the system."""
+    lengths, basis = system.lengths, system.basis
+    for e in range(lengths.size):
+        lengths[e] = rods.lengths[u, e]
+        for j in range(basis.shape[1]):
+            basis[e, j] = rods.basis[u, e, j]
+
+
+@kernel
+def _put_rod(system, rods, k):
+    """Write the rod `k` into the system."""
+    natural, stiffness, scale, pull = system.natural, system.stiffness, system.scale, system.pull
+    n = natural.shape[0]
+    for e in range(n):
+        for i in range(3):
+            natural[e, i] = rods.natural[k, e, i]
+            stiffness[e, i] = rods.stiffness[k, e, i]
+            scale[e, i] = rods.scale[k, e, i]
+            pull[e, i] = rods.pull[k, e, i]
+    for i in range(3):
+        pull[n, i] = rods.pull[k, n, i]

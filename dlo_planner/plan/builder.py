@@ -1,0 +1,232 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A plan in the making: it keeps all demands, or is refused with what it breaks.
+
+Each waypoint is judged when it is added, the way between them when the plan is complete.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import Infeasible
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.obstacles import Obstacle
+from dlo_planner.model.surface import Surface
+from dlo_planner.plan.between import violation_between
+from dlo_planner.plan.clearance import clearance
+from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.plan import Plan, PlanStatus, build_plan, truncate
+from dlo_planner.plan.waypoint import Waypoint
+from dlo_planner.plan.workspace import Workspace
+from dlo_planner.progress import Progress
+
+
+@dataclass(frozen=True)
+class PlanRequirements:
+    """What a plan has to keep, whatever the task.
+
+    Attributes
+    ----------
+    speeds : (float, float)
+        m/s and rad/s, for the plan's times.
+    progress : Progress
+        Progress, which reports each waypoint.
+    workspace : Workspace or None
+        Workspace or None.
+    obstacles : tuple of obstacle
+        Obstacles that the DLO must not touch.
+    surface : Surface
+        Surface of the DLO.
+    yield_limits : ndarray, shape (3,) or None
+        Strains since the stress-free shape, torsion and both curvatures, at which the DLO would
+        yield, 1/m, or None where it may.
+    simulator : DirectSimulator or None
+        DirectSimulator without obstacles that finds the DLO's shapes between the waypoints. If
+        None, the DLO is looked at at the waypoints only.
+    tolerance : float or None
+        Largest position error of a waypoint, m. If None, any.
+    """
+
+    speeds: tuple[float, float]
+    progress: Progress = field(default_factory=Progress)
+    workspace: Workspace | None = None
+    obstacles: tuple[Obstacle, ...] = ()
+    surface: Surface = Surface()
+    yield_limits: Floats | None = None
+    simulator: DirectSimulator | None = None
+    tolerance: float | None = None
+
+    def silent(self, simulator: DirectSimulator | None = None) -> PlanRequirements:
+        """Return the same demands for a search, whose steps are not reported.
+
+        Parameters
+        ----------
+        simulator : DirectSimulator, optional
+            DirectSimulator that the search is made with, None: the same.
+        """
+        return replace(self, progress=self.progress.silent(), simulator=self._between(simulator))
+
+    def made_with(self, simulator: DirectSimulator | None) -> PlanRequirements:
+        """Return the same demands, the shapes between waypoints from another simulator."""
+        return replace(self, simulator=self._between(simulator))
+
+    def _between(self, simulator: DirectSimulator | None) -> DirectSimulator | None:
+        return self.simulator if self.simulator is None or simulator is None else simulator
+
+    def violation(self, waypoint: Waypoint) -> tuple[str, float, str] | None:
+        """Return None, or the constraint that a Waypoint breaks, by how much, and in words."""
+        shape = waypoint.shape
+        if self.workspace is not None:
+            name, room = self.workspace.min_margin(shape.gripper)
+            if room < 0:
+                return name, -room, f'the gripper is {-room:.3g} m beyond {name}'
+        if self.tolerance is not None and waypoint.position_error > self.tolerance:
+            return ('tolerance', waypoint.position_error - self.tolerance,
+                    f'the DLO is {waypoint.position_error:.3g} m off, tolerance = '
+                    f'{self.tolerance:g} m')
+        if waypoint.clearance < 0:
+            return ('clearance', -waypoint.clearance,
+                    f'the DLO is {-waypoint.clearance:.3g} m in the sheet around a cut-out '
+                    '(endless, where no Sheet among the obstacles has it)')
+        for index, obstacle in enumerate(self.obstacles):
+            room = clearance([obstacle], self.surface, shape)
+            if room < 0:
+                return ('clearance', -room,
+                        f'the DLO is {-room:.3g} m in {type(obstacle).__name__} {index}')
+        if shape.rod is not None and shape.bend_margin < 0:
+            return ('max_bend_curvature', -shape.bend_margin,
+                    f'the DLO is bent by {-shape.bend_margin:.3g} 1/m more than '
+                    f'max_bend_curvature = {shape.rod.max_bend_curvature:g} 1/m')
+        if self.yield_limits is not None:
+            load = utilization(shape, self.yield_limits)
+            if load > 1:
+                return ('yield', load - 1, f'the DLO would be set for good: bent or twisted to '
+                        f'{load:.3g} times what it bears')
+        return None
+
+
+def utilization(shape: Shape, yield_limits: Floats) -> float:
+    """Return the largest of `yield_shares`."""
+    return float(yield_shares(shape, yield_limits).max())
+
+
+def yield_shares(shape: Shape, yield_limits: Floats) -> Floats:
+    """Return (N_L,) the strains since the stress-free shape as a part of what yields.
+
+    Curvature counts by the ellipse of its two thresholds, that of a rectangle by what its corners
+    are strained; torsion by itself.
+
+    Parameters
+    ----------
+    yield_limits : ndarray, shape (3,)
+        Thresholds of torsion and of both curvatures, 1/m.
+    """
+    assert shape.rod is not None  # `bent` needs it too
+    part: Floats = np.abs(shape.bent) / yield_limits
+    cornered = shape.rod.section_outline[0] == 'rectangular'
+    bend = part[:, 1] + part[:, 2] if cornered else np.hypot(part[:, 1], part[:, 2])
+    return np.maximum(part[:, 0], bend)
+
+
+class PlanBuilder:
+    """Collects the Waypoints of a plan in order.
+
+    Parameters
+    ----------
+    depths : ndarray, shape (n,)
+        Depths of the waypoints wanted, m.
+    brief : PlanRequirements
+        PlanRequirements.
+    what : str, optional
+        How a waypoint is called in a refusal.
+    initial : Shape, optional
+        Shape before the first waypoint, or None.
+    stops : iterable of int, optional
+        Indices of waypoints at which the gripper stops.
+    """
+
+    def __init__(self, depths: Floats, brief: PlanRequirements, what: str = 'waypoint',
+                 initial: Shape | None = None, stops: Iterable[int] = ()) -> None:
+        self.waypoints: list[Waypoint] = []
+        self._initial, self._stops = initial, stops
+        self._depths, self._brief, self._what = depths, brief, what
+
+    @property
+    def last(self) -> Shape | None:
+        """The Shape of the last waypoint; before there is one, the initial Shape or None."""
+        return self.waypoints[-1].shape if self.waypoints else self._initial
+
+    @property
+    def step(self) -> float:
+        """How much deeper the next waypoint is than the one before, m; 0 at the first."""
+        index = len(self.waypoints)
+        return float(self._depths[index] - self._depths[index - 1]) if index else 0.0
+
+    def add(self, waypoint: Waypoint) -> None:
+        """Take the next Waypoint; raises Infeasible if it breaks a demand."""
+        broken = self._brief.violation(waypoint)
+        if broken is not None:
+            raise self.refusal(*broken)
+        self.waypoints.append(waypoint)
+        self._brief.progress.done(len(self.waypoints), len(self._depths))
+
+    def refusal(self, constraint: str, amount: float, why: str) -> Infeasible:
+        """Return Infeasible for the next waypoint, with the plan up to it as evidence."""
+        return _refusal(self._what, len(self.waypoints), self._depths,
+                        (constraint, float(amount), why), self.partial())
+
+    def finished(self) -> Plan:
+        """Return the Plan; raises Infeasible if it breaks a demand between two waypoints."""
+        plan = self._plan(PlanStatus.COMPLETE)
+        known = [room if np.isfinite(room) else None for room in plan.clearance]
+        return kept_between(plan, self._brief, self._what, known)
+
+    def partial(self) -> Plan:
+        """Return the Plan so far, as evidence."""
+        return self._plan(PlanStatus.PARTIAL)
+
+    def _plan(self, status: PlanStatus) -> Plan:
+        stops = tuple(stop for stop in self._stops if stop < len(self.waypoints))
+        return build_plan(self.waypoints, self._depths, self._brief.speeds, status, stops)
+
+
+def kept_between(plan: Plan, brief: PlanRequirements, what: str = 'waypoint',
+                 known: Sequence[float | None] | None = None) -> Plan:
+    """Return a Plan that keeps its demands between waypoints, on the path of its Trajectory.
+
+    Parameters
+    ----------
+    what : str, optional
+        How a waypoint is called in a refusal.
+    known : sequence of float or None, optional
+        n least rooms in the plan's sheets at its waypoints, m. If None, computed if needed.
+
+    Raises
+    ------
+    Infeasible
+        It does not; the waypoint is the one to which the gripper is going.
+    """
+    looked_at = brief.workspace is not None or brief.simulator is not None and (
+        plan.sheets or brief.obstacles)
+    if len(plan) < 2 or not plan.times[-1] > plan.times[0] or not looked_at:
+        return plan
+    broken = violation_between(GripperPath.of(plan), plan.shapes, plan.sheets, brief, known)
+    if broken is None:
+        return plan
+    raise _refusal(what, broken.waypoint, plan.depths,
+                   (broken.constraint, broken.amount, broken.why),
+                   truncate(plan, broken.waypoint, PlanStatus.PARTIAL))
+
+
+def _refusal(what: str, index: int, depths: Floats, broken: tuple[str, float, str],
+             plan: Plan) -> Infeasible:
+    """Return Infeasible for the waypoint `index`; broken: constraint, amount and words."""
+    constraint, amount, why = broken
+    depth = f' (depth {depths[index]:g} m)' if np.any(depths) else ''
+    return Infeasible(f'{what} {index}{depth}: {why}', index, constraint, amount, plan)

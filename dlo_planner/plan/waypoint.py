@@ -1,0 +1,89 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""One waypoint of a plan in the making: a shape in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.obstacles import Sheet
+from dlo_planner.model.surface import Surface
+from dlo_planner.plan.clearance import hole_clearances
+from dlo_planner.plan.passing import Passes
+
+_FREE = (np.inf,) * 3
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """A Shape in its place, and how well it passes a center."""
+
+    shape: Shape
+    misalignment: float = 0.0
+    position_error: float = 0.0
+    via_points: Passes = ()
+    clearances: tuple[Sequence[float] | Floats, ...] = ()
+    sheets: tuple[tuple[Sheet, Floats], ...] = ()
+
+    @property
+    def clearance(self) -> float:
+        """Smallest of the clearances, m."""
+        return min((float(min(rooms)) for rooms in self.clearances), default=np.inf)
+
+    def with_via_point(self, center: Floats, s: float) -> Waypoint:
+        """Return the same waypoint, its error that of the worse of this and another center."""
+        other = float(np.linalg.norm(self.shape.frame_at(s)[1] - center))
+        return replace(self, position_error=max(self.position_error, other),
+                       via_points=(*self.via_points, (center, s, None)))
+
+    def with_clearances(self, cutouts: Sequence[CutOut], sheets: Sequence[Sheet | None],
+                        surface: Surface) -> Waypoint:
+        """Return the same waypoint with its clearances in CutOuts.
+
+        Parameters
+        ----------
+        cutouts : sequence of CutOut
+        sheets : sequence of Sheet or None
+            The sheet of each.
+        surface : Surface
+            Surface of the DLO.
+        """
+        both = [(sheet, cutout.normal) for cutout, sheet in zip(cutouts, sheets, strict=True)]
+        return replace(
+            self, sheets=tuple((sheet, normal) for sheet, normal in both if sheet is not None),
+            clearances=tuple(
+                _FREE if sheet is None else hole_clearances(sheet, normal, surface, self.shape)
+                for sheet, normal in both))
+
+
+def waypoint_of(shape: Shape, center: Floats, s: float, normal: Floats | None) -> Waypoint:
+    """Return the Waypoint of a Shape carried so that it passes `center` at `s`: section 5.2.
+
+    Parameters
+    ----------
+    shape : Shape
+    center : ndarray, shape (3,)
+        World, m.
+    s : float
+        Arc length, m.
+    normal : ndarray, shape (3,), or None
+        Along which it should pass; None: along any.
+    """
+    return waypoint_at(shape.moved(center - shape.frame_at(s)[1]), center, s, normal)
+
+
+def waypoint_at(shape: Shape, center: Floats, s: float, normal: Floats | None) -> Waypoint:
+    """Return the Waypoint of a Shape that should pass `center` at `s`, where it is."""
+    axes, position = shape.frame_at(s)
+    angle = 0.0
+    if normal is not None:
+        along = axes[:, 0] @ normal
+        angle = float(np.arctan2(np.linalg.norm(axes[:, 0] - along * normal), along))
+    return Waypoint(shape, angle, float(np.linalg.norm(position - center)),
+                    ((center, s, normal),))

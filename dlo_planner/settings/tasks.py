@@ -1,0 +1,47 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Tasks as YAML files."""
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from dlo_planner.inverse.task import Task
+from dlo_planner.model.checks import instance
+from dlo_planner.settings.yaml_files import load_yaml
+
+
+def task_to_yaml(task: Task) -> str:
+    """Return a task as a YAML text: its class under `type`, each value in it likewise.
+
+    Raises:
+        InvalidTask: it is no task, or holds a function, which cannot be written
+    """
+    text: str = yaml.safe_dump(instance('task', task, Task).to_dict(), sort_keys=False,
+                               allow_unicode=True)
+    return text
+
+
+def task_from_yaml(text: str, name: str = 'task') -> Task:
+    """Return the task of a YAML text.
+
+    Args:
+        text: as `task_to_yaml` writes it; what has a default may be left out
+        name: how it is called in messages
+
+    Raises:
+        InvalidTask: it is no YAML, or no task
+    """
+    content: Any = load_yaml(instance('text', text, str), name)
+    return Task.from_dict(content)
+
+
+def read_task(path: Path) -> Task:
+    """Return the task of a YAML file; raises InvalidTask as `task_from_yaml` does."""
+    return task_from_yaml(Path(path).read_text(encoding='utf-8'), str(path))
+
+
+def write_task(path: Path, task: Task) -> None:
+    """Write a task as a YAML file."""
+    Path(path).write_text(task_to_yaml(task), encoding='utf-8')

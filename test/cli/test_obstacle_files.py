@@ -1,0 +1,40 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Obstacles in YAML files: by their class and its fields, the same for all of them."""
+
+import pytest
+
+from dlo_planner import Box, Capsule, Cylinder, InvalidTask, Plane, Pose, Sphere
+from dlo_planner.cli.reading import read_obstacles
+
+TEXT = """
+- plane: {point: [0, 0, 0.2], normal: [0, 0, 1], friction: 0.3}
+- sphere: {center: [1, 0, 0], radius: 1e-1}
+- capsule: {start: [0, 0, 0], end: [1, 0, 0], radius: 0.1}
+- cylinder: {start: [0, 0, 0], end: [1, 0, 0], radius: 0.1, friction: 0.2}
+- box: {pose: [0, 0, 1], size: [1, 2, 3]}
+"""
+KNOWN = (Plane((0, 0, 0.2), (0, 0, 1), 0.3), Sphere((1, 0, 0), 0.1),
+         Capsule((0, 0, 0), (1, 0, 0), 0.1), Cylinder((0, 0, 0), (1, 0, 0), 0.1, 0.2),
+         Box(Pose((0, 0, 1), (0, 0, 0, 1)), (1, 2, 3)))
+
+
+def read(tmp_path, text):
+    path = tmp_path / 'scene.yaml'
+    path.write_text(text)
+    return read_obstacles(path)
+
+
+def test_each_kind_is_read(tmp_path):
+    assert read(tmp_path, TEXT) == KNOWN
+
+
+@pytest.mark.parametrize(('text', 'said'), [
+    ('- cylinder: {start: [0, 0, 0], end: [1, 0, 0]}', 'cylinder: expected radius'),
+    ('- sphere: {center: [0, 0, 0], radius: 1, radios: 2}', 'sphere.radios: expected one of'),
+    ('- cylinder: {start: [0, 0, 0], end: [0, 0, 0], radius: 1}', 'Cylinder.end'),
+    ('- sheet: {}', 'expected one of plane, sphere, capsule, cylinder, box'),
+    ('- cone: {}', 'expected one of')])
+def test_what_is_wrong_is_named(tmp_path, text, said):
+    with pytest.raises(InvalidTask, match=said):
+        read(tmp_path, text)

@@ -1,0 +1,92 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The way to the hole stays behind the sheet, and the gripper stays before it."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import (
+    CutOut,
+    DirectSimulator,
+    Infeasible,
+    InvalidTask,
+    InverseSimulator,
+    Pose,
+    Rod,
+)
+
+WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+HOLE = CutOut(Pose.looking_along((0.2, 0.1, 1.0), (1, 0.3, 0)), radius=0.01)
+
+
+@pytest.fixture(scope='module')
+def inverse():
+    return InverseSimulator(DirectSimulator(WIRE))
+
+
+@pytest.fixture(scope='module')
+def plan(inverse):
+    return inverse.thread(HOLE)
+
+
+@pytest.mark.parametrize('turn', [(0, 0, 0), (0, 0, 2.5), (0.5, 1.0, -0.5)])
+def test_the_dlo_stays_behind_the_sheet(inverse, plan, turn):
+    start = Pose((-1.3, 0.4, 1.2), Rotation.from_rotvec(turn).as_quat())
+    way = inverse.approach(HOLE, plan, start, standoff=0.08)
+    assert way.grippers[0] == start
+    np.testing.assert_allclose(way.grippers[-1].matrix, plan.grippers[0].matrix, atol=1e-12)
+    for shape in inverse.simulator.track(way.grippers)[:-1]:
+        assert shape.converged
+        assert ((HOLE.center - shape.positions) @ HOLE.normal).min() > WIRE.radius
+    # the free end waits before the center, aligned, and then goes straight in
+    before = [one for one in way.shapes if np.linalg.norm(
+        one.positions[-1] - (HOLE.center - 0.08 * HOLE.normal)) < 1e-6]
+    assert len(before) == 1
+    np.testing.assert_allclose(before[0].tangents[-1], HOLE.normal, atol=1e-6)
+    assert (np.diff(way.times) >= 0).all()
+
+
+@pytest.mark.parametrize('standoff', [0.0, WIRE.radius, 0.5 * WIRE.radius])
+def test_a_standoff_below_the_dlos_radius(inverse, plan, standoff):
+    start = Pose((-1.3, 0.4, 1.2), (0, 0, 0, 1))
+    way = inverse.approach(HOLE, plan, start, standoff=standoff)
+    np.testing.assert_allclose(way.grippers[-1].matrix, plan.grippers[0].matrix, atol=1e-12)
+
+
+def test_it_goes_back_no_farther_than_it_must(inverse, plan):
+    far = inverse.approach(HOLE, plan, Pose((-1.3, 0.4, 1.2), (0, 0, 0, 1)))
+    near = inverse.approach(HOLE, plan, plan.grippers[0])
+    for way, begin in ((far, 1.3), (near, 1.0)):
+        back = max((HOLE.center - gripper.position) @ HOLE.normal for gripper in way.grippers)
+        assert back < begin + 0.35
+
+
+def test_a_dlo_beyond_the_sheet_is_refused(inverse, plan):
+    with pytest.raises(Infeasible, match='behind the sheet') as caught:
+        inverse.approach(HOLE, plan, Pose((0.0, 0, 1.0), (0, 0, 0, 1)))
+    assert caught.value.constraint == 'clearance' and caught.value.amount > 0
+
+
+def test_gripper_clearance_ends_the_plan_or_refuses(inverse, plan):
+    def room(one):
+        return [(HOLE.center - gripper.position) @ HOLE.normal for gripper in one.grippers]
+
+    kept = inverse.thread(HOLE, gripper_clearance=0.2)
+    assert 1 < len(kept) < len(plan) and min(room(kept)) >= 0.2
+    assert kept.fraction == 1
+    depths = np.linspace(0, 0.9, 10)
+    rooms = room(inverse.thread(HOLE, depths=depths))
+    with pytest.raises(Infeasible, match='gripper_clearance') as caught:
+        inverse.thread(HOLE, depths=depths, gripper_clearance=0.2)
+    assert caught.value.waypoint == np.argmax(np.array(rooms) < 0.2) > 2
+    assert caught.value.amount == pytest.approx(0.2 - rooms[caught.value.waypoint])
+
+
+@pytest.mark.parametrize(('change', 'named'), [
+    ({'cutout': 1}, 'cutout'), ({'plan': None}, 'plan'), ({'start': 2}, 'start'),
+    ({'standoff': -1}, 'standoff')])
+def test_nonsense_is_named(inverse, plan, change, named):
+    values = {'cutout': HOLE, 'plan': plan, 'start': Pose((-1.3, 0, 1), (0, 0, 0, 1)), **change}
+    with pytest.raises(InvalidTask, match=named):
+        inverse.approach(**values)

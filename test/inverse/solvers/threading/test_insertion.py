@@ -1,0 +1,159 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Insertion into a bore: along the deflection curve, nothing to bear at the mouth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from random_insertions import HOW, outcome, random_task, steps
+
+from dlo_planner import (
+    CutOut,
+    DeadlineExceeded,
+    DirectSimulator,
+    FarEnd,
+    Infeasible,
+    InvalidTask,
+    InverseSimulator,
+    Pose,
+    Rod,
+    replay,
+)
+from dlo_planner.inverse.solvers.threading.insertion import _unconverged
+from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
+
+WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+RODS = {'round': WIRE,
+        'bent': Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.6, 0.4), natural_twist=0.3),
+        'weighted': Rod(1.0, 0.05, (0.3, 0.6), 0.25, tip_mass=0.05, point_masses=((0.7, 0.02),))}
+BORE = CutOut(Pose.looking_along((0.1, 0, 1), (1, 0.2, 0)))
+DEPTHS = np.linspace(0, 0.95, 8)
+
+
+@pytest.mark.parametrize('name', ['round', 'bent'])
+def test_a_uniform_dlo_follows_its_first_shape(name):
+    direct = DirectSimulator(RODS[name], accuracy=1e-7)
+    inverse = InverseSimulator(direct)
+    plan = inverse.insert(BORE, depths=DEPTHS)
+    curve = direct.solve(plan.grippers[0], inverse.thread(BORE, depths=[0.0]).shapes[0])
+    for depth, gripper in zip(DEPTHS, plan.grippers, strict=True):
+        on = curve.at(depth)
+        assert np.linalg.norm(on.position - gripper.position) < 1e-6
+        np.testing.assert_allclose(on.rotation, gripper.rotation, atol=1e-5)
+    threading = inverse.thread(BORE, depths=DEPTHS)  # begins alike, and goes another way
+    np.testing.assert_allclose(threading.grippers[0].matrix, plan.grippers[0].matrix, atol=1e-6)
+    apart = [np.linalg.norm(a.position - b.position)
+             for a, b in zip(threading.grippers, plan.grippers, strict=True)]
+    assert max(apart) > 0.05
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+@pytest.mark.parametrize('name', RODS)
+def test_the_mouth_bears_nothing(name, basis):
+    rod = RODS[name]
+    direct = DirectSimulator(rod, basis=basis)
+    plan = InverseSimulator(direct).insert(BORE, depths=DEPTHS)
+    assert plan.fraction == 1 and plan.stability.min() > 0
+    assert set(DEPTHS) <= set(plan.depths)
+    for depth, gripper, shape in zip(plan.depths, plan.grippers, plan.shapes, strict=True):
+        if np.abs(shape.far_wrench).max() > 1e-6:
+            continue  # the mouth takes over a mass: another test
+        # a DLO cut off at the mouth, with nothing to hold it there
+        masses = [(s, m) for s, m in rod.point_masses if s <= 1 - depth]
+        cut = Rod(1 - depth, rod.mass_per_length, rod.bending_stiffness, rod.torsional_stiffness,
+                  rod.natural_curvature, rod.natural_twist, masses,
+                  0.0 if depth else rod.tip_mass)
+        end = DirectSimulator(cut, basis=basis).solve(gripper, shape).at(1 - depth)
+        assert np.linalg.norm(end.position - BORE.center) < 1e-7
+        assert np.linalg.norm(np.cross(end.direction, BORE.normal)) < 1e-6
+    bears = np.array([np.abs(shape.far_wrench).max() for shape in plan.shapes])
+    assert (bears > 1e-6).any() == (name == 'weighted')
+    asked = np.isin(plan.depths, DEPTHS) & (plan.depths > 0)
+    assert bears[asked].max() < 1e-6
+    report = replay(direct, plan)
+    assert report.converged and report.position_error < 1e-6 and report.misalignment < 1e-6
+
+
+def test_refused_and_named():
+    soft = InverseSimulator(DirectSimulator(Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34)))
+    with pytest.raises(Infeasible) as caught:
+        soft.insert(BORE)
+    assert caught.value.waypoint == 0 and caught.value.constraint == 'stability'
+    stiff = InverseSimulator(DirectSimulator(WIRE))
+    with pytest.raises(InvalidTask, match='bore'):
+        stiff.insert(3)
+    with pytest.raises(InvalidTask, match=r'depths\[1\]'):
+        stiff.insert(BORE, depths=[0, 1.0])
+
+
+def test_the_bore_straightens_what_is_bent():
+    rod = RODS['bent']
+    direct = DirectSimulator(rod, basis='local')
+    plan = InverseSimulator(direct).insert(BORE, depths=[0.0, 0.4, 0.7])
+    assert np.isnan(plan.bore_moment[0]).all()  # nothing is inside
+    for depth, shape, moment in zip(plan.depths[1:], plan.shapes[1:], plan.bore_moment[1:],
+                                    strict=True):
+        mouth = Pose.from_rotation(BORE.center, shape.frames[-1])
+        # the part inside alone, with no weight, both ends held so that it is straight
+        inside = Rod(depth, rod.mass_per_length, rod.bending_stiffness, rod.torsional_stiffness,
+                     rod.natural_curvature)
+        far = Pose.from_rotation(BORE.center + depth * mouth.direction, mouth.rotation)
+        straight = DirectSimulator(inside, basis='local', gravity=(0, 0, 0)).solve(
+            mouth, far_end=FarEnd(far, 'sleeve'))
+        assert straight.converged and np.ptp(straight.tangents, axis=0).max() < 1e-8
+        np.testing.assert_allclose(moment, straight.gripper_wrench[3:], atol=1e-4)
+        assert np.linalg.norm(moment) == pytest.approx(np.hypot(0.3 * 0.6, 0.6 * 0.4))
+        assert np.abs(shape.far_wrench).max() < 1e-6  # and what is outside hangs by itself
+    straight = InverseSimulator(DirectSimulator(WIRE)).insert(BORE, depths=[0.0, 0.4])
+    np.testing.assert_allclose(straight.bore_moment[1], 0)
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+def test_the_mouth_takes_over_a_mass_part_by_part(basis):
+    rod = RODS['weighted']
+    plan = InverseSimulator(DirectSimulator(rod, basis=basis)).insert(BORE, depths=DEPTHS)
+    assert (np.diff(plan.depths) >= 0).all()
+    for depth, mass in ((0.0, 0.05), (0.3, 0.02)):
+        there = np.abs(plan.depths - depth) < 1e-9
+        bears = np.array([shape.far_wrench for shape in plan.shapes])[there]
+        assert len(bears) >= 3 and (np.diff(bears[:, 2]) > 0).all()
+        assert bears[-1, 2] == pytest.approx(9.81 * mass, rel=1e-4)  # in the end all of it
+        assert np.abs(bears[:, [0, 1, 3, 4, 5]]).max() < 1e-3 * 9.81 * mass
+    assert steps(plan).max() < 0.3  # the depths asked for are 0.14 m apart
+    closer = InverseSimulator(DirectSimulator(rod, basis=basis)).insert(
+        BORE, depths=np.linspace(0, 0.95, 57))
+    assert steps(closer).max() < 0.11
+
+
+def test_reasons_are_true():
+    rod = Rod(1.0, 0.05, 0.4, 0.25)
+    with pytest.raises(Infeasible) as caught:  # upright it would fall over
+        InverseSimulator(DirectSimulator(Rod(1.0, 0.05, 0.02, 0.02))).insert(
+            CutOut(Pose.looking_along((0, 0, 1), (0, 0, 1))))
+    assert caught.value.constraint in ('stability', 'start') and caught.value.amount > 0
+
+    def heavier(s):  # a DLO whose mass per length leaps is a smooth task all the same
+        return 0.05 if s < 0.5 else 0.15
+    plan = InverseSimulator(DirectSimulator(Rod(1.0, heavier, 0.4, 0.25))).insert(
+        BORE, depths=DEPTHS)
+    assert plan.fraction == 1
+    shape = DirectSimulator(rod).solve(Pose.identity())
+    poor = replace(shape, residual=1.0, converged=False)
+    error = _unconverged(PlanBuilder([0.3], PlanRequirements((1.0, 1.0))), poor, 0.1)
+    assert error.constraint == 'equilibrium' and error.amount == 0.1
+    error = _unconverged(PlanBuilder([0.3], PlanRequirements((1.0, 1.0))), replace(poor, stability=
+                                                                                   -0.2), 0.1)
+    assert error.constraint == 'stability' and error.amount == 0.2
+
+
+def test_random_insertions_do_not_leap():
+    rng = np.random.default_rng(5)
+    for how in HOW[:2]:
+        what, _ = outcome(*random_task(rng), how)
+        assert what == 'inserted' or what.startswith('refused')
+
+
+def test_the_deadline_counts():
+    with pytest.raises(DeadlineExceeded):
+        InverseSimulator(DirectSimulator(RODS['weighted'])).insert(BORE, deadline=1e-3)
