@@ -39,18 +39,18 @@ def declare(cls: type, fields: tuple[str, ...]) -> None:
     structref.define_proxy(cls, kind, fields)
 
 
-def _fields(record: Any) -> Any:
+def _fields(record):  # type: ignore[no-untyped-def]
     raise NotImplementedError('for kernels only')
 
 
+# (numba compares its signature with that of the written function: no annotations)
 @overload(_fields)  # type: ignore[untyped-decorator]
-def _fields_of(record: Any) -> Any:
+def _fields_of(record):
     """Write the function that returns all fields of this kind of record."""
     names = [name for name, _ in record._fields]
-    scope: dict[str, Any] = {'Any': Any}
-    # numba compares the signatures, annotations too
-    exec('def read(record: Any) -> Any:\n    return ('
-         + ''.join(f'record.{name}, ' for name in names) + ')', scope)
+    scope: dict[str, Any] = {}
+    exec('def read(record):\n    return (' + ''.join(f'record.{name}, ' for name in names) + ')',
+         scope)
     return scope['read']
 
 
