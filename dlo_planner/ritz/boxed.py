@@ -44,8 +44,8 @@ def _fields(record):  # type: ignore[no-untyped-def]
 
 
 # (numba compares its signature with that of the written function: no annotations)
-@overload(_fields)  # type: ignore[untyped-decorator]
-def _fields_of(record):
+@overload(_fields)
+def _fields_of(record):  # type: ignore
     """Write the function that returns all fields of this kind of record."""
     names = [name for name, _ in record._fields]
     scope: dict[str, Any] = {}
