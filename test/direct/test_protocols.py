@@ -151,6 +151,18 @@ def test_an_arch_between_clamps_snaps_through(options):
     assert shapes[-2].at(0.5).position[2] < -0.05 and shapes[-1].at(0.5).position[2] > 0.1
 
 
+def test_a_step_close_to_the_fold_takes_no_more_than_any_other():
+    # the step leads up the potential: without its grip the arch could not stand
+    star = 0.39897
+    strip = DirectSimulator(Rod(1.0, 0.0, (1.0, 100.0), 100.0), gravity=(0, 0, 0))
+    factors = np.array([0.0, 0.6, 0.9, 0.98, 0.99, 0.997])
+    shapes = strip.track(
+        [Pose((0, 0, 0), Rotation.from_euler('y', -one * star).as_quat()) for one in factors],
+        far_ends=[Pose((0.95, 0, 0), (0, 0, 0, 1))] * len(factors))
+    assert all(shape.converged and not shape.jumped for shape in shapes[1:])
+    assert max(shape.iterations for shape in shapes[-2:]) < 15  # a search used to take 1000
+
+
 def capstan(stiffness, friction, radius, turned):
     """Return the force over the weight that is drawn over a bar, of a DLO that also bends.
 
