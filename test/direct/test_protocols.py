@@ -120,6 +120,20 @@ def test_twist_that_makes_a_rod_under_tension_writhe(tension):
     assert fallen.energy < 0.9 * shapes[-1].energy
 
 
+def test_ten_terms_do_not_hide_that_a_rod_writhes():
+    # the series' mode bears 1 % more; the default accuracy looks at a local mesh near instability
+    tension = 50.0
+    critical_moment = moment_that_buckles(tension)
+    direct = DirectSimulator(Rod(1.0, 0.0, 1.0, 0.7), gravity=(0, 0, 0),
+                             point_loads=[PointLoad((tension, 0, 0))])
+    factors = np.append(np.arange(0.1, 0.95, 0.1), [0.95, 0.995, 1.005])
+    ends = [FarEnd(Pose((1, 0, 0), Rotation.from_rotvec(
+        [factor * critical_moment / 0.7, 0, 0]).as_quat()), 'sleeve') for factor in factors]
+    shapes = direct.track([HERE] * len(ends), far_ends=ends)
+    assert all(shape.converged for shape in shapes)
+    assert [bool(shape.jumped) for shape in shapes] == [False] * (len(ends) - 1) + [True]
+
+
 def test_a_localized_helix():
     # endless rod: M^2 = 2 EI T (1 + cos of the largest angle to the axis) (Coyne; van der Heijden)
     direct = DirectSimulator(Rod(1.0, 0.0, 1.0, 0.7), basis='local', n_elements=128,
