@@ -15,13 +15,15 @@ from dlo_planner.energy.outline import (
     slope_along,
     taper,
 )
-from dlo_planner.energy.rolling import nearest_inside, rolled
+from dlo_planner.energy.rolling import gap_inside, nearest_inside, watched
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import with_contacts_of
 from dlo_planner.ritz.kinematics import point_inside
 
 _SAG = 2e-6     # of the length: an element that comes no nearer than its nodes by more is flat
 _LEVEL = 1e-12  # the same, by rounding errors alone
+_MIDDLE = 0.5
+_SNUG = 0.3     # rad: an element whose slope against an obstacle changes by more has its own bend
 _NEARBY = 5     # elements: a DLO that bears within so many as well lies along the obstacle
 
 
@@ -34,12 +36,12 @@ def watching(system, state):
     a point where none was.
     """
     old = system.contacts
-    inside = _points_inside(system, state)
+    at = _rolled_to(system, state)
+    inside, fixed = _points_inside(system, state, at)
     count = inside.shape[0]
     multiplier = np.zeros(count)
     news = False
     taken = np.zeros(old.element.size, dtype=np.bool_)
-    at = _rolled_to(system, state)
     for c in range(count):
         best = -1
         for b in range(old.element.size):
@@ -51,7 +53,8 @@ def watching(system, state):
             taken[best] = True
             multiplier[c] = old.multiplier[best]
         news = news or best < 0 or at[best] != inside[c, 0]
-        multiplier[c] += _taken_from_nodes(system, inside[c, 0], inside[c, 1])
+        if fixed[c] == 0.0:
+            multiplier[c] += _taken_from_nodes(system, inside[c, 0], inside[c, 1])
     for b in range(old.element.size):
         if old.obstacle[b] >= 0 and not taken[b]:
             _hand_over(old, b, state.attached.element[b], state.attached.fraction[b])
@@ -61,7 +64,7 @@ def watching(system, state):
         old, np.concatenate((inside[:, 0], old.element[rubs])),
         np.concatenate((inside[:, 1], old.obstacle[rubs])),
         np.concatenate((multiplier, old.multiplier[rubs])),
-        np.concatenate((np.zeros(count), old.fraction[rubs])),
+        np.concatenate((fixed, old.fraction[rubs])),
         np.concatenate((nothing, old.anchor[rubs])), np.concatenate((nothing, old.normal[rubs])),
         np.concatenate((nothing, old.shear[rubs]))), news
 
@@ -88,24 +91,32 @@ def _rolled_to(system, state):
     at, normal, bend = contacts.element.copy(), np.empty(3), np.empty((3, 3))
     for c in range(at.size):
         if contacts.obstacle[c] >= 0:
-            _, at[c], _ = rolled(system.scene, contacts.obstacle[c], at[c], system.lengths,
-                                 state.strains, state.rotations, state.positions, normal, bend)
+            _, at[c], _ = watched(system.scene, contacts, c, system.lengths, state.strains,
+                                  state.rotations, state.positions, normal, bend)
     return at
 
 
 @kernel
-def _points_inside(system, state):
-    """Return (C, 2) element and obstacle where the DLO is nearest inside an element.
+def _points_inside(system, state, at):
+    """Return (C, 2) element and obstacle where the DLO may touch inside an element, and fractions.
+
+    A fraction (C,) is 0 where the point rolls.
 
     Where a DLO lies along an obstacle, with a row of nodes that bear, its nearly flat elements
     bear at their nodes. A contact by itself is a point that rolls along the DLO, flat or not:
     two nodes in its place would lock the direction of the DLO there.
+
+    In between are elements that bend just as the obstacle does, see `_hugs`.
+
+    Args:
+        at: (C,) elements in which the old points are now
     """
     scene = system.scene
     n = system.lengths.size
     sag, level = _SAG * np.sum(system.lengths), _LEVEL * np.sum(system.lengths)
     longest = np.max(system.lengths)
     found = np.empty((n * scene.kind.size, 2), dtype=np.int64)
+    fixed, hugs = np.zeros(n * scene.kind.size), np.zeros(n, dtype=np.bool_)
     count = 0
     x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
     rotation, offset, point = np.empty((3, 3)), np.zeros(2), np.empty(3)
@@ -113,6 +124,7 @@ def _points_inside(system, state):
     gaps, normals, offsets = np.empty(n + 1), np.empty((n + 1, 3)), np.empty((n + 1, 2))
     for o in range(scene.kind.size):
         gaps[:] = np.inf
+        hugs[:] = False
         stretched = longest_stretch(scene, o, state.strains)
         begin, end = nodes_of(scene, o, n)
         k = begin
@@ -122,6 +134,8 @@ def _points_inside(system, state):
             offsets[k] = offset
             k = next_touching(system.lengths, nobody, k, stretched * (gaps[k] - 2 * longest))
         for e in range(begin, end):
+            hugs[e] = _hugs(system, state, o, e, gaps, at)
+        for e in range(begin, end):
             near = min(gaps[e], gaps[e + 1])
             if near > system.lengths[e]:
                 continue
@@ -130,6 +144,12 @@ def _points_inside(system, state):
                         scene, o, sag, state.rotations[e + 1], state.positions[e + 1]):
                     found[count, 0], found[count, 1] = e, o
                     count += 1
+                continue
+            if hugs[e]:
+                found[count, 0], found[count, 1], fixed[count] = e, o, _MIDDLE
+                count += 1
+            if (hugs[e] or e > 0 and hugs[e - 1] and _presses(system, o, e, gaps)
+                    or e + 1 < n and hugs[e + 1] and _presses(system, o, e + 1, gaps)):
                 continue
             grows = taper(scene, o, e) / system.lengths[e]
             if (_slope(state.rotations[e], state.strains[e], offsets[e], normals[e]) >= grows
@@ -150,7 +170,49 @@ def _points_inside(system, state):
             if sharp or gap < near - level and not _lies(system.contacts.node[o], gaps, e):
                 found[count, 0], found[count, 1] = e, o
                 count += 1
-    return found[:count]
+    return found[:count], fixed[:count]
+
+
+@kernel
+def _hugs(system, state, o, e, gaps, at):
+    """Return whether an element bends just as the obstacle does, and has to be kept to that.
+
+    As long as its curvature is less it bears at one point, which rolls, and where it is more at
+    both nodes. In a range of loads between it is neither: the force spreads over the element, whose
+    curvature is the obstacle's. Both nodes and the middle carry it then. This begins where the
+    nodes of an element that bears inside are pressed in, or the other way round, and ends where
+    the middle bears alone, or not at all.
+
+    Args:
+        gaps: (N + 1,) m, of the nodes from obstacle o; at: (C,) as of `_points_inside`
+    """
+    contacts, sag = system.contacts, _SAG * np.sum(system.lengths)
+    first, second = _presses(system, o, e, gaps), _presses(system, o, e + 1, gaps)
+    if e == 0 or not (first or second) or system.scene.feature[o] == NODE_FACE:
+        return False
+    old = -1
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] == o and at[c] == e:
+            old = c
+    if old < 0 and not (first and second):
+        return False
+    normal, bend = np.empty(3), np.empty((3, 3))
+    middle = gap_inside(system.scene, o, e, _MIDDLE, system.lengths, state.strains,
+                        state.rotations, state.positions, normal, bend)
+    curved = 4.0 * (gaps[e] - 2.0 * middle + gaps[e + 1])  # of the gap, times the length squared
+    if abs(curved) > _SNUG * system.lengths[e]:
+        return False
+    if old < 0:
+        return middle < -sag
+    if contacts.fraction[old] == 0.0:
+        return curved < 0.0
+    return contacts.multiplier[old] > contacts.stiffness * middle
+
+
+@kernel
+def _presses(system, o, k, gaps):
+    """Return whether a spring at node k presses on obstacle o."""
+    return system.contacts.node[o, k] > system.contacts.stiffness * gaps[k]
 
 
 @kernel
