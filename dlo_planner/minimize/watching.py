@@ -22,7 +22,8 @@ from dlo_planner.ritz.kinematics import point_inside
 
 _SAG = 2e-6     # of the length: an element that comes no nearer than its nodes by more is flat
 _LEVEL = 1e-12  # the same, by rounding errors alone
-_MIDDLE = 0.5
+_MIDDLE, _NEXT, _BESIDE = 0.5, 0.2, 0.01  # of an element
+_EVEN, _SHARP, _LEAVES = 2.0, 8.0, 40.0  # times the sag: how much a gap bends along an element
 _SNUG = 0.3     # rad: an element whose slope against an obstacle changes by more has its own bend
 _NEARBY = 5     # elements: a DLO that bears within so many as well lies along the obstacle
 
@@ -36,8 +37,8 @@ def watching(system, state):
     a point where none was.
     """
     old = system.contacts
-    at = _rolled_to(system, state)
-    inside, fixed = _points_inside(system, state, at)
+    at, places = _rolled_to(system, state)
+    inside, fixed = _points_inside(system, state, places)
     count = inside.shape[0]
     multiplier = np.zeros(count)
     news = False
@@ -53,7 +54,11 @@ def watching(system, state):
             taken[best] = True
             multiplier[c] = old.multiplier[best]
         news = news or best < 0 or at[best] != inside[c, 0]
-        if fixed[c] == 0.0:
+        if fixed[c] > 0.0:
+            if best >= 0 and old.fraction[best] == 0.0:
+                multiplier[c] = _spread(old.node[inside[c, 1]], inside[c, 0],
+                                        places[best] - inside[c, 0], multiplier[c])
+        else:
             multiplier[c] += _taken_from_nodes(system, inside[c, 0], inside[c, 1])
     for b in range(old.element.size):
         if old.obstacle[b] >= 0 and not taken[b]:
@@ -86,18 +91,37 @@ def _taken_from_nodes(system, e, o):
 
 @kernel
 def _rolled_to(system, state):
-    """Return the elements (C,) in which the points of the Contacts are at `state`."""
+    """Return the elements (C,) in which the Contacts' points are at `state`, and plus fractions."""
     contacts = system.contacts
     at, normal, bend = contacts.element.copy(), np.empty(3), np.empty((3, 3))
+    places = np.zeros(at.size)
     for c in range(at.size):
         if contacts.obstacle[c] >= 0:
-            _, at[c], _ = watched(system.scene, contacts, c, system.lengths, state.strains,
-                                  state.rotations, state.positions, normal, bend)
-    return at
+            _, at[c], fraction = watched(system.scene, contacts, c, system.lengths, state.strains,
+                                         state.rotations, state.positions, normal, bend)
+            places[c] = at[c] + fraction
+    return at, places
 
 
 @kernel
-def _points_inside(system, state, at):
+def _spread(node, e, fraction, force):
+    """Spread the force of a point that has rolled over both nodes and the middle of element e.
+
+    Args:
+        node: (N + 1,) multipliers, added to; fraction: of the element, where the point was
+        force: its multiplier, N
+
+    Returns:
+        the part of the middle, N
+    """
+    x = min(max(fraction, _NEXT), 1.0 - _NEXT)
+    node[e] += (1.0 - x) ** 2 * force
+    node[e + 1] += x**2 * force
+    return 2.0 * x * (1.0 - x) * force
+
+
+@kernel
+def _points_inside(system, state, places):
     """Return (C, 2) element and obstacle where the DLO may touch inside an element, and fractions.
 
     A fraction (C,) is 0 where the point rolls.
@@ -109,7 +133,7 @@ def _points_inside(system, state, at):
     In between are elements that bend just as the obstacle does, see `_hugs`.
 
     Args:
-        at: (C,) elements in which the old points are now
+        places: (C,) element plus fraction where the old points are now
     """
     scene = system.scene
     n = system.lengths.size
@@ -134,7 +158,7 @@ def _points_inside(system, state, at):
             offsets[k] = offset
             k = next_touching(system.lengths, nobody, k, stretched * (gaps[k] - 2 * longest))
         for e in range(begin, end):
-            hugs[e] = _hugs(system, state, o, e, gaps, at)
+            hugs[e] = _hugs(system, state, o, e, gaps, places)
         for e in range(begin, end):
             near = min(gaps[e], gaps[e + 1])
             if near > system.lengths[e]:
@@ -166,7 +190,7 @@ def _points_inside(system, state, at):
             if scene.feature[o] == FACE and not _rounds(scene, o, sag, rotation, x):
                 continue
             _, curve = slope_along(scene, o, rotation, state.strains[e], offset, normal, bend)
-            sharp = curve * system.lengths[e] ** 2 > 8 * sag or gap < near - sag
+            sharp = curve * system.lengths[e] ** 2 > _SHARP * sag or gap < near - sag
             if sharp or gap < near - level and not _lies(system.contacts.node[o], gaps, e):
                 found[count, 0], found[count, 1] = e, o
                 count += 1
@@ -174,25 +198,27 @@ def _points_inside(system, state, at):
 
 
 @kernel
-def _hugs(system, state, o, e, gaps, at):
+def _hugs(system, state, o, e, gaps, places):
     """Return whether an element bends just as the obstacle does, and has to be kept to that.
 
     As long as its curvature is less it bears at one point, which rolls, and where it is more at
     both nodes. In a range of loads between it is neither: the force spreads over the element, whose
     curvature is the obstacle's. Both nodes and the middle carry it then. This begins where the
-    nodes of an element that bears inside are pressed in, or the other way round, and ends where
-    the middle bears alone, or not at all.
+    point that rolls in it is not the nearest any more, or both nodes bear and what is between them
+    is pressed in; it ends where the middle does not bear, or an end does not while the element
+    bends less than the obstacle.
 
     Args:
-        gaps: (N + 1,) m, of the nodes from obstacle o; at: (C,) as of `_points_inside`
+        gaps: (N + 1,) m, of the nodes from obstacle o; places: (C,) as of `_points_inside`
     """
     contacts, sag = system.contacts, _SAG * np.sum(system.lengths)
-    first, second = _presses(system, o, e, gaps), _presses(system, o, e + 1, gaps)
-    if e == 0 or not (first or second) or system.scene.feature[o] == NODE_FACE:
+    if e == 0 or system.scene.feature[o] == NODE_FACE or np.isinf(gaps[e] + gaps[e + 1]):
         return False
+    first, second = _presses(system, o, e, gaps), _presses(system, o, e + 1, gaps)
     old = -1
     for c in range(contacts.element.size):
-        if contacts.obstacle[c] == o and at[c] == e:
+        if (contacts.obstacle[c] == o and -_BESIDE <= places[c] - e <= 1.0 + _BESIDE
+                and (old < 0 or contacts.multiplier[c] > contacts.multiplier[old])):
             old = c
     if old < 0 and not (first and second):
         return False
@@ -204,9 +230,10 @@ def _hugs(system, state, o, e, gaps, at):
         return False
     if old < 0:
         return middle < -sag
-    if contacts.fraction[old] == 0.0:
-        return curved < 0.0
-    return contacts.multiplier[old] > contacts.stiffness * middle
+    bears = contacts.multiplier[old] > contacts.stiffness * middle
+    if contacts.fraction[old] == 0.0 or not (first or second):
+        return bears and curved < _EVEN * sag
+    return bears and (first and second or curved <= _LEAVES * sag)
 
 
 @kernel

@@ -198,6 +198,24 @@ def capstan(stiffness, friction, radius, turned):
     return brentq(missed, 1.0, 4.0)
 
 
+def test_a_dlo_comes_to_lie_round_a_bar_without_a_gap():
+    # first at a point, then along an element that bends as the bar does, then at its two ends
+    radius, thin = 0.1, 5e-4
+    bar = Capsule((0, -0.3, -radius - thin), (0, 0.3, -radius - thin), radius, 0.1)
+    rod = Rod(1.0, 0.0, 5e-3, 5e-3, radius=thin, tip_mass=1 / G)
+    direct = DirectSimulator(rod, basis='local', n_elements=64, obstacles=[bar])
+    shapes = direct.track([Pose((-0.3, 0, z), (0, 0, 0, 1)) for z in np.linspace(0.035, 0.005, 13)])
+    assert all(shape.converged for shape in shapes)
+    assert {len(shape.contacts) for shape in shapes} == {1, 2, 3}
+    pressed = [sum(one.force * one.normal for one in shape.contacts) for shape in shapes]
+    steps = np.linalg.norm(np.diff(pressed, axis=0), axis=1)
+    assert steps.max() < 0.1  # N of 1.3 N: the force spreads, it does not leap
+    for shape in shapes:
+        depth = max(radius + thin - np.linalg.norm(
+            shape.at(s).position[[0, 2]] - [0, -radius - thin]) for s in np.linspace(0.3, 0.5, 99))
+        assert depth < 2e-6
+
+
 @pytest.mark.parametrize('friction', [0.1, 0.3, 0.5])
 def test_capstan(friction):
     assert capstan(1e-9, friction, 0.1, 1.5) == pytest.approx(np.exp(1.5 * friction), rel=1e-4)
@@ -206,8 +224,9 @@ def test_capstan(friction):
     rod = Rod(1.0, 0.0, stiffness, stiffness, radius=thin, tip_mass=1 / G)
     direct = DirectSimulator(rod, basis='local', n_elements=64, obstacles=[bar])
     way = [(-0.3, z) for z in np.linspace(0.14, 0.0, 8)] + [(-0.305, 0.0), (-0.31, 0.0)]
-    shape = direct.track([Pose((x, 0, z), (0, 0, 0, 1)) for x, z in way])[-1]
-    assert shape.converged
+    shapes = direct.track([Pose((x, 0, z), (0, 0, 0, 1)) for x, z in way])
+    assert all(shape.converged for shape in shapes)
+    shape = shapes[-1]
     force = shape.gripper_wrench[[0, 2]]
     turned = np.pi / 2 + np.arctan2(-force[1], -force[0])
     expected = capstan(stiffness, friction, radius + thin, turned)
