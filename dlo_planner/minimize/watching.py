@@ -157,7 +157,8 @@ def _points_inside(system, state, places):
                                normals[k], bend)
             offsets[k] = offset
             k = next_touching(system.lengths, nobody, k, stretched * (gaps[k] - 2 * longest))
-        for e in range(begin, end):
+        for e in range(begin, end if system.basis.shape[1] == 0 else begin):
+            # (in a series no element bends by itself)
             hugs[e] = _hugs(system, state, o, e, gaps, places)
         for e in range(begin, end):
             near = min(gaps[e], gaps[e + 1])

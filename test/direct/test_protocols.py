@@ -204,7 +204,8 @@ def test_a_dlo_comes_to_lie_round_a_bar_without_a_gap():
     bar = Capsule((0, -0.3, -radius - thin), (0, 0.3, -radius - thin), radius, 0.1)
     rod = Rod(1.0, 0.0, 5e-3, 5e-3, radius=thin, tip_mass=1 / G)
     direct = DirectSimulator(rod, basis='local', n_elements=64, obstacles=[bar])
-    shapes = direct.track([Pose((-0.3, 0, z), (0, 0, 0, 1)) for z in np.linspace(0.035, 0.005, 13)])
+    ways = [Pose((-0.3, 0, z), (0, 0, 0, 1)) for z in np.linspace(0.035, 0.005, 13)]
+    shapes = direct.track(ways)
     assert all(shape.converged for shape in shapes)
     assert {len(shape.contacts) for shape in shapes} == {1, 2, 3}
     pressed = [sum(one.force * one.normal for one in shape.contacts) for shape in shapes]
