@@ -9,7 +9,13 @@ import numpy as np
 from dlo_planner.direct.approach import brought
 from dlo_planner.direct.described import described_equilibrium
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.indicator import elements_for, like_before, like_coarser, surely_within
+from dlo_planner.direct.indicator import (
+    elements_for,
+    like_before,
+    like_coarser,
+    mode_may_be_missed,
+    surely_within,
+)
 from dlo_planner.direct.mesh import even_mesh, graded_mesh, straight_between, with_breaks
 from dlo_planner.direct.statics import equilibrium, hanging
 from dlo_planner.model.pose import Pose
@@ -21,6 +27,7 @@ _FIRST_TERMS, _MOST_TERMS = 12, 48
 _PER_BEND = 2.5  # elements on (EI / weight per length)^(1/3), over which a soft DLO bends
 _FARTHEST = 20  # times as many elements: as far as one shape tells what another mesh will do
 _RESOLVED = 2e-4  # of the length: an error that is no more than that goes with the mesh
+_TURNED = 0.1  # rad: it is another equilibrium
 _ENOUGH, _MARGIN = 0.75, 0.5  # parts of the accuracy: what is good, and what is aimed at
 
 
@@ -110,9 +117,10 @@ def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_e
         else:
             shape, kicked = step(discretization, gripper, initial, history, far_end, most=most)
         kicks += kicked
-        if (not shape.converged or surely_within(shape, accuracy)
-                or like_before(shape, initial, accuracy) or like_coarser(shape, coarse, accuracy)
-                or shape.error_estimate <= _ENOUGH * accuracy):
+        if not shape.converged or surely_within(shape, accuracy) or not _mode_is_missed(
+                shape, accuracy) and (
+                    like_before(shape, initial, accuracy) or like_coarser(shape, coarse, accuracy)
+                    or shape.error_estimate <= _ENOUGH * accuracy):
             return shape, kicks
         better = _refined(discretization, fine, shape, accuracy)
         if better is None:
@@ -120,6 +128,19 @@ def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_e
         discretization, coarse = better, shape
         if anyhow:
             initial = shape  # a better start; where the way counts, the step is made again
+
+
+def _mode_is_missed(shape, accuracy):
+    """Whether a local mesh shows that a Shape, which its series makes stable, falls aside."""
+    if not mode_may_be_missed(shape):
+        return False
+    mesh = shape._discretization
+    free = Discretization(mesh.surroundings, mesh.s, 'local', 0)
+    there = equilibrium(free, shape.gripper, shape.element_strains, 'newton', shape._history,
+                        shape.far_end)[0]
+    moved = np.linalg.norm(there.positions - shape.positions, axis=1).max()
+    turned = np.abs(there.frames - shape.frames).max()  # a straight DLO may have shed a turn
+    return not there.converged or moved > accuracy or turned > _TURNED
 
 
 def _fine_enough(discretization, fine):

@@ -79,6 +79,7 @@ class History(Value):
         element = np.clip(np.searchsorted(s, at - tiny) - 1, 0, s.size - 2)
         fraction = (at - s[element]) / np.diff(s)[element]
         fraction = np.where(np.abs(at - s[element + 1]) < tiny, 1.0, np.clip(fraction, 0.0, 1.0))
+        fraction = np.where(inside, self.points['fraction'], fraction)  # fixed, or 0: it rolls
         return self.points | {'element': element, 'fraction': fraction}
 
     def holding(self, later):

@@ -26,7 +26,7 @@ from dlo_planner.energy.outline import (
     radius_at_node,
     sliding,
 )
-from dlo_planner.energy.rolling import along_the_dlo, rolled
+from dlo_planner.energy.rolling import along_the_dlo, watched
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import point_inside, sort_points
 from dlo_planner.ritz.record import Record, makes
@@ -42,8 +42,10 @@ class Contacts(Record):
             to, or -1 - o for a point of friction on obstacle o
         multiplier: (C,) m, or the limit of the friction force, N
 
+        fraction: (C,) of the element, of points that are fixed there: 1 for a node, its end, less
+            for what is inside; 0 of points that roll along the DLO, where it is nearest
+
         of points of friction alone
-        fraction: (C,) of the element; 1 for a node, its end, less for what is inside
         anchor: (C, 3) where it sticks, m, relative to the gripper; what is across `normal` counts
         normal: (C, 3) of the obstacle there
         shear: (C, 3) its multiplier, N, across the normal, against the friction on the DLO
@@ -113,18 +115,20 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
             attached.element[c] = e
             energy += add_friction(contacts, c, lengths, strains, rotations, positions, attached)
             continue
-        gap, e, fraction = rolled(scene, o, e, lengths, strains, rotations, positions, normal, bend)
+        gap, e, fraction = watched(scene, contacts, c, lengths, strains, rotations, positions,
+                                   normal, bend)
         attached.element[c], attached.fraction[c] = e, fraction
         point_inside(lengths, strains, rotations, positions, e, fraction, frame, x)
         force = contacts.multiplier[c] - k * gap
         if force > 0.0:
             energy += 0.5 * force * force / k
             if scene.feature[o] == AXIS:
-                _push(c, force, k, strains[e], frame, normal, bend, attached)
+                _push(c, force, k, contacts.fraction[c] == 0.0, strains[e], frame, normal, bend,
+                      attached)
             else:
                 gap_at(scene, o, frame, x, 0.0, offset, x.copy(), normal, bend)
-                _push_beside(scene, o, c, force, k, strains[e], frame, offset, normal, bend,
-                             second, attached)
+                _push_beside(scene, o, c, force, k, contacts.fraction[c] == 0.0, strains[e],
+                             frame, offset, normal, bend, second, attached)
         energy -= 0.5 * contacts.multiplier[c] ** 2 / k
     sort_points(attached)
     return energy
@@ -157,9 +161,10 @@ def _push_node(scene, o, node, force, k, rotation, offset, normal, bend, second,
 
 
 @kernel
-def _push_beside(scene, o, c, force, k, strain, rotation, offset, normal, bend, second, attached):
+def _push_beside(scene, o, c, force, k, rolls, strain, rotation, offset, normal, bend, second,
+                 attached):
     """Write the force, moment and stiffness of a contact beside the axis, inside an element."""
-    inside = 0.0 < attached.fraction[c] < 1.0  # at an end the point does not slide
+    inside = rolls and 0.0 < attached.fraction[c] < 1.0  # at an end the point does not slide
     _second(scene, o, inside, force, k, strain, rotation, offset, normal, bend, second)
     for i in range(3):
         attached.force[c, i] = -force * normal[i]
@@ -261,14 +266,14 @@ def next_touching(lengths, multiplier, node, gap):
 
 
 @kernel
-def _push(c, force, k, strain, rotation, normal, bend, attached):
+def _push(c, force, k, rolls, strain, rotation, normal, bend, attached):
     """Write the force and the stiffness of a contact where the DLO's frame is `rotation`."""
     matrix = attached.matrix[c]
     for i in range(3):
         attached.force[c, i] = -force * normal[i]
         for j in range(3):
             matrix[3 + i, 3 + j] = k * normal[i] * normal[j] - force * bend[i, j]
-    if not 0.0 < attached.fraction[c] < 1.0:
+    if not (rolls and 0.0 < attached.fraction[c] < 1.0):
         return  # at an end the point does not slide
     _, curve = along_the_dlo(normal, bend, rotation, strain)
     if curve <= 0.0:

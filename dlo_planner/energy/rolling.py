@@ -18,6 +18,28 @@ _END = 1e-12  # of an element: nearer to its end a point is the end
 
 
 @kernel
+def watched(scene, contacts, c, lengths, strains, rotations, positions, normal, bend):
+    """Return gap, element and fraction of a point of Contacts: it rolls, or is fixed where it is.
+
+    Fills normal (3,) and bend (3, 3) of the distance there.
+    """
+    o, e, fraction = contacts.obstacle[c], contacts.element[c], contacts.fraction[c]
+    if fraction == 0.0:
+        return rolled(scene, o, e, lengths, strains, rotations, positions, normal, bend)
+    gap = gap_inside(scene, o, e, fraction, lengths, strains, rotations, positions, normal, bend)
+    return gap, e, fraction
+
+
+@kernel
+def gap_inside(scene, o, e, fraction, lengths, strains, rotations, positions, normal, bend):
+    """Return the gap of a point of element e; fill normal (3,) and bend (3, 3) of the distance."""
+    rotation, x, offset, point = np.empty((3, 3)), np.empty(3), np.zeros(2), np.empty(3)
+    point_inside(lengths, strains, rotations, positions, e, fraction, rotation, x)
+    radius = radius_at(scene, o, e, fraction)
+    return gap_at(scene, o, rotation, x, radius, offset, point, normal, bend)
+
+
+@kernel
 def rolled(scene, o, e, lengths, strains, rotations, positions, normal, bend):
     """Return gap, element and fraction of the point that is nearest to obstacle o, from element e.
 

@@ -56,6 +56,7 @@ _ASTRAY = 3e-3    # of the length: a DLO that falls is brought back from there
 _PROXIMAL = 1e-9  # least shift: what is neutral, as a round DLO that may spin, stays where it is
 _MOST_PROXIMAL = 1e-7  # the same, far from the equilibrium
 _ALIKE = 1e-9     # stiffnesses that differ by less are the same
+_NEARER = 0.1    # of a step: how much nearer it has to come where the potential does not tell
 _OFTEN = 3
 _MOST_KICKS = 10
 _ROUGH = 1e-3     # tolerance of the residual, and of the length, on the way to a target
@@ -176,8 +177,9 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
             energy += reaction[row] * miss[row]
             slope += reaction[row] * dot(hessian.border[row], step)
         farthest = missed if back else max(2.0 * missed, _LEFT * length)
+        error = residual + missed / length
         gone, energy, noise, blocked = _search(system, state, trial, step, energy, noise,
-                                               np.inf if back else slope, farthest)
+                                               np.inf if back else slope, farthest, error)
         iterations += 1
         obstructed += blocked
         # The reaction goes as far as the DLO does, and without what it owes to a shift.
@@ -196,12 +198,16 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
 
 
 @kernel
-def _search(system, state, trial, step, energy, noise, slope, farthest):
+def _search(system, state, trial, step, energy, noise, slope, farthest, error):
     """Fill `trial` on the way along `step` where the potential has fallen enough.
+
+    A step that mostly brings the end back may lead up the potential of a DLO that could not stand
+    without its grip. There it has to bring both conditions nearer to their solution.
 
     Args:
         slope: of the potential along the step, in J; infinite where only the miss counts
         farthest: m, by how much the grip may be missed there
+        error: of the equilibrium and of the grip: residual plus miss by length
 
     Returns the part of the step gone (0 if there is no such point), its energy, noise, and if an
     obstacle was met.
@@ -216,8 +222,15 @@ def _search(system, state, trial, step, energy, noise, slope, farthest):
             fraction *= 0.5
             blocked = True
             continue
-        near = violation(system.hold, trial.rotations[last], trial.positions[last]) <= farthest
-        enough = slope == np.inf or new <= energy + 1e-4 * fraction * slope
+        missed = violation(system.hold, trial.rotations[last], trial.positions[last])
+        near = missed <= farthest
+        if slope == np.inf:
+            enough = True
+        elif slope >= 0.0:
+            left = residual_of(system, trial) + missed / np.sum(system.lengths)
+            enough = left <= (1.0 - _NEARER * fraction) * error
+        else:
+            enough = new <= energy + 1e-4 * fraction * slope
         if near and (enough or abs(fraction * slope) < 100 * noise):
             return fraction, new, new_noise, blocked
         fraction *= 0.5

@@ -16,7 +16,7 @@ from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.hold import violation as hold_violation
 from dlo_planner.energy.outline import is_face, longest_stretch, node_gap, nodes_of
 from dlo_planner.energy.potential import hinged
-from dlo_planner.energy.rolling import rolled
+from dlo_planner.energy.rolling import watched
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import move_multipliers
 from dlo_planner.minimize.friction import with_friction
@@ -185,8 +185,8 @@ def _keep_forces(system, state, more):
     for c in range(contacts.element.size):
         e = contacts.element[c]
         if contacts.obstacle[c] >= 0:
-            gap, _, _ = rolled(scene, contacts.obstacle[c], e, system.lengths, state.strains,
-                               state.rotations, state.positions, normal, bend)
+            gap, _, _ = watched(scene, contacts, c, system.lengths, state.strains,
+                                state.rotations, state.positions, normal, bend)
             if contacts.multiplier[c] > k * gap:
                 contacts.multiplier[c] += more * gap
             continue

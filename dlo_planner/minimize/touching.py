@@ -14,7 +14,7 @@ from dlo_planner.energy.outline import (
     nodes_of,
 )
 from dlo_planner.energy.potential import evaluate, new_state
-from dlo_planner.energy.rolling import rolled
+from dlo_planner.energy.rolling import watched
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.newton import residual_of
 from dlo_planner.ritz.kinematics import point_inside
@@ -79,8 +79,8 @@ def touching(scene, contacts, lengths, state):
         o, e = contacts.obstacle[c], contacts.element[c]
         if o < 0:
             continue
-        gap, e, fraction = rolled(scene, o, e, lengths, state.strains, state.rotations,
-                                  state.positions, normal, bend)
+        gap, e, fraction = watched(scene, contacts, c, lengths, state.strains, state.rotations,
+                                   state.positions, normal, bend)
         force = contacts.multiplier[c] - k * gap
         if force > 0.0:
             index[0, count], index[1, count], index[2, count] = o, e, c

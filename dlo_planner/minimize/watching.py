@@ -15,13 +15,16 @@ from dlo_planner.energy.outline import (
     slope_along,
     taper,
 )
-from dlo_planner.energy.rolling import nearest_inside, rolled
+from dlo_planner.energy.rolling import gap_inside, nearest_inside, watched
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import with_contacts_of
 from dlo_planner.ritz.kinematics import point_inside
 
 _SAG = 2e-6     # of the length: an element that comes no nearer than its nodes by more is flat
 _LEVEL = 1e-12  # the same, by rounding errors alone
+_MIDDLE, _NEXT, _BESIDE = 0.5, 0.2, 0.01  # of an element
+_EVEN, _SHARP, _LEAVES = 2.0, 8.0, 40.0  # times the sag: how much a gap bends along an element
+_SNUG = 0.3     # rad: an element whose slope against an obstacle changes by more has its own bend
 _NEARBY = 5     # elements: a DLO that bears within so many as well lies along the obstacle
 
 
@@ -34,12 +37,12 @@ def watching(system, state):
     a point where none was.
     """
     old = system.contacts
-    inside = _points_inside(system, state)
+    at, places = _rolled_to(system, state)
+    inside, fixed = _points_inside(system, state, places)
     count = inside.shape[0]
     multiplier = np.zeros(count)
     news = False
     taken = np.zeros(old.element.size, dtype=np.bool_)
-    at = _rolled_to(system, state)
     for c in range(count):
         best = -1
         for b in range(old.element.size):
@@ -51,7 +54,12 @@ def watching(system, state):
             taken[best] = True
             multiplier[c] = old.multiplier[best]
         news = news or best < 0 or at[best] != inside[c, 0]
-        multiplier[c] += _taken_from_nodes(system, inside[c, 0], inside[c, 1])
+        if fixed[c] > 0.0:
+            if best >= 0 and old.fraction[best] == 0.0:
+                multiplier[c] = _spread(old.node[inside[c, 1]], inside[c, 0],
+                                        places[best] - inside[c, 0], multiplier[c])
+        else:
+            multiplier[c] += _taken_from_nodes(system, inside[c, 0], inside[c, 1])
     for b in range(old.element.size):
         if old.obstacle[b] >= 0 and not taken[b]:
             _hand_over(old, b, state.attached.element[b], state.attached.fraction[b])
@@ -61,7 +69,7 @@ def watching(system, state):
         old, np.concatenate((inside[:, 0], old.element[rubs])),
         np.concatenate((inside[:, 1], old.obstacle[rubs])),
         np.concatenate((multiplier, old.multiplier[rubs])),
-        np.concatenate((np.zeros(count), old.fraction[rubs])),
+        np.concatenate((fixed, old.fraction[rubs])),
         np.concatenate((nothing, old.anchor[rubs])), np.concatenate((nothing, old.normal[rubs])),
         np.concatenate((nothing, old.shear[rubs]))), news
 
@@ -83,29 +91,56 @@ def _taken_from_nodes(system, e, o):
 
 @kernel
 def _rolled_to(system, state):
-    """Return the elements (C,) in which the points of the Contacts are at `state`."""
+    """Return the elements (C,) in which the Contacts' points are at `state`, and plus fractions."""
     contacts = system.contacts
     at, normal, bend = contacts.element.copy(), np.empty(3), np.empty((3, 3))
+    places = np.zeros(at.size)
     for c in range(at.size):
         if contacts.obstacle[c] >= 0:
-            _, at[c], _ = rolled(system.scene, contacts.obstacle[c], at[c], system.lengths,
-                                 state.strains, state.rotations, state.positions, normal, bend)
-    return at
+            _, at[c], fraction = watched(system.scene, contacts, c, system.lengths, state.strains,
+                                         state.rotations, state.positions, normal, bend)
+            places[c] = at[c] + fraction
+    return at, places
 
 
 @kernel
-def _points_inside(system, state):
-    """Return (C, 2) element and obstacle where the DLO is nearest inside an element.
+def _spread(node, e, fraction, force):
+    """Spread the force of a point that has rolled over both nodes and the middle of element e.
+
+    Args:
+        node: (N + 1,) multipliers, added to; fraction: of the element, where the point was
+        force: its multiplier, N
+
+    Returns:
+        the part of the middle, N
+    """
+    x = min(max(fraction, _NEXT), 1.0 - _NEXT)
+    node[e] += (1.0 - x) ** 2 * force
+    node[e + 1] += x**2 * force
+    return 2.0 * x * (1.0 - x) * force
+
+
+@kernel
+def _points_inside(system, state, places):
+    """Return (C, 2) element and obstacle where the DLO may touch inside an element, and fractions.
+
+    A fraction (C,) is 0 where the point rolls.
 
     Where a DLO lies along an obstacle, with a row of nodes that bear, its nearly flat elements
     bear at their nodes. A contact by itself is a point that rolls along the DLO, flat or not:
     two nodes in its place would lock the direction of the DLO there.
+
+    In between are elements that bend just as the obstacle does, see `_hugs`.
+
+    Args:
+        places: (C,) element plus fraction where the old points are now
     """
     scene = system.scene
     n = system.lengths.size
     sag, level = _SAG * np.sum(system.lengths), _LEVEL * np.sum(system.lengths)
     longest = np.max(system.lengths)
     found = np.empty((n * scene.kind.size, 2), dtype=np.int64)
+    fixed, hugs = np.zeros(n * scene.kind.size), np.zeros(n, dtype=np.bool_)
     count = 0
     x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
     rotation, offset, point = np.empty((3, 3)), np.zeros(2), np.empty(3)
@@ -113,6 +148,7 @@ def _points_inside(system, state):
     gaps, normals, offsets = np.empty(n + 1), np.empty((n + 1, 3)), np.empty((n + 1, 2))
     for o in range(scene.kind.size):
         gaps[:] = np.inf
+        hugs[:] = False
         stretched = longest_stretch(scene, o, state.strains)
         begin, end = nodes_of(scene, o, n)
         k = begin
@@ -121,6 +157,9 @@ def _points_inside(system, state):
                                normals[k], bend)
             offsets[k] = offset
             k = next_touching(system.lengths, nobody, k, stretched * (gaps[k] - 2 * longest))
+        for e in range(begin, end if system.basis.shape[1] == 0 else begin):
+            # (in a series no element bends by itself)
+            hugs[e] = _hugs(system, state, o, e, gaps, places)
         for e in range(begin, end):
             near = min(gaps[e], gaps[e + 1])
             if near > system.lengths[e]:
@@ -130,6 +169,12 @@ def _points_inside(system, state):
                         scene, o, sag, state.rotations[e + 1], state.positions[e + 1]):
                     found[count, 0], found[count, 1] = e, o
                     count += 1
+                continue
+            if hugs[e]:
+                found[count, 0], found[count, 1], fixed[count] = e, o, _MIDDLE
+                count += 1
+            if (hugs[e] or e > 0 and hugs[e - 1] and _presses(system, o, e, gaps)
+                    or e + 1 < n and hugs[e + 1] and _presses(system, o, e + 1, gaps)):
                 continue
             grows = taper(scene, o, e) / system.lengths[e]
             if (_slope(state.rotations[e], state.strains[e], offsets[e], normals[e]) >= grows
@@ -146,11 +191,56 @@ def _points_inside(system, state):
             if scene.feature[o] == FACE and not _rounds(scene, o, sag, rotation, x):
                 continue
             _, curve = slope_along(scene, o, rotation, state.strains[e], offset, normal, bend)
-            sharp = curve * system.lengths[e] ** 2 > 8 * sag or gap < near - sag
+            sharp = curve * system.lengths[e] ** 2 > _SHARP * sag or gap < near - sag
             if sharp or gap < near - level and not _lies(system.contacts.node[o], gaps, e):
                 found[count, 0], found[count, 1] = e, o
                 count += 1
-    return found[:count]
+    return found[:count], fixed[:count]
+
+
+@kernel
+def _hugs(system, state, o, e, gaps, places):
+    """Return whether an element bends just as the obstacle does, and has to be kept to that.
+
+    As long as its curvature is less it bears at one point, which rolls, and where it is more at
+    both nodes. In a range of loads between it is neither: the force spreads over the element, whose
+    curvature is the obstacle's. Both nodes and the middle carry it then. This begins where the
+    point that rolls in it is not the nearest any more, or both nodes bear and what is between them
+    is pressed in; it ends where the middle does not bear, or an end does not while the element
+    bends less than the obstacle.
+
+    Args:
+        gaps: (N + 1,) m, of the nodes from obstacle o; places: (C,) as of `_points_inside`
+    """
+    contacts, sag = system.contacts, _SAG * np.sum(system.lengths)
+    if e == 0 or system.scene.feature[o] == NODE_FACE or np.isinf(gaps[e] + gaps[e + 1]):
+        return False
+    first, second = _presses(system, o, e, gaps), _presses(system, o, e + 1, gaps)
+    old = -1
+    for c in range(contacts.element.size):
+        if (contacts.obstacle[c] == o and -_BESIDE <= places[c] - e <= 1.0 + _BESIDE
+                and (old < 0 or contacts.multiplier[c] > contacts.multiplier[old])):
+            old = c
+    if old < 0 and not (first and second):
+        return False
+    normal, bend = np.empty(3), np.empty((3, 3))
+    middle = gap_inside(system.scene, o, e, _MIDDLE, system.lengths, state.strains,
+                        state.rotations, state.positions, normal, bend)
+    curved = 4.0 * (gaps[e] - 2.0 * middle + gaps[e + 1])  # of the gap, times the length squared
+    if abs(curved) > _SNUG * system.lengths[e]:
+        return False
+    if old < 0:
+        return middle < -sag
+    bears = contacts.multiplier[old] > contacts.stiffness * middle
+    if contacts.fraction[old] == 0.0 or not (first or second):
+        return bears and curved < _EVEN * sag
+    return bears and (first and second or curved <= _LEAVES * sag)
+
+
+@kernel
+def _presses(system, o, k, gaps):
+    """Return whether a spring at node k presses on obstacle o."""
+    return system.contacts.node[o, k] > system.contacts.stiffness * gaps[k]
 
 
 @kernel

@@ -118,7 +118,7 @@ class ContactFamily:
             none = np.zeros((1, 3))
             system = system._replace(contacts=system.contacts._replace(
                 element=np.array([e]), obstacle=np.array([self._body]),
-                multiplier=np.array([force]), fraction=np.array([0.5]), anchor=none, normal=none))
+                multiplier=np.array([force]), fraction=np.zeros(1), anchor=none, normal=none))
         return descend(system, state.q, np.inf, 0, True)[2]
 
     def _sag(self, strain):
