@@ -9,13 +9,15 @@ import numpy as np
 
 from dlo_planner.direct.history import History, mapped
 from dlo_planner.direct.mesh import with_breaks
-from dlo_planner.energy.contact import Contacts
+from dlo_planner.energy.contact import Contact, Contacts, obstructed
 from dlo_planner.energy.distance import build_scene
-from dlo_planner.energy.hold import Hold
-from dlo_planner.energy.loads import node_forces, node_masses, node_moments
-from dlo_planner.energy.plastic import set_strains
+from dlo_planner.energy.effects import EFFECTS, Effects, needs_of
+from dlo_planner.energy.hold import no_hold
+from dlo_planner.energy.inertia import no_anchor
+from dlo_planner.energy.loads import Load, node_forces, node_masses, node_moments
+from dlo_planner.energy.plastic import set_strains, yields
 from dlo_planner.energy.potential import System
-from dlo_planner.energy.yielding import yielding_layers
+from dlo_planner.energy.yielding import elastic_part, yielding_layers
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import Value, freeze, put, same
 from dlo_planner.ritz.series import orthonormal_basis
@@ -59,11 +61,23 @@ class Discretization(Value):
         put(self, spring=_STIFF_CONTACT * (weight + bend) / rod.length,
             _hold_spring=_STIFF_HOLD * (weight + bend) / rod.length,
             _start=History.none(s, layers.set.shape[1], scene.kind.size, surroundings))
-        put(self, _system=System(
+        everything = Effects(*map({
+            'elastic': elastic_part(rod), 'plastic': layers, 'load': Load(pull),
+            'anchor': no_anchor(), 'hold': self._free,
+            'contact': Contact(scene, self._contacts(self._start, np.zeros(3)))}.get, EFFECTS))
+        self._keep(System(
             lengths, rod.mean_natural_strains(s), stiffness, scale,
-            orthonormal_basis(basis, n_terms, s), pull, np.eye(3), np.zeros((0, 3)), np.zeros(0),
-            layers, self._free, scene,
-            self._contacts(self._start, np.zeros(3)), np.zeros((0, 3)), 0.0))
+            orthonormal_basis(basis, n_terms, s), np.eye(3), np.zeros(3), everything,
+            needs_of(everything, s.size), np.zeros((0, 3)), 0.0))
+
+    def _keep(self, system):
+        """Keep a System with all effects, and the one that is enough where there are few.
+
+        Kernels are compiled for both: a DLO that hangs freely needs less of them.
+        """
+        put(self, _full=system)
+        put(self, _system=system._replace(plastic=None, anchor=None, hold=None, contact=None)
+            if self.hangs else system)
 
     def __reduce__(self):
         return type(self), tuple(getattr(self, name) for name in self.PARTS)
@@ -75,8 +89,7 @@ class Discretization(Value):
 
     @property
     def _free(self):
-        return Hold(np.zeros(3), np.eye(3), np.zeros(3), np.zeros((0, 6)), np.zeros(0),
-                    self._hold_spring, self._hold_spring * self.lever**2)
+        return no_hold(self._hold_spring, self._hold_spring * self.lever**2)
 
     @property
     def lever(self):
@@ -100,17 +113,20 @@ class Discretization(Value):
             history: History on this mesh; None: no past
             far_end: FarEnd or None
         """
-        system = self._system._replace(base=np.array(rotation, dtype=float, order='C'))
-        if history is not None and system.layers.share.size:
-            system = system._replace(layers=system.layers._replace(set=history.set.copy()))
-        if origin is None or not (system.scene.kind.size or far_end is not None):
-            return system
-        origin = np.array(origin, dtype=float)
-        return system._replace(
-            scene=system.scene._replace(origin=origin),
-            contacts=self._contacts(history or self._start, origin,
-                                    1.0 if far_end is None else _SOFTER),
-            hold=self._free if far_end is None else self._hold(far_end, origin, history))
+        system = self._system if far_end is None else self._full
+        fields = {'base': np.array(rotation, dtype=float, order='C')}
+        if origin is not None:
+            fields['origin'] = origin = np.array(origin, dtype=float)
+        if history is not None and self.yields:
+            fields['plastic'] = system.plastic._replace(set=history.set.copy())
+        if origin is not None and (self.obstructed or far_end is not None):
+            fields['contact'] = Contact(
+                system.scene._replace(origin=origin),
+                self._contacts(history or self._start, origin,
+                               1.0 if far_end is None else _SOFTER))
+            fields['hold'] = (self._free if far_end is None
+                              else self._hold(far_end, origin, history))
+        return system._replace(**fields)
 
     def _hold(self, far_end, origin, history):
         """Return the Hold of a FarEnd, with the forces of `history` if it held as many motions."""
@@ -126,12 +142,12 @@ class Discretization(Value):
     @cached_property
     def load(self):
         """(3,) sum of the dead loads' `pull`, N."""
-        return self._system.pull.sum(axis=0)
+        return self._full.load.pull.sum(axis=0)
 
     @cached_property
     def loaded(self):
         """Whether any dead load acts."""
-        return bool(self._system.pull.any())
+        return bool(self._full.load.pull.any())
 
     @cached_property
     def moments(self):
@@ -141,9 +157,18 @@ class Discretization(Value):
     @cached_property
     def hangs(self):
         """Whether nothing but dead forces acts, and nothing that happened to the DLO matters."""
-        around, system = self.surroundings, self._system
-        return not (system.scene.kind.size or system.layers.share.size or around.has_moments
-                    or around.pinned)
+        around = self.surroundings
+        return not (self.obstructed or self.yields or around.has_moments or around.pinned)
+
+    @property
+    def obstructed(self):
+        """Whether there are obstacles."""
+        return obstructed(self._full.contact)
+
+    @property
+    def yields(self):
+        """Whether the DLO yields anywhere."""
+        return yields(self._full.plastic)
 
     @cached_property
     def told_by_truncation(self):
@@ -209,7 +234,7 @@ class Discretization(Value):
             history = own
         if history is None or not self._suits(history):
             return self._start
-        bodies = self._system.scene.kind.size
+        bodies = self._full.scene.kind.size
         known = history.of is None or same(history.of, self.surroundings)
         if not known or len(history.node_force) != bodies:
             history = history.set_alone(bodies)
@@ -261,9 +286,9 @@ class Discretization(Value):
         if 'lengths' in fields:
             s = np.concatenate([[0.0], np.cumsum(fields['lengths'])])
         put(other, surroundings=self.surroundings, s=s, basis=self.basis, n_terms=self.n_terms,
-            spring=self.spring, _hold_spring=self._hold_spring, _start=self._start,
-            _system=self._system._replace(**fields))
+            spring=self.spring, _hold_spring=self._hold_spring, _start=self._start)
         freeze(s)
+        other._keep(self._full._replace(**fields))
         return other
 
     def strains_from(self, s, strains):
@@ -274,6 +299,6 @@ class Discretization(Value):
 
     def stress_free(self, history):
         """Return (N, 3) the strains at which no moment acts, 1/m: natural ones plus the set."""
-        system = self._system
-        layers = system.layers._replace(set=self.past(history).set.copy())
+        system = self._full
+        layers = system.plastic._replace(set=self.past(history).set.copy())
         return self.natural + set_strains(system.stiffness, layers)

@@ -16,7 +16,7 @@ Friction is `energy.friction`'s; each point of contact that rubs has a point of 
 
 import numpy as np
 
-from dlo_planner.energy.distance import AXIS, NODE_FACE, signed_distance
+from dlo_planner.energy.distance import AXIS, NODE_FACE, Scene, signed_distance
 from dlo_planner.energy.friction import add_friction
 from dlo_planner.energy.outline import (
     gap_at,
@@ -26,9 +26,10 @@ from dlo_planner.energy.outline import (
     radius_at_node,
     sliding,
 )
+from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.rolling import along_the_dlo, rolled
 from dlo_planner.kernels import kernel
-from dlo_planner.ritz.kinematics import point_inside, sort_points
+from dlo_planner.ritz.kinematics import point_inside, sort_points, spring_at
 from dlo_planner.ritz.record import Record, makes
 
 
@@ -70,6 +71,98 @@ def _new_contacts(stiffness, node, element, obstacle, multiplier, fraction, anch
                     grip)
 
 
+class Contact(Record):
+    """Obstacles and where they are touched.
+
+    Attributes:
+        scene: see `energy.distance`; contacts: Contacts
+    """
+
+    scene: Scene
+    contacts: Contacts
+
+
+@makes(Contact)
+@kernel
+def _new_contact(scene, contacts):
+    return Contact(scene, contacts)
+
+
+def obstructed(effect: Contact | None) -> bool:
+    """Whether there are obstacles."""
+    return effect is not None and effect.scene.kind.size > 0
+
+
+def needs(effect: Contact) -> dict:
+    """Return what the solver has to provide for."""
+    amid, beside = obstructed(effect), bool((effect.scene.feature != AXIS).any())
+    return {'displaced': amid, 'attached': True, 'sprung': amid, 'beside': beside,
+            'element': effect.contacts.element}
+
+
+def hinged(effect: Contact, _: float) -> Contact:
+    """Return the same with one more element before the first."""
+    contacts = effect.contacts
+    node = np.ascontiguousarray(np.hstack([contacts.node[:, :1] * 0.0, contacts.node]))
+    return effect._replace(contacts=contacts._replace(node=node, element=contacts.element + 1))
+
+
+def without_hinge(effect: Contact) -> Contact:
+    """Return the same without the first element."""
+    contacts = effect.contacts
+    return effect._replace(contacts=contacts._replace(
+        node=np.ascontiguousarray(contacts.node[:, 1:]), element=contacts.element - 1))
+
+
+@kernel
+def add_forces(effect, system, state):
+    """Add the forces of all contacts; return their potential in J, and its size."""
+    if effect is None:
+        return 0.0, 0.0
+    energy = 0.0
+    if effect.scene.kind.size:
+        energy = add_contacts(effect.scene, effect.contacts, system.lengths, state.strains,
+                              state.rotations, state.positions, state.pull, state.attached)
+    return energy, abs(energy)
+
+
+@kernel
+def noise(effect, system, state, length):
+    """Return forces in N whose relative rounding errors those of contacts have."""
+    if effect is None:
+        return 0.0
+    touching = False
+    attached = state.attached
+    for c in range(attached.element.size):
+        for i in range(3):
+            touching |= attached.force[c, i] != 0.0
+    for k in range(attached.sprung.size):
+        touching |= attached.sprung[k]
+    if not touching:
+        return 0.0
+    far = np.sqrt(np.sum(effect.scene.origin**2))
+    return (effect.contacts.stiffness + effect.contacts.grip) * (length + far)
+
+
+@kernel
+def blocks(effect, system, before, after):
+    """Whether an obstacle is between two States."""
+    if effect is None:
+        return False
+    if effect.scene.kind.size == 0:
+        return False
+    return passes_through(effect.scene, system.lengths, before.strains, before.rotations,
+                          before.positions, after.rotations, after.positions)
+
+
+@kernel
+def may_block(effect):
+    """Whether anything may be in the way."""
+    if effect is None:
+        return False
+    return effect.scene.kind.size > 0
+
+
 @kernel
 def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, attached):
     """Add the forces of all contacts to `pull` and `attached`; return their potential in J."""
@@ -77,7 +170,6 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
     k = contacts.stiffness
     x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
     frame, offset, second = np.empty((3, 3)), np.zeros(2), np.empty((9, 9))
-    attached.sprung[:] = False
     for o in range(scene.kind.size):
         if is_face(scene, o):
             continue
@@ -133,20 +225,13 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
 @kernel
 def _push_node(scene, o, node, force, k, rotation, offset, normal, bend, second, pull, attached):
     """Add the force and the stiffness of a contact at a node."""
-    beside = attached.node_moment.shape[0] > 0
-    if not attached.sprung[node]:
-        attached.sprung[node] = True
-        attached.spring[node] = 0.0
-        if beside:
-            attached.node_moment[node] = 0.0
-            attached.node_first[node] = 0.0
-            attached.node_matrix[node] = 0.0
+    spring = spring_at(attached, node)
     for i in range(3):
         pull[node, i] -= force * normal[i]
     if scene.feature[o] == AXIS:
         for i in range(3):
             for j in range(3):
-                attached.spring[node, i, j] += k * normal[i] * normal[j] - force * bend[i, j]
+                spring[i, j] += k * normal[i] * normal[j] - force * bend[i, j]
         return
     _second(scene, o, False, force, k, normal, rotation, offset, normal, bend, second)
     for i in range(6):

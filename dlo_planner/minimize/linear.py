@@ -10,14 +10,10 @@ Both factorizations are congruences, so the signs of their pivots are the signs 
 
 import numpy as np
 
-from dlo_planner.energy.potential import (
-    at_element,
-    element_hessian,
-    twists_count,
-    unknown_count,
-)
+from dlo_planner.energy.effects import Border, new_border, width
+from dlo_planner.energy.potential import at_element, element_hessian, unknown_count
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.border import complement, fill_border, keep
+from dlo_planner.minimize.border import complemented, fill_border, keep, kept
 from dlo_planner.ritz.matrix3 import (
     ZERO,
     added,
@@ -46,9 +42,8 @@ class Hessian(Record):
         base: (3, 3) change of the moment on the gripper per rotation of it
         gain: (N, 3, w), inverse: (N, 3, 3) of the Riccati sweep; empty for Ritz
         dense, factor: (3 m, 3 m) for Ritz; (0, 0) for local
-        border: (K, m, 3) derivatives of what is held of the far end; answers: (K, m, 3) H^-1 of
-            them; schur: (K, K) inverse of border answers + give
-        give: (1,) m/N, by which each row of what is held gives way
+        border: Border, what is held; None: nothing
+        displaced: whether w is 6; None: never
     """
 
     turning: np.ndarray
@@ -59,10 +54,8 @@ class Hessian(Record):
     inverse: np.ndarray
     dense: np.ndarray
     factor: np.ndarray
-    border: np.ndarray
-    answers: np.ndarray
-    schur: np.ndarray
-    give: np.ndarray
+    border: Border | None
+    displaced: bool | None
 
 
 @kernel
@@ -70,27 +63,22 @@ def new_hessian(system):
     """Return an empty Hessian of the right sizes."""
     n = system.lengths.size
     local = n if system.basis.shape[1] == 0 else 0
-    m, held = unknown_count(system), system.hold.multiplier.size
+    m, displaced = unknown_count(system), system.needs.displaced
     size = 0 if local else 3 * m
-    wide = 6 if twists_count(system) else 3
+    wide = width(displaced)
     return Hessian(np.empty((n, wide, 3)), np.empty((n, 3, wide)), np.empty((n, 3, 3)),
                    np.empty((3, 3)), np.empty((local, 3, wide)), np.empty((local, 3, 3)),
-                   np.empty((size, size)), np.empty((size, size)), np.empty((held, m, 3)),
-                   np.empty((held, m, 3)), np.empty((held, held)), np.zeros(1))
+                   np.empty((size, size)), np.empty((size, size)),
+                   new_border(system.needs.border, m), displaced)
 
 
 @kernel
 def assemble(system, state, hessian):
     """Fill the Hessian at `state`."""
-    hessian.base[:] = element_hessian(system, state, hessian.turning, hessian.cross,
-                                      hessian.diagonal)
+    element_hessian(system, state, hessian.turning, hessian.cross, hessian.diagonal, hessian.base)
     if system.basis.shape[1] > 0:
-        if hessian.turning.shape[1] == 3:
-            _project(system.basis, hessian, 3)
-        else:
-            _project(system.basis, hessian, 6)
-    if hessian.border.shape[0]:
-        fill_border(system, state, hessian)
+        _project_all(system.basis, hessian, hessian.displaced)
+    fill_border(system, state, hessian, hessian.border)
     if system.near.shape[0]:
         if system.basis.shape[1] > 0:
             for i in range(hessian.dense.shape[0]):
@@ -103,6 +91,17 @@ def assemble(system, state, hessian):
 
 # The width of the blocks is written out in the calls, so that the compiler, which inlines this
 # function, sees constant loops and unrolls them.
+
+
+@kernel
+def _project_all(basis, hessian, displaced):
+    if displaced is None:
+        _project(basis, hessian, 3)
+        return
+    if displaced:
+        _project(basis, hessian, 6)
+    else:
+        _project(basis, hessian, 3)
 
 
 @kernel(inline='always')
@@ -140,22 +139,32 @@ def factorize(system, hessian, shift):
 
     With a held far end these are the eigenvalues on what the grip leaves free (Haynsworth).
     """
-    negative = _factorize_alone(system, hessian, shift)
-    held = hessian.border.shape[0]
-    if held == 0:
-        return negative
-    for row in range(held):
-        _solve_alone(system, hessian, hessian.border[row], hessian.answers[row])
-    return negative - complement(hessian)
+    negative = _factorize_alone(system, hessian, hessian.displaced, shift)
+    return negative - _bordered(system, hessian, hessian.border)
 
 
 @kernel
-def _factorize_alone(system, hessian, shift):
-    if system.basis.shape[1] == 0:
-        if hessian.turning.shape[1] == 3:
-            return _factorize_turns(hessian, shift)
+def _bordered(system, hessian, border):
+    """Fill what is held into a factorization; return how many eigenvalues it keeps in place."""
+    if border is None:
+        return 0
+    held = border.rows.shape[0]
+    if held == 0:
+        return 0
+    for row in range(held):
+        _solve_alone(system, hessian, hessian.displaced, border.rows[row], border.answers[row])
+    return complemented(border)
+
+
+@kernel
+def _factorize_alone(system, hessian, displaced, shift):
+    if system.basis.shape[1] > 0:
+        return _factorize_dense(hessian, shift)
+    if displaced is None:
+        return _factorize_turns(hessian, shift)
+    if displaced:
         return _factorize_twists(hessian, shift)
-    return _factorize_dense(hessian, shift)
+    return _factorize_turns(hessian, shift)
 
 
 @kernel
@@ -164,10 +173,8 @@ def solve(system, hessian, right, out):
 
     With a held far end `out` keeps to what the grip leaves free, and the equation holds there.
     """
-    _solve_alone(system, hessian, right, out)
-    if hessian.border.shape[0]:
-        reaction = np.zeros(hessian.border.shape[0])
-        keep(hessian, out, reaction)
+    _solve_alone(system, hessian, hessian.displaced, right, out)
+    kept(hessian.border, out)
 
 
 @kernel
@@ -176,20 +183,24 @@ def solve_held(system, hessian, right, miss, out, reaction):
 
     To first order, and but for what the grip gives under the reaction.
     """
-    _solve_alone(system, hessian, right, out)
-    reaction[:] = miss
-    keep(hessian, out, reaction)
+    _solve_alone(system, hessian, hessian.displaced, right, out)
+    for row in range(miss.size):
+        reaction[row] = miss[row]
+    keep(hessian.border, out, reaction)
 
 
 @kernel
-def _solve_alone(system, hessian, right, out):
-    if system.basis.shape[1] == 0:
-        if hessian.turning.shape[1] == 3:
-            _solve_turns(hessian, right, out)
-        else:
-            _solve_twists(hessian, right, out)
-    else:
+def _solve_alone(system, hessian, displaced, right, out):
+    if system.basis.shape[1] > 0:
         _solve_dense(hessian.factor, right, out)
+        return
+    if displaced is None:
+        _solve_turns(hessian, right, out)
+        return
+    if displaced:
+        _solve_twists(hessian, right, out)
+    else:
+        _solve_turns(hessian, right, out)
 
 
 @kernel

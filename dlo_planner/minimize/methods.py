@@ -35,11 +35,12 @@ def search(system, q, method, tolerance):
     while True:
         found = SEARCHES[method](problem, q.ravel().copy(), tolerance)
         iterations, evaluations = iterations + found.iterations, evaluations + found.evaluations
-        reached, residual, stability, kicked = judged(system, found.q.reshape(q.shape), tolerance)
-        if kicked is None or kicks >= MOST_KICKS:
-            return Minimum(reached, residual, stability, iterations, kicks, system,
-                           evaluations=evaluations)
-        q, kicks = kicked, kicks + 1
+        reached = judged(system, found.q.reshape(q.shape), tolerance)
+        beside = None if reached.stability > -NEUTRAL else kick(system, reached.state, reached.mode)
+        if beside is None or kicks >= MOST_KICKS:
+            return Minimum(reached.state, reached.residual, reached.stability, iterations, kicks,
+                           system, evaluations=evaluations)
+        q, kicks = beside, kicks + 1
 
 
 def near(system, q, method, tolerance, most):
@@ -51,7 +52,8 @@ def near(system, q, method, tolerance, most):
         most: work, after which the search ends where it is: Newton steps, or evaluations
     """
     if method == 'newton':
-        state, _, _, work, _ = descend(system, q, tolerance, most, False)
+        found = descend(system, q, tolerance, most, False)
+        state, work = found.state, found.iterations
     else:
         found = SEARCHES[method](problem_of(system), q.ravel().copy(), tolerance, most)
         state, work = new_state(system), found.evaluations
@@ -76,14 +78,10 @@ def problem_of(system):
 
 def rounding(system):
     """Return the rounding errors of the potential in J, but for those in proportion to it."""
-    weight = np.linalg.norm(system.pull, axis=1).sum()
+    weight = np.linalg.norm(system.load.pull, axis=1).sum()
     return _EPS * (weight * system.lengths.sum() + bend_energy(system))
 
 
 def judged(system, q, tolerance):
-    """Return State, residual and stability at q (m, 3), and unknowns beside it if it is a saddle.
-
-    The last is None at a minimum, and where no way down is found.
-    """
-    state, residual, stability, _, mode = descend(system, q, tolerance, 0, True)
-    return state, residual, stability, None if stability > -NEUTRAL else kick(system, state, mode)
+    """Return the Descent that ends at q (m, 3), where it begins."""
+    return descend(system, q, tolerance, 0, True)

@@ -33,7 +33,7 @@ def watching(system, state):
     where the old one has rolled to, and from the nodes beside it. Also returned is whether there is
     a point where none was.
     """
-    old = system.contacts
+    old = system.effects.contact.contacts
     inside = _points_inside(system, state)
     count = inside.shape[0]
     multiplier = np.zeros(count)
@@ -73,9 +73,9 @@ def _taken_from_nodes(system, e, o):
     They are farther from the obstacle than the point between them. As contacts of their own they
     would share its force in a way that nothing decides, where it is hardly beside one of them.
     """
-    if system.scene.feature[o] == NODE_FACE:
+    if system.effects.contact.scene.feature[o] == NODE_FACE:
         return 0.0
-    node = system.contacts.node[o]
+    node = system.effects.contact.contacts.node[o]
     taken = node[e] + node[e + 1]
     node[e] = node[e + 1] = 0.0
     return taken
@@ -84,11 +84,11 @@ def _taken_from_nodes(system, e, o):
 @kernel
 def _rolled_to(system, state):
     """Return the elements (C,) in which the points of the Contacts are at `state`."""
-    contacts = system.contacts
+    scene, contacts = system.effects.contact.scene, system.effects.contact.contacts
     at, normal, bend = contacts.element.copy(), np.empty(3), np.empty((3, 3))
     for c in range(at.size):
         if contacts.obstacle[c] >= 0:
-            _, at[c], _ = rolled(system.scene, contacts.obstacle[c], at[c], system.lengths,
+            _, at[c], _ = rolled(scene, contacts.obstacle[c], at[c], system.lengths,
                                  state.strains, state.rotations, state.positions, normal, bend)
     return at
 
@@ -101,8 +101,8 @@ def _points_inside(system, state):
     bear at their nodes. A contact by itself is a point that rolls along the DLO, flat or not:
     two nodes in its place would lock the direction of the DLO there.
     """
-    scene = system.scene
-    n = system.lengths.size
+    scene = system.effects.contact.scene
+    n, pushed = system.lengths.size, system.effects.contact.contacts.node
     sag, level = _SAG * np.sum(system.lengths), _LEVEL * np.sum(system.lengths)
     longest = np.max(system.lengths)
     found = np.empty((n * scene.kind.size, 2), dtype=np.int64)
@@ -147,7 +147,7 @@ def _points_inside(system, state):
                 continue
             _, curve = slope_along(scene, o, rotation, state.strains[e], offset, normal, bend)
             sharp = curve * system.lengths[e] ** 2 > 8 * sag or gap < near - sag
-            if sharp or gap < near - level and not _lies(system.contacts.node[o], gaps, e):
+            if sharp or gap < near - level and not _lies(pushed[o], gaps, e):
                 found[count, 0], found[count, 1] = e, o
                 count += 1
     return found[:count]

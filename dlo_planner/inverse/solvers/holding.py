@@ -119,7 +119,7 @@ class ContactFamily:
             system = system._replace(contacts=system.contacts._replace(
                 element=np.array([e]), obstacle=np.array([self._body]),
                 multiplier=np.array([force]), fraction=np.array([0.5]), anchor=none, normal=none))
-        return descend(system, state.q, np.inf, 0, True)[2]
+        return descend(system, state.q, np.inf, 0, True).stability
 
     def _sag(self, strain):
         """Return by how much, m, a DLO that curves into the obstacle at the contact is in it.
