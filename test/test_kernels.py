@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Each kernel is compiled for one set of types: another one would compile at run time."""
+"""Each kernel is compiled for one set of types: another one would compile at run time.
+
+But for the kinds of DLO that there are: one that hangs freely, one that moves so, and all others.
+"""
 
 import json
 import os
@@ -11,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba import types
 
 from dlo_planner import (
     CutOut,
@@ -41,15 +45,16 @@ from dlo_planner.inverse.solvers.marching import march_from_end
 from dlo_planner.minimize.contact_forces import add_sliding, move_multipliers
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import descend_held, led
-from dlo_planner.minimize.newton import descend, gradient_noise
+from dlo_planner.minimize.newton import gradient_noise, leashed_descent
 from dlo_planner.minimize.touching import touching, truth
 from dlo_planner.minimize.watching import watching
 from dlo_planner.plan import between, workspace
 from dlo_planner.plan.motion.oscillators import vibrated
 from dlo_planner.ritz.kinematics import point_inside
 
-KERNELS = [descend, unknowns_of, aligned_newton, march_from_end, point_inside, passes_through,
-           evaluate, nearest_inside, nearest, signed_distance, settled, watching,
+_KINDS = 3
+KERNELS = [leashed_descent, unknowns_of, aligned_newton, march_from_end, point_inside,
+           passes_through, evaluate, nearest_inside, nearest, signed_distance, settled, watching,
            with_friction, descend_held, led, gradient_noise, touching, truth, move_multipliers,
            add_sliding, gripper_answers, between._element_rooms,
            between._distances, workspace._distances, _strains_by, response._moved,
@@ -108,11 +113,26 @@ def use_everything():
             CutOut(Pose.looking_along((9, 0, 1), (1, 0, 0)), radius=0.2), depths=[0, 0.5])
 
 
+def absent(kind, name=''):
+    """Yield the names of what is None in a type, at any depth of its fields."""
+    if isinstance(kind, types.NoneType):
+        yield name
+    for field, inner in getattr(kind, 'field_dict', {}).items():
+        yield from absent(inner, f'{name}.{field}')
+
+
+def compiled_for(kernel):
+    """Return how many types a kernel was compiled for, and how many kinds of DLO those are."""
+    kinds = {tuple(one for k, kind in enumerate(signature) for one in absent(kind, str(k)))
+             for signature in kernel.signatures}
+    return len(kernel.signatures), len(kinds)
+
+
 @pytest.fixture(scope='module')
 def signatures():
-    """Return how many types each kernel was compiled for, in a process where nothing else ran."""
+    """Return `compiled_for` of each kernel, in a process where nothing else ran."""
     code = ('import json, test_kernels as t; t.use_everything(); '
-            'print(json.dumps([len(kernel.signatures) for kernel in t.KERNELS]))')
+            'print(json.dumps([t.compiled_for(kernel) for kernel in t.KERNELS]))')
     paths = [str(Path(__file__).parent), str(Path(__file__).parent.parent)]
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True,
                           env={**os.environ, 'PYTHONPATH': os.pathsep.join(paths)})
@@ -120,5 +140,35 @@ def signatures():
 
 
 @pytest.mark.parametrize('index', range(len(KERNELS)), ids=lambda k: KERNELS[k].__name__)
-def test_one_signature(index, signatures):
-    assert signatures[index] <= 1
+def test_one_signature_for_each_kind_of_dlo(index, signatures):
+    number, kinds = signatures[index]
+    assert number == kinds <= _KINDS
+
+
+FREELY = """
+from dlo_planner import DirectSimulator, Pose, Rod
+from dlo_planner.kernels import cache
+direct = DirectSimulator(Rod(1.0, 0.1, 1.0, 0.7))
+assert direct.solve(Pose.identity()).converged
+print(json.dumps([f'{k.py_func.__module__}.{k.py_func.__name__}' for k in cache._KERNELS
+                  if k.signatures]))
+"""
+
+
+def test_a_dlo_that_hangs_freely_compiles_nothing_of_contact_ends_or_plasticity(tmp_path):
+    code = ('import json\nfrom pathlib import Path\nfrom dlo_planner.kernels import folders\n'
+            f'folders.use_only(Path({str(tmp_path)!r}))\n' + FREELY)
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True,
+                          env={**os.environ, 'PYTHONPATH': str(Path(__file__).parent.parent)})
+    used = json.loads(done.stdout.splitlines()[-1])
+    assert 'dlo_planner.minimize.hanging.hang' in used
+    # what asks for an effect that is not there, and what makes the Records, is all there may be
+    asks = {'add_forces', 'add_stiffness', 'noise', 'blocks', 'may_block', 'fill_rows', 'fill_miss',
+            'potential', 'nothing_attached', 'fill_border', 'kept', 'widened'}
+    for name in used:
+        module, function = name.rsplit('.', 1)
+        if module.rsplit('.', 1)[1] in ('contact', 'distance', 'outline', 'rolling', 'passage',
+                                        'friction', 'hold', 'plastic', 'magnet', 'held', 'border',
+                                        'touching', 'watching'):
+            assert function in asks | {'dot', 'add_to'} or function.startswith('_new_'), name
+    assert not any(name.endswith(('factorize_twists', 'solve_twists')) for name in used)
