@@ -9,13 +9,13 @@ import numpy as np
 
 from dlo_planner.direct.history import History, mapped
 from dlo_planner.direct.mesh import with_breaks
-from dlo_planner.energy.contact import Contact, Contacts, obstructed
+from dlo_planner.energy.contact import Contact, Contacts
 from dlo_planner.energy.distance import build_scene
 from dlo_planner.energy.effects import EFFECTS, Effects, needs_of
 from dlo_planner.energy.hold import no_hold
 from dlo_planner.energy.inertia import no_anchor
 from dlo_planner.energy.loads import Load, node_forces, node_masses, node_moments
-from dlo_planner.energy.plastic import set_strains, yields
+from dlo_planner.energy.plastic import set_strains
 from dlo_planner.energy.potential import System
 from dlo_planner.energy.yielding import elastic_part, yielding_layers
 from dlo_planner.model.surface import Surface
@@ -54,30 +54,40 @@ class Discretization(Value):
             scale = np.sqrt(rod.stiffness) / stiffness
         pull = (-node_masses(rod, s)[:, None] * surroundings.gravity
                 - node_forces(surroundings, s))
-        layers = yielding_layers(rod, stiffness)
         weight = np.linalg.norm(pull, axis=1).sum()
         bend = min(rod.stiffness[1:]) / rod.length**2
-        scene = build_scene(surroundings.obstacles, Surface.of(rod), s)
         put(self, spring=_STIFF_CONTACT * (weight + bend) / rod.length,
-            _hold_spring=_STIFF_HOLD * (weight + bend) / rod.length,
-            _start=History.none(s, layers.set.shape[1], scene.kind.size, surroundings))
-        everything = Effects(*map({
-            'elastic': elastic_part(rod), 'plastic': layers, 'load': Load(pull),
-            'anchor': no_anchor(), 'hold': self._free,
-            'contact': Contact(scene, self._contacts(self._start, np.zeros(3)))}.get, EFFECTS))
-        self._keep(System(
+            _hold_spring=_STIFF_HOLD * (weight + bend) / rod.length)
+        always = Effects(*map({'elastic': elastic_part(rod), 'load': Load(pull)}.get, EFFECTS))
+        put(self, _bare=System(
             lengths, rod.mean_natural_strains(s), stiffness, scale,
-            orthonormal_basis(basis, n_terms, s), np.eye(3), np.zeros(3), everything,
-            needs_of(everything, s.size), np.zeros((0, 3)), 0.0))
+            orthonormal_basis(basis, n_terms, s), np.eye(3), np.zeros(3), always,
+            needs_of(always, s.size), np.zeros((0, 3)), 0.0))
+        if not self.hangs:
+            put(self, _start=History.none(s, self._layers.set.shape[1], self._scene.kind.size,
+                                          surroundings))
+        else:
+            put(self, _start=History.none(s, 0, 0, surroundings))
 
-    def _keep(self, system):
-        """Keep a System with all effects, and the one that is enough where there are few.
+    @property
+    def _system(self):
+        """The System with what acts: kernels are compiled for one that hangs, and for others."""
+        return self._bare if self.hangs else self._full
 
-        Kernels are compiled for both: a DLO that hangs freely needs less of them.
-        """
-        put(self, _full=system)
-        put(self, _system=system._replace(plastic=None, anchor=None, hold=None, contact=None)
-            if self.hangs else system)
+    @cached_property
+    def _full(self):
+        """The System with all effects that a simulator may bring."""
+        return self._bare._replace(
+            plastic=self._layers, anchor=no_anchor(), hold=self._free,
+            contact=Contact(self._scene, self._contacts(self._start, np.zeros(3))))
+
+    @cached_property
+    def _layers(self):
+        return yielding_layers(self.rod, self._bare.stiffness)
+
+    @cached_property
+    def _scene(self):
+        return build_scene(self.surroundings.obstacles, Surface.of(self.rod), self.s)
 
     def __reduce__(self):
         return type(self), tuple(getattr(self, name) for name in self.PARTS)
@@ -142,12 +152,12 @@ class Discretization(Value):
     @cached_property
     def load(self):
         """(3,) sum of the dead loads' `pull`, N."""
-        return self._full.load.pull.sum(axis=0)
+        return self._bare.load.pull.sum(axis=0)
 
     @cached_property
     def loaded(self):
         """Whether any dead load acts."""
-        return bool(self._full.load.pull.any())
+        return bool(self._bare.load.pull.any())
 
     @cached_property
     def moments(self):
@@ -163,12 +173,12 @@ class Discretization(Value):
     @property
     def obstructed(self):
         """Whether there are obstacles."""
-        return obstructed(self._full.contact)
+        return bool(self.surroundings.obstacles)
 
     @property
     def yields(self):
         """Whether the DLO yields anywhere."""
-        return yields(self._full.plastic)
+        return self.rod.yields
 
     @cached_property
     def told_by_truncation(self):
@@ -190,7 +200,7 @@ class Discretization(Value):
     @cached_property
     def isometric(self):
         """Whether half the square of the unknowns is the elastic energy."""
-        system = self._system
+        system = self._bare
         return not system.basis.shape[1] or bool((system.stiffness == system.stiffness[0]).all())
 
     @cached_property
@@ -205,7 +215,7 @@ class Discretization(Value):
 
     def unknowns(self, strains):
         """Return q (m, 3) whose strains are nearest to `strains` (N, 3)."""
-        system = self._system
+        system = self._bare
         values = (strains - system.natural) / system.scale
         if system.basis.shape[1]:
             values = system.basis.T @ (values * system.lengths[:, None])
@@ -213,7 +223,7 @@ class Discretization(Value):
 
     def strains_of(self, q):
         """Return (N, 3) the strains of unknowns q (m, 3)."""
-        system = self._system
+        system = self._bare
         return system.natural + system.scale * (system.basis @ q if system.basis.shape[1] else q)
 
     @property
@@ -234,7 +244,7 @@ class Discretization(Value):
             history = own
         if history is None or not self._suits(history):
             return self._start
-        bodies = self._full.scene.kind.size
+        bodies = len(self._start.node_force)
         known = history.of is None or same(history.of, self.surroundings)
         if not known or len(history.node_force) != bodies:
             history = history.set_alone(bodies)
@@ -248,12 +258,12 @@ class Discretization(Value):
     @property
     def n_unknowns(self):
         """Number of unknowns per strain component."""
-        return self._system.basis.shape[1] or self.s.size - 1
+        return self._bare.basis.shape[1] or self.s.size - 1
 
     @property
     def natural(self):
         """(N, 3) stress-free strains of the elements, 1/m."""
-        return self._system.natural
+        return self._bare.natural
 
     @cached_property
     def finer(self):
@@ -288,7 +298,9 @@ class Discretization(Value):
         put(other, surroundings=self.surroundings, s=s, basis=self.basis, n_terms=self.n_terms,
             spring=self.spring, _hold_spring=self._hold_spring, _start=self._start)
         freeze(s)
-        other._keep(self._full._replace(**fields))
+        put(other, _bare=self._bare._replace(**fields))
+        if self.yields:
+            put(other, _layers=self._layers)
         return other
 
     def strains_from(self, s, strains):
@@ -299,6 +311,7 @@ class Discretization(Value):
 
     def stress_free(self, history):
         """Return (N, 3) the strains at which no moment acts, 1/m: natural ones plus the set."""
-        system = self._full
-        layers = system.plastic._replace(set=self.past(history).set.copy())
-        return self.natural + set_strains(system.stiffness, layers)
+        if not self.yields:
+            return np.array(self.natural)
+        layers = self._layers._replace(set=self.past(history).set.copy())
+        return self.natural + set_strains(self._bare.stiffness, layers)
