@@ -24,7 +24,8 @@ from dlo_planner.kernels import kernel
 from dlo_planner.ritz.arrays import copy
 from dlo_planner.ritz.kinematics import Attached, add_gradient, cleared, march, new_attached
 from dlo_planner.ritz.record import Record, makes
-from dlo_planner.ritz.second_order import second_order, widened
+from dlo_planner.ritz.second_order import second_order
+from dlo_planner.ritz.springs import widened
 
 _HINGE = 1e-20  # of the stiffness of the DLO: that of a hinge is below
 

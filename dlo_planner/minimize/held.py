@@ -43,12 +43,11 @@ from dlo_planner.minimize.newton import (
     LARGEST_TURN,
     Descent,
     gradient_noise,
-    kick,
-    lean,
     residual_of,
     safe_shift,
     without_traces,
 )
+from dlo_planner.minimize.saddle import kick, lean
 from dlo_planner.minimize.spectrum import lowest_mode
 
 HELD_NEUTRAL = 1e-3  # as NEUTRAL, with constraints: a mesh splits what is neutral by about as much

@@ -12,8 +12,9 @@ from dlo_planner.energy.potential import bend_energy, evaluate, new_state
 from dlo_planner.minimize.dfp import dfp
 from dlo_planner.minimize.downhill_simplex import downhill_simplex
 from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.minimize.newton import MOST_KICKS, NEUTRAL, descend, kick
+from dlo_planner.minimize.newton import MOST_KICKS, NEUTRAL, descend
 from dlo_planner.minimize.protocol import Problem
+from dlo_planner.minimize.saddle import kick
 
 SEARCHES = {'dfp': dfp, 'downhill_simplex': downhill_simplex}
 METHODS = ('newton', *SEARCHES)

@@ -23,7 +23,8 @@ from dlo_planner.minimize.contact_forces import move_multipliers
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import HELD_NEUTRAL, held_descent, held_newton
 from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.minimize.newton import descend, gradient_noise, kick, newton
+from dlo_planner.minimize.newton import descend, gradient_noise, newton
+from dlo_planner.minimize.saddle import kick
 from dlo_planner.minimize.touching import truth
 from dlo_planner.minimize.watching import watching
 from dlo_planner.ritz.kinematics import point_inside

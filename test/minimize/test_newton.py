@@ -8,7 +8,8 @@ import pytest
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.energy.potential import evaluate, new_state
 from dlo_planner.minimize.linear import factorize, new_hessian
-from dlo_planner.minimize.newton import KICK_TURN, descend, kick, newton, residual_of
+from dlo_planner.minimize.newton import descend, newton, residual_of
+from dlo_planner.minimize.saddle import KICK_TURN, kick
 from dlo_planner.minimize.spectrum import lowest_mode
 
 UP = Pose.looking_along((0, 0, 0), (0, 0, 1))
