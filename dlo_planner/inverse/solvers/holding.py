@@ -15,9 +15,9 @@ import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.statics import equilibrium, shape_of
-from dlo_planner.energy.contact import along_the_dlo
 from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.potential import placed
+from dlo_planner.energy.rolling import along_the_dlo
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.solvers.marching import hanging
 from dlo_planner.minimize.minimum import Minimum
