@@ -201,10 +201,24 @@ def unknowns_of(system, strains, q):
 
 @kernel
 def _strains_of(system, q, strains):
-    natural, scale, basis = system.natural, system.scale, system.basis
+    natural, scale = system.natural, system.scale
+    values = at_elements(system.basis, q)
     for e in range(natural.shape[0]):
         for i in range(3):
-            strains[e, i] = natural[e, i] + scale[e, i] * at_element(basis, q, e, i)
+            strains[e, i] = natural[e, i] + scale[e, i] * values[e, i]
+
+
+@kernel
+def at_elements(basis, q):
+    """Return the unknowns q (m, 3) at all elements (N, 3): q itself, or the series' values."""
+    values = q
+    if basis.shape[1]:
+        values = np.zeros((basis.shape[0], 3))
+        for e in range(basis.shape[0]):
+            for j in range(basis.shape[1]):
+                for i in range(3):
+                    values[e, i] += basis[e, j] * q[j, i]
+    return values
 
 
 @kernel(inline='always')

@@ -11,7 +11,7 @@ Both factorizations are congruences, so the signs of their pivots are the signs 
 import numpy as np
 
 from dlo_planner.energy.effects import Border, new_border, width
-from dlo_planner.energy.potential import at_element, element_hessian, unknown_count
+from dlo_planner.energy.potential import at_elements, element_hessian, unknown_count
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.border import complemented, fill_border, keep, kept
 from dlo_planner.minimize.riccati import (
@@ -21,7 +21,6 @@ from dlo_planner.minimize.riccati import (
     solve_turns,
     solve_twists,
 )
-from dlo_planner.ritz.matrix3 import applied, inner, plus
 from dlo_planner.ritz.record import Record
 
 
@@ -263,13 +262,14 @@ def multiply(system, hessian, vector, out):
 @kernel
 def largest_turn(system, hessian, step):
     """Return the largest rotation in rad of any node that the step (m, 3) makes, to first order."""
-    theta, largest = (0.0, 0.0, 0.0), 0.0
-    turning, basis = hessian.turning, system.basis
+    a = b = c = largest = 0.0
+    turning, values = hessian.turning, at_elements(system.basis, step)
     for e in range(turning.shape[0]):
-        value = (at_element(basis, step, e, 0), at_element(basis, step, e, 1),
-                 at_element(basis, step, e, 2))
-        t = turning[e]
-        theta = plus(theta, applied((t[0, 0], t[0, 1], t[0, 2], t[1, 0], t[1, 1], t[1, 2],
-                                     t[2, 0], t[2, 1], t[2, 2]), value))
-        largest = max(largest, inner(theta, theta))
+        x, y, z = values[e, 0], values[e, 1], values[e, 2]
+        a += turning[e, 0, 0] * x + turning[e, 0, 1] * y + turning[e, 0, 2] * z
+        b += turning[e, 1, 0] * x + turning[e, 1, 1] * y + turning[e, 1, 2] * z
+        c += turning[e, 2, 0] * x + turning[e, 2, 1] * y + turning[e, 2, 2] * z
+        square = a * a + b * b + c * c
+        if not square <= largest:  # what is not a number has to be seen, too
+            largest = square
     return np.sqrt(largest)
