@@ -7,17 +7,15 @@ from functools import cached_property
 
 import numpy as np
 
+from dlo_planner.direct.acting import always, constraints, others
 from dlo_planner.direct.history import History, mapped
 from dlo_planner.direct.mesh import with_breaks
-from dlo_planner.energy.contact import Contact, Contacts
 from dlo_planner.energy.distance import build_scene
-from dlo_planner.energy.effects import EFFECTS, Effects, needs_of
-from dlo_planner.energy.hold import no_hold
-from dlo_planner.energy.inertia import no_anchor
-from dlo_planner.energy.loads import Load, node_forces, node_masses, node_moments
+from dlo_planner.energy.effects import needs_of
+from dlo_planner.energy.loads import node_forces, node_masses, node_moments
 from dlo_planner.energy.plastic import set_strains
 from dlo_planner.energy.potential import System
-from dlo_planner.energy.yielding import elastic_part, yielding_layers
+from dlo_planner.energy.yielding import yielding_layers
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import Value, freeze, put, same
 from dlo_planner.ritz.series import orthonormal_basis
@@ -25,7 +23,6 @@ from dlo_planner.ritz.series import orthonormal_basis
 # Springs of constraints yield by 1 / these of the length under the DLO's own forces. Those of
 # contacts cost iterations the stiffer they are; those of a grip only help the search.
 _STIFF_CONTACT, _STIFF_HOLD = 1e5, 1e2
-_SOFTER = 1e-2  # part of the former where both ends are held: tension multiplies what they round
 SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length: where shapes are compared
 _LEVER = 0.1  # of the length
 
@@ -37,7 +34,7 @@ class Discretization(Value):
         surroundings: Surroundings, with the rod
         s: (N + 1,) arc lengths of the nodes, m
         basis: 'chebyshev', 'fourier' or 'local'; n_terms: N_c, unused by 'local'
-        spring: stiffness of contacts, N/m
+        spring: stiffness of contacts, hold_spring: of a grip of the far end, N/m
     """
 
     PARTS = ('surroundings', 's', 'basis', 'n_terms')
@@ -57,17 +54,16 @@ class Discretization(Value):
         weight = np.linalg.norm(pull, axis=1).sum()
         bend = min(rod.stiffness[1:]) / rod.length**2
         put(self, spring=_STIFF_CONTACT * (weight + bend) / rod.length,
-            _hold_spring=_STIFF_HOLD * (weight + bend) / rod.length)
-        always = Effects(*map({'elastic': elastic_part(rod), 'load': Load(pull)}.get, EFFECTS))
+            hold_spring=_STIFF_HOLD * (weight + bend) / rod.length)
+        effects = always(rod, pull)
         put(self, _bare=System(
             lengths, rod.mean_natural_strains(s), stiffness, scale,
-            orthonormal_basis(basis, n_terms, s), np.eye(3), np.zeros(3), always,
-            needs_of(always, s.size), np.zeros((0, 3)), 0.0))
+            orthonormal_basis(basis, n_terms, s), np.eye(3), np.zeros(3), effects,
+            needs_of(effects, s.size), np.zeros((0, 3)), 0.0))
+        springs, bodies = 0, 0
         if not self.hangs:
-            put(self, _start=History.none(s, self._layers.set.shape[1], self._scene.kind.size,
-                                          surroundings))
-        else:
-            put(self, _start=History.none(s, 0, 0, surroundings))
+            springs, bodies = self._layers.set.shape[1], self._scene.kind.size
+        put(self, _start=History.none(s, springs, bodies, surroundings))
 
     @property
     def _system(self):
@@ -77,9 +73,7 @@ class Discretization(Value):
     @cached_property
     def _full(self):
         """The System with all effects that a simulator may bring."""
-        return self._bare._replace(
-            plastic=self._layers, anchor=no_anchor(), hold=self._free,
-            contact=Contact(self._scene, self._contacts(self._start, np.zeros(3))))
+        return self._bare._replace(**others(self, self._layers, self._scene))
 
     @cached_property
     def _layers(self):
@@ -98,21 +92,9 @@ class Discretization(Value):
         return self.surroundings.rod
 
     @property
-    def _free(self):
-        return no_hold(self._hold_spring, self._hold_spring * self.lever**2)
-
-    @property
     def lever(self):
         """A grip that is turned by 1 rad is missed by so much, m."""
         return _LEVER * self.s[-1]
-
-    def _contacts(self, history, origin, softer=1.0):
-        points = {name: values.copy() for name, values in history.points.items()}
-        points['anchor'] -= origin
-        spring = softer * self.spring
-        return Contacts(spring, history.node_force.copy(), points['element'],
-                        points['obstacle'], points['multiplier'], points['fraction'],
-                        points['anchor'], points['normal'], points['shear'], spring)
 
     def system(self, rotation, origin=None, history=None, far_end=None):
         """Return the kernel's System, its multipliers fresh copies.
@@ -130,24 +112,9 @@ class Discretization(Value):
         if history is not None and self.yields:
             fields['plastic'] = system.plastic._replace(set=history.set.copy())
         if origin is not None and (self.obstructed or far_end is not None):
-            fields['contact'] = Contact(
-                system.scene._replace(origin=origin),
-                self._contacts(history or self._start, origin,
-                               1.0 if far_end is None else _SOFTER))
-            fields['hold'] = (self._free if far_end is None
-                              else self._hold(far_end, origin, history))
+            fields |= constraints(self, self._scene._replace(origin=origin), origin, history,
+                                  far_end)
         return system._replace(**fields)
-
-    def _hold(self, far_end, origin, history):
-        """Return the Hold of a FarEnd, with the forces of `history` if it held as many motions."""
-        rows = far_end.held
-        rows[:, :3] *= self.lever
-        force = np.zeros(len(rows))
-        if history is not None and history.hold.shape == force.shape:
-            force = history.hold.copy()
-        return self._free._replace(
-            target=far_end.pose.position - origin, axes=np.array(far_end.pose.rotation, order='C'),
-            share=np.array(far_end.share), rows=rows, multiplier=force)
 
     @cached_property
     def load(self):
@@ -208,7 +175,7 @@ class Discretization(Value):
         """(n,) nodes by which two shapes on this mesh are compared, see SAMPLES."""
         return np.searchsorted(self.s, SAMPLES * self.s[-1])
 
-    @property
+    @cached_property
     def static(self):
         """The System without gripper, past and far end."""
         return self._system
@@ -296,7 +263,7 @@ class Discretization(Value):
         if 'lengths' in fields:
             s = np.concatenate([[0.0], np.cumsum(fields['lengths'])])
         put(other, surroundings=self.surroundings, s=s, basis=self.basis, n_terms=self.n_terms,
-            spring=self.spring, _hold_spring=self._hold_spring, _start=self._start)
+            spring=self.spring, hold_spring=self.hold_spring, _start=self._start)
         freeze(s)
         put(other, _bare=self._bare._replace(**fields))
         if self.yields:

@@ -8,6 +8,7 @@ stiffness (Kelvin and Voigt); neither changes a shape at rest.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,8 +29,10 @@ from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.plastic import yields
-from dlo_planner.energy.potential import placed, tip_wrench, unknowns_of
+from dlo_planner.energy.potential import System, placed, tip_wrench, unknowns_of
 from dlo_planner.minimize.methods import search
+from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.pose import Pose
 
 _BRIEF = 1e-2, 1e-3  # of a step, of the DLO's own time: how long it is watched at the beginning
 _ROUNDING = 1e-17    # of the residual, per inertia's strength relative to elasticity's
@@ -66,6 +69,15 @@ class Instant:
     def balance(self) -> float:
         """Energy that is there, less what was put in, plus what was taken out, J."""
         return self.kinetic + self.potential - self.work + self.losses.sum()
+
+
+class Task(NamedTuple):
+    """What a step minimizes: its System, both grips, and what rounding leaves of a residual."""
+
+    system: System
+    gripper: Pose
+    far_end: FarEnd | None
+    rounding: float
 
 
 class Stepper:
@@ -172,10 +184,10 @@ class Stepper:
         return known
 
     def moving(self, nodes, bends, history, place, scheme):
-        """Return System, gripper, far end, and what rounding leaves of the residual, of a step."""
+        """Return the Task of a step."""
         gripper, far_end = self.grips.at(place)
         system = self._moving(gripper, far_end, history, nodes, bends, scheme)
-        return system, gripper, far_end, self._rounding(scheme)
+        return Task(system, gripper, far_end, self._rounding(scheme))
 
     def _is_clear(self, system, old, strains, gripper):
         """Whether nothing is run through by the Shape `old` as it is when the gripper goes on."""
