@@ -137,14 +137,14 @@ def width(displaced):
     return 6 if displaced else 3
 
 
-def _written(name: str, arguments: str, body: list[str], **scope: Any) -> Callable:
+def _written(name: str, arguments: str, body: list[str], **scope: Any) -> Callable[..., Any]:
     """Return the kernel of a text; numba wants every field and call to be written out."""
     scope |= {'__name__': __name__, 'Effects': Effects}
     exec('\n    '.join([f'def {name}({arguments}):', *body]), scope)
     return kernel(scope[name])
 
 
-def _of_all(hook: str, arguments: str, begin: str, each: str, end: str) -> Callable:
+def _of_all(hook: str, arguments: str, begin: str, each: str, end: str) -> Callable[..., Any]:
     """Return the kernel that calls a hook of all effects that have it.
 
     Args:
@@ -174,7 +174,7 @@ potential = _of_all('potential', ', system, positions', 'energy = 0.0', 'energy 
                     'return energy')
 
 
-def _replacing(name: str) -> Callable:
+def _replacing(name: str) -> Callable[..., Any]:
     """Return the kernel (effects, effect) -> the same Effects but for the one of that name."""
     values = ', '.join('effect' if one == name else f'effects.{one}' for one in EFFECTS)
     return _written(f'with_{name}', 'effects, effect', [f'return Effects({values})'])

@@ -92,7 +92,8 @@ def newton(system: System, q: np.ndarray, tolerance: float, max_iterations: int,
         max_iterations: Newton steps at most
         check: whether to find the smallest eigenvalue at the end (and leave a saddle)
     """
-    return Minimum(*leashed_newton(system, q, tolerance, max_iterations, check, no_leash()), system)
+    return Minimum(*leashed_newton(system, q, tolerance, max_iterations, check, no_leash()),
+                   system=system)
 
 
 @kernel(inline='always')
