@@ -8,11 +8,11 @@ Newton's method reaches, and a saddle is left in the same way: kicked along its 
 
 import numpy as np
 
-from dlo_planner.energy.potential import bend_energy, evaluate, new_state
+from dlo_planner.energy.potential import System, bend_energy, evaluate, new_state
 from dlo_planner.minimize.dfp import dfp
 from dlo_planner.minimize.downhill_simplex import downhill_simplex
 from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.minimize.newton import MOST_KICKS, NEUTRAL, descend
+from dlo_planner.minimize.newton import MOST_KICKS, NEUTRAL, Descent, descend
 from dlo_planner.minimize.protocol import Problem
 from dlo_planner.minimize.saddle import kick
 
@@ -37,11 +37,11 @@ def search(system, q, method, tolerance):
         found = SEARCHES[method](problem, q.ravel().copy(), tolerance)
         iterations, evaluations = iterations + found.iterations, evaluations + found.evaluations
         reached = judged(system, found.q.reshape(q.shape), tolerance)
-        beside = None if reached.stability > -NEUTRAL else kick(system, reached.state, reached.mode)
-        if beside is None or kicks >= MOST_KICKS:
+        kicked = beside(system, reached)
+        if kicked is None or kicks >= MOST_KICKS:
             return Minimum(reached.state, reached.residual, reached.stability, iterations, kicks,
                            system, evaluations=evaluations)
-        q, kicks = beside, kicks + 1
+        q, kicks = kicked, kicks + 1
 
 
 def near(system, q, method, tolerance, most):
@@ -83,6 +83,11 @@ def rounding(system):
     return _EPS * (weight * system.lengths.sum() + bend_energy(system))
 
 
-def judged(system, q, tolerance):
+def judged(system: System, q: np.ndarray, tolerance: float) -> Descent:
     """Return the Descent that ends at q (m, 3), where it begins."""
     return descend(system, q, tolerance, 0, True)
+
+
+def beside(system: System, reached: Descent) -> np.ndarray | None:
+    """Return unknowns (m, 3) beside a saddle, on the way down; None at a minimum."""
+    return None if reached.stability > -NEUTRAL else kick(system, reached.state, reached.mode)
