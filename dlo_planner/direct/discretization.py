@@ -68,10 +68,10 @@ class Discretization(Value):
     @property
     def _system(self):
         """The System with what acts: kernels are compiled for one that hangs, and for others."""
-        return self._bare if self.hangs else self._full
+        return self._bare if self.hangs else self.full
 
     @cached_property
-    def _full(self):
+    def full(self):
         """The System with all effects that a simulator may bring."""
         return self._bare._replace(**others(self, self._layers, self._scene))
 
@@ -105,7 +105,7 @@ class Discretization(Value):
             history: History on this mesh; None: no past
             far_end: FarEnd or None
         """
-        system = self._system if far_end is None else self._full
+        system = self._system if far_end is None else self.full
         fields = {'base': np.array(rotation, dtype=float, order='C')}
         if origin is not None:
             fields['origin'] = origin = np.array(origin, dtype=float)

@@ -85,7 +85,7 @@ class ContactFamily:
         return self.known[force]
 
     def _marched(self, force):
-        system = self._alone.system(np.eye(3))
+        system = self._alone.full._replace(base=np.eye(3))  # of one kind with that which touches
         pull = system.pull.copy()
         pull[self._node] -= force * self.frame[:, 2]
         system = system._replace(pull=pull)
