@@ -3,11 +3,13 @@
 """Moving the gripper to where a step begins its search, without passing through an obstacle."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from dlo_planner.direct.contacts import points_of
 from dlo_planner.direct.continuation import between
+from dlo_planner.direct.history import History
 from dlo_planner.direct.leading import grip_at, grip_before, lead, parts_between
 from dlo_planner.direct.setting_down import set_down
 from dlo_planner.direct.statics import solve
@@ -20,17 +22,26 @@ _ROUGHLY = 1e-5      # of the length: how well obstacles are kept clear of on th
 _SMALLEST = 2.0**-14  # part of the motion: what cannot be moved by it is blocked
 
 
+class Brought(NamedTuple):
+    """Where a search begins: gripper, strains (N, 3), the past; and whether the way is clear."""
+
+    gripper: Pose
+    strains: np.ndarray
+    history: History
+    clear: bool = True
+
+
 def approach(discretization, previous, strains, gripper, far_end, history):
     """Return element strains (N, 3) at `gripper` that continue `previous`, and if the way is clear.
 
     Arguments as `brought`.
     """
-    _, strains, _, clear = brought(discretization, previous, strains, gripper, far_end, history)
-    return strains, clear
+    found = brought(discretization, previous, strains, gripper, far_end, history)
+    return found.strains, found.clear
 
 
 def brought(discretization, previous, strains, gripper, far_end, history):
-    """Return where the search begins: gripper, strains (N, 3), the past, and if the way is clear.
+    """Return where the search begins, as Brought.
 
     The gripper (and the far end's grip) goes straight from its pose in `previous`; the DLO gives
     way. Where an obstacle is between here and there, the motion is made in smaller parts. The past
@@ -43,18 +54,18 @@ def brought(discretization, previous, strains, gripper, far_end, history):
     """
     obstacles = discretization.surroundings.obstacles
     if previous is None and far_end is None or not obstacles and far_end is None:
-        return gripper, strains, history, True
+        return Brought(gripper, strains, history)
     strains = np.array(strains)  # those of a Shape are read-only, another type for kernels
     begin = gripper if previous is None else previous.gripper
     held = grip_before(discretization, previous, strains, begin, far_end)
     parts = parts_between(begin, gripper, held, far_end, discretization.s[-1])
     if parts == 0:
-        return gripper, strains, history, True
+        return Brought(gripper, strains, history)
     if previous is None:
-        return *set_down(discretization, gripper, strains, far_end, history), True
+        return Brought(*set_down(discretization, gripper, strains, far_end, history))
     if not obstacles:
-        return *lead(discretization, strains, (begin, gripper), (held, far_end), history,
-                     parts), True
+        return Brought(*lead(discretization, strains, (begin, gripper), (held, far_end), history,
+                             parts))
     done, step = 0.0, 1.0 / parts
     where, past = begin, history
     while done < 1.0:
@@ -69,7 +80,7 @@ def brought(discretization, previous, strains, gripper, far_end, history):
                           old.positions - shift, new.rotations, new.positions):
             step *= 0.5
             if step < _SMALLEST:
-                return gripper, strains, past, False
+                return Brought(gripper, strains, past, False)
             continue
         done, where = target, there
         step = min(2 * step, 1.0 / parts)
@@ -83,4 +94,4 @@ def brought(discretization, previous, strains, gripper, far_end, history):
             where = there
         history = replace(history, hold=system.hold.multiplier, node_force=system.contacts.node,
                           points=points_of(system, found.state, there, False))
-    return gripper, strains, replace(past, hold=history.hold), True
+    return Brought(gripper, strains, replace(past, hold=history.hold))

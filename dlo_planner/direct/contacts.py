@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlo_planner.direct.history import NO_POINTS
+from dlo_planner.energy.contact import obstructed
 from dlo_planner.energy.friction import trial_force
 from dlo_planner.minimize.touching import touching
 from dlo_planner.model.checks import figure, integer, results
@@ -56,9 +57,9 @@ class Contact(Value):
 
 def contacts_of(discretization, system, state, gripper):
     """Return the Contacts (a tuple, by s) of a kernel's result."""
-    scene, contacts = system.scene, system.contacts
-    if not scene.kind.size:
+    if not obstructed(system.contact):
         return ()
+    scene, contacts = system.scene, system.contacts
     table = touching(scene, contacts, system.lengths, state)
     rotation, x = np.empty((3, 3)), np.empty(3)
     found = []
@@ -82,9 +83,9 @@ def points_of(system, state, gripper, ended=True):
     Args:
         ended: whether the step is; on its way friction still counts from where it began
     """
-    contacts = system.contacts
-    if not contacts.element.size:
+    if not obstructed(system.contact) or not system.contacts.element.size:
         return NO_POINTS
+    contacts = system.contacts
     points = {'element': contacts.element, 'obstacle': contacts.obstacle,
               'multiplier': contacts.multiplier, 'fraction': contacts.fraction,
               'anchor': contacts.anchor + gripper.position, 'normal': contacts.normal,
@@ -102,3 +103,15 @@ def points_of(system, state, gripper, ended=True):
             points['anchor'][c] += away
             points['slid'][c] = away
     return points
+
+
+def left_by_contacts(system, state, gripper, history):
+    """Return `History.node_force` and `points` of a kernel's result after `history`."""
+    if not obstructed(system.contact):
+        return history.node_force, NO_POINTS
+    return system.contacts.node, points_of(system, state, gripper)
+
+
+def left_by_hold(system):
+    """Return `History.hold` of a kernel's result."""
+    return np.zeros(0) if system.hold is None else system.hold.multiplier

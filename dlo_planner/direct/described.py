@@ -12,7 +12,7 @@ import numpy as np
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.statics import TOLERANCE, shape_of
 from dlo_planner.energy.potential import evaluate, new_state
-from dlo_planner.minimize.methods import SEARCHES, judged, rounding
+from dlo_planner.minimize.methods import SEARCHES, beside, judged, rounding
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.newton import MOST_KICKS
 from dlo_planner.minimize.protocol import Problem
@@ -70,11 +70,13 @@ def described_equilibrium(discretization, gripper, strains, method, history):
         iterations, evaluations = iterations + found.iterations, evaluations + found.evaluations
         _, gradient = value_and_gradient(found.q)
         residual = np.linalg.norm(gradient) / np.hypot(np.linalg.norm(state.q), bend)
-        _, _, stability, kicked = judged(system, state.q.copy(), TOLERANCE)
+        reached = judged(system, state.q.copy(), TOLERANCE)
+        kicked = beside(system, reached)
         if kicked is None or kicks >= MOST_KICKS:
             break
         strains, kicks = system.natural + system.scale * kicked, kicks + 1
-    found = Minimum(state, residual, stability, iterations, kicks, system, evaluations=evaluations)
+    found = Minimum(state, residual, reached.stability, iterations, kicks, system,
+                    evaluations=evaluations)
     return shape_of(free, gripper, found, history), kicks
 
 

@@ -7,12 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
+from dlo_planner.direct.acting import always, constraints, others
 from dlo_planner.direct.history import History, mapped
 from dlo_planner.direct.mesh import with_breaks
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.energy.contact import Contacts
 from dlo_planner.energy.distance import build_scene
-from dlo_planner.energy.hold import Hold
+from dlo_planner.energy.effects import needs_of
 from dlo_planner.energy.loads import node_forces, node_masses, node_moments
 from dlo_planner.energy.plastic import set_strains
 from dlo_planner.energy.potential import System
@@ -25,7 +25,6 @@ from dlo_planner.ritz.series import orthonormal_basis
 # Springs of constraints yield by 1 / these of the length under the DLO's own forces. Those of
 # contacts cost iterations the stiffer they are; those of a grip only help the search.
 _STIFF_CONTACT, _STIFF_HOLD = 1e5, 1e2
-_SOFTER = 1e-2  # part of the former where both ends are held: tension multiplies what they round
 SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length: where shapes are compared
 _LEVER = 0.1  # of the length
 
@@ -37,7 +36,7 @@ class Discretization(Value):
         surroundings: Surroundings, with the rod
         s: (N + 1,) arc lengths of the nodes, m
         basis: 'chebyshev', 'fourier' or 'local'; n_terms: N_c, unused by 'local'
-        spring: stiffness of contacts, N/m
+        spring: stiffness of contacts, hold_spring: of a grip of the far end, N/m
     """
 
     PARTS = ('surroundings', 's', 'basis', 'n_terms')
@@ -60,18 +59,37 @@ class Discretization(Value):
             scale = np.sqrt(rod.stiffness) / stiffness
         pull = (-node_masses(rod, s)[:, None] * surroundings.gravity
                 - node_forces(surroundings, s))
-        layers = yielding_layers(rod, stiffness)
         weight = np.linalg.norm(pull, axis=1).sum()
         bend = min(rod.stiffness[1:]) / rod.length**2
-        scene = build_scene(surroundings.obstacles, Surface.of(rod), s)
         put(self, spring=_STIFF_CONTACT * (weight + bend) / rod.length,
-            _hold_spring=_STIFF_HOLD * (weight + bend) / rod.length,
-            _start=History.none(s, layers.set.shape[1], scene.kind.size, surroundings))
-        put(self, _system=System(
+            hold_spring=_STIFF_HOLD * (weight + bend) / rod.length)
+        effects = always(rod, pull)
+        put(self, _bare=System(
             lengths, rod.mean_natural_strains(s), stiffness, scale,
-            orthonormal_basis(basis, n_terms, s), pull, np.eye(3), np.zeros((0, 3)), np.zeros(0),
-            layers, self._free, scene,
-            self._contacts(self._start, np.zeros(3)), np.zeros((0, 3)), 0.0))
+            orthonormal_basis(basis, n_terms, s), np.eye(3), np.zeros(3), effects,
+            needs_of(effects, s.size), np.zeros((0, 3)), 0.0))
+        springs, bodies = 0, 0
+        if not self.hangs:
+            springs, bodies = self._layers.set.shape[1], self._scene.kind.size
+        put(self, _start=History.none(s, springs, bodies, surroundings))
+
+    @property
+    def _system(self):
+        """The System with what acts: kernels are compiled for one that hangs, and for others."""
+        return self._bare if self.hangs else self.full
+
+    @cached_property
+    def full(self):
+        """The System with all effects that a simulator may bring."""
+        return self._bare._replace(**others(self, self._layers, self._scene))
+
+    @cached_property
+    def _layers(self):
+        return yielding_layers(self.rod, self._bare.stiffness)
+
+    @cached_property
+    def _scene(self):
+        return build_scene(self.surroundings.obstacles, Surface.of(self.rod), self.s)
 
     def __reduce__(self):
         return type(self), tuple(getattr(self, name) for name in self.PARTS)
@@ -82,22 +100,9 @@ class Discretization(Value):
         return self.surroundings.rod
 
     @property
-    def _free(self):
-        return Hold(np.zeros(3), np.eye(3), np.zeros(3), np.zeros((0, 6)), np.zeros(0),
-                    self._hold_spring, self._hold_spring * self.lever**2)
-
-    @property
     def lever(self):
         """A grip that is turned by 1 rad is missed by so much, m."""
         return _LEVER * self.s[-1]
-
-    def _contacts(self, history, origin, softer=1.0):
-        points = {name: values.copy() for name, values in history.points.items()}
-        points['anchor'] -= origin
-        spring = softer * self.spring
-        return Contacts(spring, history.node_force.copy(), points['element'],
-                        points['obstacle'], points['multiplier'], points['fraction'],
-                        points['anchor'], points['normal'], points['shear'], spring)
 
     def system(self, rotation, origin=None, history=None, far_end=None):
         """Return the kernel's System, its multipliers fresh copies.
@@ -108,38 +113,26 @@ class Discretization(Value):
             history: History on this mesh; None: no past
             far_end: FarEnd or None
         """
-        system = self._system._replace(base=np.array(rotation, dtype=float, order='C'))
-        if history is not None and system.layers.share.size:
-            system = system._replace(layers=system.layers._replace(set=history.set.copy()))
-        if origin is None or not (system.scene.kind.size or far_end is not None):
-            return system
-        origin = np.array(origin, dtype=float)
-        return system._replace(
-            scene=system.scene._replace(origin=origin),
-            contacts=self._contacts(history or self._start, origin,
-                                    1.0 if far_end is None else _SOFTER),
-            hold=self._free if far_end is None else self._hold(far_end, origin, history))
-
-    def _hold(self, far_end, origin, history):
-        """Return the Hold of a FarEnd, with the forces of `history` if it held as many motions."""
-        rows = far_end.held
-        rows[:, :3] *= self.lever
-        force = np.zeros(len(rows))
-        if history is not None and history.hold.shape == force.shape:
-            force = history.hold.copy()
-        return self._free._replace(
-            target=far_end.pose.position - origin, axes=np.array(far_end.pose.rotation, order='C'),
-            share=np.array(far_end.share), rows=rows, multiplier=force)
+        system = self._system if far_end is None else self.full
+        fields = {'base': np.array(rotation, dtype=float, order='C')}
+        if origin is not None:
+            fields['origin'] = origin = np.array(origin, dtype=float)
+        if history is not None and self.yields:
+            fields['plastic'] = system.plastic._replace(set=history.set.copy())
+        if origin is not None and (self.obstructed or far_end is not None):
+            fields |= constraints(self, self._scene._replace(origin=origin), origin, history,
+                                  far_end)
+        return system._replace(**fields)
 
     @cached_property
     def load(self):
         """(3,) sum of the dead loads' `pull`, N."""
-        return self._system.pull.sum(axis=0)
+        return self._bare.load.pull.sum(axis=0)
 
     @cached_property
     def loaded(self):
         """Whether any dead load acts."""
-        return bool(self._system.pull.any())
+        return bool(self._bare.load.pull.any())
 
     @cached_property
     def moments(self):
@@ -149,9 +142,18 @@ class Discretization(Value):
     @cached_property
     def hangs(self):
         """Whether nothing but dead forces acts, and nothing that happened to the DLO matters."""
-        around, system = self.surroundings, self._system
-        return not (system.scene.kind.size or system.layers.share.size or around.has_moments
-                    or around.pinned)
+        around = self.surroundings
+        return not (self.obstructed or self.yields or around.has_moments or around.pinned)
+
+    @property
+    def obstructed(self):
+        """Whether there are obstacles."""
+        return bool(self.surroundings.obstacles)
+
+    @property
+    def yields(self):
+        """Whether the DLO yields anywhere."""
+        return self.rod.yields
 
     @cached_property
     def told_by_truncation(self):
@@ -173,7 +175,7 @@ class Discretization(Value):
     @cached_property
     def isometric(self):
         """Whether half the square of the unknowns is the elastic energy."""
-        system = self._system
+        system = self._bare
         return not system.basis.shape[1] or bool((system.stiffness == system.stiffness[0]).all())
 
     @cached_property
@@ -181,14 +183,14 @@ class Discretization(Value):
         """(n,) nodes by which two shapes on this mesh are compared, see SAMPLES."""
         return np.searchsorted(self.s, SAMPLES * self.s[-1])
 
-    @property
+    @cached_property
     def static(self):
         """The System without gripper, past and far end."""
         return self._system
 
     def unknowns(self, strains):
         """Return q (m, 3) whose strains are nearest to `strains` (N, 3)."""
-        system = self._system
+        system = self._bare
         values = (strains - system.natural) / system.scale
         if system.basis.shape[1]:
             values = system.basis.T @ (values * system.lengths[:, None])
@@ -196,7 +198,7 @@ class Discretization(Value):
 
     def strains_of(self, q):
         """Return (N, 3) the strains of unknowns q (m, 3)."""
-        system = self._system
+        system = self._bare
         return system.natural + system.scale * (system.basis @ q if system.basis.shape[1] else q)
 
     @property
@@ -217,7 +219,7 @@ class Discretization(Value):
             history = own
         if history is None or not self._suits(history):
             return self._start
-        bodies = self._system.scene.kind.size
+        bodies = len(self._start.node_force)
         known = history.of is None or same(history.of, self.surroundings)
         if not known or len(history.node_force) != bodies:
             history = history.set_alone(bodies)
@@ -231,12 +233,12 @@ class Discretization(Value):
     @property
     def n_unknowns(self):
         """Number of unknowns per strain component."""
-        return self._system.basis.shape[1] or self.s.size - 1
+        return self._bare.basis.shape[1] or self.s.size - 1
 
     @property
     def natural(self):
         """(N, 3) stress-free strains of the elements, 1/m."""
-        return self._system.natural
+        return self._bare.natural
 
     @cached_property
     def finer(self):
@@ -269,9 +271,11 @@ class Discretization(Value):
         if 'lengths' in fields:
             s = np.concatenate([[0.0], np.cumsum(fields['lengths'])])
         put(other, surroundings=self.surroundings, s=s, basis=self.basis, n_terms=self.n_terms,
-            spring=self.spring, _hold_spring=self._hold_spring, _start=self._start,
-            _system=self._system._replace(**fields))
+            spring=self.spring, hold_spring=self.hold_spring, _start=self._start)
         freeze(s)
+        put(other, _bare=self._bare._replace(**fields))
+        if self.yields:
+            put(other, _layers=self._layers)
         return other
 
     def strains_from(self, s, strains):
@@ -290,6 +294,7 @@ class Discretization(Value):
 
     def stress_free(self, history):
         """Return (N, 3) the strains at which no moment acts, 1/m: natural ones plus the set."""
-        system = self._system
-        layers = system.layers._replace(set=self.past(history).set.copy())
-        return self.natural + set_strains(system.stiffness, layers)
+        if not self.yields:
+            return np.array(self.natural)
+        layers = self._layers._replace(set=self.past(history).set.copy())
+        return self.natural + set_strains(self._bare.stiffness, layers)

@@ -4,6 +4,7 @@
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from dlo_planner.direct.beginning import check_velocity
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.statics import MAX_ITERATIONS, equilibrium
-from dlo_planner.direct.stepping import Stepper
+from dlo_planner.direct.stepping import Instant, Stepper
 
 _HALVINGS = 12       # of an interval between two instants, at most
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
@@ -21,6 +22,23 @@ _WELL_WITHIN = 0.6   # of that: a step of twice the length, with 8 times the err
 _CALM = 16           # steps that all were well within, before it is
 _OF_CONTACT = 3      # halvings for its error of a step since the DLO touched an obstacle
 _GAIN = 1e-3         # of the energy that has moved: what a motion may gain by rounding and errors
+
+
+class Run(NamedTuple):
+    """What the steps of a motion came to.
+
+    Attributes:
+        reached: list of Instants at 0, 1, 2 ...; the last one is the one that was not solved
+        steps: list of the halvings of all steps
+        local: sum of their local errors, m
+        status, message: of `Motion`
+    """
+
+    reached: list[Instant]
+    steps: list[int]
+    local: float
+    status: str = 'complete'
+    message: str = ''
 
 
 @dataclass(frozen=True)
@@ -53,14 +71,14 @@ def simulate(stepper, start, velocity, instants, integrator, tolerance, progress
     if velocity is not None:
         check_velocity(stepper.masses, velocity, first.nodes.velocity)
     if not start.converged:
-        return _motion(stepper, [first], tolerance, 0.0, 'unsolved',
-                       'the shape at time 0 was not found', None)
+        ended = Run([first], [], 0.0, 'unsolved', 'the shape at time 0 was not found')
+        return _motion(stepper, ended, tolerance, None)
     plan = Recipe(instants, integrator, tolerance)
-    reached, steps, local, status, why = _run(stepper, first, plan, progress)
-    estimate = partial(_error, stepper, start, velocity, replace(plan, steps=tuple(steps)),
-                       at_rest, [instant.place for instant in reached],
-                       [instant.shape.positions for instant in reached])
-    return _motion(stepper, reached, tolerance, local, status, why, estimate)
+    made = _run(stepper, first, plan, progress)
+    estimate = partial(_error, stepper, start, velocity, replace(plan, steps=tuple(made.steps)),
+                       at_rest, [instant.place for instant in made.reached],
+                       [instant.shape.positions for instant in made.reached])
+    return _motion(stepper, made, tolerance, estimate)
 
 
 def run(stepper, first, instants, tolerance, progress):
@@ -69,16 +87,12 @@ def run(stepper, first, instants, tolerance, progress):
     And whether all steps were solved; the last Instant is the one that was not.
     """
     plan = Recipe(instants, 'generalized_alpha', tolerance)
-    reached, _, _, status, _ = _run(stepper, first, plan, progress)
-    return reached, status == 'complete'
+    made = _run(stepper, first, plan, progress)
+    return made.reached, made.status == 'complete'
 
 
 def _run(stepper, first, plan, progress):
-    """Return the Instants at 0, 1, 2 ..., the halvings of all steps, the sum of their local errors.
-
-    The last results are status and message of `Motion`. With `plan.steps` these are made, each in
-    two halves, and nothing is judged.
-    """
+    """Return the Run that begins with the Instant `first`."""
     whole = 1 << _HALVINGS
     now, past = first, _before(first.nodes, stepper.dt)
     reached, steps, local, level, calm = [first], [], 0.0, 0, 0
@@ -103,8 +117,8 @@ def _run(stepper, first, plan, progress):
                     and (books.hold(after) or plan.integrator == 'paper')):
                 status = 'energy' if after.shape.converged else 'unsolved'
                 after = replace(after, shape=replace(after.shape, converged=False))
-                return ([*reached, after], steps, local, status,
-                        _reason(status, stepper, now, place))
+                return Run([*reached, after], steps, local, status,
+                           _reason(status, stepper, now, place))
             books.enter(after)
             local += error
             steps.append(level)
@@ -115,7 +129,7 @@ def _run(stepper, first, plan, progress):
                 level, calm = level - 1, 0
         reached.append(now)
         progress.done(len(reached), plan.instants)
-    return reached, steps, local, 'complete', ''
+    return Run(reached, steps, local)
 
 
 def _step(stepper, now, steps, level, place, integrator, patience):
@@ -168,10 +182,11 @@ def _reason(status, stepper, now, place):
             f'{len(shape.contacts)} contacts')
 
 
-def _motion(stepper, reached, tolerance, local, status, message, estimate):
+def _motion(stepper, made, tolerance, estimate):
+    reached, message = made.reached, made.message
     places = np.array([instant.place for instant in reached])
-    if status == 'complete' and local > tolerance:
-        message = (f'the local errors of its steps add up to {local:.3g} m, more than the '
+    if made.status == 'complete' and made.local > tolerance:
+        message = (f'the local errors of its steps add up to {made.local:.3g} m, more than the '
                    f'tolerance of {tolerance:.3g} m: see error_estimate')
     given = {} if estimate is None else {'_estimate': estimate}
     return Motion(
@@ -179,7 +194,7 @@ def _motion(stepper, reached, tolerance, local, status, message, estimate):
         np.array([instant.nodes.velocity for instant in reached]),
         *(np.array([getattr(instant, name) for instant in reached])
           for name in ('kinetic', 'potential', 'work', 'losses')),
-        tolerance, status, message, **given)
+        tolerance, made.status, message, **given)
 
 
 def _error(stepper, start, velocity, plan, at_rest, places, positions):

@@ -12,6 +12,8 @@ confirms.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.energy.contact import without_hinge as without_hinge_of_contact
+from dlo_planner.energy.effects import EFFECTS
 from dlo_planner.energy.potential import bend_energy, evaluate, new_state
 from dlo_planner.minimize.multipliers import constrained_newton
 
@@ -44,28 +46,21 @@ def with_hinge(system):
     def before(first, others):
         return np.concatenate([np.full((1, *others.shape[1:]), first), others])
 
-    contacts, layers = system.contacts, system.layers
+    part = _STIFFNESS * bend * h / system.stiffness[0].max()
+    effects = {name: module.hinged(effect, part) for name, module in EFFECTS.items()
+               if (effect := getattr(system.effects, name)) is not None
+               and hasattr(module, 'hinged')}
     return system._replace(
         lengths=before(h, system.lengths), natural=before(0.0, system.natural),
         stiffness=before(_STIFFNESS * bend * h, system.stiffness),
         scale=before(1.0 / (np.sqrt(bend) * h * term), system.scale),
-        basis=_basis(system.basis, term),
-        pull=before(0.0, system.pull),
-        anchor=before(0.0, system.anchor) if len(system.anchor) else system.anchor,
-        anchor_weight=(before(0.0, system.anchor_weight) if len(system.anchor_weight)
-                       else system.anchor_weight),
-        layers=layers._replace(set=before(0.0, layers.set)),
-        contacts=contacts._replace(
-            node=np.ascontiguousarray(np.hstack([contacts.node[:, :1] * 0.0, contacts.node])),
-            element=contacts.element + 1))
+        basis=_basis(system.basis, term), **effects)
 
 
 def without_hinge(system, settled, rotation):
     """Return `system` at a rotation (3, 3), with the forces that were found with the hinge."""
-    contacts = settled.contacts
-    return system._replace(
-        base=rotation, hold=settled.hold, contacts=contacts._replace(
-            node=np.ascontiguousarray(contacts.node[:, 1:]), element=contacts.element - 1))
+    return system._replace(base=rotation, hold=settled.hold,
+                           contact=without_hinge_of_contact(settled.contact))
 
 
 def hinge_unknowns(system, q):

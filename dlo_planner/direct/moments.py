@@ -10,6 +10,8 @@ once). What stability says is that against disturbances which the moments follow
 
 import numpy as np
 
+from dlo_planner.energy.elastic import with_couples
+from dlo_planner.energy.plastic import yields
 from dlo_planner.energy.potential import evaluate, new_state, placed
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.arc import jacobians
@@ -57,8 +59,8 @@ def _pulled(system, free, couples):
 
     What cannot yield is as though its natural strains were others.
     """
-    if free.layers.share.size:
-        return system._replace(layers=free.layers._replace(couple=free.layers.couple + couples))
+    if yields(free.plastic):
+        return system._replace(elastic=with_couples(free.elastic, couples))
     return system._replace(natural=free.natural + couples / free.stiffness)
 
 

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dlo_planner.energy.hold import fill_miss, held_twists
+from dlo_planner.energy.effects import fill_miss, fill_rows, row_count
 from dlo_planner.energy.potential import (
     at_element,
     evaluate,
@@ -144,7 +144,7 @@ class Sensitivity:
                               shape._before.holding(shape._history), shape.far_end)
         known = self._system
         # in the unknowns, and with the springs of constraints, of which the known Hessian is
-        system = system._replace(scale=known.scale, contacts=known.contacts, hold=known.hold)
+        system = system._replace(scale=known.scale, contact=known.contact, hold=known.hold)
         strains, rotations, positions = _one_step(system, self._system, self._state, self._hessian)
         return replace(shape, s=other.s, element_strains=strains, frames=rotations,
                        positions=positions + gripper.position)
@@ -160,8 +160,8 @@ def _one_step(system, known, at, hessian):
     unknowns_of(system, at.strains, state.q)
     evaluate(system, state)
     step, last = np.empty_like(at.q), system.lengths.size
-    miss = np.empty(system.hold.multiplier.size)
-    fill_miss(system.hold, state.rotations[last], state.positions[last], miss)
+    miss = np.empty(row_count(system.needs.border))
+    fill_miss(system.effects, state.rotations[last], state.positions[last], miss)
     # the known gradient is zero but for rounding, which differences would blow up
     solve_held(known, hessian, at.gradient - state.gradient, miss, step, np.empty_like(miss))
     state.q[:] += step
@@ -175,7 +175,7 @@ def _strains_by(system, hessian, slopes):
     out = np.empty_like(slopes)
     m = unknown_count(system)
     load, answer = np.empty((m, 3)), np.empty((m, 3))
-    held = system.hold.multiplier.size
+    held = row_count(system.needs.border)
     miss, reaction = np.zeros(held), np.empty(held)
     basis, scale = system.basis, system.scale
     for k in range(slopes.shape[0]):
@@ -198,9 +198,9 @@ def gripper_answers(system, q):
     factorize(system, hessian, 0.0)
     answers = np.zeros((6, q.shape[0], 3))
     load = np.empty_like(q)
-    held, last = system.hold.multiplier.size, system.lengths.size
+    held, last = row_count(system.needs.border), system.lengths.size
     moved, reaction = np.empty((held, 6)), np.empty(held)  # the grip does not go with the gripper
-    held_twists(system.hold, state.rotations[last], state.positions[last], moved)
+    fill_rows(system.effects, state.rotations[last], state.positions[last], moved)
     for column in range(hessian.cross.shape[2]):
         project(system.basis, -hessian.cross[:, :, column], load)
         solve_held(system, hessian, load, moved[:, column].copy(), answers[column], reaction)

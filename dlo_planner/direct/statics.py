@@ -6,14 +6,17 @@ from functools import partial
 
 import numpy as np
 
-from dlo_planner.direct.contacts import contacts_of, points_of
+from dlo_planner.direct.contacts import contacts_of, left_by_contacts, left_by_hold
 from dlo_planner.direct.hinge import pinned_newton
 from dlo_planner.direct.history import History
 from dlo_planner.direct.moments import balanced
 from dlo_planner.direct.shape import Shape
+from dlo_planner.energy.contact import obstructed
+from dlo_planner.energy.effects import stored
+from dlo_planner.energy.hold import holds
 from dlo_planner.energy.hold import violation as hold_violation
-from dlo_planner.energy.plastic import add_plastic, settled
-from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.energy.plastic import add_plastic, settled, yields
+from dlo_planner.energy.potential import tip_wrench, unknowns_of
 from dlo_planner.minimize.hanging import hang
 from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.minimize.methods import search
@@ -163,25 +166,25 @@ def shape_of(discretization, gripper, found, history=None, far_end=None, roundin
     history = history or discretization.start
     load = discretization.load
     new_set, lost = history.set, 0.0
-    if system.layers.share.size:
-        new_set, lost = settled(system.lengths, state.strains, system.natural, system.layers)
+    if yields(system.plastic):
+        new_set, lost = settled(system.lengths, state.strains, system.natural, system.plastic)
     if (system.natural is discretization.natural and discretization.isometric
-            and not system.layers.share.size):
-        stored = 0.5 * float(np.vdot(state.q, state.q))  # what the unknowns are scaled for
+            and not yields(system.plastic)):
+        elastic = 0.5 * float(np.vdot(state.q, state.q))  # what the unknowns are scaled for
     else:
-        stored = elastic_energy(discretization, state.strains, new_set)
-    energy = (stored + float(np.vdot(system.pull, state.positions))
+        elastic = elastic_energy(discretization, state.strains, new_set)
+    energy = (elastic + float(np.vdot(system.load.pull, state.positions))
               + float(load @ gripper.position))
     positions = state.positions + gripper.position
     touching = contacts_of(discretization, system, state, gripper)
-    past = History(discretization.s, new_set, history.lost + lost, system.contacts.node,
-                   points_of(system, state, gripper), system.hold.multiplier, positions,
-                   state.rotations[:, :, 0].copy(), discretization.surroundings)
+    past = History(discretization.s, new_set, history.lost + lost,
+                   *left_by_contacts(system, state, gripper, history), left_by_hold(system),
+                   positions, state.rotations[:, :, 0].copy(), discretization.surroundings)
     converged = bool(_promised(system, state, found.residual, rounding)
                      and stability > -_neutral(discretization, system)
                      and _kept(discretization, gripper, system, state, found.violation, far_end))
     return Shape(gripper, discretization.s, positions, state.rotations, state.strains, energy,
-                 stored, _wrench(discretization, state), float(found.residual),
+                 elastic, _wrench(discretization, state), float(found.residual),
                  float(stability), int(found.iterations), converged, contacts=touching,
                  evaluations=found.evaluations, violation=float(found.violation), far_end=far_end,
                  far_wrench=_NOTHING if far_end is None else _far_wrench(state),
@@ -193,7 +196,7 @@ def shape_of(discretization, gripper, found, history=None, far_end=None, roundin
 
 def _neutral(discretization, system):
     """Return below what eigenvalue, negated, a shape is not stable any more."""
-    constrained = (system.scene.kind.size or system.hold.multiplier.size
+    constrained = (obstructed(system.contact) or holds(system.hold)
                    or discretization.surroundings.pinned)
     return HELD_NEUTRAL if constrained else NEUTRAL
 
@@ -203,10 +206,10 @@ def _promised(system, state, residual, rounding):
 
     Forces that rounding errors hide, of a DLO that is nearly taut, are no answer.
     """
-    if not system.scene.kind.size and not system.hold.multiplier.size:
+    if not obstructed(system.contact) and not holds(system.hold):
         return residual < CONVERGED + 100 * rounding
     noise = gradient_noise(system, state)
-    promised = _TOUCHING if system.scene.kind.size else CONVERGED
+    promised = _TOUCHING if obstructed(system.contact) else CONVERGED
     return residual < max(promised, noise) + 100 * rounding and noise < _BLURRED
 
 
@@ -227,12 +230,12 @@ def _kept(discretization, gripper, system, state, violation, far_end):
 def elastic_energy(discretization, strains, plastic_set):
     """Return the stored energy in J of element strains (N, 3) with a set (N, J)."""
     system = discretization.static
-    if not system.layers.share.size:
+    if not discretization.yields:
         bent = strains - system.natural
         return 0.5 * float(np.sum(system.lengths[:, None] * system.stiffness * bent**2))
-    layers = system.layers._replace(set=plastic_set.copy())
-    return add_plastic(system.lengths, strains.copy(), system.natural, system.stiffness, layers,
-                       np.zeros_like(strains))
+    layers, strains = system.plastic._replace(set=plastic_set.copy()), strains.copy()
+    return (stored(system.effects, system, strains)
+            + add_plastic(system.lengths, strains, system.natural, layers, np.zeros_like(strains)))
 
 
 _NOTHING = np.zeros(6)
@@ -248,7 +251,7 @@ def _wrench(discretization, state):
 
 def _far_wrench(state):
     """Return force and moment (6,) on the DLO at its far end, about that end."""
-    return -np.concatenate([state.attached.tip_force, state.attached.tip_moment])
+    return -tip_wrench(state)
 
 
 def _estimate(discretization, gripper, strains, positions, history, far_end):
@@ -264,7 +267,7 @@ def _estimate(discretization, gripper, strains, positions, history, far_end):
     system = finer.system(gripper.rotation, gripper.position, past, far_end)
     q = np.empty((finer.n_unknowns, 3))
     unknowns_of(system, np.repeat(strains, 2, axis=0), q)
-    if (system.scene.kind.size or far_end is not None or system.layers.share.size
+    if (discretization.obstructed or far_end is not None or discretization.yields
             or discretization.surroundings.has_moments or discretization.surroundings.pinned):
         found = solve(finer, system, gripper, q, past)
         state, system = found.state, found.system
@@ -273,9 +276,9 @@ def _estimate(discretization, gripper, strains, positions, history, far_end):
                 and _kept(finer, gripper, system, state, found.violation, far_end)):
             return np.inf
     else:
-        state = newton(system, q, 1e-9, 4, False)[0]
+        state = newton(system, q, 1e-9, 4, False).state
     moved = np.linalg.norm(state.positions[::2] - positions, axis=1).max()
-    if system.scene.kind.size and moved > _ELSEWHERE * discretization.s[-1]:
+    if discretization.obstructed and moved > _ELSEWHERE * discretization.s[-1]:
         return np.inf
     rounding = 1e-15 * discretization.s.size * discretization.s[-1]
     return float(4 / 3 * moved + rounding)

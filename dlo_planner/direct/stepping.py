@@ -8,6 +8,7 @@ stiffness (Kelvin and Voigt); neither changes a shape at rest.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,10 +24,15 @@ from dlo_planner.direct.statics import (
     unknown,
 )
 from dlo_planner.direct.swinging import Coefficients, swing
+from dlo_planner.energy.elastic import with_couples
+from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.passage import passes_through
-from dlo_planner.energy.potential import placed, unknowns_of
+from dlo_planner.energy.plastic import yields
+from dlo_planner.energy.potential import System, placed, tip_wrench, unknowns_of
 from dlo_planner.minimize.methods import search
+from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.pose import Pose
 
 _BRIEF = 1e-2, 1e-3  # of a step, of the DLO's own time: how long it is watched at the beginning
 _ROUNDING = 1e-17    # of the residual, per inertia's strength relative to elasticity's
@@ -63,6 +69,15 @@ class Instant:
     def balance(self) -> float:
         """Energy that is there, less what was put in, plus what was taken out, J."""
         return self.kinetic + self.potential - self.work + self.losses.sum()
+
+
+class Task(NamedTuple):
+    """What a step minimizes: its System, both grips, and what rounding leaves of a residual."""
+
+    system: System
+    gripper: Pose
+    far_end: FarEnd | None
+    rounding: float
 
 
 class Stepper:
@@ -169,10 +184,10 @@ class Stepper:
         return known
 
     def moving(self, nodes, bends, history, place, scheme):
-        """Return System, gripper, far end, and what rounding leaves of the residual, of a step."""
+        """Return the Task of a step."""
         gripper, far_end = self.grips.at(place)
         system = self._moving(gripper, far_end, history, nodes, bends, scheme)
-        return system, gripper, far_end, self._rounding(scheme)
+        return Task(system, gripper, far_end, self._rounding(scheme))
 
     def _is_clear(self, system, old, strains, gripper):
         """Whether nothing is run through by the Shape `old` as it is when the gripper goes on."""
@@ -236,11 +251,9 @@ class Stepper:
 
     def _with(self, instant, nodes, bends, state):
         """Return an Instant with other Courses; the State has the forces of the grips."""
-        attached = state.attached
         power = self.grips.power(instant.place,
                                  np.concatenate([state.base_force, state.base_moment]),
-                                 -np.concatenate([attached.tip_force, attached.tip_moment]),
-                                 nodes.position[-1])
+                                 -tip_wrench(state), nodes.position[-1])
         return replace(instant, nodes=nodes, bends=bends, power=power,
                        kinetic=self._kinetic(nodes.velocity),
                        damping=self._damping(nodes.velocity, bends.velocity))
@@ -280,7 +293,7 @@ class Stepper:
         strength = scheme.stiffness + drag * scheme.drag
         anchor = where - drag * velocity / strength - gripper.position
         system = mesh.system(gripper.rotation, gripper.position, history, far_end)
-        system = system._replace(anchor=anchor, anchor_weight=self.masses * strength)
+        system = system._replace(anchor=Anchor(anchor, self.masses * strength))
         return system if viscosity == 0.0 else _viscous(system, bends, viscosity, scheme)
 
     def _kinetic(self, velocity):
@@ -302,13 +315,12 @@ def _viscous(system, bends, viscosity, scheme):
     bent, rate = scheme.anchor(bends)
     firm = viscosity * scheme.drag
     calm = bent - rate / scheme.drag
-    layers = system.layers
-    if not layers.share.size:  # two springs make one
+    if not yields(system.plastic):  # two springs make one
         natural = (system.natural + firm * calm) / (1 + firm)
         return system._replace(natural=natural, stiffness=system.stiffness * (1 + firm))
     # here it is one with what never yields
-    couple = layers.couple + firm * system.stiffness * (calm - system.natural)
-    return system._replace(layers=layers._replace(firm=layers.firm + firm, couple=couple))
+    elastic = with_couples(system.elastic, firm * system.stiffness * (calm - system.natural))
+    return system._replace(elastic=elastic._replace(part=elastic.part + firm))
 
 
 def _rubbed(before, after):

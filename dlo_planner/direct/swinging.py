@@ -7,6 +7,8 @@ Of a short step more time would be spent between kernels and on small arrays tha
 
 import numpy as np
 
+from dlo_planner.energy.effects import Needs, with_anchor
+from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.potential import System, unknown_count, unknowns_of
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.hanging import fallen
@@ -72,9 +74,10 @@ def swing(system, base, origin, how, nodes, bends, tolerance, max_iterations, ch
             calm = bent[e, i] - rate[e, i] / how.drag
             natural[e, i] = (system.natural[e, i] + firm * calm) / (1 + firm)
     moving = System(system.lengths, natural, system.stiffness * (1 + firm), system.scale,
-                    system.basis, system.pull, base.copy(), where, how.masses * strength,
-                    system.layers, system.hold, system.scene, system.contacts, system.near,
-                    system.tie)
+                    system.basis, base.copy(), origin.copy(),
+                    with_anchor(system.effects, Anchor(where, how.masses * strength)),
+                    Needs(how.masses.size > 0, system.needs.attached, system.needs.border),
+                    system.near, system.tie)
     guess = np.empty_like(natural)
     for e in range(guess.shape[0]):
         for i in range(3):
@@ -82,8 +85,7 @@ def swing(system, base, origin, how, nodes, bends, tolerance, max_iterations, ch
                                                      + 0.5 * how.dt * bends[2][e, i])
     q = np.empty((unknown_count(system), 3))
     unknowns_of(moving, guess, q)
-    shape = fallen(moving, origin, system.natural, system.stiffness, q, tolerance, max_iterations,
-                   check, no_leash())
+    shape = fallen(moving, system, origin, q, tolerance, max_iterations, check, no_leash())
     of_nodes, of_bends = _course(how, nodes, shape[2]), _course(how, bends, shape[0])
     kinetic = viscous = 0.0
     for k in range(how.masses.size):

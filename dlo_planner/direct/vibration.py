@@ -23,6 +23,8 @@ from scipy.linalg import qr
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.hinge import hinge_unknowns, pinned_newton, with_hinge
 from dlo_planner.direct.sensitivity import gripper_answers
+from dlo_planner.energy.elastic import elastic_alone
+from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import evaluate, new_state
 from dlo_planner.errors import InvalidTask
@@ -158,15 +160,16 @@ def _vibration(mesh, system, q):
     if mesh.surroundings.pinned:
         system, q, nodes = with_hinge(system), hinge_unknowns(system, q), slice(1, None)
     # what has yielded springs back: vibrations are elastic
-    system = system._replace(layers=system.layers._replace(share=np.zeros(0)))
+    system = system._replace(elastic=elastic_alone(), plastic=_without_springs(system.plastic))
     system = firm(system, _state(system, q))
     count = system.lengths.size + 1
     # springs of no strength, so that displacements are assembled too
-    system = system._replace(anchor=np.zeros((count, 3)), anchor_weight=np.zeros(count))
+    system = system._replace(anchor=Anchor(np.zeros((count, 3)), np.zeros(count)))
     state, answers, hessian = gripper_answers(system, q)
     jacobian = _jacobian(system, hessian, state.positions)
     carried = _rigid(state.positions) + jacobian @ answers.reshape(6, -1).T
-    free = _free(hessian.border.reshape(len(hessian.border), q.size))
+    border = hessian.border
+    free = None if border is None else _free(border.rows.reshape(len(border.rows), q.size))
     stiffness, strains = _stiffness(system, hessian), _strains(system)
     if free is not None:
         stiffness = free.T @ stiffness @ free
@@ -176,6 +179,10 @@ def _vibration(mesh, system, q):
     return Vibration(stiffness, moved.T @ moved, jacobian, strains[nodes],
                      np.roll(carried[nodes], 3, axis=2), masses,
                      (system.lengths[:, None] * system.stiffness)[nodes])
+
+
+def _without_springs(layers):
+    return None if layers is None else layers._replace(share=np.zeros(0))
 
 
 def _jacobian(system, hessian, positions):

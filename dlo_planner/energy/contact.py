@@ -16,7 +16,7 @@ Friction is `energy.friction`'s; each point of contact that rubs has a point of 
 
 import numpy as np
 
-from dlo_planner.energy.distance import AXIS, NODE_FACE, signed_distance
+from dlo_planner.energy.distance import AXIS, Scene, signed_distance
 from dlo_planner.energy.friction import add_friction
 from dlo_planner.energy.outline import (
     gap_at,
@@ -24,9 +24,10 @@ from dlo_planner.energy.outline import (
     longest_stretch,
     nodes_of,
     radius_at_node,
-    sliding,
 )
-from dlo_planner.energy.rolling import along_the_dlo, watched
+from dlo_planner.energy.passage import passes_through
+from dlo_planner.energy.pushing import push, push_beside, push_node
+from dlo_planner.energy.rolling import watched
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import point_inside, sort_points
 from dlo_planner.ritz.record import Record, makes
@@ -72,6 +73,98 @@ def _new_contacts(stiffness, node, element, obstacle, multiplier, fraction, anch
                     grip)
 
 
+class Contact(Record):
+    """Obstacles and where they are touched.
+
+    Attributes:
+        scene: see `energy.distance`; contacts: Contacts
+    """
+
+    scene: Scene
+    contacts: Contacts
+
+
+@makes(Contact)
+@kernel
+def _new_contact(scene, contacts):
+    return Contact(scene, contacts)
+
+
+def obstructed(effect: Contact | None) -> bool:
+    """Whether there are obstacles."""
+    return effect is not None and effect.scene.kind.size > 0
+
+
+def needs(effect: Contact) -> dict:
+    """Return what the solver has to provide for."""
+    amid, beside = obstructed(effect), bool((effect.scene.feature != AXIS).any())
+    return {'displaced': amid, 'attached': True, 'sprung': amid, 'beside': beside,
+            'element': effect.contacts.element}
+
+
+def hinged(effect: Contact, _: float) -> Contact:
+    """Return the same with one more element before the first."""
+    contacts = effect.contacts
+    node = np.ascontiguousarray(np.hstack([contacts.node[:, :1] * 0.0, contacts.node]))
+    return effect._replace(contacts=contacts._replace(node=node, element=contacts.element + 1))
+
+
+def without_hinge(effect: Contact) -> Contact:
+    """Return the same without the first element."""
+    contacts = effect.contacts
+    return effect._replace(contacts=contacts._replace(
+        node=np.ascontiguousarray(contacts.node[:, 1:]), element=contacts.element - 1))
+
+
+@kernel
+def add_forces(effect, system, state):
+    """Add the forces of all contacts; return their potential in J, and its size."""
+    if effect is None:
+        return 0.0, 0.0
+    energy = 0.0
+    if effect.scene.kind.size:
+        energy = add_contacts(effect.scene, effect.contacts, system.lengths, state.strains,
+                              state.rotations, state.positions, state.pull, state.attached)
+    return energy, abs(energy)
+
+
+@kernel
+def noise(effect, system, state, length):
+    """Return forces in N whose relative rounding errors those of contacts have."""
+    if effect is None:
+        return 0.0
+    touching = False
+    attached = state.attached
+    for c in range(attached.element.size):
+        for i in range(3):
+            touching |= attached.force[c, i] != 0.0
+    for k in range(attached.sprung.size):
+        touching |= attached.sprung[k]
+    if not touching:
+        return 0.0
+    far = np.sqrt(np.sum(effect.scene.origin**2))
+    return (effect.contacts.stiffness + effect.contacts.grip) * (length + far)
+
+
+@kernel
+def blocks(effect, system, before, after):
+    """Whether an obstacle is between two States."""
+    if effect is None:
+        return False
+    if effect.scene.kind.size == 0:
+        return False
+    return passes_through(effect.scene, system.lengths, before.strains, before.rotations,
+                          before.positions, after.rotations, after.positions)
+
+
+@kernel
+def may_block(effect):
+    """Whether anything may be in the way."""
+    if effect is None:
+        return False
+    return effect.scene.kind.size > 0
+
+
 @kernel
 def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, attached):
     """Add the forces of all contacts to `pull` and `attached`; return their potential in J."""
@@ -79,7 +172,6 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
     k = contacts.stiffness
     x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
     frame, offset, second = np.empty((3, 3)), np.zeros(2), np.empty((9, 9))
-    attached.sprung[:] = False
     for o in range(scene.kind.size):
         if is_face(scene, o):
             continue
@@ -99,7 +191,7 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
             force = contacts.node[o, node] - k * gap
             if force > 0.0:
                 energy += 0.5 * force * force / k
-                _push_node(scene, o, node, force, k, rotations[node], offset, normal, bend, second,
+                push_node(scene, o, node, force, k, rotations[node], offset, normal, bend, second,
                            pull, attached)
             energy -= 0.5 * contacts.node[o, node] ** 2 / k
             node = next_touching(lengths, contacts.node[o], node, gap * longest)
@@ -123,125 +215,15 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
         if force > 0.0:
             energy += 0.5 * force * force / k
             if scene.feature[o] == AXIS:
-                _push(c, force, k, contacts.fraction[c] == 0.0, strains[e], frame, normal, bend,
-                      attached)
+                push(c, force, k, contacts.fraction[c] == 0.0, strains[e], frame, normal, bend,
+                     attached)
             else:
                 gap_at(scene, o, frame, x, 0.0, offset, x.copy(), normal, bend)
-                _push_beside(scene, o, c, force, k, contacts.fraction[c] == 0.0, strains[e],
-                             frame, offset, normal, bend, second, attached)
+                push_beside(scene, o, c, force, k, contacts.fraction[c] == 0.0, strains[e],
+                            frame, offset, normal, bend, second, attached)
         energy -= 0.5 * contacts.multiplier[c] ** 2 / k
     sort_points(attached)
     return energy
-
-
-@kernel
-def _push_node(scene, o, node, force, k, rotation, offset, normal, bend, second, pull, attached):
-    """Add the force and the stiffness of a contact at a node."""
-    beside = attached.node_moment.shape[0] > 0
-    if not attached.sprung[node]:
-        attached.sprung[node] = True
-        attached.spring[node] = 0.0
-        if beside:
-            attached.node_moment[node] = 0.0
-            attached.node_first[node] = 0.0
-            attached.node_matrix[node] = 0.0
-    for i in range(3):
-        pull[node, i] -= force * normal[i]
-    if scene.feature[o] == AXIS:
-        for i in range(3):
-            for j in range(3):
-                attached.spring[node, i, j] += k * normal[i] * normal[j] - force * bend[i, j]
-        return
-    _second(scene, o, False, force, k, normal, rotation, offset, normal, bend, second)
-    for i in range(6):
-        for j in range(6):
-            attached.node_matrix[node, i, j] += second[i, j]
-    _add_moment(force, rotation, offset, normal, attached.node_moment[node],
-                attached.node_first[node])
-
-
-@kernel
-def _push_beside(scene, o, c, force, k, rolls, strain, rotation, offset, normal, bend, second,
-                 attached):
-    """Write the force, moment and stiffness of a contact beside the axis, inside an element."""
-    inside = rolls and 0.0 < attached.fraction[c] < 1.0  # at an end the point does not slide
-    _second(scene, o, inside, force, k, strain, rotation, offset, normal, bend, second)
-    for i in range(3):
-        attached.force[c, i] = -force * normal[i]
-    attached.matrix[c] = second[:6, :6]
-    attached.own[c] = second[6:]
-    _add_moment(force, rotation, offset, normal, attached.moment[c], attached.first[c])
-
-
-@kernel
-def _add_moment(force, rotation, offset, normal, moment, first):
-    """Add what a force -force normal at an offset from the axis does to the frame there."""
-    arm = rotation[:, 1] * offset[0] + rotation[:, 2] * offset[1]
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        moment[i] -= force * (arm[j] * normal[k] - arm[k] * normal[j])
-        for j in range(3):
-            first[i, j] -= force * normal[i] * arm[j]
-
-
-@kernel
-def _second(scene, o, along, force, k, strain, rotation, offset, normal, bend, second):
-    """Fill second (9, 9), the second derivative of the potential of a contact beside the axis.
-
-    By the twist (rotation, displacement) of the frame there and by the element's own strain, on
-    which the slope of an edge depends directly; the part that is not due to the force being
-    carried along.
-
-    Args:
-        along: whether the point slides along the DLO
-    """
-    moves, curves, by = np.empty((3, 3)), np.empty((3, 3)), np.zeros((3, 9))
-    second[:] = 0.0
-    for i in range(3):
-        for j in range(3):
-            second[3 + i, 3 + j] = k * normal[i] * normal[j] - force * bend[i, j]
-    count = sliding(scene, o, along, rotation, strain, offset, normal, bend, moves, curves)
-    for a in range(count):  # change of the slope by coordinate a
-        for i in range(3):
-            j, m = (i + 1) % 3, (i + 2) % 3
-            by[a, i] = moves[a, j] * normal[m] - moves[a, m] * normal[j]
-            for j in range(3):
-                by[a, 3 + i] += bend[i, j] * moves[a, j]
-    if along and scene.feature[o] != NODE_FACE:
-        n0 = n1 = n2 = 0.0
-        for i in range(3):
-            n0 += rotation[i, 0] * normal[i]
-            n1 += rotation[i, 1] * normal[i]
-            n2 += rotation[i, 2] * normal[i]
-        by[count - 1, 6] = offset[0] * n2 - offset[1] * n1
-        by[count - 1, 7] = offset[1] * n0
-        by[count - 1, 8] = -offset[0] * n0
-    for a in range(count):
-        if curves[a, a] <= 0.0:
-            continue
-        for i in range(9):
-            for j in range(9):
-                second[i, j] += force / curves[a, a] * by[a, i] * by[a, j]
-        for other in range(a + 1, count):
-            factor = curves[other, a] / curves[a, a]
-            for j in range(9):
-                by[other, j] -= factor * by[a, j]
-            for j in range(a + 1, count):
-                curves[other, j] -= factor * curves[a, j]
-    _about_the_axis(rotation[:, 1] * offset[0] + rotation[:, 2] * offset[1], second)
-
-
-@kernel
-def _about_the_axis(arm, second):
-    """Change second (9, 9) from displacements of a point to those of the axis, at -arm (3,)."""
-    for r in range(9):
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            second[r, i] += arm[j] * second[r, 3 + k] - arm[k] * second[r, 3 + j]
-    for r in range(9):
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            second[i, r] += arm[j] * second[3 + k, r] - arm[k] * second[3 + j, r]
 
 
 @kernel
@@ -263,27 +245,3 @@ def next_touching(lengths, multiplier, node, gap):
         if way >= gap or node <= last and multiplier[node] > 0.0:
             break
     return node
-
-
-@kernel
-def _push(c, force, k, rolls, strain, rotation, normal, bend, attached):
-    """Write the force and the stiffness of a contact where the DLO's frame is `rotation`."""
-    matrix = attached.matrix[c]
-    for i in range(3):
-        attached.force[c, i] = -force * normal[i]
-        for j in range(3):
-            matrix[3 + i, 3 + j] = k * normal[i] * normal[j] - force * bend[i, j]
-    if not (rolls and 0.0 < attached.fraction[c] < 1.0):
-        return  # at an end the point does not slide
-    _, curve = along_the_dlo(normal, bend, rotation, strain)
-    if curve <= 0.0:
-        return
-    lever = np.empty(6)  # change of dg/ds by rotation and displacement of the frame there
-    for i in range(3):
-        first, second = (i + 1) % 3, (i + 2) % 3
-        lever[i] = rotation[first, 0] * normal[second] - rotation[second, 0] * normal[first]
-        lever[3 + i] = (bend[i, 0] * rotation[0, 0] + bend[i, 1] * rotation[1, 0]
-                        + bend[i, 2] * rotation[2, 0])
-    for i in range(6):
-        for j in range(6):
-            matrix[i, j] += force / curve * lever[i] * lever[j]

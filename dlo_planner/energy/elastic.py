@@ -1,24 +1,86 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Bending and torsion, Eq. 2b, 2c: quadratic in the deviation from the natural strains."""
+"""Bending and torsion, Eq. 2b, 2c: quadratic in the deviation from the natural strains.
+
+Of a DLO that yields this is the part that never does; `energy.plastic` has the rest.
+"""
+
+import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.ritz.record import Record, makes
+
+
+class Elastic(Record):
+    """What is elastic of a DLO.
+
+    Attributes:
+        part: (3,) of the stiffness that never yields, all of it where nothing yields
+        couple: (N, 3) moments that pull at the strains, N m; (0, 3): none
+    """
+
+    part: np.ndarray
+    couple: np.ndarray
+
+
+@makes(Elastic)
+@kernel
+def _new_elastic(part, couple):
+    return Elastic(part, couple)
+
+
+def elastic_alone() -> Elastic:
+    """Return the Elastic of a DLO that never yields."""
+    return Elastic(np.ones(3), np.zeros((0, 3)))
+
+
+def with_couples(elastic: Elastic, couple: np.ndarray) -> Elastic:
+    """Return an Elastic at whose strains the moments `couple` (N, 3) in N m pull as well."""
+    known = elastic.couple if len(elastic.couple) else np.zeros_like(couple)
+    return elastic._replace(couple=known + couple)
+
+
+def hinged(effect: Elastic, _: float) -> Elastic:
+    """Return the same with one more element before the first."""
+    return effect._replace(couple=np.concatenate([effect.couple[:1] * 0.0, effect.couple]))
 
 
 @kernel
-def add_elastic(lengths, strains, natural, stiffness, gradient):
-    """Add dW/du (N, 3) to `gradient` and return W = sum of h K (u - natural)^2 / 2, in J.
-
-    Args:
-        lengths: (N,) m
-        strains, natural: (N, 3) 1/m
-        stiffness: (N, 3) GJ, EI_n, EI_b in N m^2
-    """
+def add_forces(effect, system, state):
+    """Add dW/du to `state.slope`; return W in J, twice: it is its own rounding scale."""
+    lengths, natural, stiffness = system.lengths, system.natural, system.stiffness
+    strains, slope, part, couple = state.strains, state.slope, effect.part, effect.couple
     energy = 0.0
     for e in range(lengths.size):
         for i in range(3):
-            deviation = strains[e, i] - natural[e, i]
-            moment = lengths[e] * stiffness[e, i] * deviation
-            gradient[e, i] += moment
-            energy += 0.5 * moment * deviation
+            away = strains[e, i] - natural[e, i]
+            moment = part[i] * (lengths[e] * stiffness[e, i] * away)
+            slope[e, i] += moment
+            energy += 0.5 * moment * away
+    for e in range(couple.shape[0]):
+        for i in range(3):
+            slope[e, i] -= lengths[e] * couple[e, i]
+            energy -= lengths[e] * couple[e, i] * (strains[e, i] - natural[e, i])
+    return energy, energy
+
+
+@kernel
+def add_stiffness(effect, system, state, diagonal):
+    """Add d2W by the scaled strains to diagonal (N, 3, 3)."""
+    lengths, stiffness, scale, part = system.lengths, system.stiffness, system.scale, effect.part
+    for e in range(lengths.size):
+        for i in range(3):
+            diagonal[e, i, i] += part[i] * (lengths[e] * stiffness[e, i] * scale[e, i] ** 2)
+
+
+@kernel
+def stored(effect, system, strains):
+    """Return the energy that strains (N, 3) store, J."""
+    lengths, natural, stiffness, part = (system.lengths, system.natural, system.stiffness,
+                                         effect.part)
+    energy = 0.0
+    for e in range(lengths.size):
+        for i in range(3):
+            away = strains[e, i] - natural[e, i]
+            energy += 0.5 * part[i] * (lengths[e] * stiffness[e, i] * away) * away
     return energy

@@ -44,6 +44,22 @@ def _new_hold(target, axes, share, rows, multiplier, stiffness, turn_stiffness):
     return Hold(target, axes, share, rows, multiplier, stiffness, turn_stiffness)
 
 
+def no_hold(stiffness: float, turn_stiffness: float) -> Hold:
+    """Return the Hold of a free end, with springs as of one that is held."""
+    return Hold(np.zeros(3), np.eye(3), np.zeros(3), np.zeros((0, 6)), np.zeros(0), stiffness,
+                turn_stiffness)
+
+
+def holds(effect: Hold | None) -> bool:
+    """Whether anything of the far end is held."""
+    return effect is not None and effect.multiplier.size > 0
+
+
+def needs(effect: Hold) -> dict:
+    """Return what the solver has to provide for."""
+    return {'displaced': holds(effect), 'attached': True, 'rows': effect.multiplier.size}
+
+
 @kernel
 def moved_hold(hold, target, axes, rows):
     """Return the same grip with another target (3,), axes (3, 3) and rows (K, 6)."""
@@ -54,6 +70,8 @@ def moved_hold(hold, target, axes, rows):
 @kernel
 def fill_miss(hold, rotation, position, miss):
     """Fill miss (K,) with c in m, of a free end with rotation (3, 3) at position (3,)."""
+    if hold is None:
+        return
     turned = np.zeros(3)
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -96,16 +114,42 @@ def held_twists(hold, rotation, position, out):
 
 
 @kernel
+def add_forces(effect, system, state):
+    """Write the tip's part of `state.attached`; return the potential in J, and its size."""
+    if effect is None:
+        return 0.0, 0.0
+    energy = 0.0
+    if effect.multiplier.size:
+        last = system.lengths.size
+        energy = add_hold(effect, state.rotations[last], state.positions[last], state.attached)
+    return energy, abs(energy)
+
+
+@kernel
+def noise(effect, system, state, length):
+    """Return forces in N whose relative rounding errors those of the grip have."""
+    if effect is None:
+        return 0.0
+    if effect.multiplier.size == 0:
+        return 0.0
+    return effect.stiffness * length + effect.turn_stiffness / length
+
+
+@kernel
+def fill_rows(effect, rotation, position, out):
+    """Fill out (K, 6) with `held_twists`."""
+    if effect is None:
+        return
+    held_twists(effect, rotation, position, out)
+
+
+@kernel
 def add_hold(hold, rotation, position, attached):
-    """Fill the tip's part of `attached`; return the potential in J.
+    """Add to the tip's part of `attached`; return the potential in J.
 
     Args:
         rotation: (3, 3), position: (3,) of the free end
     """
-    attached.tip_force[:] = 0.0
-    attached.tip_moment[:] = 0.0
-    attached.tip_first[:] = 0.0
-    attached.tip_matrix[:] = 0.0
     moment, couple = np.zeros(3), np.empty(3)
     energy = 0.0
     for row in range(hold.multiplier.size):

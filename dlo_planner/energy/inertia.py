@@ -10,22 +10,68 @@ over the nodes; the integrator (`direct.dynamics`) says where the anchors are an
 The section's own rotational inertia is neglected (of order (d/L)^2).
 """
 
+import numpy as np
+
 from dlo_planner.kernels import kernel
+from dlo_planner.ritz.record import Record, makes
+
+
+class Anchor(Record):
+    """Where the masses of the nodes are drawn to.
+
+    Attributes:
+        place: (N + 1, 3) relative to the gripper, m; (0, 3) without inertia
+        weight: (N + 1,) how strongly, N/m; (0,) without inertia
+    """
+
+    place: np.ndarray
+    weight: np.ndarray
+
+
+@makes(Anchor)
+@kernel
+def _new_anchor(place, weight):
+    return Anchor(place, weight)
+
+
+def no_anchor() -> Anchor:
+    """Return the Anchor of a DLO at rest."""
+    return Anchor(np.zeros((0, 3)), np.zeros(0))
+
+
+def needs(effect: Anchor) -> dict:
+    """Return what the solver has to provide for."""
+    return {'displaced': effect.weight.size > 0}
+
+
+def hinged(effect: Anchor, _: float) -> Anchor:
+    """Return the same with one more element before the first."""
+    return Anchor(*(np.concatenate([0.0 * one[:1], one]) for one in (effect.place, effect.weight)))
 
 
 @kernel
-def add_anchor(anchor, weight, positions, pull):
-    """Add dW/dx (N + 1, 3) to `pull` and return W in J.
-
-    Args:
-        anchor: (N + 1, 3) m, or (0, 3) without inertia
-        weight: (N + 1,) N/m, or (0,)
-        positions: (N + 1, 3) m
-    """
+def add_forces(effect, system, state):
+    """Add dW/dx to `state.pull` and d2W to `state.weight`; return W in J, twice."""
+    if effect is None:
+        return 0.0, 0.0
+    anchor, weight = effect.place, effect.weight
+    positions, pull, total = state.positions, state.pull, state.weight
     energy = 0.0
     for k in range(weight.size):
+        total[k] += weight[k]
         for i in range(3):
             away = positions[k, i] - anchor[k, i]
             pull[k, i] += weight[k] * away
             energy += 0.5 * weight[k] * away * away
-    return energy
+    return energy, energy
+
+
+@kernel
+def noise(effect, system, state, length):
+    """Return forces in N whose relative rounding errors the nodes' forces have."""
+    forces = 0.0
+    if effect is None:
+        return forces
+    for k in range(effect.weight.size):
+        forces += effect.weight[k] * length
+    return forces

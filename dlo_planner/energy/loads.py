@@ -5,6 +5,44 @@
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.ritz.record import Record, makes
+
+
+class Load(Record):
+    """Forces on the nodes that turn no way with the DLO.
+
+    Attributes:
+        pull: (N + 1, 3) derivative of their potential by the node positions, N: minus the forces
+    """
+
+    pull: np.ndarray
+
+
+@makes(Load)
+@kernel
+def _new_load(pull):
+    return Load(pull)
+
+
+def hinged(effect: Load, _: float) -> Load:
+    """Return the same with one more element before the first."""
+    return Load(np.concatenate([0.0 * effect.pull[:1], effect.pull]))
+
+
+@kernel
+def add_forces(effect, system, state):
+    """Add the loads to `state.pull`; return `dead_load`."""
+    pull, total = effect.pull, state.pull
+    for k in range(pull.shape[0]):
+        for i in range(3):
+            total[k, i] += pull[k, i]
+    return dead_load(pull, state.positions)
+
+
+@kernel
+def potential(effect, system, positions):
+    """Return the potential in J of a DLO at positions (N + 1, 3), world, m."""
+    return dead_load(effect.pull, positions)[0]
 
 
 def node_masses(rod, s):

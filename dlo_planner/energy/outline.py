@@ -19,12 +19,6 @@ _FREE = 1.0 - 1e-9  # of the half size: an offset beyond is at the section's edg
 
 
 @kernel
-def has_section(scene):
-    """Return whether anything but the axis of the DLO may touch."""
-    return np.any(scene.feature != AXIS)
-
-
-@kernel
 def is_face(scene, o):
     """Return whether body `o` is for a face, which is watched at chosen points only."""
     return scene.feature[o] >= FACE

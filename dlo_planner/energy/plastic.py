@@ -6,8 +6,8 @@ A section is a bundle of springs that share its stiffness: fibers, which bending
 proportion to their heights over the neutral axis, and layers, which torsion shears. Each is elastic
 and ideally plastic with its own threshold (Besseling 1958, Iwan 1967). The paper's model is one
 spring for torsion and, for curvature as a vector, an ellipse of thresholds that all of the section
-leaves at once; it flows so that the energy used up is least. Besides, a part that never yields:
-hardening.
+leaves at once; it flows so that the energy used up is least. What never yields (hardening) is
+`energy.elastic`'s.
 
 With the strains of this step u and the set of the steps before p (Eq. of 3.2.2, D_new = u - p),
 W(u) is the energy stored plus the energy newly lost: its minimum is the step's solution, and its
@@ -32,8 +32,6 @@ class Layers(Record):
         share: (J,) of the stiffness of its kind
         kind: (J,) 0 torsion, 1 curvature about n, 2 about b, SHARED both
         strength: (N, 4) stiffness of each kind, N m^2
-        firm: (3,) part of the stiffness that never yields
-        couple: (N, 3) moments that pull at the strains, whatever yields, N m
         ellipse: (2,) curvatures about n and b at which what is not firm yields, if no spring bears
             bending, 1/m; else (0,)
         set: (N, J) plastic strain of each spring in each element, 1/m; with an ellipse (N, J + 2),
@@ -45,16 +43,29 @@ class Layers(Record):
     share: np.ndarray
     kind: np.ndarray
     strength: np.ndarray
-    firm: np.ndarray
-    couple: np.ndarray
     ellipse: np.ndarray
     set: np.ndarray
 
 
 @makes(Layers)
 @kernel
-def _new_layers(direction, limit, share, kind, strength, firm, couple, ellipse, set):
-    return Layers(direction, limit, share, kind, strength, firm, couple, ellipse, set)
+def _new_layers(direction, limit, share, kind, strength, ellipse, set):
+    return Layers(direction, limit, share, kind, strength, ellipse, set)
+
+
+def yields(effect: Layers | None) -> bool:
+    """Whether a DLO with these Layers, or None, yields anywhere."""
+    return effect is not None and effect.share.size > 0
+
+
+def hinged(effect: Layers, part: float) -> Layers:
+    """Return the same with one more element before the first, of a `part` of that one's strength.
+
+    It is set to nothing.
+    """
+    strength = np.concatenate([part * effect.strength[:1], effect.strength])
+    return effect._replace(strength=strength,
+                           set=np.concatenate([0.0 * effect.set[:1], effect.set]))
 
 
 @kernel
@@ -98,10 +109,33 @@ def _within(strain, limit):
 
 
 @kernel
-def add_plastic(lengths, strains, natural, stiffness, layers, gradient):
+def add_forces(effect, system, state):
+    """Add dW/du to `state.slope`; return W, stored and newly lost, in J, twice."""
+    if effect is None:
+        return 0.0, 0.0
+    energy = 0.0
+    if effect.share.shape[0]:
+        energy = add_plastic(system.lengths, state.strains, system.natural, effect, state.slope)
+    return energy, energy
+
+
+@kernel
+def add_stiffness(effect, system, state, diagonal):
+    """Add d2W by the scaled strains to diagonal (N, 3, 3)."""
+    if effect is None:
+        return
+    if effect.share.shape[0]:
+        add_plastic_stiffness(system.lengths, state.strains, system.natural, effect, system.scale,
+                              diagonal)
+
+
+@kernel
+def add_plastic(lengths, strains, natural, layers, gradient):
     """Add dW/du (N, 3) to `gradient` and return W, stored and newly lost, in J.
 
-    Args: as `energy.elastic.add_elastic`, and `layers`, a Layers.
+    Args:
+        lengths: (N,) m; strains, natural: (N, 3) 1/m
+        layers: Layers
     """
     energy = 0.0
     direction, limit, share, kind = layers.direction, layers.limit, layers.share, layers.kind
@@ -125,25 +159,11 @@ def add_plastic(lengths, strains, natural, stiffness, layers, gradient):
         gradient[e, 1] += h * m1
         gradient[e, 2] += h * m2
         energy += h * density
-        energy += _add_firm(e, h, strains, natural, stiffness, layers, gradient)
         if layers.ellipse.size > 0:
             k1, k2, x1, x2, e1, e2, _ = _in_ellipse(e, d1, d2, layers)
             gradient[e, 1] += h * k1 * e1
             gradient[e, 2] += h * k2 * e2
             energy += h * (k1 * e1 * (x1 - 0.5 * e1) + k2 * e2 * (x2 - 0.5 * e2))
-    return energy
-
-
-@kernel
-def _add_firm(e, h, strains, natural, stiffness, layers, gradient):
-    """Add the moment of what never yields in element e, and return its energy."""
-    energy = 0.0
-    for i in range(3):
-        away = strains[e, i] - natural[e, i]
-        moment = layers.firm[i] * stiffness[e, i] * away
-        couple = layers.couple[e, i]
-        gradient[e, i] += h * (moment - couple)
-        energy += h * away * (0.5 * moment - couple)
     return energy
 
 
@@ -158,16 +178,15 @@ def _in_ellipse(e, d1, d2, layers):
 
 
 @kernel
-def add_plastic_stiffness(lengths, strains, natural, stiffness, layers, scale, diagonal):
+def add_plastic_stiffness(lengths, strains, natural, layers, scale, diagonal):
     """Add d2W by the scaled strains to diagonal (N, 3, 3), scale: (N, 3)."""
     direction, limit, share, kind = layers.direction, layers.limit, layers.share, layers.kind
-    strength, known, firm = layers.strength, layers.set, layers.firm
+    strength, known = layers.strength, layers.set
     for e in range(lengths.size):
         d0 = strains[e, 0] - natural[e, 0]
         d1 = strains[e, 1] - natural[e, 1]
         d2 = strains[e, 2] - natural[e, 2]
-        k00, k11 = firm[0] * stiffness[e, 0], firm[1] * stiffness[e, 1]
-        k22, k12 = firm[2] * stiffness[e, 2], 0.0
+        k00 = k11 = k22 = k12 = 0.0
         for j in range(limit.size):
             a0, a1, a2 = direction[j]
             if abs(a0 * d0 + a1 * d1 + a2 * d2 - known[e, j]) <= limit[j]:

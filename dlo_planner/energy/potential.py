@@ -1,25 +1,31 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The total potential as a function of the unknowns: the list of terms, and nothing else.
+"""The total potential as a function of the unknowns: the sum over all effects, and its derivatives.
 
 Unknowns q (m, 3): per component of strain the coefficients of an orthonormal basis (Ritz), or one
 value per element (local), scaled so that the elastic energy is |q|^2 / 2 (in J).
 """
 
+from typing import Any
+
 import numpy as np
 
-from dlo_planner.energy.contact import Contacts, add_contacts
-from dlo_planner.energy.distance import Scene
-from dlo_planner.energy.elastic import add_elastic
-from dlo_planner.energy.hold import Hold, add_hold
-from dlo_planner.energy.inertia import add_anchor
-from dlo_planner.energy.loads import dead_load
-from dlo_planner.energy.outline import has_section
-from dlo_planner.energy.plastic import Layers, add_plastic, add_plastic_stiffness
+from dlo_planner.energy.effects import (
+    EFFECTS,
+    Effects,
+    Needs,
+    add_forces,
+    add_stiffness,
+    needs_of,
+    width,
+    with_hold,
+)
 from dlo_planner.kernels import kernel
-from dlo_planner.ritz.kinematics import Attached, add_gradient, march, nothing_attached
+from dlo_planner.ritz.arrays import copy
+from dlo_planner.ritz.kinematics import Attached, add_gradient, cleared, march, new_attached
 from dlo_planner.ritz.record import Record, makes
-from dlo_planner.ritz.second_order import add_stiffness, second_order
+from dlo_planner.ritz.second_order import second_order
+from dlo_planner.ritz.springs import widened
 
 _HINGE = 1e-20  # of the stiffness of the DLO: that of a hinge is below
 
@@ -27,18 +33,16 @@ _HINGE = 1e-20  # of the stiffness of the DLO: that of a hinge is below
 class System(Record):
     """A discretized DLO in a gripper: plain arrays, as the kernels want them.
 
+    For Python an effect, or a field of one, is an attribute as well; `_replace` takes them, too.
+
     Attributes:
         lengths: (N,) of the elements, m
         natural: (N, 3) stress-free strains, 1/m
         stiffness: (N, 3) GJ, EI_n, EI_b, N m^2
         scale: (N, 3) strain = natural + scale * (basis @ q, or q itself)
         basis: (N, N_c) orthonormal basis at the elements; (N, 0) = local
-        pull: (N + 1, 3) derivative of the dead loads' potential by the node positions, N
-        base: (3, 3) the gripper's rotation
-        anchor: (N + 1, 3) relative to the gripper, m, and anchor_weight: (N + 1,) N/m: see
-            `energy.inertia`; both empty in statics
-        layers: see `energy.plastic`; hold: `energy.hold`; scene: `energy.distance`; contacts:
-            `energy.contact`; each empty without its effect
+        base: (3, 3) the gripper's rotation; origin: (3,) its position, m
+        effects: Effects, what acts on it; needs: what they need of the solver
         near: (m, 3) unknowns to which a weak spring of strength `tie` keeps, tie |q - near|^2 / 2,
             a device of the minimizer; (0, 3) without
     """
@@ -48,24 +52,50 @@ class System(Record):
     stiffness: np.ndarray
     scale: np.ndarray
     basis: np.ndarray
-    pull: np.ndarray
     base: np.ndarray
-    anchor: np.ndarray
-    anchor_weight: np.ndarray
-    layers: Layers
-    hold: Hold
-    scene: Scene
-    contacts: Contacts
+    origin: np.ndarray
+    effects: Effects
+    needs: Needs
     near: np.ndarray
     tie: float
+
+    def __getattr__(self, name: str) -> Any:
+        """Read a field, an effect, or a field of an effect."""
+        if name in self.FIELDS or name.startswith('_'):
+            return super().__getattr__(name)
+        if name in EFFECTS:
+            return getattr(self.effects, name)
+        return getattr(getattr(self.effects, self._owner(name)), name)
+
+    def _owner(self, name: str) -> str:
+        """Return the name of the effect with a field."""
+        for effect in EFFECTS:
+            if name in getattr(getattr(self.effects, effect), 'FIELDS', ()):
+                return effect
+        raise AttributeError(f'{name}: nothing that acts on this System has it')
+
+    def _replace(self, **changes: Any) -> 'System':
+        """Return the same System with other values of some fields, effects, fields of effects."""
+        fields = {name: changes.pop(name) for name in tuple(changes) if name in self.FIELDS}
+        effects = {name: changes.pop(name) for name in tuple(changes) if name in EFFECTS}
+        for name, value in changes.items():
+            owner = self._owner(name)
+            effects[owner] = effects.get(owner, getattr(self.effects, owner))._replace(
+                **{name: value})
+        if effects:
+            fields['effects'] = fields.get('effects', self.effects)._replace(**effects)
+        if 'effects' in fields:
+            nodes = len(fields.get('lengths', self.lengths)) + 1
+            fields['needs'] = needs_of(fields['effects'], nodes)
+        return super()._replace(**fields)
 
 
 @makes(System)
 @kernel
-def _new_system(lengths, natural, stiffness, scale, basis, pull, base, anchor, anchor_weight,
-                layers, hold, scene, contacts, near, tie):
-    return System(lengths, natural, stiffness, scale, basis, pull, base, anchor, anchor_weight,
-                  layers, hold, scene, contacts, near, tie)
+def _new_system(lengths, natural, stiffness, scale, basis, base, origin, effects, needs, near,
+                tie):
+    return System(lengths, natural, stiffness, scale, basis, base, origin, effects, needs, near,
+                  tie)
 
 
 class State(Record):
@@ -76,9 +106,11 @@ class State(Record):
         strains: (N, 3); rotations: (N + 1, 3, 3); positions: (N + 1, 3), relative to the gripper
         slope: (N, 3) derivative of the potential by the scaled strains
         pull: (N + 1, 3) derivative of the potential by the node positions
+        weight: (N + 1,) its second derivative where that is the same in all directions, N/m; (0,)
+            where displacements do not matter
         base_force, base_moment: (3,) derivative of the potential by displacement and rotation of
             the gripper
-        attached: what acts elsewhere than on the nodes
+        attached: what acts elsewhere than on the nodes; None: nothing
     """
 
     q: np.ndarray
@@ -88,31 +120,33 @@ class State(Record):
     positions: np.ndarray
     slope: np.ndarray
     pull: np.ndarray
+    weight: np.ndarray
     base_force: np.ndarray
     base_moment: np.ndarray
-    attached: Attached
+    attached: Attached | None
+
+
+def tip_wrench(state: State) -> np.ndarray:
+    """Return (6,) derivative of the potential by displacement and rotation of the free end."""
+    attached = state.attached
+    if attached is None:
+        return np.zeros(6)
+    return np.concatenate([attached.tip_force, attached.tip_moment])
 
 
 @kernel
-def turned_system(system, base):
-    """Return the same system in a gripper with rotation `base` (3, 3)."""
+def turned_system(system, base, origin):
+    """Return the same system in a gripper with rotation `base` (3, 3) at `origin` (3,)."""
     return System(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
-                  system.pull, base, system.anchor, system.anchor_weight, system.layers,
-                  system.hold, system.scene, system.contacts, system.near, system.tie)
+                  base, origin, system.effects, system.needs, system.near, system.tie)
 
 
 @kernel
 def regripped_system(system, base, hold):
     """Return the same system in a gripper with rotation `base` (3, 3), its far end in `hold`."""
     return System(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
-                  system.pull, base, system.anchor, system.anchor_weight, system.layers,
-                  hold, system.scene, system.contacts, system.near, system.tie)
-
-
-@kernel
-def twists_count(system):
-    """Return whether displacements of what lies beyond an element matter, not only rotations."""
-    return (system.anchor_weight.size + system.hold.multiplier.size + system.scene.kind.size) > 0
+                  base, system.origin, with_hold(system.effects, hold), system.needs, system.near,
+                  system.tie)
 
 
 @kernel
@@ -146,28 +180,45 @@ def new_state(system):
     n = system.lengths.size
     m = unknown_count(system)
     return State(np.zeros((m, 3)), np.zeros((m, 3)), np.empty((n, 3)), np.empty((n + 1, 3, 3)),
-                 np.empty((n + 1, 3)), np.empty((n, 3)), np.empty((n + 1, 3)), np.empty(3),
-                 np.empty(3), nothing_attached(n + 1 if system.scene.kind.size else 0,
-                                               system.contacts.element,
-                                               has_section(system.scene)))
+                 np.empty((n + 1, 3)), np.empty((n, 3)), np.empty((n + 1, 3)),
+                 np.zeros(n + 1 if width(system.needs.displaced) == 6 else 0), np.empty(3),
+                 np.empty(3), new_attached(system.needs.attached))
 
 
 @kernel
 def unknowns_of(system, strains, q):
     """Fill q (m, 3) with the unknowns whose strains are nearest to `strains` (N, 3)."""
-    values = (strains - system.natural) / system.scale
-    if system.basis.shape[1] > 0:
-        for e in range(system.lengths.size):
-            values[e] *= system.lengths[e]
+    natural, scale, lengths = system.natural, system.scale, system.lengths
+    series = system.basis.shape[1] > 0
+    values = np.empty(natural.shape)
+    for e in range(lengths.size):
+        for i in range(3):
+            values[e, i] = (strains[e, i] - natural[e, i]) / scale[e, i]
+            if series:
+                values[e, i] *= lengths[e]
     project(system.basis, values, q)
 
 
 @kernel
 def _strains_of(system, q, strains):
-    natural, scale, basis = system.natural, system.scale, system.basis
+    natural, scale = system.natural, system.scale
+    values = at_elements(system.basis, q)
     for e in range(natural.shape[0]):
         for i in range(3):
-            strains[e, i] = natural[e, i] + scale[e, i] * at_element(basis, q, e, i)
+            strains[e, i] = natural[e, i] + scale[e, i] * values[e, i]
+
+
+@kernel
+def at_elements(basis, q):
+    """Return the unknowns q (m, 3) at all elements (N, 3): q itself, or the series' values."""
+    values = q
+    if basis.shape[1]:
+        values = np.zeros((basis.shape[0], 3))
+        for e in range(basis.shape[0]):
+            for j in range(basis.shape[1]):
+                for i in range(3):
+                    values[e, i] += basis[e, j] * q[j, i]
+    return values
 
 
 @kernel(inline='always')
@@ -183,32 +234,23 @@ def at_element(basis, q, e, i):
 
 @kernel
 def evaluate(system, state):
-    """Refill `state` for its q; return the potential and the size of its rounding errors, in J.
-
-    A new effect (a file of this folder) adds its energy and its derivatives here.
-    """
-    n = system.lengths.size
+    """Refill `state` for its q; return the potential and the size of its rounding errors, in J."""
+    lengths, scale, slope, pull = system.lengths, system.scale, state.slope, state.pull
+    n = lengths.size
     _strains_of(system, state.q, state.strains)
-    march(system.lengths, state.strains, system.base, state.rotations, state.positions)
-    state.slope[:] = 0.0
-    if system.layers.share.shape[0]:
-        elastic = add_plastic(system.lengths, state.strains, system.natural, system.stiffness,
-                              system.layers, state.slope)
-    else:
-        elastic = add_elastic(system.lengths, state.strains, system.natural, system.stiffness,
-                              state.slope)
-    state.pull[:] = system.pull
-    load, size = dead_load(system.pull, state.positions)
-    other = add_anchor(system.anchor, system.anchor_weight, state.positions, state.pull)
-    if system.hold.multiplier.size:
-        other += add_hold(system.hold, state.rotations[n], state.positions[n], state.attached)
-    if system.scene.kind.size:
-        other += add_contacts(system.scene, system.contacts, system.lengths, state.strains,
-                              state.rotations, state.positions, state.pull, state.attached)
-    state.base_force[:], state.base_moment[:] = add_gradient(
-        system.lengths, state.strains, state.rotations, state.positions, state.pull,
-        state.attached, state.slope)
-    slope, scale = state.slope, system.scale
+    march(lengths, state.strains, system.base, state.rotations, state.positions)
+    for e in range(n):
+        for i in range(3):
+            slope[e, i] = 0.0
+            pull[e, i] = 0.0
+    for i in range(3):
+        pull[n, i] = 0.0
+    for k in range(state.weight.size):
+        state.weight[k] = 0.0
+    cleared(state.attached)
+    energy, size = add_forces(system.effects, system, state)
+    add_gradient(lengths, state.strains, state.rotations, state.positions, pull, state.attached,
+                 slope, state.base_force, state.base_moment)
     for e in range(n):
         for i in range(3):
             slope[e, i] *= scale[e, i]
@@ -217,8 +259,9 @@ def evaluate(system, state):
         for i in range(3):
             away = state.q[j, i] - system.near[j, i]
             state.gradient[j, i] += system.tie * away
-            other += 0.5 * system.tie * away * away
-    return elastic + load + other, 2e-16 * (elastic + size + abs(other))
+            energy += 0.5 * system.tie * away * away
+            size += 0.5 * system.tie * away * away
+    return energy, 2e-16 * size
 
 
 @kernel
@@ -226,9 +269,11 @@ def project(basis, values, out):
     """Fill out (m, 3) with the sum over the elements of basis times values (N, 3)."""
     n, terms = basis.shape
     if terms == 0:
-        out[:] = values
+        copy(values, out)
         return
-    out[:] = 0.0
+    for j in range(terms):
+        for i in range(3):
+            out[j, i] = 0.0
     for e in range(n):
         for j in range(terms):
             for i in range(3):
@@ -236,29 +281,20 @@ def project(basis, values, out):
 
 
 @kernel
-def element_hessian(system, state, turning, cross, diagonal):
+def element_hessian(system, state, turning, cross, diagonal, base):
     """Fill the semi-separable Hessian by the scaled strains (see `ritz.kinematics`).
 
     The blocks have 3 rows (columns) in statics, where only the rotation of what lies beyond
     counts, and 6 where its displacement matters as well.
 
-    Returns the (3, 3) change of the dead loads' moment on the gripper per rotation of it.
+    Args:
+        base: (3, 3) filled: change of the dead loads' moment on the gripper per rotation of it
     """
-    base = second_order(system.lengths, state.strains, system.scale, state.rotations,
-                        state.positions, state.pull, state.attached, turning, cross, diagonal)
-    if turning.shape[1] > 3:
-        add_stiffness(system.lengths, state.strains, system.scale, state.rotations,
-                      state.positions, system.anchor_weight, state.attached, turning, cross,
-                      diagonal)
-    if system.layers.share.shape[0]:
-        add_plastic_stiffness(system.lengths, state.strains, system.natural, system.stiffness,
-                              system.layers, system.scale, diagonal)
-        return base
-    lengths, stiffness, scale = system.lengths, system.stiffness, system.scale
-    for e in range(lengths.size):
-        for i in range(3):
-            diagonal[e, i, i] += lengths[e] * stiffness[e, i] * scale[e, i] ** 2
-    return base
+    second_order(system.lengths, state.strains, system.scale, state.rotations, state.positions,
+                 state.pull, state.attached, turning, cross, diagonal, base)
+    widened(system.needs.displaced, system.lengths, state.strains, system.scale, state.rotations,
+            state.positions, state.weight, state.attached, turning, cross, diagonal)
+    add_stiffness(system.effects, system, state, diagonal)
 
 
 def placed(system, strains):

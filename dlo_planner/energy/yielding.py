@@ -1,14 +1,22 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the section of a rod consists of where it yields: the springs of `energy.plastic`."""
+"""What the section of a rod consists of: `energy.elastic`, and springs of `energy.plastic`."""
 
 import numpy as np
 
+from dlo_planner.energy.elastic import Elastic, elastic_alone
 from dlo_planner.energy.plastic import SHARED, Layers
 from dlo_planner.model.fibers import fibers, layers
 
 _SAME = 1e-9  # of the stiffness: as near as two axes of one section are
 _PROBES = 33  # nodes where a stiffness that varies is compared
+
+
+def elastic_part(rod):
+    """Return the Elastic of a Rod."""
+    if not rod.yields:
+        return elastic_alone()
+    return Elastic(np.full(3, float(rod.hardening)), np.zeros((0, 3)))
 
 
 def yielding_layers(rod, stiffness):
@@ -30,8 +38,7 @@ def yielding_layers(rod, stiffness):
         else:
             springs += _bending(rod, strength)
     direction, limit, share, kind = map(np.concatenate, zip(_NONE, *springs, strict=True))
-    return Layers(direction, limit, share, kind, (1 - hardening) * strength,
-                  np.full(3, hardening), np.zeros((elements, 3)), ellipse,
+    return Layers(direction, limit, share, kind, (1 - hardening) * strength, ellipse,
                   np.zeros((elements, limit.size + ellipse.size)))
 
 

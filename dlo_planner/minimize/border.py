@@ -10,7 +10,7 @@ is solved with answers H^-1 A^T, found one by one, and the inverse of A H^-1 A^T
 
 import numpy as np
 
-from dlo_planner.energy.hold import held_twists
+from dlo_planner.energy.effects import fill_rows
 from dlo_planner.energy.potential import project
 from dlo_planner.kernels import kernel
 
@@ -18,34 +18,38 @@ _NEVER = 1e-14  # of the largest: the eigenvalue of a direction in which nothing
 
 
 @kernel
-def fill_border(system, state, hessian):
+def fill_border(system, state, hessian, border):
     """Fill the derivatives of what is held of the far end by the unknowns."""
-    n, held = system.lengths.size, hessian.border.shape[0]
+    if border is None:
+        return
+    n, held = system.lengths.size, border.rows.shape[0]
+    if held == 0:
+        return
     twists, values = np.empty((held, 6)), np.zeros((n, 3))
-    held_twists(system.hold, state.rotations[n], state.positions[n], twists)
+    fill_rows(system.effects, state.rotations[n], state.positions[n], twists)
     for row in range(held):
         for e in range(n):
             for i in range(3):
                 values[e, i] = 0.0
                 for k in range(6):
                     values[e, i] += hessian.turning[e, k, i] * twists[row, k]
-        project(system.basis, values, hessian.border[row])
+        project(system.basis, values, border.rows[row])
 
 
 @kernel
-def complement(hessian):
-    """Fill hessian.schur from its answers; return how many eigenvalues of its inverse are negative.
+def complemented(border):
+    """Fill border.schur from its answers; return how many eigenvalues of its inverse are negative.
 
     As many of those of H are not of what the grip leaves free (Haynsworth). Where a number
     overflowed, the factorization is of no use: it returns less than there can be.
     """
-    negative, held = 0, hessian.border.shape[0]
-    schur = hessian.schur
+    negative, held = 0, border.rows.shape[0]
+    schur = border.schur
     for row in range(held):
         for other in range(row + 1):
-            schur[row, other] = dot(hessian.border[row], hessian.answers[other])
+            schur[row, other] = dot(border.rows[row], border.answers[other])
             schur[other, row] = schur[row, other]
-        schur[row, row] += hessian.give[0]
+        schur[row, row] += border.give[0]
     if not np.isfinite(schur).all():
         schur[:] = 0.0
         return -held - 1
@@ -64,18 +68,29 @@ def complement(hessian):
 
 
 @kernel
-def keep(hessian, out, reaction):
+def kept(border, out):
+    """Correct the solution `out` (m, 3) without the grip, which is not missed."""
+    if border is None:
+        return
+    if border.rows.shape[0]:
+        keep(border, out, np.zeros(border.rows.shape[0]))
+
+
+@kernel
+def keep(border, out, reaction):
     """Correct the solution `out` (m, 3) without the grip; `reaction` (K,): in the miss."""
+    if border is None:
+        return
     held = reaction.size
     miss = np.empty(held)
     for row in range(held):
-        miss[row] = reaction[row] + dot(hessian.border[row], out)
+        miss[row] = reaction[row] + dot(border.rows[row], out)
     for row in range(held):
         reaction[row] = 0.0
         for other in range(held):
-            reaction[row] += hessian.schur[row, other] * miss[other]
+            reaction[row] += border.schur[row, other] * miss[other]
     for row in range(held):
-        add_to(out, -reaction[row], hessian.answers[row])
+        add_to(out, -reaction[row], border.answers[row])
 
 
 @kernel

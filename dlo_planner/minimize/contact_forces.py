@@ -38,7 +38,7 @@ def move_multipliers(system, state, table, share):
             shear[a] = state.attached.force[table.rubbing[a]]
     used = (share > 0.0 and table.gap.size > 0
             and _solved(system, state, table, share, normal, shear))
-    contacts, friction = system.contacts, system.scene.friction
+    contacts, friction = system.effects.contact.contacts, system.effects.contact.scene.friction
     contacts.node[:] = 0.0
     for c in range(contacts.element.size):
         if contacts.obstacle[c] >= 0:
@@ -62,7 +62,7 @@ def move_multipliers(system, state, table, share):
 @kernel
 def _solved(system, state, table, share, normal, shear):
     """Move normal (A,) and shear (A, 3) towards the linearized laws' forces; return if done."""
-    hessian = new_hessian(system)
+    hessian, contacts = new_hessian(system), system.effects.contact.contacts
     assemble(system, state, hessian)
     if factorize(system, hessian, 0.0) > 0:
         return False
@@ -79,7 +79,7 @@ def _solved(system, state, table, share, normal, shear):
     shift = np.zeros(size)  # of the limits, to those of the multipliers as they are
     for a in range(count):
         if table.rubbing[a] >= 0 and laws[first[a] + 1, 0] > 0.0:
-            shift[first[a] + 1] = laws[first[a] + 1, 2] * system.contacts.stiffness * table.gap[a]
+            shift[first[a] + 1] = laws[first[a] + 1, 2] * contacts.stiffness * table.gap[a]
     gradient = state.gradient.copy().reshape(-1)
     free = np.empty(size)
     for i in range(size):
@@ -92,12 +92,12 @@ def _solved(system, state, table, share, normal, shear):
     for i in range(size):
         if not abs(free[i] - np.sum(reaction[i] * change)) < farthest:
             return False
-    k = system.contacts.stiffness
+    k = system.effects.contact.contacts.stiffness
     for a in range(count):
         i = first[a]
         normal[a] += share * (k * table.gap[a] + change[i])
         if table.rubbing[a] >= 0:
-            wanted = (system.contacts.shear[table.rubbing[a]] + change[i + 1] * axes[i + 1]
+            wanted = (contacts.shear[table.rubbing[a]] + change[i + 1] * axes[i + 1]
                       + change[i + 2] * axes[i + 2])
             shear[a] += share * (wanted - shear[a])
     return True
@@ -110,7 +110,7 @@ def _linearize(system, state, table, first, axes, laws):
     Laws: in the second row whether it slides, the limit's part of the trial force, mu; in the third
     the multiplier's components along both axes and the trial force.
     """
-    contacts = system.contacts
+    contacts = system.effects.contact.contacts
     rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
     for a in range(table.gap.size):
         i, c = first[a], table.rubbing[a]
@@ -135,7 +135,7 @@ def _linearize(system, state, table, first, axes, laws):
                               - n[(j + 2) % 3] * axes[i + 1, (j + 1) % 3])
         laws[i + 1, 0] = 1.0 if slides else 0.0
         laws[i + 1, 1] = limit / size if slides else 1.0
-        laws[i + 1, 2] = system.scene.friction[table.obstacle[a]]
+        laws[i + 1, 2] = system.effects.contact.scene.friction[table.obstacle[a]]
         laws[i + 2, 0] = np.sum(contacts.shear[c] * axes[i + 1])
         laws[i + 2, 1] = np.sum(contacts.shear[c] * axes[i + 2])
         laws[i + 2, 2] = np.sum(trial * axes[i + 1])
@@ -261,7 +261,7 @@ def _equations(system, table, first, laws, reaction, free):
         free: (K,) displacement that the gradient left over makes
     """
     size = free.size
-    k, grip = system.contacts.stiffness, system.contacts.grip
+    k, grip = system.effects.contact.contacts.stiffness, system.effects.contact.contacts.grip
     matrix, right = np.zeros((size, size)), np.empty(size)
     for a in range(table.gap.size):
         i, c = first[a], table.rubbing[a]
@@ -270,7 +270,7 @@ def _equations(system, table, first, laws, reaction, free):
         right[i] = -k * (table.gap[a] + free[i])
         if c < 0:
             continue
-        limit = system.contacts.multiplier[c]
+        limit = system.effects.contact.contacts.multiplier[c]
         along, across, trial = laws[i + 2]
         part = laws[i + 1, 1]
         if laws[i + 1, 0] > 0.0:
@@ -297,8 +297,8 @@ def add_sliding(system, state, hessian, answers):
         hessian: of `system` at `state`, factorized; with the springs of friction alone, which know
             nothing of the forces that the limits depend on
     """
-    contacts, k = system.contacts, system.contacts.stiffness
-    table = touching(system.scene, contacts, system.lengths, state)
+    contacts, k = system.effects.contact.contacts, system.effects.contact.contacts.stiffness
+    table = touching(system.effects.contact.scene, contacts, system.lengths, state)
     first = np.arange(0, 3 * table.gap.size, 3)
     axes, laws = np.zeros((first.size * 3, 3)), np.zeros((first.size * 3, 3))
     _linearize(system, state, table, first, axes, laws)

@@ -24,7 +24,7 @@ def with_friction(system, contacts, state, previous):
         contacts: Contacts in place of the system's
         previous: (N + 1, 6) positions and tangents of the nodes before the step, or (0, 6)
     """
-    scene = system.scene
+    scene = system.effects.contact.scene
     table = touching(scene, contacts, system.lengths, state)
     rubs = scene.friction[table.obstacle] > 0.0
     for a in range(rubs.size):

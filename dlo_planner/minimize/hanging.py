@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A DLO that hangs freely: nothing acts on it but dead loads. From one gripper's pose to its shape.
+"""A DLO that hangs freely: nothing holds or obstructs it. From one gripper's pose to its shape.
 
 All of it is one kernel: of the time that such a shape takes, most would else be spent between
 kernels. Many shapes in a loop need no Python at all.
@@ -8,8 +8,7 @@ kernels. Many shapes in a loop need no Python at all.
 
 import numpy as np
 
-from dlo_planner.energy.elastic import add_elastic
-from dlo_planner.energy.loads import dead_load
+from dlo_planner.energy.effects import potential, stored
 from dlo_planner.energy.potential import turned_system, unknown_count, unknowns_of
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.leash import leash_on
@@ -22,7 +21,7 @@ def hang(system, base, origin, strains, tolerance, max_iterations, frames, befor
     """Return the equilibrium that the DLO falls into from given strains.
 
     Args:
-        system: System without obstacles, far end, plasticity; its `base` is not used
+        system: System without constraints; its `base` and `origin` are not used
         base: (3, 3), read-only, rotation of the gripper; origin: (3,), read-only, its position, m
         strains: (N, 3), read-only, where the descent starts, 1/m
         tolerance, max_iterations: as `newton`
@@ -34,33 +33,32 @@ def hang(system, base, origin, strains, tolerance, max_iterations, frames, befor
         elastic, energy: J, what is stored in the DLO, and all with the dead loads' potential
         residual, stability, iterations, kicks: as `newton`
     """
-    turned = turned_system(system, base.copy())
+    turned = turned_system(system, base.copy(), origin.copy())
     q = np.empty((unknown_count(system), 3))
     unknowns_of(turned, strains.copy(), q)
     leash = leash_on(frames, before, base, nodes, most)
     check = most > 0.0  # a literal would be compiled for by itself
-    return fallen(turned, origin, system.natural, system.stiffness, q, tolerance, max_iterations,
-                  check, leash)
+    return fallen(turned, system, origin, q, tolerance, max_iterations, check, leash)
 
 
-@kernel
-def fallen(system, origin, natural, stiffness, q, tolerance, max_iterations, check, leash):
+@kernel(inline='always')
+def fallen(system, static, origin, q, tolerance, max_iterations, check, leash):
     """Return what `hang` does, from unknowns q (m, 3) on.
 
     Args:
-        natural, stiffness: (N, 3) those whose elastic energy is given
+        static: System whose energy is given: that of the DLO at rest
     """
     state, residual, stability, iterations, kicks = leashed_newton(
         system, q, tolerance, max_iterations, check, leash)
-    elastic = add_elastic(system.lengths, state.strains, natural, stiffness, state.slope)
-    positions, wrench = np.empty_like(state.positions), np.empty(6)
+    positions, wrench = state.positions, np.empty(6)
     for k in range(positions.shape[0]):
         for i in range(3):
-            positions[k, i] = state.positions[k, i] + origin[i]
-    load, _ = dead_load(system.pull, positions)
+            positions[k, i] += origin[i]
+    elastic = stored(static.effects, static, state.strains)
+    energy = elastic + potential(static.effects, static, positions)
     for i in range(3):
         wrench[i], wrench[3 + i] = state.base_force[i], state.base_moment[i]
-    return (state.strains, state.rotations, positions, wrench, elastic, elastic + load, residual,
+    return (state.strains, state.rotations, positions, wrench, elastic, energy, residual,
             stability, iterations, kicks)
 
 

@@ -75,7 +75,8 @@ def _put_mesh(system, rods, u):
 @kernel
 def _put_rod(system, rods, k):
     """Write the rod `k` into the system."""
-    natural, stiffness, scale, pull = system.natural, system.stiffness, system.scale, system.pull
+    natural, stiffness, scale = system.natural, system.stiffness, system.scale
+    pull = system.effects.load.pull
     n = natural.shape[0]
     for e in range(n):
         for i in range(3):

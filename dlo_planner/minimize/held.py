@@ -16,9 +16,10 @@ it so elsewhere. Three more guards:
 
 import numpy as np
 
+from dlo_planner.energy.effects import blocks, may_block
 from dlo_planner.energy.hold import fill_miss, moved_hold, violation
-from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import (
+    System,
     at_element,
     bend_energy,
     evaluate,
@@ -36,16 +37,17 @@ from dlo_planner.minimize.linear import (
     new_hessian,
     solve_held,
 )
+from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.newton import (
     FALLING,
     LARGEST_TURN,
+    Descent,
     gradient_noise,
-    kick,
-    lean,
     residual_of,
     safe_shift,
     without_traces,
 )
+from dlo_planner.minimize.saddle import kick, lean
 from dlo_planner.minimize.spectrum import lowest_mode
 
 HELD_NEUTRAL = 1e-3  # as NEUTRAL, with constraints: a mesh splits what is neutral by about as much
@@ -63,25 +65,33 @@ _ROUGH = 1e-3     # tolerance of the residual, and of the length, on the way to 
 _PER_PART = 60    # Newton steps in a part of the way: more is no way
 
 
-def held_newton(system, q, tolerance, exact, max_iterations, check):
+def held_newton(system: System, q: np.ndarray, tolerance: float, exact: float,
+                max_iterations: int, check: bool) -> Minimum:
     """Descend from q (m, 3) to a minimum in the grip.
 
-    Arguments and results as `newton.newton`; see `descend_held`.
+    Arguments as `newton.newton`, and as `descend_held`.
     """
     kicks = iterations = 0
     while True:
-        state, residual, stability, made, mode, missed = descend_held(
-            system, q, tolerance, exact, max_iterations - iterations, check)
-        iterations += made
-        steady = not check or stability > -HELD_NEUTRAL
+        found = held_descent(system, q, tolerance, exact, max_iterations - iterations, check)
+        iterations += found.iterations
+        steady = not check or found.stability > -HELD_NEUTRAL
         if steady or iterations >= max_iterations or kicks >= _MOST_KICKS:
             break
-        kicked = kick(system, state, mode)
+        kicked = kick(system, found.state, found.mode)
         if kicked is None:
             break
         kicks += 1
         q = kicked
-    return state, residual, stability, iterations, kicks, missed
+    return Minimum(found.state, found.residual, found.stability, iterations, kicks, system,
+                   found.violation)
+
+
+def held_descent(system: System, q: np.ndarray, tolerance: float, exact: float,
+                 max_iterations: int, check: bool) -> Descent:
+    """Return `descend_held` by name."""
+    *descent, missed = descend_held(system, q, tolerance, exact, max_iterations, check)
+    return Descent(*descent, violation=missed)
 
 
 @kernel
@@ -97,7 +107,7 @@ def led(system, q, bases, targets, axes, rows):
     most, never = int(_PER_PART), length < 0.0  # literals would be compiled for by themselves
     for part in range(bases.shape[0]):
         there = regripped_system(system, bases[part], moved_hold(
-            system.hold, targets[part], axes[part], rows[part]))
+            system.effects.hold, targets[part], axes[part], rows[part]))
         state, residual, _, _, _, missed = descend_held(there, q, _ROUGH, _ROUGH * length,
                                                         most, never)
         if not missed <= _LEFT * length:
@@ -119,15 +129,16 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
     Returns:
         state, residual, stability, iterations, mode: as `newton.descend`; then the miss in m
     """
-    hold, last, length = system.hold, system.lengths.size, np.sum(system.lengths)
+    hold, last, length = system.effects.hold, system.lengths.size, np.sum(system.lengths)
     state, trial, hessian = new_state(system), new_state(system), new_hessian(system)
-    step, mode = np.empty_like(state.q), np.zeros_like(state.q)
+    step, mode, border = np.empty_like(state.q), np.zeros_like(state.q), hessian.border
     held = hold.multiplier.size
     miss, reaction, before = np.empty(held), np.empty(held), np.empty(held)
     bringing = np.empty(held)
     without_traces(q, state.q)
     energy, noise = evaluate(system, state)
-    most_give = _GIVE * length**2 / (np.sum(np.abs(system.pull)) * length + bend_energy(system))
+    most_give = _GIVE * length**2 / (np.sum(np.abs(system.effects.load.pull)) * length
+                                     + bend_energy(system))
     shift, stability = _PROXIMAL, np.nan
     iterations = obstructed = 0
     stalled = leans = False
@@ -140,7 +151,7 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
         if arrived and not check:
             break
         assemble(system, state, hessian)
-        hessian.give[0] = 0.0 if arrived else most_give * min(1.0, missed / (_FAR * length))
+        border.give[0] = 0.0 if arrived else most_give * min(1.0, missed / (_FAR * length))
         if not arrived:
             # neutral steps are as large as rounding errors over the shift, and spoil what their
             # square is; a shift that vanishes with the residual costs nothing (Fan and Yuan 2005)
@@ -157,13 +168,13 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
                 energy, noise = evaluate(system, state)
                 continue
         # (not into obstacles, whose springs only the potential knows)
-        back = leans and missed > _ASTRAY * length and system.scene.kind.size == 0
+        back = leans and missed > _ASTRAY * length and not may_block(system.effects)
         solve_held(system, hessian, (0.0 if back else -1.0) * state.gradient, miss, step, reaction)
         # the part of the reaction that brings the end back, which a shift makes as large as itself
         for row in range(held):
             bringing[row] = 0.0
             for other in range(held):
-                bringing[row] += hessian.schur[row, other] * miss[other]
+                bringing[row] += border.schur[row, other] * miss[other]
         turn = largest_turn(system, hessian, step)
         if turn > LARGEST_TURN:
             step *= LARGEST_TURN / turn
@@ -175,7 +186,7 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
         slope = dot(state.gradient, step)
         for row in range(held):
             energy += reaction[row] * miss[row]
-            slope += reaction[row] * dot(hessian.border[row], step)
+            slope += reaction[row] * dot(border.rows[row], step)
         farthest = missed if back else max(2.0 * missed, _LEFT * length)
         error = residual + missed / length
         gone, energy, noise, blocked = _search(system, state, trial, step, energy, noise,
@@ -216,13 +227,11 @@ def _search(system, state, trial, step, energy, noise, slope, farthest, error):
     for _ in range(20):
         advance(system, state.q, step, fraction, trial.q)
         new, new_noise = evaluate(system, trial)
-        if system.scene.kind.size and passes_through(
-                system.scene, system.lengths, state.strains, state.rotations, state.positions,
-                trial.rotations, trial.positions):
+        if blocks(system.effects, system, state, trial):
             fraction *= 0.5
             blocked = True
             continue
-        missed = violation(system.hold, trial.rotations[last], trial.positions[last])
+        missed = violation(system.effects.hold, trial.rotations[last], trial.positions[last])
         near = missed <= farthest
         if slope == np.inf:
             enough = True
@@ -273,7 +282,7 @@ def advance(system, q, step, fraction, out):
 @kernel
 def _spins_freely(system):
     """Return whether a DLO is round and naturally straight, so that turning it costs nothing."""
-    if system.layers.share.shape[0]:
+    if system.effects.plastic.share.shape[0]:
         return False
     for e in range(system.lengths.size):
         stiffness, natural = system.stiffness[e], system.natural[e]

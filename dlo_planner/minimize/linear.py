@@ -10,31 +10,18 @@ Both factorizations are congruences, so the signs of their pivots are the signs 
 
 import numpy as np
 
-from dlo_planner.energy.potential import (
-    at_element,
-    element_hessian,
-    twists_count,
-    unknown_count,
-)
+from dlo_planner.energy.effects import Border, new_border, width
+from dlo_planner.energy.potential import at_elements, element_hessian, unknown_count
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.border import complement, fill_border, keep
-from dlo_planner.ritz.matrix3 import (
-    ZERO,
-    added,
-    applied,
-    inner,
-    matrix,
-    plus,
-    put_matrix,
-    put_vector,
-    times,
-    transposed_applied,
-    transposed_times,
-    vector,
+from dlo_planner.minimize.border import complemented, fill_border, keep, kept
+from dlo_planner.minimize.riccati import (
+    TINY,
+    factorize_turns,
+    factorize_twists,
+    solve_turns,
+    solve_twists,
 )
 from dlo_planner.ritz.record import Record
-
-_TINY = 1e-16  # of a pivot of zero, as rounding errors leave them: less would overflow further on
 
 
 class Hessian(Record):
@@ -46,9 +33,8 @@ class Hessian(Record):
         base: (3, 3) change of the moment on the gripper per rotation of it
         gain: (N, 3, w), inverse: (N, 3, 3) of the Riccati sweep; empty for Ritz
         dense, factor: (3 m, 3 m) for Ritz; (0, 0) for local
-        border: (K, m, 3) derivatives of what is held of the far end; answers: (K, m, 3) H^-1 of
-            them; schur: (K, K) inverse of border answers + give
-        give: (1,) m/N, by which each row of what is held gives way
+        border: Border, what is held; None: nothing
+        displaced: whether w is 6; None: never
     """
 
     turning: np.ndarray
@@ -59,10 +45,8 @@ class Hessian(Record):
     inverse: np.ndarray
     dense: np.ndarray
     factor: np.ndarray
-    border: np.ndarray
-    answers: np.ndarray
-    schur: np.ndarray
-    give: np.ndarray
+    border: Border | None
+    displaced: bool | None
 
 
 @kernel
@@ -70,27 +54,22 @@ def new_hessian(system):
     """Return an empty Hessian of the right sizes."""
     n = system.lengths.size
     local = n if system.basis.shape[1] == 0 else 0
-    m, held = unknown_count(system), system.hold.multiplier.size
+    m, displaced = unknown_count(system), system.needs.displaced
     size = 0 if local else 3 * m
-    wide = 6 if twists_count(system) else 3
+    wide = width(displaced)
     return Hessian(np.empty((n, wide, 3)), np.empty((n, 3, wide)), np.empty((n, 3, 3)),
                    np.empty((3, 3)), np.empty((local, 3, wide)), np.empty((local, 3, 3)),
-                   np.empty((size, size)), np.empty((size, size)), np.empty((held, m, 3)),
-                   np.empty((held, m, 3)), np.empty((held, held)), np.zeros(1))
+                   np.empty((size, size)), np.empty((size, size)),
+                   new_border(system.needs.border, m), displaced)
 
 
 @kernel
 def assemble(system, state, hessian):
     """Fill the Hessian at `state`."""
-    hessian.base[:] = element_hessian(system, state, hessian.turning, hessian.cross,
-                                      hessian.diagonal)
+    element_hessian(system, state, hessian.turning, hessian.cross, hessian.diagonal, hessian.base)
     if system.basis.shape[1] > 0:
-        if hessian.turning.shape[1] == 3:
-            _project(system.basis, hessian, 3)
-        else:
-            _project(system.basis, hessian, 6)
-    if hessian.border.shape[0]:
-        fill_border(system, state, hessian)
+        _project_all(system.basis, hessian, hessian.displaced)
+    fill_border(system, state, hessian, hessian.border)
     if system.near.shape[0]:
         if system.basis.shape[1] > 0:
             for i in range(hessian.dense.shape[0]):
@@ -103,6 +82,17 @@ def assemble(system, state, hessian):
 
 # The width of the blocks is written out in the calls, so that the compiler, which inlines this
 # function, sees constant loops and unrolls them.
+
+
+@kernel
+def _project_all(basis, hessian, displaced):
+    if displaced is None:
+        _project(basis, hessian, 3)
+        return
+    if displaced:
+        _project(basis, hessian, 6)
+    else:
+        _project(basis, hessian, 3)
 
 
 @kernel(inline='always')
@@ -140,22 +130,32 @@ def factorize(system, hessian, shift):
 
     With a held far end these are the eigenvalues on what the grip leaves free (Haynsworth).
     """
-    negative = _factorize_alone(system, hessian, shift)
-    held = hessian.border.shape[0]
-    if held == 0:
-        return negative
-    for row in range(held):
-        _solve_alone(system, hessian, hessian.border[row], hessian.answers[row])
-    return negative - complement(hessian)
+    negative = _factorize_alone(system, hessian, hessian.displaced, shift)
+    return negative - _bordered(system, hessian, hessian.border)
 
 
 @kernel
-def _factorize_alone(system, hessian, shift):
-    if system.basis.shape[1] == 0:
-        if hessian.turning.shape[1] == 3:
-            return _factorize_turns(hessian, shift)
-        return _factorize_twists(hessian, shift)
-    return _factorize_dense(hessian, shift)
+def _bordered(system, hessian, border):
+    """Fill what is held into a factorization; return how many eigenvalues it keeps in place."""
+    if border is None:
+        return 0
+    held = border.rows.shape[0]
+    if held == 0:
+        return 0
+    for row in range(held):
+        _solve_alone(system, hessian, hessian.displaced, border.rows[row], border.answers[row])
+    return complemented(border)
+
+
+@kernel
+def _factorize_alone(system, hessian, displaced, shift):
+    if system.basis.shape[1] > 0:
+        return _factorize_dense(hessian, shift)
+    if displaced is None:
+        return factorize_turns(hessian, shift)
+    if displaced:
+        return factorize_twists(hessian, shift)
+    return factorize_turns(hessian, shift)
 
 
 @kernel
@@ -164,10 +164,8 @@ def solve(system, hessian, right, out):
 
     With a held far end `out` keeps to what the grip leaves free, and the equation holds there.
     """
-    _solve_alone(system, hessian, right, out)
-    if hessian.border.shape[0]:
-        reaction = np.zeros(hessian.border.shape[0])
-        keep(hessian, out, reaction)
+    _solve_alone(system, hessian, hessian.displaced, right, out)
+    kept(hessian.border, out)
 
 
 @kernel
@@ -176,161 +174,24 @@ def solve_held(system, hessian, right, miss, out, reaction):
 
     To first order, and but for what the grip gives under the reaction.
     """
-    _solve_alone(system, hessian, right, out)
-    reaction[:] = miss
-    keep(hessian, out, reaction)
+    _solve_alone(system, hessian, hessian.displaced, right, out)
+    for row in range(miss.size):
+        reaction[row] = miss[row]
+    keep(hessian.border, out, reaction)
 
 
 @kernel
-def _solve_alone(system, hessian, right, out):
-    if system.basis.shape[1] == 0:
-        if hessian.turning.shape[1] == 3:
-            _solve_turns(hessian, right, out)
-        else:
-            _solve_twists(hessian, right, out)
-    else:
+def _solve_alone(system, hessian, displaced, right, out):
+    if system.basis.shape[1] > 0:
         _solve_dense(hessian.factor, right, out)
-
-
-@kernel
-def _inverse3(a):
-    """Return the inverse of the symmetric 3 x 3 `a` (9 numbers), and how many pivots are <= 0."""
-    d0 = a[0] if a[0] != 0.0 else _TINY
-    i0 = 1.0 / d0
-    l10, l20 = a[3] * i0, a[6] * i0
-    d1 = a[4] - l10 * a[3]
-    d1 = d1 if d1 != 0.0 else _TINY
-    i1 = 1.0 / d1
-    middle = a[7] - l20 * a[3]
-    l21 = middle * i1
-    d2 = a[8] - l20 * a[6] - l21 * middle
-    d2 = d2 if d2 != 0.0 else _TINY
-    i2 = 1.0 / d2
-    low = l10 * l21 - l20
-    xy, xz, yz = -l10 * i1 - l21 * low * i2, low * i2, -l21 * i2
-    inverse = (i0 + l10 * l10 * i1 + low * low * i2, xy, xz, xy, i1 + l21 * l21 * i2, yz,
-               xz, yz, i2)
-    return inverse, (d0 <= 0) + (d1 <= 0) + (d2 <= 0)
-
-
-@kernel
-def _factorize_turns(hessian, shift):
-    """Factorize where only rotations count."""
-    negative = 0
-    value = ZERO  # second derivative of the cost to go by theta
-    turnings, crosses, diagonals = hessian.turning, hessian.cross, hessian.diagonal
-    gains, inverses = hessian.gain, hessian.inverse
-    for k in range(turnings.shape[0]):
-        e = turnings.shape[0] - 1 - k
-        turning, d = matrix(turnings[e]), matrix(diagonals[e])
-        carried = transposed_times(turning, value)
-        coupling = added(matrix(crosses[e]), carried)
-        p = times(carried, turning)
-        inverse, found = _inverse3((d[0] + p[0] + shift, p[3], p[6],
-                                    d[3] + p[3], d[4] + p[4] + shift, p[7],
-                                    d[6] + p[6], d[7] + p[7], d[8] + p[8] + shift))
-        negative += found
-        gain = times(inverse, coupling)
-        put_matrix(inverse, inverses[e])
-        put_matrix(gain, gains[e])
-        less = transposed_times(coupling, gain)
-        xy, xz, yz = value[3] - less[3], value[6] - less[6], value[7] - less[7]
-        value = (value[0] - less[0], xy, xz, xy, value[4] - less[4], yz,
-                 xz, yz, value[8] - less[8])
-    return negative
-
-
-@kernel
-def _solve_turns(hessian, right, out):
-    """Solve where only rotations count."""
-    turnings, gains, inverses = hessian.turning, hessian.gain, hessian.inverse
-    n = turnings.shape[0]
-    to_go = (0.0, 0.0, 0.0)  # slope of the cost to go by theta, negated
-    for k in range(n):
-        e = n - 1 - k
-        own = plus(vector(right[e]), transposed_applied(matrix(turnings[e]), to_go))
-        put_vector(applied(matrix(inverses[e]), own), out[e])
-        less = transposed_applied(matrix(gains[e]), own)
-        to_go = (to_go[0] - less[0], to_go[1] - less[1], to_go[2] - less[2])
-    theta = (0.0, 0.0, 0.0)
-    for e in range(n):
-        less = applied(matrix(gains[e]), theta)
-        step = (out[e, 0] - less[0], out[e, 1] - less[1], out[e, 2] - less[2])
-        put_vector(step, out[e])
-        theta = plus(theta, applied(matrix(turnings[e]), step))
-
-
-@kernel
-def _factorize_twists(hessian, shift):
-    """Factorize where displacements count as well."""
-    wide = 6
-    negative = 0
-    value = np.zeros((wide, wide))  # second derivative of the cost to go by theta
-    pivot = np.empty((3, 3))
-    carried = np.empty((3, wide))
-    coupling = np.empty((3, wide))
-    turnings, crosses, diagonals = hessian.turning, hessian.cross, hessian.diagonal
-    gains, inverses = hessian.gain, hessian.inverse
-    for e in range(turnings.shape[0] - 1, -1, -1):
-        turning, cross = turnings[e], crosses[e]
-        diagonal, gain, inverse = diagonals[e], gains[e], inverses[e]
-        for i in range(3):
-            for k in range(wide):
-                total = 0.0
-                for j in range(wide):
-                    total += turning[j, i] * value[j, k]
-                carried[i, k] = total
-                coupling[i, k] = cross[i, k] + total
-            for j in range(i + 1):
-                total = diagonal[i, j]
-                for k in range(wide):
-                    total += carried[i, k] * turning[k, j]
-                pivot[i, j] = total
-                pivot[j, i] = total
-            pivot[i, i] += shift
-        inverted, found = _inverse3(matrix(pivot))
-        put_matrix(inverted, inverse)
-        negative += found
-        for i in range(3):
-            for k in range(wide):
-                gain[i, k] = (inverse[i, 0] * coupling[0, k] + inverse[i, 1] * coupling[1, k]
-                              + inverse[i, 2] * coupling[2, k])
-        for i in range(wide):
-            for k in range(i + 1):
-                value[i, k] -= (coupling[0, i] * gain[0, k] + coupling[1, i] * gain[1, k]
-                                + coupling[2, i] * gain[2, k])
-                value[k, i] = value[i, k]
-    return negative
-
-
-@kernel
-def _solve_twists(hessian, right, out):
-    """Solve where displacements count as well."""
-    wide = 6
-    slope = np.zeros(wide)  # of the cost to go by theta
-    own = np.empty(3)
-    turnings, gains, inverses = hessian.turning, hessian.gain, hessian.inverse
-    for e in range(turnings.shape[0] - 1, -1, -1):
-        turning, gain, inverse = turnings[e], gains[e], inverses[e]
-        for i in range(3):
-            own[i] = -right[e, i]
-            for k in range(wide):
-                own[i] += turning[k, i] * slope[k]
-        for i in range(3):
-            out[e, i] = inverse[i, 0] * own[0] + inverse[i, 1] * own[1] + inverse[i, 2] * own[2]
-        for k in range(wide):
-            slope[k] -= gain[0, k] * own[0] + gain[1, k] * own[1] + gain[2, k] * own[2]
-    theta = np.zeros(wide)
-    for e in range(turnings.shape[0]):
-        turning, gain = turnings[e], gains[e]
-        for i in range(3):
-            total = -out[e, i]
-            for k in range(wide):
-                total -= gain[i, k] * theta[k]
-            out[e, i] = total
-        for k in range(wide):
-            theta[k] += (turning[k, 0] * out[e, 0] + turning[k, 1] * out[e, 1]
-                         + turning[k, 2] * out[e, 2])
+        return
+    if displaced is None:
+        solve_turns(hessian, right, out)
+        return
+    if displaced:
+        solve_twists(hessian, right, out)
+    else:
+        solve_turns(hessian, right, out)
 
 
 @kernel
@@ -351,7 +212,7 @@ def _factorize_dense(hessian, shift):
             factor[i, j] = scaled[j] / factor[j, j]
             pivot -= scaled[j] * factor[i, j]
         if pivot == 0.0:
-            pivot = _TINY
+            pivot = TINY
         factor[i, i] = pivot
         negative += pivot <= 0
     return negative
@@ -401,13 +262,14 @@ def multiply(system, hessian, vector, out):
 @kernel
 def largest_turn(system, hessian, step):
     """Return the largest rotation in rad of any node that the step (m, 3) makes, to first order."""
-    theta, largest = (0.0, 0.0, 0.0), 0.0
-    turning, basis = hessian.turning, system.basis
+    a = b = c = largest = 0.0
+    turning, values = hessian.turning, at_elements(system.basis, step)
     for e in range(turning.shape[0]):
-        value = (at_element(basis, step, e, 0), at_element(basis, step, e, 1),
-                 at_element(basis, step, e, 2))
-        t = turning[e]
-        theta = plus(theta, applied((t[0, 0], t[0, 1], t[0, 2], t[1, 0], t[1, 1], t[1, 2],
-                                     t[2, 0], t[2, 1], t[2, 2]), value))
-        largest = max(largest, inner(theta, theta))
+        x, y, z = values[e, 0], values[e, 1], values[e, 2]
+        a += turning[e, 0, 0] * x + turning[e, 0, 1] * y + turning[e, 0, 2] * z
+        b += turning[e, 1, 0] * x + turning[e, 1, 1] * y + turning[e, 1, 2] * z
+        c += turning[e, 2, 0] * x + turning[e, 2, 1] * y + turning[e, 2, 2] * z
+        square = a * a + b * b + c * c
+        if not square <= largest:  # what is not a number has to be seen, too
+            largest = square
     return np.sqrt(largest)

@@ -8,12 +8,13 @@ Newton's method reaches, and a saddle is left in the same way: kicked along its 
 
 import numpy as np
 
-from dlo_planner.energy.potential import bend_energy, evaluate, new_state
+from dlo_planner.energy.potential import System, bend_energy, evaluate, new_state
 from dlo_planner.minimize.dfp import dfp
 from dlo_planner.minimize.downhill_simplex import downhill_simplex
 from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.minimize.newton import MOST_KICKS, NEUTRAL, descend, kick
+from dlo_planner.minimize.newton import MOST_KICKS, NEUTRAL, Descent, descend
 from dlo_planner.minimize.protocol import Problem
+from dlo_planner.minimize.saddle import kick
 
 SEARCHES = {'dfp': dfp, 'downhill_simplex': downhill_simplex}
 METHODS = ('newton', *SEARCHES)
@@ -35,10 +36,11 @@ def search(system, q, method, tolerance):
     while True:
         found = SEARCHES[method](problem, q.ravel().copy(), tolerance)
         iterations, evaluations = iterations + found.iterations, evaluations + found.evaluations
-        reached, residual, stability, kicked = judged(system, found.q.reshape(q.shape), tolerance)
+        reached = judged(system, found.q.reshape(q.shape), tolerance)
+        kicked = beside(system, reached)
         if kicked is None or kicks >= MOST_KICKS:
-            return Minimum(reached, residual, stability, iterations, kicks, system,
-                           evaluations=evaluations)
+            return Minimum(reached.state, reached.residual, reached.stability, iterations, kicks,
+                           system, evaluations=evaluations)
         q, kicks = kicked, kicks + 1
 
 
@@ -51,7 +53,8 @@ def near(system, q, method, tolerance, most):
         most: work, after which the search ends where it is: Newton steps, or evaluations
     """
     if method == 'newton':
-        state, _, _, work, _ = descend(system, q, tolerance, most, False)
+        found = descend(system, q, tolerance, most, False)
+        state, work = found.state, found.iterations
     else:
         found = SEARCHES[method](problem_of(system), q.ravel().copy(), tolerance, most)
         state, work = new_state(system), found.evaluations
@@ -76,14 +79,15 @@ def problem_of(system):
 
 def rounding(system):
     """Return the rounding errors of the potential in J, but for those in proportion to it."""
-    weight = np.linalg.norm(system.pull, axis=1).sum()
+    weight = np.linalg.norm(system.load.pull, axis=1).sum()
     return _EPS * (weight * system.lengths.sum() + bend_energy(system))
 
 
-def judged(system, q, tolerance):
-    """Return State, residual and stability at q (m, 3), and unknowns beside it if it is a saddle.
+def judged(system: System, q: np.ndarray, tolerance: float) -> Descent:
+    """Return the Descent that ends at q (m, 3), where it begins."""
+    return descend(system, q, tolerance, 0, True)
 
-    The last is None at a minimum, and where no way down is found.
-    """
-    state, residual, stability, _, mode = descend(system, q, tolerance, 0, True)
-    return state, residual, stability, None if stability > -NEUTRAL else kick(system, state, mode)
+
+def beside(system: System, reached: Descent) -> np.ndarray | None:
+    """Return unknowns (m, 3) beside a saddle, on the way down; None at a minimum."""
+    return None if reached.stability > -NEUTRAL else kick(system, reached.state, reached.mode)

@@ -11,8 +11,9 @@ the residual with these limits: friction has no potential.
 
 import numpy as np
 
-from dlo_planner.energy.contact import next_touching
+from dlo_planner.energy.contact import next_touching, obstructed
 from dlo_planner.energy.friction import trial_force
+from dlo_planner.energy.hold import holds
 from dlo_planner.energy.hold import violation as hold_violation
 from dlo_planner.energy.outline import is_face, longest_stretch, node_gap, nodes_of
 from dlo_planner.energy.potential import hinged
@@ -20,9 +21,10 @@ from dlo_planner.energy.rolling import watched
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import move_multipliers
 from dlo_planner.minimize.friction import with_friction
-from dlo_planner.minimize.held import HELD_NEUTRAL, descend_held, held_newton
+from dlo_planner.minimize.held import HELD_NEUTRAL, held_descent, held_newton
 from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.minimize.newton import descend, gradient_noise, kick, newton
+from dlo_planner.minimize.newton import descend, gradient_noise, newton
+from dlo_planner.minimize.saddle import kick
 from dlo_planner.minimize.touching import truth
 from dlo_planner.minimize.watching import watching
 from dlo_planner.ritz.kinematics import point_inside
@@ -53,14 +55,12 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
     Returns:
         Minimum
     """
-    if system.scene.kind.size:
+    if obstructed(system.contact):
         return _touching_newton(system, q, _COARSER * tolerance, max_iterations, check, exact,
                                 previous)
     if _is_held(system):
-        state, residual, stability, iterations, kicks, violation = held_newton(
-            system, q, tolerance, exact, max_iterations, check)
-        return Minimum(state, residual, stability, iterations, kicks, system, violation)
-    return Minimum(*newton(system, q, tolerance, max_iterations, check), system)
+        return held_newton(system, q, tolerance, exact, max_iterations, check)
+    return newton(system, q, tolerance, max_iterations, check)
 
 
 def _touching_newton(system, q, tolerance, max_iterations, check, exact, previous):
@@ -121,21 +121,21 @@ def _touching_newton(system, q, tolerance, max_iterations, check, exact, previou
 
 def _is_held(system):
     """Whether a far end's grip, or a hinge at the gripper, has a say."""
-    return system.hold.multiplier.size > 0 or hinged(system)
+    return holds(system.hold) or hinged(system)
 
 
 def _descended(system, q, tolerance, exact, most):
     """Return State, residual and steps of a descent with the contacts' multipliers as they are."""
     if _is_held(system):
-        state, residual, _, made, _, _ = held_newton(system, q, tolerance, exact, most, False)
+        found = held_newton(system, q, tolerance, exact, most, False)
     else:
-        state, residual, _, made, _ = newton(system, q, tolerance, most, False)
-    return state, residual, made
+        found = newton(system, q, tolerance, most, False)
+    return found.state, found.residual, found.iterations
 
 
 def _off_its_grip(system, state):
     """Return how far, in m, the far end is from where it is held."""
-    if not system.hold.multiplier.size:
+    if not holds(system.hold):
         return 0.0
     return hold_violation(system.hold, state.rotations[-1].copy(), state.positions[-1].copy())
 
@@ -143,17 +143,17 @@ def _off_its_grip(system, state):
 def _judged(system, state, tolerance, exact):
     """Return the smallest eigenvalue, on what a grip leaves free, and its mode."""
     if _is_held(system):
-        _, _, stability, _, mode, _ = descend_held(system, state.q, tolerance, exact, 0, True)
+        found = held_descent(system, state.q, tolerance, exact, 0, True)
     else:
-        _, _, stability, _, mode = descend(system, state.q, tolerance, 0, True)
-    return stability, mode
+        found = descend(system, state.q, tolerance, 0, True)
+    return found.stability, found.mode
 
 
 def firm(system, state):
     """Return the System with contacts so stiff that they hardly give, their forces the same."""
-    contacts = system.contacts
-    if not system.scene.kind.size:
+    if not obstructed(system.contact):
         return system
+    contacts = system.contacts
     contacts = contacts._replace(node=contacts.node.copy(), multiplier=contacts.multiplier.copy(),
                                  shear=contacts.shear.copy())
     _keep_forces(system._replace(contacts=contacts), state, (_FIRM - 1) * contacts.stiffness)
@@ -167,7 +167,7 @@ def _keep_forces(system, state, more):
 
     Those of friction get stiffer by the same part.
     """
-    scene, contacts = system.scene, system.contacts
+    scene, contacts = system.effects.contact.scene, system.effects.contact.contacts
     k = contacts.stiffness
     x, normal, bend, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
     for o in range(scene.kind.size):

@@ -13,10 +13,13 @@ step to step. So it leans, by little but far more than those, to the side that
 `spectrum.preferred` states, from where the descent is first found to be unstable.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from dlo_planner.energy.passage import passes_through
-from dlo_planner.energy.potential import bend_energy, evaluate, new_state
+from dlo_planner.energy.effects import blocks
+from dlo_planner.energy.effects import noise as noise_of_effects
+from dlo_planner.energy.potential import State, System, bend_energy, evaluate, new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.border import dot
 from dlo_planner.minimize.leash import left, no_leash
@@ -27,13 +30,14 @@ from dlo_planner.minimize.linear import (
     new_hessian,
     solve,
 )
-from dlo_planner.minimize.spectrum import lowest_mode, preferred
+from dlo_planner.minimize.minimum import Minimum
+from dlo_planner.minimize.saddle import kicked, lean
+from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.ritz.arrays import put_sum, scaled_by
+from dlo_planner.ritz.kinematics import attached_forces
 
 LARGEST_TURN = 0.8  # rad per step, of any node
-KICK_TURN = 0.3     # rad, of a saddle along its lowest mode
-_LEAN = 1e-5        # rad, of a DLO that is about to fall
 FALLING = 2e-3     # a shift that is needed beyond this tells that it is, not that it is neutral
-_ALIKE = 0.5        # of the lower side's fall: a side that falls by more is as good
 NEUTRAL = 1e-7      # eigenvalues nearer to zero than this count as zero
 _NEARLY = 10 * NEUTRAL  # the same where the gradient has not vanished yet
 MOST_KICKS = 10
@@ -62,26 +66,11 @@ def gradient_noise(system, state):
     where errors are as often up as down (Higham, Accuracy and Stability, ch. 2.8 and 3).
     """
     n, length = system.lengths.size, np.sum(system.lengths)
-    forces, touching = 0.0, 0.0
+    forces = attached_forces(state.attached, length)
+    forces += noise_of_effects(system.effects, system, state, length)
     for k in range(n + 1):
         for i in range(3):
             forces += abs(state.pull[k, i])
-    for i in range(3):
-        forces += abs(state.attached.tip_force[i])
-        forces += abs(state.attached.tip_moment[i]) / length
-    for c in range(state.attached.element.size):
-        for i in range(3):
-            forces += abs(state.attached.force[c, i])
-            touching = max(touching, abs(state.attached.force[c, i]))
-    for k in range(state.attached.sprung.size):
-        touching = max(touching, 1.0 if state.attached.sprung[k] else 0.0)
-    if touching > 0.0:
-        far = np.sqrt(np.sum(system.scene.origin**2))
-        forces += (system.contacts.stiffness + system.contacts.grip) * (length + far)
-    if system.hold.multiplier.size:
-        forces += system.hold.stiffness * length + system.hold.turn_stiffness / length
-    for k in range(system.anchor_weight.size):
-        forces += system.anchor_weight[k] * length
     lever = 0.0
     for e in range(n):
         for i in range(3):
@@ -92,15 +81,26 @@ def gradient_noise(system, state):
             * np.sqrt(lever / (dot(state.q, state.q) + bend_energy(system))))
 
 
-@kernel
-def newton(system, q, tolerance, max_iterations, check):
+def newton(system: System, q: np.ndarray, tolerance: float, max_iterations: int,
+           check: bool) -> Minimum:
     """Descend from q (m, 3) to a minimum of the potential.
 
     Args:
+        system: System
         q: start, scaled unknowns; not changed
         tolerance: of the residual
         max_iterations: Newton steps at most
         check: whether to find the smallest eigenvalue at the end (and leave a saddle)
+    """
+    return Minimum(*leashed_newton(system, q, tolerance, max_iterations, check, no_leash()),
+                   system=system)
+
+
+@kernel(inline='always')
+def leashed_newton(system, q, tolerance, max_iterations, check, leash):
+    """Do as `newton` does, but give up where the DLO leaves a Leash, or falls off a saddle on it.
+
+    Then the residual is infinite, or the stability negative.
 
     Returns:
         state: at the end
@@ -108,19 +108,10 @@ def newton(system, q, tolerance, max_iterations, check):
         iterations: Newton steps made; kicks: how often a saddle was left, 1 at least
             where the descent had to lean to a side
     """
-    return leashed_newton(system, q, tolerance, max_iterations, check, no_leash())
-
-
-@kernel
-def leashed_newton(system, q, tolerance, max_iterations, check, leash):
-    """Do as `newton` does, but give up where the DLO leaves a Leash, or falls off a saddle on it.
-
-    Then the residual is infinite, or the stability negative.
-    """
     kicks = iterations = 0
     start = q.copy()
     while True:
-        state, residual, stability, made, mode, leant = _descend(
+        state, residual, stability, made, mode, leant = leashed_descent(
             system, start, tolerance, max_iterations - iterations, check, leash)
         iterations += made
         if leant:
@@ -133,20 +124,36 @@ def leashed_newton(system, q, tolerance, max_iterations, check, leash):
     return state, residual, stability, iterations, kicks
 
 
-@kernel
-def descend(system, q, tolerance, max_iterations, check):
+class Descent(NamedTuple):
+    """Where a descent ended that stops at saddles, too.
+
+    Attributes:
+        state, residual, stability, iterations: as of a Minimum
+        mode: (m, 3) the lowest mode of the Hessian, where that was looked at
+        leant: whether it had to lean to a side; violation: by how much a constraint is violated, m
+    """
+
+    state: State
+    residual: float
+    stability: float
+    iterations: int
+    mode: np.ndarray
+    leant: bool = False
+    violation: float = 0.0
+
+
+def descend(system: System, q: np.ndarray, tolerance: float, max_iterations: int,
+            check: bool) -> Descent:
     """Descend from q (m, 3) to where the gradient vanishes, be it a minimum or a saddle.
 
-    Arguments and results as `newton`; the last result is the lowest mode (m, 3) in place of kicks.
+    Arguments as `newton`.
     """
-    state, residual, stability, iterations, mode, _ = _descend(
-        system, q, tolerance, max_iterations, check, no_leash())
-    return state, residual, stability, iterations, mode
+    return Descent(*leashed_descent(system, q, tolerance, max_iterations, check, no_leash()))
 
 
 @kernel
-def _descend(system, q, tolerance, max_iterations, check, leash):
-    """Return what `descend` returns, and whether it had to lean to a side."""
+def leashed_descent(system, q, tolerance, max_iterations, check, leash):
+    """Return what is in the Descent of `descend`, as a tuple; arguments as `leashed_newton`."""
     state = new_state(system)
     trial = new_state(system)
     hessian = new_hessian(system)
@@ -187,7 +194,8 @@ def _descend(system, q, tolerance, max_iterations, check, leash):
                 state, trial = trial, state
                 energy, noise = evaluate(system, state)
                 continue
-        solve(system, hessian, -state.gradient, step)
+        solve(system, hessian, state.gradient, step)
+        scaled_by(-1.0, step)
         if (check and shift > 0.0 and -dot(state.gradient, step) < _UNTOLD * noise
                 and factorize(system, hessian, _NEARLY) > 0):
             stalled = True  # rounding errors hide the way down from a saddle: its mode has to tell
@@ -195,7 +203,7 @@ def _descend(system, q, tolerance, max_iterations, check, leash):
         turn = largest_turn(system, hessian, step)
         shifted = shift
         if turn > LARGEST_TURN:
-            step *= LARGEST_TURN / turn
+            scaled_by(LARGEST_TURN / turn, step)
         energy, noise, moved, blocked = _fall(system, state, trial, step, energy, noise)
         iterations += 1
         obstructed = obstructed + 1 if blocked else 0
@@ -235,18 +243,6 @@ def safe_shift(system, hessian, shift):
 
 
 @kernel
-def lean(system, hessian, state, trial):
-    """Fill `trial` with the shape of `state` leant to the preferred side; return if it can be."""
-    preferred(system, trial.gradient)
-    amount = _LEAN / largest_turn(system, hessian, trial.gradient)
-    trial.q[:] = state.q + amount * trial.gradient
-    evaluate(system, trial)
-    return not (system.scene.kind.size and passes_through(
-        system.scene, system.lengths, state.strains, state.rotations, state.positions,
-        trial.rotations, trial.positions))
-
-
-@kernel
 def _fall(system, state, trial, step, energy, noise):
     """Fill `trial` on the way along `step` where the potential has fallen enough.
 
@@ -257,9 +253,9 @@ def _fall(system, state, trial, step, energy, noise):
     fraction, farther = 1.0, 0.0
     blocked = False
     for _ in range(30):
-        trial.q[:] = state.q + fraction * step
+        put_sum(state.q, fraction, step, trial.q)
         new, new_noise = evaluate(system, trial)
-        if system.scene.kind.size and _passes(system, state, trial):
+        if blocks(system.effects, system, state, trial):
             farther = fraction
             fraction *= 0.5
             blocked = True
@@ -290,54 +286,11 @@ def _closer(system, state, trial, step, clear, blocked):
     """
     for _ in range(_CLOSER):
         middle = 0.5 * (clear + blocked)
-        trial.q[:] = state.q + middle * step
+        put_sum(state.q, middle, step, trial.q)
         evaluate(system, trial)
-        if _passes(system, state, trial):
+        if blocks(system.effects, system, state, trial):
             blocked = middle
         else:
             clear = middle
-    trial.q[:] = state.q + clear * step
+    put_sum(state.q, clear, step, trial.q)
     return clear
-
-
-@kernel
-def _passes(system, state, trial):
-    """Whether the motion from `state` to `trial` crosses an obstacle."""
-    return passes_through(system.scene, system.lengths, state.strains, state.rotations,
-                          state.positions, trial.rotations, trial.positions)
-
-
-def kick(system, state, mode):
-    """Return unknowns beside a saddle, along its lowest mode, on the lower side; None if none is.
-
-    Where both sides are about as low, it is the one to which the mode points.
-    """
-    q = np.empty_like(mode)
-    return q if kicked(system, state, mode, q) else None
-
-
-@kernel
-def kicked(system, state, mode, q):
-    """Fill q (m, 3) with what `kick` returns; return whether there is such a thing."""
-    hessian, trial = new_hessian(system), new_state(system)
-    assemble(system, state, hessian)
-    trial.q[:] = state.q
-    energy, noise = evaluate(system, trial)
-    step = mode * (KICK_TURN / max(largest_turn(system, hessian, mode), 1e-12))
-    for _ in range(20):
-        plus = _height(system, state, trial, state.q + step)
-        minus = _height(system, state, trial, state.q - step)
-        if min(plus, minus) < energy - 10 * noise:
-            alike = energy - plus >= _ALIKE * (energy - minus)
-            q[:] = state.q + step if alike else state.q - step
-            return True
-        step *= 0.5
-    return False
-
-
-@kernel
-def _height(system, state, trial, q):
-    """Return the potential at q (m, 3), infinite where an obstacle is in between."""
-    trial.q[:] = q
-    high, _ = evaluate(system, trial)
-    return np.inf if system.scene.kind.size and _passes(system, state, trial) else high

@@ -4,20 +4,15 @@
 
 import numpy as np
 
-from dlo_planner.energy.elastic import add_elastic
-from dlo_planner.energy.loads import dead_load
+from dlo_planner.energy.effects import potential, stored
 from dlo_planner.kernels import kernel
 
 
 @kernel
 def outcome(system, state):
-    """Return wrench (6,) of the gripper on the DLO, elastic energy and all energy, J.
-
-    The gripper is in the origin; `state.slope` is written over.
-    """
-    elastic = add_elastic(system.lengths, state.strains, system.natural, system.stiffness,
-                          state.slope)
-    load, _ = dead_load(system.pull, state.positions)
+    """Return wrench (6,) of the gripper in the origin on the DLO, elastic and all energy, J."""
+    elastic = stored(system.effects, system, state.strains)
+    load = potential(system.effects, system, state.positions)
     wrench = np.empty(6)
     for i in range(3):
         wrench[i], wrench[3 + i] = state.base_force[i], state.base_moment[i]

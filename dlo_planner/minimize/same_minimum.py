@@ -26,7 +26,7 @@ def leads_to(system, start, end):
     It has to go all the way. One step and the Hessian there do not tell: that of what yields jumps,
     and beyond an unstable shape minima lie close together.
     """
-    state, residual, _, steps, leant = newton(system, start, _TOLERANCE, _STEPS, False)
-    away = np.linalg.norm(state.q - end)
-    there = residual < _TOLERANCE and away <= _CLOSE * np.linalg.norm(end)
-    return bool(there), steps, bool(leant)
+    found = newton(system, start, _TOLERANCE, _STEPS, False)
+    away = np.linalg.norm(found.state.q - end)
+    there = found.residual < _TOLERANCE and away <= _CLOSE * np.linalg.norm(end)
+    return bool(there), found.iterations, bool(found.kicks)

@@ -127,8 +127,8 @@ def truth(system, q):
     state = new_state(system)
     state.q[:] = q
     evaluate(system, state)
-    contacts = system.contacts
-    table = touching(system.scene, contacts, system.lengths, state)
+    contacts = system.effects.contact.contacts
+    table = touching(system.effects.contact.scene, contacts, system.lengths, state)
     violation = 0.0
     for a in range(table.gap.size):
         violation = max(violation, abs(table.gap[a]))

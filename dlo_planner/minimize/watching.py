@@ -36,7 +36,7 @@ def watching(system, state):
     where the old one has rolled to, and from the nodes beside it. Also returned is whether there is
     a point where none was.
     """
-    old = system.contacts
+    old = system.effects.contact.contacts
     at, places = _rolled_to(system, state)
     inside, fixed = _points_inside(system, state, places)
     count = inside.shape[0]
@@ -81,9 +81,9 @@ def _taken_from_nodes(system, e, o):
     They are farther from the obstacle than the point between them. As contacts of their own they
     would share its force in a way that nothing decides, where it is hardly beside one of them.
     """
-    if system.scene.feature[o] == NODE_FACE:
+    if system.effects.contact.scene.feature[o] == NODE_FACE:
         return 0.0
-    node = system.contacts.node[o]
+    node = system.effects.contact.contacts.node[o]
     taken = node[e] + node[e + 1]
     node[e] = node[e + 1] = 0.0
     return taken
@@ -92,12 +92,12 @@ def _taken_from_nodes(system, e, o):
 @kernel
 def _rolled_to(system, state):
     """Return the elements (C,) in which the Contacts' points are at `state`, and plus fractions."""
-    contacts = system.contacts
+    scene, contacts = system.effects.contact.scene, system.effects.contact.contacts
     at, normal, bend = contacts.element.copy(), np.empty(3), np.empty((3, 3))
     places = np.zeros(at.size)
     for c in range(at.size):
         if contacts.obstacle[c] >= 0:
-            _, at[c], fraction = watched(system.scene, contacts, c, system.lengths, state.strains,
+            _, at[c], fraction = watched(scene, contacts, c, system.lengths, state.strains,
                                          state.rotations, state.positions, normal, bend)
             places[c] = at[c] + fraction
     return at, places
@@ -135,8 +135,8 @@ def _points_inside(system, state, places):
     Args:
         places: (C,) element plus fraction where the old points are now
     """
-    scene = system.scene
-    n = system.lengths.size
+    scene = system.effects.contact.scene
+    n, pushed = system.lengths.size, system.effects.contact.contacts.node
     sag, level = _SAG * np.sum(system.lengths), _LEVEL * np.sum(system.lengths)
     longest = np.max(system.lengths)
     found = np.empty((n * scene.kind.size, 2), dtype=np.int64)
@@ -192,7 +192,7 @@ def _points_inside(system, state, places):
                 continue
             _, curve = slope_along(scene, o, rotation, state.strains[e], offset, normal, bend)
             sharp = curve * system.lengths[e] ** 2 > _SHARP * sag or gap < near - sag
-            if sharp or gap < near - level and not _lies(system.contacts.node[o], gaps, e):
+            if sharp or gap < near - level and not _lies(pushed[o], gaps, e):
                 found[count, 0], found[count, 1] = e, o
                 count += 1
     return found[:count], fixed[:count]
@@ -212,8 +212,9 @@ def _hugs(system, state, o, e, gaps, places):
     Args:
         gaps: (N + 1,) m, of the nodes from obstacle o; places: (C,) as of `_points_inside`
     """
-    contacts, sag = system.contacts, _SAG * np.sum(system.lengths)
-    if e == 0 or system.scene.feature[o] == NODE_FACE or np.isinf(gaps[e] + gaps[e + 1]):
+    scene, contacts = system.effects.contact.scene, system.effects.contact.contacts
+    sag = _SAG * np.sum(system.lengths)
+    if e == 0 or scene.feature[o] == NODE_FACE or np.isinf(gaps[e] + gaps[e + 1]):
         return False
     first, second = _presses(system, o, e, gaps), _presses(system, o, e + 1, gaps)
     old = -1
@@ -224,7 +225,7 @@ def _hugs(system, state, o, e, gaps, places):
     if old < 0 and not (first and second):
         return False
     normal, bend = np.empty(3), np.empty((3, 3))
-    middle = gap_inside(system.scene, o, e, _MIDDLE, system.lengths, state.strains,
+    middle = gap_inside(scene, o, e, _MIDDLE, system.lengths, state.strains,
                         state.rotations, state.positions, normal, bend)
     curved = 4.0 * (gaps[e] - 2.0 * middle + gaps[e + 1])  # of the gap, times the length squared
     if abs(curved) > _SNUG * system.lengths[e]:
@@ -240,7 +241,8 @@ def _hugs(system, state, o, e, gaps, places):
 @kernel
 def _presses(system, o, k, gaps):
     """Return whether a spring at node k presses on obstacle o."""
-    return system.contacts.node[o, k] > system.contacts.stiffness * gaps[k]
+    contacts = system.effects.contact.contacts
+    return contacts.node[o, k] > contacts.stiffness * gaps[k]
 
 
 @kernel

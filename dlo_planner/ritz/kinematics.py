@@ -114,6 +114,62 @@ def nothing_attached(nodes, element, beside=False):
 
 
 @kernel
+def new_attached(like):
+    """Return an empty Attached with the sizes of `like`; None for None."""
+    out = like
+    if like is not None:
+        out = nothing_attached(like.sprung.size, like.element,
+                               like.moment.shape[0] + like.node_moment.shape[0] > 0)
+    return out
+
+
+@kernel
+def cleared(attached):
+    """Forget what acts on nodes and on the tip; points are written anew by whose they are."""
+    if attached is None:
+        return
+    for k in range(attached.sprung.size):
+        attached.sprung[k] = False
+    for i in range(3):
+        attached.tip_force[i] = attached.tip_moment[i] = 0.0
+        for j in range(3):
+            attached.tip_first[i, j] = 0.0
+    for i in range(6):
+        for j in range(6):
+            attached.tip_matrix[i, j] = 0.0
+
+
+@kernel
+def attached_forces(attached, length):
+    """Return the sum of what acts elsewhere than on the nodes, N; moments over a `length` in m."""
+    if attached is None:
+        return 0.0
+    forces = 0.0
+    for i in range(3):
+        forces += abs(attached.tip_force[i])
+        forces += abs(attached.tip_moment[i]) / length
+    for c in range(attached.element.size):
+        for i in range(3):
+            forces += abs(attached.force[c, i])
+    return forces
+
+
+@kernel
+def spring_at(attached, node):
+    """Return the (3, 3) spring of a node, to be added to."""
+    if not attached.sprung[node]:
+        attached.sprung[node] = True
+        for i in range(3):
+            for j in range(3):
+                attached.spring[node, i, j] = 0.0
+        if attached.node_moment.shape[0]:
+            attached.node_moment[node] = 0.0
+            attached.node_first[node] = 0.0
+            attached.node_matrix[node] = 0.0
+    return attached.spring[node]
+
+
+@kernel
 def sort_points(attached):
     """Put the points of an Attached in the order of their elements; few are ever out of it."""
     order, element = attached.order, attached.element
@@ -149,27 +205,24 @@ def march(lengths, strains, base, rotations, positions):
 
 
 @kernel
-def add_gradient(lengths, strains, rotations, positions, pull, attached, gradient):
+def add_gradient(lengths, strains, rotations, positions, pull, attached, gradient, by_shift,
+                 by_turn):
     """Add dV/du (N, 3) of a potential whose derivative by the node positions is `pull` (N + 1, 3).
 
-    `attached` adds what acts elsewhere.
-
-    Returns the derivative by the gripper's displacement and by its rotation about its own
-    origin, (3,) each, world frame.
+    Args:
+        attached: what acts elsewhere, or None
+        by_shift, by_turn: (3,) filled: derivative by the gripper's displacement and by its rotation
+            about its own origin, world frame
     """
     n = lengths.size
-    place = attached.element.size - 1
-    beside, beside_node = attached.moment.shape[0] > 0, attached.node_moment.shape[0] > 0
-    part = np.empty((6, 3))
-    arm = np.empty(3)
-    force = vector(attached.tip_force)    # sum of pull beyond the element
-    moment = vector(attached.tip_moment)  # their moment about the element's far end
+    place = last_point(attached)
+    # sum of pull beyond the element, and their moment about the element's far end
+    force, moment = at_tip(attached)
     for k in range(n):
         e = n - 1 - k
         h = lengths[e]
         force = plus(force, vector(pull[e + 1]))
-        if beside_node and attached.sprung[e + 1]:
-            moment = plus(moment, vector(attached.node_moment[e + 1]))
+        moment = plus_at_node(attached, e + 1, moment)
         frame = matrix(rotations[e])
         own = slope(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h,
                     transposed_applied(frame, force), transposed_applied(frame, moment))
@@ -178,27 +231,62 @@ def add_gradient(lengths, strains, rotations, positions, pull, attached, gradien
         moment = plus(moment, cross((positions[e + 1, 0] - positions[e, 0],
                                      positions[e + 1, 1] - positions[e, 1],
                                      positions[e + 1, 2] - positions[e, 2]), force))
-        while place >= 0 and attached.element[attached.order[place]] == e:
-            c = attached.order[place]
-            there = vector(attached.force[c])
-            part_of_element(h, attached.fraction[c], strains[e], _UNSCALED, rotations[e], part,
-                            arm)
-            for j in range(3):
-                gradient[e, j] += inner((part[3, j], part[4, j], part[5, j]), there)
-            if beside:
-                moment = plus(moment, vector(attached.moment[c]))
-                for j in range(3):
-                    gradient[e, j] += inner((part[0, j], part[1, j], part[2, j]),
-                                            vector(attached.moment[c]))
-            moment = plus(moment, cross(vector(arm), there))
-            force = plus(force, there)
-            place -= 1
-    by_shift, by_turn = np.empty(3), np.empty(3)
+        place, force, moment = _add_points(attached, place, e, h, strains, rotations, force,
+                                           moment, gradient)
     put_vector(plus(force, vector(pull[0])), by_shift)
     put_vector(moment, by_turn)
-    return by_shift, by_turn
 
 
+@kernel
+def last_point(attached):
+    """Return the place in the order of the last point inside an element, -1 if there is none."""
+    if attached is None:
+        return -1
+    return attached.element.size - 1
+
+
+@kernel
+def at_tip(attached):
+    """Return force and moment, as tuples, that act on the free end."""
+    if attached is None:
+        return _NOTHING, _NOTHING
+    return vector(attached.tip_force), vector(attached.tip_moment)
+
+
+@kernel
+def plus_at_node(attached, node, moment):
+    """Return a moment (3 numbers), and that which acts on a node."""
+    if attached is None:
+        return moment
+    if attached.node_moment.shape[0] and attached.sprung[node]:
+        return plus(moment, vector(attached.node_moment[node]))
+    return moment
+
+
+@kernel
+def _add_points(attached, place, e, h, strains, rotations, force, moment, gradient):
+    """Add what acts inside element e to its gradient; return place, force and moment before it."""
+    if attached is None:
+        return place, force, moment
+    while place >= 0 and attached.element[attached.order[place]] == e:
+        part, arm = np.empty((6, 3)), np.empty(3)
+        c = attached.order[place]
+        there = vector(attached.force[c])
+        part_of_element(h, attached.fraction[c], strains[e], _UNSCALED, rotations[e], part, arm)
+        for j in range(3):
+            gradient[e, j] += inner((part[3, j], part[4, j], part[5, j]), there)
+        if attached.moment.shape[0]:
+            moment = plus(moment, vector(attached.moment[c]))
+            for j in range(3):
+                gradient[e, j] += inner((part[0, j], part[1, j], part[2, j]),
+                                        vector(attached.moment[c]))
+        moment = plus(moment, cross(vector(arm), there))
+        force = plus(force, there)
+        place -= 1
+    return place, force, moment
+
+
+_NOTHING = (0.0, 0.0, 0.0)
 _UNSCALED = np.ones(3)
 
 

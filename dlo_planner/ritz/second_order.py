@@ -13,13 +13,13 @@ from dlo_planner.kernels import kernel
 from dlo_planner.ritz.arc import (
     coefficients,
     first_slopes,
-    jacobians,
     jacobians_with,
     second_derivatives,
     second_derivatives_with,
 )
-from dlo_planner.ritz.kinematics import part_of_element
+from dlo_planner.ritz.kinematics import at_tip, last_point, part_of_element, plus_at_node
 from dlo_planner.ritz.matrix3 import (
+    ZERO,
     added,
     columns_scaled,
     matrix,
@@ -37,7 +37,7 @@ from dlo_planner.ritz.matrix3 import cross as crossed
 
 @kernel
 def second_order(lengths, strains, scale, rotations, positions, pull, attached, turning, cross,
-                 diagonal):
+                 diagonal, base):
     """Fill the three blocks per element of the Hessian of a potential of dead loads.
 
     All derivatives are by the scaled strains, u = natural + scale * (unknown).
@@ -54,26 +54,20 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
         that lies between the gripper and it.
     diagonal : (N, 3, 3)
         Filled: second derivative by this element's own strain.
-
-    Returns
-    -------
-    (3, 3)
-        Change of the moment about the gripper's origin per rotation of the gripper.
+    base : (3, 3)
+        Filled: change of the moment about the gripper's origin per rotation of it.
     """
     n = lengths.size
-    place = attached.element.size - 1
-    beside, beside_node = attached.moment.shape[0] > 0, attached.node_moment.shape[0] > 0
-    part, arm = np.empty((6, 3)), np.empty(3)
-    force, moment = vector(attached.tip_force), vector(attached.tip_moment)
+    place = last_point(attached)
+    force, moment = at_tip(attached)
     # first moment of the loads beyond: sum of pull r^T, r from the element's far end
-    first = matrix(attached.tip_first)
+    first = _first_at_tip(attached)
     for k in range(n):
         e = n - 1 - k
         h = lengths[e]
         force = plus(force, vector(pull[e + 1]))
-        if beside_node and attached.sprung[e + 1]:
-            moment = plus(moment, vector(attached.node_moment[e + 1]))
-            first = added(first, matrix(attached.node_first[e + 1]))
+        moment = plus_at_node(attached, e + 1, moment)
+        first = _first_at_node(attached, e + 1, first)
         x, y, z = h * strains[e, 0], h * strains[e, 1], h * strains[e, 2]
         c = coefficients(x * x + y * y + z * z)
         d = first_slopes(x * x + y * y + z * z, c)
@@ -104,34 +98,67 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
                  positions[e + 1, 2] - positions[e, 2])
         first = added(first, outer(force, along))
         moment = plus(moment, crossed(along, force))
-        while place >= 0 and attached.element[attached.order[place]] == e:
-            point = attached.order[place]
-            there, length = vector(attached.force[point]), attached.fraction[point] * h
-            part_of_element(h, attached.fraction[point], strains[e], scale[e], rotations[e], part,
-                            arm)
-            own = second_derivatives(
-                length * strains[e, 0], length * strains[e, 1], length * strains[e, 2], length,
-                transposed_applied(frame, there),
-                transposed_applied(frame, vector(attached.moment[point])) if beside else _NO_MOMENT)
-            for j in range(3):
-                lever = crossed((part[3, j], part[4, j], part[5, j]), there)
-                cross[e, j, 0] += lever[0]
-                cross[e, j, 1] += lever[1]
-                cross[e, j, 2] += lever[2]
-                for i in range(3):
-                    diagonal[e, i, j] += (length * length * scale[e, i] * scale[e, j]
-                                          * own[3 * i + j])
-            if beside:
-                _carry_along(attached.first[point], part, cross[e], diagonal[e])
-                first = added(first, matrix(attached.first[point]))
-                moment = plus(moment, vector(attached.moment[point]))
-            first = added(first, outer(there, vector(arm)))
-            moment = plus(moment, crossed(vector(arm), there))
-            force = plus(force, there)
-            place -= 1
-    base = np.empty((3, 3))
-    put_matrix(without_trace(first), base)
-    return base.T.copy()
+        place, force, moment, first = _points_inside(
+            attached, place, e, h, strains, scale, rotations, force, moment, first, cross, diagonal)
+    put_matrix(_transposed(without_trace(first)), base)
+
+
+@kernel
+def _transposed(a):
+    return a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]
+
+
+@kernel
+def _first_at_tip(attached):
+    if attached is None:
+        return ZERO
+    return matrix(attached.tip_first)
+
+
+@kernel
+def _first_at_node(attached, node, first):
+    if attached is None:
+        return first
+    if attached.node_moment.shape[0] and attached.sprung[node]:
+        return added(first, matrix(attached.node_first[node]))
+    return first
+
+
+@kernel
+def _points_inside(attached, place, e, h, strains, scale, rotations, force, moment, first, cross,
+                   diagonal):
+    """Add what acts inside element e; return place, force, moment and first moment before it."""
+    if attached is None:
+        return place, force, moment, first
+    beside = attached.moment.shape[0] > 0
+    frame = matrix(rotations[e])
+    while place >= 0 and attached.element[attached.order[place]] == e:
+        part, arm = np.empty((6, 3)), np.empty(3)
+        point = attached.order[place]
+        there, length = vector(attached.force[point]), attached.fraction[point] * h
+        part_of_element(h, attached.fraction[point], strains[e], scale[e], rotations[e], part,
+                        arm)
+        own = second_derivatives(
+            length * strains[e, 0], length * strains[e, 1], length * strains[e, 2], length,
+            transposed_applied(frame, there),
+            transposed_applied(frame, vector(attached.moment[point])) if beside else _NO_MOMENT)
+        for j in range(3):
+            lever = crossed((part[3, j], part[4, j], part[5, j]), there)
+            cross[e, j, 0] += lever[0]
+            cross[e, j, 1] += lever[1]
+            cross[e, j, 2] += lever[2]
+            for i in range(3):
+                diagonal[e, i, j] += (length * length * scale[e, i] * scale[e, j]
+                                      * own[3 * i + j])
+        if beside:
+            _carry_along(attached.first[point], part, cross[e], diagonal[e])
+            first = added(first, matrix(attached.first[point]))
+            moment = plus(moment, vector(attached.moment[point]))
+        first = added(first, outer(there, vector(arm)))
+        moment = plus(moment, crossed(vector(arm), there))
+        force = plus(force, there)
+        place -= 1
+    return place, force, moment, first
 
 
 _NO_MOMENT = (0.0, 0.0, 0.0)
@@ -159,150 +186,3 @@ def _carry_along(own_first, part, cross, diagonal):
                     + rolled[i, 2] * part[2, j])
             diagonal[i, j] += 0.5 * both
             diagonal[j, i] += 0.5 * both
-
-
-@kernel
-def add_stiffness(lengths, strains, scale, rotations, positions, weight, attached, turning, cross,
-                  diagonal):
-    """Widen the blocks of `second_order` by springs: `weight` (N + 1,) or (0,), and `attached`.
-
-    What lies beyond an element now moves by a twist (rotation, displacement at the gripper's
-    origin), so that node l moves by  displacement + rotation x position_l.
-
-    Args:
-        turning: (N, 6, 3), cross: (N, 3, 6), diagonal: (N, 3, 3): filled by `second_order` in
-            their first three rows (columns); completed here
-    """
-    beyond = np.zeros((6, 6))  # of all nodes beyond: their springs as seen by a twist
-    rolled = np.empty((3, 6))
-    place = attached.element.size - 1
-    part = np.empty((6, 3))
-    arm = np.empty(3)
-    beside, beside_node = attached.moment.shape[0] > 0, attached.node_moment.shape[0] > 0
-    rigid, local, spring = np.empty((6, 6)), np.empty((6, 6)), np.zeros((6, 6))
-    _carry(positions[lengths.size], rigid)
-    _multiply(attached.tip_matrix, rigid, local)
-    _add_transposed(rigid, local, beyond)
-    for e in range(lengths.size - 1, -1, -1):
-        h = lengths[e]
-        _, shifting = jacobians(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h)
-        rot, where, twist = rotations[e], positions[e + 1], turning[e]
-        put_matrix(columns_scaled(times(matrix(rot), shifting), h * scale[e, 0], h * scale[e, 1],
-                                  h * scale[e, 2]), twist[3:])
-        for j in range(3):
-            twist[3, j] -= twist[1, j] * where[2] - twist[2, j] * where[1]
-            twist[4, j] -= twist[2, j] * where[0] - twist[0, j] * where[2]
-            twist[5, j] -= twist[0, j] * where[1] - twist[1, j] * where[0]
-        if weight.size:
-            _add_spring(beyond, where, weight[e + 1])
-        if attached.sprung.size and attached.sprung[e + 1]:
-            for i in range(3):
-                for j in range(3):
-                    spring[3 + i, 3 + j] = attached.spring[e + 1, i, j]
-            if beside_node:
-                for i in range(6):
-                    for j in range(6):
-                        if i < 3 or j < 3:
-                            spring[i, j] = attached.node_matrix[e + 1, i, j]
-                        else:
-                            spring[i, j] += attached.node_matrix[e + 1, i, j]
-            _carry(where, rigid)
-            _multiply(spring, rigid, local)
-            _add_transposed(rigid, local, beyond)
-        for i in range(3):
-            for k in range(6):
-                total = 0.0
-                for j in range(6):
-                    total += twist[j, i] * beyond[j, k]
-                rolled[i, k] = total
-                if k < 3:
-                    cross[e, i, k] += total
-                else:
-                    cross[e, i, k] = total
-            for j in range(3):
-                total = 0.0
-                for k in range(6):
-                    total += rolled[i, k] * twist[k, j]
-                diagonal[e, i, j] += total
-        while place >= 0 and attached.element[attached.order[place]] == e:
-            c = attached.order[place]
-            part_of_element(h, attached.fraction[c], strains[e], scale[e], rot, part, arm)
-            for i in range(3):
-                arm[i] += positions[e, i]
-            _carry(arm, rigid)
-            _multiply(attached.matrix[c], rigid, local)
-            for i in range(3):
-                for k in range(6):
-                    for j in range(6):
-                        cross[e, i, k] += part[j, i] * local[j, k]
-                for j in range(3):
-                    for k in range(6):
-                        for m in range(6):
-                            diagonal[e, i, j] += part[k, i] * attached.matrix[c, k, m] * part[m, j]
-            if beside:
-                _add_own(attached.own[c], scale[e], rigid, part, cross[e], diagonal[e])
-            _add_transposed(rigid, local, beyond)
-            place -= 1
-
-
-@kernel
-def _add_own(own, scale, rigid, part, cross, diagonal):
-    """Add a direct dependence on the element's own strain: own (3, 9), see `Attached`."""
-    for i in range(3):
-        for k in range(6):
-            for j in range(6):
-                cross[i, k] += scale[i] * own[i, j] * rigid[j, k]
-        for j in range(3):
-            both = 0.0
-            for k in range(6):
-                both += scale[i] * own[i, k] * part[k, j]
-            diagonal[i, j] += both + scale[i] * scale[j] * own[i, 6 + j]
-            diagonal[j, i] += both
-
-
-@kernel
-def _carry(x, rigid):
-    """Fill (6, 6): the twist at x that a rigid twist given at the gripper's origin makes."""
-    for i in range(6):
-        for j in range(6):
-            rigid[i, j] = 1.0 if i == j else 0.0
-    rigid[3, 1], rigid[3, 2] = x[2], -x[1]
-    rigid[4, 0], rigid[4, 2] = -x[2], x[0]
-    rigid[5, 0], rigid[5, 1] = x[1], -x[0]
-
-
-@kernel
-def _multiply(a, b, out):
-    for i in range(6):
-        for j in range(6):
-            total = 0.0
-            for k in range(6):
-                total += a[i, k] * b[k, j]
-            out[i, j] = total
-
-
-@kernel
-def _add_transposed(a, b, out):
-    """Add a^T b to `out`, all (6, 6)."""
-    for i in range(6):
-        for j in range(6):
-            for k in range(6):
-                out[i, j] += a[k, i] * b[k, j]
-
-
-@kernel
-def _add_spring(matrix, x, weight):
-    """Add weight J^T J, where a node at x moves by J (rotation, displacement), J = (-x^, I)."""
-    square = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
-    for i in range(3):
-        for j in range(3):
-            matrix[i, j] -= weight * x[i] * x[j]
-        matrix[i, i] += weight * square
-        matrix[3 + i, 3 + i] += weight
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        # x^ has x_i at (k, j) and -x_i at (j, k); the upper right block is x^
-        matrix[k, 3 + j] += weight * x[i]
-        matrix[j, 3 + k] -= weight * x[i]
-        matrix[3 + j, k] += weight * x[i]
-        matrix[3 + k, j] -= weight * x[i]

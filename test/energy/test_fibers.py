@@ -71,7 +71,7 @@ class OneElement:
         """Return the moments (3,) after a step to `strain` (3,)."""
         strains, zero, gradient = np.array([strain]), np.zeros((1, 3)), np.zeros((1, 3))
         length = np.ones(1)
-        add_plastic(length, strains, zero, self.stiffness, self.layers, gradient)
+        add_plastic(length, strains, zero, self.layers, gradient)
         new, lost = settled(length, strains, zero, self.layers)
         assert lost >= 0
         self.lost += lost
@@ -198,7 +198,7 @@ def test_each_element_has_its_own_stiffness():
     layers, length = yielding_layers(rod, stiffness), np.array([0.2, 0.3, 0.5])
     strain = np.array([1.5 * rod.yield_torsion, *(2 * np.array(rod.yield_curvature))])
     gradient = np.zeros((3, 3))
-    add_plastic(length, np.tile(strain, (3, 1)), np.zeros((3, 3)), stiffness, layers, gradient)
+    add_plastic(length, np.tile(strain, (3, 1)), np.zeros((3, 3)), layers, gradient)
     wanted = OneElement(rod).step(strain)
     np.testing.assert_allclose(gradient / length[:, None], np.outer([1.0, 3.0, 0.2], wanted),
                                rtol=1e-12)

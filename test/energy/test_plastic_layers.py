@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from dlo_planner import Rod
-from dlo_planner.energy.elastic import add_elastic
 from dlo_planner.energy.plastic import (
     add_plastic,
     add_plastic_stiffness,
@@ -14,7 +13,7 @@ from dlo_planner.energy.plastic import (
     settled,
     yielded,
 )
-from dlo_planner.energy.yielding import yielding_layers
+from dlo_planner.energy.yielding import elastic_part, yielding_layers
 
 LENGTHS = np.array([0.1, 0.3, 0.2])
 STIFFNESS = np.array([[0.4, 0.7, 2.0], [0.3, 0.9, 1.0], [0.2, 0.5, 3.0]])
@@ -28,8 +27,12 @@ KINDS = {'ideal': {'section_model': 'ideal'}, 'round': {'section_model': 'round'
 
 
 @pytest.fixture(params=KINDS)
-def layers(request):
-    rod = Rod(1.0, 0.0, (0.7, 2.0), 0.4, **{**LIMITS, **KINDS[request.param]})
+def rod(request):
+    return Rod(1.0, 0.0, (0.7, 2.0), 0.4, **{**LIMITS, **KINDS[request.param]})
+
+
+@pytest.fixture
+def layers(rod):
     return yielding_layers(rod, STIFFNESS)
 
 
@@ -40,42 +43,52 @@ def given(rng, layers, size):
     return natural + size * rng.normal(size=(3, 3)), natural, layers._replace(set=sets)
 
 
-def gradient_and_energy(strains, natural, layers):
-    gradient = np.zeros((3, 3))
-    energy = add_plastic(LENGTHS, strains, natural, STIFFNESS, layers, gradient)
+def elastic(strains, natural, part):
+    """Return the moments (3, 3) and the energy of a part of the stiffness that never yields."""
+    moments = part * LENGTHS[:, None] * STIFFNESS * (strains - natural)
+    return moments, 0.5 * np.sum(moments * (strains - natural))
+
+
+def gradient_and_energy(strains, natural, layers, rod):
+    gradient, energy = elastic(strains, natural, rod.hardening)
+    energy += add_plastic(LENGTHS, strains, natural, layers, gradient)
     return gradient, energy
 
 
-def stiffness_of(strains, natural, layers):
-    out = np.zeros((3, 3, 3))
-    add_plastic_stiffness(LENGTHS, strains, natural, STIFFNESS, layers, np.ones((3, 3)), out)
+def stiffness_of(strains, natural, layers, rod):
+    out = rod.hardening * np.array([np.diag(row) for row in LENGTHS[:, None] * STIFFNESS])
+    add_plastic_stiffness(LENGTHS, strains, natural, layers, np.ones((3, 3)), out)
     return out
 
 
-def test_inside_its_limits_a_section_is_elastic_about_its_set(layers, rng):
+def test_what_never_yields_is_the_hardening(rod):
+    np.testing.assert_array_equal(elastic_part(rod).part, np.full(3, rod.hardening))
+    np.testing.assert_array_equal(elastic_part(Rod(1.0, 0.0, 1.0, 0.4)).part, np.ones(3))
+
+
+def test_inside_its_limits_a_section_is_elastic_about_its_set(layers, rod, rng):
     strains, natural, layers = given(rng, layers, 0.01)
-    gradient, energy = gradient_and_energy(strains, natural, layers)
-    wanted = np.zeros((3, 3))
+    gradient, energy = gradient_and_energy(strains, natural, layers, rod)
     free = natural + set_strains(STIFFNESS, layers)
-    elastic = add_elastic(LENGTHS, strains, free, STIFFNESS, wanted)
+    wanted, stored = elastic(strains, free, 1.0)
     np.testing.assert_allclose(gradient, wanted, atol=1e-14)
     # the rest of the energy is locked in by sets that differ from fiber to fiber
-    assert energy - gradient_and_energy(free, natural, layers)[1] == pytest.approx(elastic)
+    assert energy - gradient_and_energy(free, natural, layers, rod)[1] == pytest.approx(stored)
     new, lost = settled(LENGTHS, strains, natural, layers)
     np.testing.assert_array_equal(new, layers.set)
     assert lost == 0
-    np.testing.assert_allclose(stiffness_of(strains, natural, layers),
+    np.testing.assert_allclose(stiffness_of(strains, natural, layers, rod),
                                [np.diag(row) for row in LENGTHS[:, None] * STIFFNESS], atol=1e-14)
 
 
-def test_a_step_stores_and_loses_what_it_costs(layers, rng):
+def test_a_step_stores_and_loses_what_it_costs(layers, rod, rng):
     strains, natural, layers = given(rng, layers, 2.0)
     before = layers.set.copy()
-    gradient, energy = gradient_and_energy(strains, natural, layers)
+    gradient, energy = gradient_and_energy(strains, natural, layers, rod)
     new, lost = settled(LENGTHS, strains, natural, layers)
     np.testing.assert_array_equal(layers.set, before)  # the step may still be made again
     after = layers._replace(set=new)
-    moment, stored = gradient_and_energy(strains, natural, after)
+    moment, stored = gradient_and_energy(strains, natural, after, rod)
     assert lost > 0
     assert energy == pytest.approx(stored + lost)
     np.testing.assert_allclose(moment, gradient, atol=1e-12)
@@ -85,14 +98,14 @@ def test_a_step_stores_and_loses_what_it_costs(layers, rng):
     assert more == pytest.approx(0, abs=1e-12)
 
 
-def test_energy_moment_and_stiffness_are_derivatives(layers, rng):
+def test_energy_moment_and_stiffness_are_derivatives(layers, rod, rng):
     strains, natural, layers = given(rng, layers, 2.0)
-    gradient, _ = gradient_and_energy(strains, natural, layers)
-    stiffness, step = stiffness_of(strains, natural, layers), 1e-6
+    gradient, _ = gradient_and_energy(strains, natural, layers, rod)
+    stiffness, step = stiffness_of(strains, natural, layers, rod), 1e-6
     for e, i in np.ndindex(3, 3):
         change = np.zeros((3, 3))
         change[e, i] = step
-        ahead, back = (gradient_and_energy(strains + sign * change, natural, layers)
+        ahead, back = (gradient_and_energy(strains + sign * change, natural, layers, rod)
                        for sign in (1, -1))
         assert gradient[e, i] == pytest.approx((ahead[1] - back[1]) / (2 * step), abs=1e-7)
         np.testing.assert_allclose(stiffness[e, i], (ahead[0] - back[0])[e] / (2 * step),

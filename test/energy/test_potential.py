@@ -11,8 +11,10 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import Contacts
 from dlo_planner.energy.distance import EDGE, FACE, NODE_FACE
+from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.loads import node_masses
-from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
+from dlo_planner.energy.magnet import Magnet
+from dlo_planner.energy.potential import evaluate, new_state, tip_wrench, unknowns_of
 from dlo_planner.minimize.linear import assemble, multiply, new_hessian
 from dlo_planner.model.section import Section
 
@@ -37,8 +39,27 @@ def plain(curly, basis, rng):
 
 
 def anchored(curly, basis, rng):
-    return plain(curly, basis, rng)._replace(anchor=rng.normal(size=(10, 3)),
-                                             anchor_weight=rng.uniform(0, 3, size=10))
+    return plain(curly, basis, rng)._replace(anchor=Anchor(rng.normal(size=(10, 3)),
+                                                           rng.uniform(0, 3, size=10)))
+
+
+def attracted(curly, basis, rng):
+    system = discretized(curly, basis).system(BASE, (0.1, 0, 0.2))
+    return system._replace(magnet=Magnet(np.array([0.3, 0.2, 0.1]), 0.05,
+                                         rng.normal(size=system.lengths.size + 1)))
+
+
+def everything(curly, basis, rng):
+    """Return a system with every effect at once; obstacles push at nodes."""
+    system = touching(curly, basis, rng)
+    none, empty = np.zeros((0, 3)), np.zeros(0)
+    system = system._replace(contacts=Contacts(
+        2.0, system.contacts.node, np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), empty,
+        empty, none, none, none, 0.5))
+    other = held(curly, basis, rng)
+    return system._replace(hold=other.hold, anchor=anchored(curly, basis, rng).anchor,
+                           magnet=attracted(curly, basis, rng).magnet,
+                           plastic=plastic(curly, basis, rng).plastic)
 
 
 def held(curly, basis, rng):
@@ -107,7 +128,7 @@ def tied(curly, basis, rng):
     return system._replace(near=rng.normal(size=new_state(system).q.shape), tie=0.7)
 
 
-KINDS = (plain, anchored, held, plastic, touching, broad, tapered, tied)
+KINDS = (plain, anchored, held, plastic, touching, broad, tapered, tied, attracted, everything)
 
 
 @pytest.fixture(params=[(kind, basis) for kind in KINDS for basis in ('local', 'chebyshev')]
@@ -198,6 +219,7 @@ def test_unknowns_of_strains_that_the_basis_can_follow(system, rng):
 
 def test_the_gripper_carries_all_that_pulls(system, rng):
     _, state = at(system, rng.normal(size=new_state(system).q.shape))
-    total = (state.pull.sum(axis=0) + state.attached.force.sum(axis=0)
-             + (state.attached.tip_force if system.hold.multiplier.size else 0))
+    total = state.pull.sum(axis=0) + tip_wrench(state)[:3]
+    if state.attached is not None:
+        total += state.attached.force.sum(axis=0)
     np.testing.assert_allclose(state.base_force, total, atol=1e-12)

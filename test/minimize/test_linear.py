@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner import FarEnd, Rod
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.surroundings import Surroundings
+from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.potential import evaluate, new_state
 from dlo_planner.minimize.linear import (
     assemble,
@@ -40,8 +41,8 @@ def problem(request, curly, rng):
     discretization = Discretization(around, s * 1.3 / s[-1], basis, 6)
     system = discretization.system(np.eye(3))
     if anchored:
-        system = system._replace(anchor=rng.normal(size=(15, 3)),
-                                 anchor_weight=rng.uniform(0, 3, size=15))
+        system = system._replace(anchor=Anchor(rng.normal(size=(15, 3)),
+                                               rng.uniform(0, 3, size=15)))
     state = new_state(system)
     state.q[:] = rng.normal(size=state.q.shape)
     evaluate(system, state)
@@ -79,7 +80,7 @@ def test_the_search_for_the_lowest_mode_does_not_end_where_it_only_rests():
     around = Surroundings(Rod(1.0, 0.0145, (1e-3, 2.546e-3), 8.964e-4), np.array([0, 0, -9.81]))
     mesh = Discretization(around, np.linspace(0, 1, 3), 'local', 0)
     system = mesh.system(np.eye(3))
-    state, *_ = newton(system, np.zeros((2, 3)), 1e-10, 100, True)
+    state = newton(system, np.zeros((2, 3)), 1e-10, 100, True).state
     hessian = new_hessian(system)
     assemble(system, state, hessian)
     assert factorize(system, hessian, 0.0) == 0
@@ -143,7 +144,7 @@ def test_a_pivot_of_zero_lets_no_number_overflow():
     hessian = new_hessian(system)
     assemble(system, state, hessian)
     hessian.diagonal[-3:] = 0.0
-    hessian.give[0] = 0.0
+    hessian.border.give[0] = 0.0
     factorize(system, hessian, 0.0)
     out, reaction = np.empty_like(state.q), np.empty(3)
     solve_held(system, hessian, np.ones_like(state.q), np.ones(3), out, reaction)

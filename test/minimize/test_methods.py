@@ -162,8 +162,9 @@ def test_every_newton_step_lowers_the_energy(wire_with_load):
     start = np.zeros((discretization.n_unknowns, 3))
     energies = []
     for steps in range(12):
-        state, _, _, iterations, _ = newton(system, start, 1e-10, steps, False)
-        if iterations < steps:
+        found = newton(system, start, 1e-10, steps, False)
+        state = found.state
+        if found.iterations < steps:
             break
         energies.append(0.5 * np.sum(state.q**2) + np.sum(system.pull * state.positions))
     assert len(energies) > 6  # far from straight forward

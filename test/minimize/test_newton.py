@@ -8,7 +8,8 @@ import pytest
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.energy.potential import evaluate, new_state
 from dlo_planner.minimize.linear import factorize, new_hessian
-from dlo_planner.minimize.newton import KICK_TURN, descend, kick, newton, residual_of
+from dlo_planner.minimize.newton import descend, newton, residual_of
+from dlo_planner.minimize.saddle import KICK_TURN, kick
 from dlo_planner.minimize.spectrum import lowest_mode
 
 UP = Pose.looking_along((0, 0, 0), (0, 0, 1))
@@ -28,22 +29,23 @@ def start_of(system):
 def test_a_saddle_is_found_named_and_left(basis):
     system = system_of(HEAVY, UP, basis)
     q = start_of(system)
-    state, residual, stability, iterations, mode = descend(system, q, 1e-10, 100, True)
+    state, residual, stability, iterations, mode, *_ = descend(system, q, 1e-10, 100, True)
     assert iterations == 0 and residual < 1e-12 and stability < -0.5  # upright is a saddle
     assert np.linalg.norm(mode) == pytest.approx(1)
     np.testing.assert_allclose(mode[:, [0, 2]], 0, atol=1e-6)  # about n, the soft way
-    found, residual, stability, _, kicks = newton(system, q, 1e-10, 100, True)
-    assert kicks == 1 and residual < 1e-9 and stability > 0.05
-    assert found.positions[-1, 2] < 0  # it has fallen over
+    found = newton(system, q, 1e-10, 100, True)
+    assert found.kicks == 1 and found.residual < 1e-9 and found.stability > 0.05
+    assert found.state.positions[-1, 2] < 0  # it has fallen over
     np.testing.assert_array_equal(q, 0)  # the start is left alone
-    _, _, stability, _, kicks = newton(system, q, 1e-10, 100, False)
-    assert kicks == 0 and np.isnan(stability)  # nobody asked
+    found = newton(system, q, 1e-10, 100, False)
+    assert found.kicks == 0 and np.isnan(found.stability)  # nobody asked
 
 
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 def test_a_kick_goes_down_and_no_farther_than_it_should(basis):
     system = system_of(HEAVY, UP, basis)
-    state, _, _, _, mode = descend(system, start_of(system), 1e-10, 100, True)
+    found = descend(system, start_of(system), 1e-10, 100, True)
+    state, mode = found.state, found.mode
     assert mode[0, 1] > 0  # the side that is stated: positive curvature
     for sign in (1, -1):  # both sides are as low: it goes where the mode points
         there = new_state(system)
@@ -61,7 +63,7 @@ def test_a_kick_takes_the_lower_side():
         system = system_of(HEAVY, UP, 'local', gravity=(aside, 0, -9.81))
         upright = new_state(system)
         evaluate(system, upright)
-        mode = descend(system_of(HEAVY, UP, 'local'), start_of(system), 1e-10, 0, True)[4]
+        mode = descend(system_of(HEAVY, UP, 'local'), start_of(system), 1e-10, 0, True).mode
         there = new_state(system)
         for sign in (1, -1):
             there.q[:] = kick(system, upright, sign * mode)
@@ -71,8 +73,9 @@ def test_a_kick_takes_the_lower_side():
 
 def test_there_is_no_kick_from_a_minimum():
     system = system_of(Rod(1.0, 0.2, 1.0, 0.75), UP, 'local')
-    state, _, stability, _, _ = descend(system, start_of(system), 1e-10, 100, True)
-    assert stability > 0.5
+    found = descend(system, start_of(system), 1e-10, 100, True)
+    state = found.state
+    assert found.stability > 0.5
     mode = np.zeros_like(state.q)
     mode[:, 1] = 1 / np.sqrt(len(mode))
     assert kick(system, state, mode) is None
@@ -82,8 +85,8 @@ def test_there_is_no_kick_from_a_minimum():
 def test_no_more_steps_than_allowed(most):
     system = system_of(HEAVY, Pose.identity(), 'chebyshev')
     q = start_of(system)
-    _, residual, _, iterations, _ = newton(system, q, 1e-10, most, True)
-    assert iterations == most and residual > 1e-6
+    found = newton(system, q, 1e-10, most, True)
+    assert found.iterations == most and found.residual > 1e-6
     np.testing.assert_array_equal(q, 0)  # where it began stays where it is
 
 
@@ -109,10 +112,10 @@ def test_residual_is_relative_to_the_energy_and_a_bend(basis):
 def test_without_loads_every_mode_is_the_elastic_one(basis):
     # one step of Lanczos knows all there is, the next one would divide by zero
     system = system_of(Rod(1.0, 0.0, (1.0, 3.0), 0.75), UP, basis)
-    _, residual, stability, iterations, mode = descend(system, start_of(system), 1e-10, 9, True)
-    assert residual == 0 and iterations == 0
-    assert stability == pytest.approx(1, abs=1e-12)
-    assert not mode.any()
+    found = descend(system, start_of(system), 1e-10, 9, True)
+    assert found.residual == 0 and found.iterations == 0
+    assert found.stability == pytest.approx(1, abs=1e-12)
+    assert not found.mode.any()
 
 
 def test_a_mode_that_a_smooth_start_does_not_see_is_found():

@@ -15,9 +15,9 @@ import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.statics import equilibrium, shape_of
-from dlo_planner.energy.contact import along_the_dlo
 from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.potential import placed
+from dlo_planner.energy.rolling import along_the_dlo
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.solvers.hanging.marching import hanging
 from dlo_planner.minimize.minimum import Minimum
@@ -85,7 +85,7 @@ class ContactFamily:
         return self.known[force]
 
     def _marched(self, force):
-        system = self._alone.system(np.eye(3))
+        system = self._alone.full._replace(base=np.eye(3))  # of one kind with that which touches
         pull = system.pull.copy()
         pull[self._node] -= force * self.frame[:, 2]
         system = system._replace(pull=pull)
@@ -119,7 +119,7 @@ class ContactFamily:
             system = system._replace(contacts=system.contacts._replace(
                 element=np.array([e]), obstacle=np.array([self._body]),
                 multiplier=np.array([force]), fraction=np.zeros(1), anchor=none, normal=none))
-        return descend(system, state.q, np.inf, 0, True)[2]
+        return descend(system, state.q, np.inf, 0, True).stability
 
     def _sag(self, strain):
         """Return by how much, m, a DLO that curves into the obstacle at the contact is in it.

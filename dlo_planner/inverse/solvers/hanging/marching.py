@@ -46,8 +46,8 @@ def integrate_from_tip(system, end):
         end: (3, 3) rotation of the free end
     """
     n = system.lengths.size
-    lengths, natural, pull, stiffness = (system.lengths, system.natural, system.pull,
-                                         system.stiffness)
+    lengths, natural, stiffness = system.lengths, system.natural, system.stiffness
+    pull = system.effects.load.pull
     strains = np.empty((n, 3))
     frame, force, moment = matrix(end), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     u = np.empty(3)

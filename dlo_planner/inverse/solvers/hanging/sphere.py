@@ -119,7 +119,7 @@ def _hang(system, ends):
     hessian = new_hessian(system)
     for k in range(n):
         strains, base = integrate_from_tip(system, ends[k])
-        here = turned_system(system, base)
+        here = turned_system(system, base, system.origin)
         state.q[:] = (strains - system.natural) / system.scale
         evaluate(here, state)
         assemble(here, state, hessian)

@@ -61,8 +61,8 @@ def aligned_newton(system, q, element, fraction, normal, reference, axis, tolera
         state, base (3, 3) gripper rotation, residual, misalignment (rad), stability (smallest
         eigenvalue of the Hessian), iterations, converged
     """
-    here = turned_system(system, system.base.copy())
-    there = turned_system(system, system.base.copy())
+    here = turned_system(system, system.base.copy(), system.origin)
+    there = turned_system(system, system.base.copy(), system.origin)
     state, trial = new_state(here), new_state(here)
     hessian = new_hessian(here)
     across = _perpendicular(normal)

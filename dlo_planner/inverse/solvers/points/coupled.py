@@ -49,7 +49,7 @@ def aligned_hanging(system, base, strains, element, fraction, normal, reference,
         what `minimize.hanging.hang` returns, of a gripper in the origin
         base: (3, 3) rotation of the gripper; converged
     """
-    here = turned_system(system, base.copy())
+    here = turned_system(system, base.copy(), system.origin)
     q = np.empty((unknown_count(system), 3))
     unknowns_of(here, strains.copy(), q)
     state, turned, residual, _, stability, iterations, converged = aligned_newton(
@@ -76,8 +76,8 @@ def two_points_hanging(system, base, strains, s, way, first, second, first_free,
         base: (3, 3) rotation of the gripper; first, second: m; converged
     """
     length = s[-1]
-    here = turned_system(system, base.copy())
-    there = turned_system(system, base.copy())
+    here = turned_system(system, base.copy(), system.origin)
+    there = turned_system(system, base.copy(), system.origin)
     state, trial = new_state(here), new_state(here)
     hessian = new_hessian(here)
     load, answers = np.empty_like(state.q), np.empty((4, state.q.shape[0], 3))

@@ -1,0 +1,163 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The Riccati sweeps: factorization and solution of a local Newton system in O(N), see `linear`."""
+
+import numpy as np
+
+from dlo_planner.kernels import kernel
+from dlo_planner.ritz.matrix3 import (
+    ZERO,
+    added,
+    applied,
+    matrix,
+    plus,
+    put_matrix,
+    put_vector,
+    times,
+    transposed_applied,
+    transposed_times,
+    vector,
+)
+
+TINY = 1e-16  # of a pivot of zero, as rounding errors leave them: less would overflow further on
+
+
+@kernel
+def _inverse3(a):
+    """Return the inverse of the symmetric 3 x 3 `a` (9 numbers), and how many pivots are <= 0."""
+    d0 = a[0] if a[0] != 0.0 else TINY
+    i0 = 1.0 / d0
+    l10, l20 = a[3] * i0, a[6] * i0
+    d1 = a[4] - l10 * a[3]
+    d1 = d1 if d1 != 0.0 else TINY
+    i1 = 1.0 / d1
+    middle = a[7] - l20 * a[3]
+    l21 = middle * i1
+    d2 = a[8] - l20 * a[6] - l21 * middle
+    d2 = d2 if d2 != 0.0 else TINY
+    i2 = 1.0 / d2
+    low = l10 * l21 - l20
+    xy, xz, yz = -l10 * i1 - l21 * low * i2, low * i2, -l21 * i2
+    inverse = (i0 + l10 * l10 * i1 + low * low * i2, xy, xz, xy, i1 + l21 * l21 * i2, yz,
+               xz, yz, i2)
+    return inverse, (d0 <= 0) + (d1 <= 0) + (d2 <= 0)
+
+
+@kernel
+def factorize_turns(hessian, shift):
+    """Factorize where only rotations count."""
+    negative = 0
+    value = ZERO  # second derivative of the cost to go by theta
+    turnings, crosses, diagonals = hessian.turning, hessian.cross, hessian.diagonal
+    gains, inverses = hessian.gain, hessian.inverse
+    for k in range(turnings.shape[0]):
+        e = turnings.shape[0] - 1 - k
+        turning, d = matrix(turnings[e]), matrix(diagonals[e])
+        carried = transposed_times(turning, value)
+        coupling = added(matrix(crosses[e]), carried)
+        p = times(carried, turning)
+        inverse, found = _inverse3((d[0] + p[0] + shift, p[3], p[6],
+                                    d[3] + p[3], d[4] + p[4] + shift, p[7],
+                                    d[6] + p[6], d[7] + p[7], d[8] + p[8] + shift))
+        negative += found
+        gain = times(inverse, coupling)
+        put_matrix(inverse, inverses[e])
+        put_matrix(gain, gains[e])
+        less = transposed_times(coupling, gain)
+        xy, xz, yz = value[3] - less[3], value[6] - less[6], value[7] - less[7]
+        value = (value[0] - less[0], xy, xz, xy, value[4] - less[4], yz,
+                 xz, yz, value[8] - less[8])
+    return negative
+
+
+@kernel
+def solve_turns(hessian, right, out):
+    """Solve where only rotations count."""
+    turnings, gains, inverses = hessian.turning, hessian.gain, hessian.inverse
+    n = turnings.shape[0]
+    to_go = (0.0, 0.0, 0.0)  # slope of the cost to go by theta, negated
+    for k in range(n):
+        e = n - 1 - k
+        own = plus(vector(right[e]), transposed_applied(matrix(turnings[e]), to_go))
+        put_vector(applied(matrix(inverses[e]), own), out[e])
+        less = transposed_applied(matrix(gains[e]), own)
+        to_go = (to_go[0] - less[0], to_go[1] - less[1], to_go[2] - less[2])
+    theta = (0.0, 0.0, 0.0)
+    for e in range(n):
+        less = applied(matrix(gains[e]), theta)
+        step = (out[e, 0] - less[0], out[e, 1] - less[1], out[e, 2] - less[2])
+        put_vector(step, out[e])
+        theta = plus(theta, applied(matrix(turnings[e]), step))
+
+
+@kernel
+def factorize_twists(hessian, shift):
+    """Factorize where displacements count as well."""
+    wide = 6
+    negative = 0
+    value = np.zeros((wide, wide))  # second derivative of the cost to go by theta
+    pivot = np.empty((3, 3))
+    carried = np.empty((3, wide))
+    coupling = np.empty((3, wide))
+    turnings, crosses, diagonals = hessian.turning, hessian.cross, hessian.diagonal
+    gains, inverses = hessian.gain, hessian.inverse
+    for e in range(turnings.shape[0] - 1, -1, -1):
+        turning, cross = turnings[e], crosses[e]
+        diagonal, gain, inverse = diagonals[e], gains[e], inverses[e]
+        for i in range(3):
+            for k in range(wide):
+                total = 0.0
+                for j in range(wide):
+                    total += turning[j, i] * value[j, k]
+                carried[i, k] = total
+                coupling[i, k] = cross[i, k] + total
+            for j in range(i + 1):
+                total = diagonal[i, j]
+                for k in range(wide):
+                    total += carried[i, k] * turning[k, j]
+                pivot[i, j] = total
+                pivot[j, i] = total
+            pivot[i, i] += shift
+        inverted, found = _inverse3(matrix(pivot))
+        put_matrix(inverted, inverse)
+        negative += found
+        for i in range(3):
+            for k in range(wide):
+                gain[i, k] = (inverse[i, 0] * coupling[0, k] + inverse[i, 1] * coupling[1, k]
+                              + inverse[i, 2] * coupling[2, k])
+        for i in range(wide):
+            for k in range(i + 1):
+                value[i, k] -= (coupling[0, i] * gain[0, k] + coupling[1, i] * gain[1, k]
+                                + coupling[2, i] * gain[2, k])
+                value[k, i] = value[i, k]
+    return negative
+
+
+@kernel
+def solve_twists(hessian, right, out):
+    """Solve where displacements count as well."""
+    wide = 6
+    slope = np.zeros(wide)  # of the cost to go by theta
+    own = np.empty(3)
+    turnings, gains, inverses = hessian.turning, hessian.gain, hessian.inverse
+    for e in range(turnings.shape[0] - 1, -1, -1):
+        turning, gain, inverse = turnings[e], gains[e], inverses[e]
+        for i in range(3):
+            own[i] = -right[e, i]
+            for k in range(wide):
+                own[i] += turning[k, i] * slope[k]
+        for i in range(3):
+            out[e, i] = inverse[i, 0] * own[0] + inverse[i, 1] * own[1] + inverse[i, 2] * own[2]
+        for k in range(wide):
+            slope[k] -= gain[0, k] * own[0] + gain[1, k] * own[1] + gain[2, k] * own[2]
+    theta = np.zeros(wide)
+    for e in range(turnings.shape[0]):
+        turning, gain = turnings[e], gains[e]
+        for i in range(3):
+            total = -out[e, i]
+            for k in range(wide):
+                total -= gain[i, k] * theta[k]
+            out[e, i] = total
+        for k in range(wide):
+            theta[k] += (turning[k, 0] * out[e, 0] + turning[k, 1] * out[e, 1]
+                         + turning[k, 2] * out[e, 2])

@@ -1,0 +1,62 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Leaving a saddle, or leaning to a side where a descent is about to fall to either."""
+
+import numpy as np
+
+from dlo_planner.energy.effects import blocks
+from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.linear import assemble, largest_turn, new_hessian
+from dlo_planner.minimize.spectrum import preferred
+from dlo_planner.ritz.arrays import copy, put_sum
+
+KICK_TURN = 0.3  # rad, of a saddle along its lowest mode
+_LEAN = 1e-5     # rad, of a DLO that is about to fall
+_ALIKE = 0.5     # of the lower side's fall: a side that falls by more is as good
+
+
+@kernel
+def lean(system, hessian, state, trial):
+    """Fill `trial` with the shape of `state` leant to the preferred side; return if it can be."""
+    preferred(system, trial.gradient)
+    amount = _LEAN / largest_turn(system, hessian, trial.gradient)
+    put_sum(state.q, amount, trial.gradient, trial.q)
+    evaluate(system, trial)
+    return not blocks(system.effects, system, state, trial)
+
+
+def kick(system, state, mode):
+    """Return unknowns beside a saddle, along its lowest mode, on the lower side; None if none is.
+
+    Where both sides are about as low, it is the one to which the mode points.
+    """
+    q = np.empty_like(mode)
+    return q if kicked(system, state, mode, q) else None
+
+
+@kernel
+def kicked(system, state, mode, q):
+    """Fill q (m, 3) with what `kick` returns; return whether there is such a thing."""
+    hessian, trial = new_hessian(system), new_state(system)
+    assemble(system, state, hessian)
+    copy(state.q, trial.q)
+    energy, noise = evaluate(system, trial)
+    step = KICK_TURN / max(largest_turn(system, hessian, mode), 1e-12)
+    for _ in range(20):
+        plus = _height(system, state, trial, step, mode)
+        minus = _height(system, state, trial, -step, mode)
+        if min(plus, minus) < energy - 10 * noise:
+            alike = energy - plus >= _ALIKE * (energy - minus)
+            put_sum(state.q, step if alike else -step, mode, q)
+            return True
+        step *= 0.5
+    return False
+
+
+@kernel
+def _height(system, state, trial, step, mode):
+    """Return the potential a step along a mode away, infinite where an obstacle is in between."""
+    put_sum(state.q, step, mode, trial.q)
+    high, _ = evaluate(system, trial)
+    return np.inf if blocks(system.effects, system, state, trial) else high

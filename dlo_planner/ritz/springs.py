@@ -1,0 +1,189 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Second derivatives of springs on a chain of elements, by its strains, see `second_order`."""
+
+import numpy as np
+
+from dlo_planner.kernels import kernel
+from dlo_planner.ritz.arc import jacobians
+from dlo_planner.ritz.kinematics import last_point, part_of_element
+from dlo_planner.ritz.matrix3 import columns_scaled, matrix, put_matrix, times
+
+
+@kernel
+def widened(displaced, lengths, strains, scale, rotations, positions, weight, attached, turning,
+            cross, diagonal):
+    """Widen the blocks of `second_order`, if `displaced`, by springs.
+
+    What lies beyond an element now moves by a twist (rotation, displacement at the gripper's
+    origin), so that node l moves by  displacement + rotation x position_l.
+
+    Args:
+        displaced: None where it never is
+        weight: (N + 1,) springs of nodes that are the same in all directions, N/m
+        attached: other springs, or None
+        turning: (N, 6, 3), cross: (N, 3, 6), diagonal: (N, 3, 3): filled by `second_order` in
+            their first three rows (columns); completed here
+    """
+    if displaced is None:
+        return
+    if not displaced:
+        return
+    beyond = np.zeros((6, 6))  # of all nodes beyond: their springs as seen by a twist
+    rolled = np.empty((3, 6))
+    place = last_point(attached)
+    _add_tip(attached, positions[lengths.size], beyond)
+    for e in range(lengths.size - 1, -1, -1):
+        h = lengths[e]
+        _, shifting = jacobians(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h)
+        where, twist = positions[e + 1], turning[e]
+        put_matrix(columns_scaled(times(matrix(rotations[e]), shifting), h * scale[e, 0],
+                                  h * scale[e, 1], h * scale[e, 2]), twist[3:])
+        for j in range(3):
+            twist[3, j] -= twist[1, j] * where[2] - twist[2, j] * where[1]
+            twist[4, j] -= twist[2, j] * where[0] - twist[0, j] * where[2]
+            twist[5, j] -= twist[0, j] * where[1] - twist[1, j] * where[0]
+        _add_spring(beyond, where, weight[e + 1])
+        _add_node(attached, e + 1, where, beyond)
+        for i in range(3):
+            for k in range(6):
+                total = 0.0
+                for j in range(6):
+                    total += twist[j, i] * beyond[j, k]
+                rolled[i, k] = total
+                if k < 3:
+                    cross[e, i, k] += total
+                else:
+                    cross[e, i, k] = total
+            for j in range(3):
+                total = 0.0
+                for k in range(6):
+                    total += rolled[i, k] * twist[k, j]
+                diagonal[e, i, j] += total
+        place = _springs_inside(attached, place, e, h, strains, scale, rotations, positions,
+                                beyond, cross, diagonal)
+
+
+@kernel
+def _add_tip(attached, where, beyond):
+    """Add the springs of the free end, at `where` (3,), to `beyond` (6, 6)."""
+    if attached is None:
+        return
+    rigid, local = np.empty((6, 6)), np.empty((6, 6))
+    _carry(where, rigid)
+    _multiply(attached.tip_matrix, rigid, local)
+    _add_transposed(rigid, local, beyond)
+
+
+@kernel
+def _add_node(attached, node, where, beyond):
+    """Add the springs of a node, at `where` (3,), to `beyond` (6, 6)."""
+    if attached is None:
+        return
+    if attached.sprung.size == 0 or not attached.sprung[node]:
+        return
+    rigid, local, spring = np.empty((6, 6)), np.empty((6, 6)), np.zeros((6, 6))
+    for i in range(3):
+        for j in range(3):
+            spring[3 + i, 3 + j] = attached.spring[node, i, j]
+    if attached.node_matrix.shape[0]:
+        for i in range(6):
+            for j in range(6):
+                spring[i, j] += attached.node_matrix[node, i, j]
+    _carry(where, rigid)
+    _multiply(spring, rigid, local)
+    _add_transposed(rigid, local, beyond)
+
+
+@kernel
+def _springs_inside(attached, place, e, h, strains, scale, rotations, positions, beyond, cross,
+                    diagonal):
+    """Add the springs of points inside element e; return the place of the point before it."""
+    if attached is None:
+        return place
+    beside = attached.moment.shape[0] > 0
+    while place >= 0 and attached.element[attached.order[place]] == e:
+        part, arm = np.empty((6, 3)), np.empty(3)
+        rigid, local = np.empty((6, 6)), np.empty((6, 6))
+        c = attached.order[place]
+        part_of_element(h, attached.fraction[c], strains[e], scale[e], rotations[e], part, arm)
+        for i in range(3):
+            arm[i] += positions[e, i]
+        _carry(arm, rigid)
+        _multiply(attached.matrix[c], rigid, local)
+        for i in range(3):
+            for k in range(6):
+                for j in range(6):
+                    cross[e, i, k] += part[j, i] * local[j, k]
+            for j in range(3):
+                for k in range(6):
+                    for m in range(6):
+                        diagonal[e, i, j] += part[k, i] * attached.matrix[c, k, m] * part[m, j]
+        if beside:
+            _add_own(attached.own[c], scale[e], rigid, part, cross[e], diagonal[e])
+        _add_transposed(rigid, local, beyond)
+        place -= 1
+    return place
+
+
+@kernel
+def _add_own(own, scale, rigid, part, cross, diagonal):
+    """Add a direct dependence on the element's own strain: own (3, 9), see `Attached`."""
+    for i in range(3):
+        for k in range(6):
+            for j in range(6):
+                cross[i, k] += scale[i] * own[i, j] * rigid[j, k]
+        for j in range(3):
+            both = 0.0
+            for k in range(6):
+                both += scale[i] * own[i, k] * part[k, j]
+            diagonal[i, j] += both + scale[i] * scale[j] * own[i, 6 + j]
+            diagonal[j, i] += both
+
+
+@kernel
+def _carry(x, rigid):
+    """Fill (6, 6): the twist at x that a rigid twist given at the gripper's origin makes."""
+    for i in range(6):
+        for j in range(6):
+            rigid[i, j] = 1.0 if i == j else 0.0
+    rigid[3, 1], rigid[3, 2] = x[2], -x[1]
+    rigid[4, 0], rigid[4, 2] = -x[2], x[0]
+    rigid[5, 0], rigid[5, 1] = x[1], -x[0]
+
+
+@kernel
+def _multiply(a, b, out):
+    for i in range(6):
+        for j in range(6):
+            total = 0.0
+            for k in range(6):
+                total += a[i, k] * b[k, j]
+            out[i, j] = total
+
+
+@kernel
+def _add_transposed(a, b, out):
+    """Add a^T b to `out`, all (6, 6)."""
+    for i in range(6):
+        for j in range(6):
+            for k in range(6):
+                out[i, j] += a[k, i] * b[k, j]
+
+
+@kernel
+def _add_spring(matrix, x, weight):
+    """Add weight J^T J, where a node at x moves by J (rotation, displacement), J = (-x^, I)."""
+    square = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
+    for i in range(3):
+        for j in range(3):
+            matrix[i, j] -= weight * x[i] * x[j]
+        matrix[i, i] += weight * square
+        matrix[3 + i, 3 + i] += weight
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        # x^ has x_i at (k, j) and -x_i at (j, k); the upper right block is x^
+        matrix[k, 3 + j] += weight * x[i]
+        matrix[j, 3 + k] -= weight * x[i]
+        matrix[3 + j, k] += weight * x[i]
+        matrix[3 + k, j] -= weight * x[i]
