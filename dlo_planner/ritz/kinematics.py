@@ -215,14 +215,15 @@ def add_gradient(lengths, strains, rotations, positions, pull, attached, gradien
             about its own origin, world frame
     """
     n = lengths.size
-    place = last_point(attached)
+    place, beside = last_point(attached), moments_on_nodes(attached)
     # sum of pull beyond the element, and their moment about the element's far end
     force, moment = at_tip(attached)
     for k in range(n):
         e = n - 1 - k
         h = lengths[e]
         force = plus(force, vector(pull[e + 1]))
-        moment = plus_at_node(attached, e + 1, moment)
+        if beside:
+            moment = plus_at_node(attached, e + 1, moment)
         frame = matrix(rotations[e])
         own = slope(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h,
                     transposed_applied(frame, force), transposed_applied(frame, moment))
@@ -231,8 +232,9 @@ def add_gradient(lengths, strains, rotations, positions, pull, attached, gradien
         moment = plus(moment, cross((positions[e + 1, 0] - positions[e, 0],
                                      positions[e + 1, 1] - positions[e, 1],
                                      positions[e + 1, 2] - positions[e, 2]), force))
-        place, force, moment = _add_points(attached, place, e, h, strains, rotations, force,
-                                           moment, gradient)
+        if place >= 0:
+            place, force, moment = _add_points(attached, place, e, h, strains, rotations, force,
+                                               moment, gradient)
     put_vector(plus(force, vector(pull[0])), by_shift)
     put_vector(moment, by_turn)
 
@@ -243,6 +245,14 @@ def last_point(attached):
     if attached is None:
         return -1
     return attached.element.size - 1
+
+
+@kernel
+def moments_on_nodes(attached):
+    """Whether moments may act on nodes."""
+    if attached is None:
+        return False
+    return attached.node_moment.shape[0] > 0
 
 
 @kernel
@@ -258,7 +268,7 @@ def plus_at_node(attached, node, moment):
     """Return a moment (3 numbers), and that which acts on a node."""
     if attached is None:
         return moment
-    if attached.node_moment.shape[0] and attached.sprung[node]:
+    if attached.sprung[node]:
         return plus(moment, vector(attached.node_moment[node]))
     return moment
 

@@ -17,7 +17,13 @@ from dlo_planner.ritz.arc import (
     second_derivatives,
     second_derivatives_with,
 )
-from dlo_planner.ritz.kinematics import at_tip, last_point, part_of_element, plus_at_node
+from dlo_planner.ritz.kinematics import (
+    at_tip,
+    last_point,
+    moments_on_nodes,
+    part_of_element,
+    plus_at_node,
+)
 from dlo_planner.ritz.matrix3 import (
     ZERO,
     added,
@@ -58,7 +64,7 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
         Filled: change of the moment about the gripper's origin per rotation of it.
     """
     n = lengths.size
-    place = last_point(attached)
+    place, beside = last_point(attached), moments_on_nodes(attached)
     force, moment = at_tip(attached)
     # first moment of the loads beyond: sum of pull r^T, r from the element's far end
     first = _first_at_tip(attached)
@@ -66,8 +72,9 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
         e = n - 1 - k
         h = lengths[e]
         force = plus(force, vector(pull[e + 1]))
-        moment = plus_at_node(attached, e + 1, moment)
-        first = _first_at_node(attached, e + 1, first)
+        if beside:
+            moment = plus_at_node(attached, e + 1, moment)
+            first = _first_at_node(attached, e + 1, first)
         x, y, z = h * strains[e, 0], h * strains[e, 1], h * strains[e, 2]
         c = coefficients(x * x + y * y + z * z)
         d = first_slopes(x * x + y * y + z * z, c)
@@ -98,8 +105,10 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
                  positions[e + 1, 2] - positions[e, 2])
         first = added(first, outer(force, along))
         moment = plus(moment, crossed(along, force))
-        place, force, moment, first = _points_inside(
-            attached, place, e, h, strains, scale, rotations, force, moment, first, cross, diagonal)
+        if place >= 0:
+            place, force, moment, first = _points_inside(
+                attached, place, e, h, strains, scale, rotations, force, moment, first, cross,
+                diagonal)
     put_matrix(_transposed(without_trace(first)), base)
 
 
@@ -119,7 +128,7 @@ def _first_at_tip(attached):
 def _first_at_node(attached, node, first):
     if attached is None:
         return first
-    if attached.node_moment.shape[0] and attached.sprung[node]:
+    if attached.sprung[node]:
         return added(first, matrix(attached.node_first[node]))
     return first
 

@@ -31,7 +31,7 @@ def widened(displaced, lengths, strains, scale, rotations, positions, weight, at
         return
     beyond = np.zeros((6, 6))  # of all nodes beyond: their springs as seen by a twist
     rolled = np.empty((3, 6))
-    place = last_point(attached)
+    place, sprung = last_point(attached), nodes_sprung(attached)
     _add_tip(attached, positions[lengths.size], beyond)
     for e in range(lengths.size - 1, -1, -1):
         h = lengths[e]
@@ -43,8 +43,10 @@ def widened(displaced, lengths, strains, scale, rotations, positions, weight, at
             twist[3, j] -= twist[1, j] * where[2] - twist[2, j] * where[1]
             twist[4, j] -= twist[2, j] * where[0] - twist[0, j] * where[2]
             twist[5, j] -= twist[0, j] * where[1] - twist[1, j] * where[0]
-        _add_spring(beyond, where, weight[e + 1])
-        _add_node(attached, e + 1, where, beyond)
+        if weight[e + 1] != 0.0:
+            _add_spring(beyond, where, weight[e + 1])
+        if sprung:
+            _add_node(attached, e + 1, where, beyond)
         for i in range(3):
             for k in range(6):
                 total = 0.0
@@ -60,8 +62,17 @@ def widened(displaced, lengths, strains, scale, rotations, positions, weight, at
                 for k in range(6):
                     total += rolled[i, k] * twist[k, j]
                 diagonal[e, i, j] += total
-        place = _springs_inside(attached, place, e, h, strains, scale, rotations, positions,
-                                beyond, cross, diagonal)
+        if place >= 0:
+            place = _springs_inside(attached, place, e, h, strains, scale, rotations, positions,
+                                    beyond, cross, diagonal)
+
+
+@kernel
+def nodes_sprung(attached):
+    """Whether springs may act on nodes."""
+    if attached is None:
+        return False
+    return attached.sprung.size > 0
 
 
 @kernel
@@ -80,7 +91,7 @@ def _add_node(attached, node, where, beyond):
     """Add the springs of a node, at `where` (3,), to `beyond` (6, 6)."""
     if attached is None:
         return
-    if attached.sprung.size == 0 or not attached.sprung[node]:
+    if not attached.sprung[node]:
         return
     rigid, local, spring = np.empty((6, 6)), np.empty((6, 6)), np.zeros((6, 6))
     for i in range(3):
