@@ -69,7 +69,7 @@ class PlanContext:
         touched = self.touching
         return PlanRequirements(
             speeds, self.progress, wanted.workspace, () if touched else self.simulator.obstacles,
-            Surface.of(rod), None if wanted.allow_plastic else _yield_limits(rod),
+            Surface.of(rod), None if wanted.allow_plastic else _yield_limits(self.given.rod),
             None if touched else self.simulator.without_obstacles(), wanted.tolerance)
 
     def builder(self, depths: np.ndarray) -> PlanBuilder:
