@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Points <-> sensor_msgs/PointCloud2."""
 
+from __future__ import annotations
+
 import numpy as np
 from builtin_interfaces.msg import Time
 from numpy.typing import ArrayLike

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Named values -> diagnostic_msgs."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 
 from builtin_interfaces.msg import Time

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Items to be drawn <-> visualization_msgs."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 
 import numpy as np

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What RViz shows: the DLO, the gripper, cut-outs, the plan, obstacles, contacts, the estimate."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 
 from builtin_interfaces.msg import Time

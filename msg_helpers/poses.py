@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pose <-> geometry_msgs."""
 
+from __future__ import annotations
+
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, PoseStamped, Quaternion
 from geometry_msgs.msg import Pose as PoseMsg

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trajectory -> trajectory_msgs/MultiDOFJointTrajectory."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 
 import numpy as np

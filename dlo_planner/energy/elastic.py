@@ -47,7 +47,7 @@ def hinged(effect: Elastic, _: float) -> Elastic:
 
 @kernel
 def add_forces(effect, system, state):
-    """Add dW/du to `state.slope`; return W in J, twice: it is its own rounding scale."""
+    """Add dW/du to `state.slope`; return W in J, and the sum of the sizes of its terms."""
     lengths, natural, stiffness = system.lengths, system.natural, system.stiffness
     strains, slope, part, couple = state.strains, state.slope, effect.part, effect.couple
     energy = 0.0
@@ -57,11 +57,14 @@ def add_forces(effect, system, state):
             moment = part[i] * (lengths[e] * stiffness[e, i] * away)
             slope[e, i] += moment
             energy += 0.5 * moment * away
+    size = energy
     for e in range(couple.shape[0]):
         for i in range(3):
             slope[e, i] -= lengths[e] * couple[e, i]
-            energy -= lengths[e] * couple[e, i] * (strains[e, i] - natural[e, i])
-    return energy, energy
+            work = lengths[e] * couple[e, i] * (strains[e, i] - natural[e, i])
+            energy -= work
+            size += abs(work)
+    return energy, size
 
 
 @kernel

@@ -41,6 +41,7 @@ FALLING = 2e-3     # a shift that is needed beyond this tells that it is, not th
 NEUTRAL = 1e-7      # eigenvalues nearer to zero than this count as zero
 _NEARLY = 10 * NEUTRAL  # the same where the gradient has not vanished yet
 MOST_KICKS = 10
+_IDLE = 20           # steps in a row whose gain drowns in rounding errors and that bring nothing
 _OFTEN = 3           # steps in a row that an obstacle cuts
 _CLOSER = 4          # halvings of the way that is left to it
 _UNTOLD = 100.0      # rounding errors of the energy: a gain below these is not told by it
@@ -165,7 +166,7 @@ def leashed_descent(system, q, tolerance, max_iterations, check, leash):
     iterations = 0
     stability = np.nan
     stalled = False
-    obstructed = 0
+    obstructed = idle = 0
     turn = np.inf  # rad, of the last step
     shifted = 0.0  # shift of the factorization that it was made with
     leans = False
@@ -204,8 +205,11 @@ def leashed_descent(system, q, tolerance, max_iterations, check, leash):
         shifted = shift
         if turn > LARGEST_TURN:
             scaled_by(LARGEST_TURN / turn, step)
+        untold = -dot(state.gradient, step) < _UNTOLD * noise
         energy, noise, moved, blocked = _fall(system, state, trial, step, energy, noise)
         iterations += 1
+        nearer = dot(trial.gradient, trial.gradient) < 0.9 * dot(state.gradient, state.gradient)
+        idle = idle + 1 if untold and not nearer else 0
         obstructed = obstructed + 1 if blocked else 0
         if moved:
             state, trial = trial, state
@@ -213,7 +217,8 @@ def leashed_descent(system, q, tolerance, max_iterations, check, leash):
                 residual, stability = np.inf, -np.inf
                 break
             shift = 0.0 if shift < 1e-3 else 0.1 * shift
-            stalled = obstructed > _OFTEN  # a contact there has to be known before it goes on
+            # a contact there has to be known before it goes on; rounding errors lead nowhere
+            stalled = obstructed > _OFTEN or idle > _IDLE
         else:
             stalled = shift == 0.0 or shift > 1e6
             shift = max(1e-2, 10.0 * shift)

@@ -210,7 +210,8 @@ def test_holes(y, touches, square):
 
 
 def test_it_cannot_be_pushed_through_the_sheet():
-    plant = Plant(beam(), at(x=-0.3, y=0.05), [Sheet.around(HOLE)], cells=20)
+    rough = replace(Sheet.around(HOLE), friction=1.0)  # or its tip slides to the edge, and round it
+    plant = Plant(beam(), at(x=-0.3, y=0.05), [rough], cells=20)
     for k in range(1, 101):
         plant.move(at(x=-0.3 + 3e-3 * k, y=0.05), 0.01)
     assert plant.passage(HOLE).depth == 0
