@@ -22,14 +22,20 @@ def hanging_shapes(simulator: 'DirectSimulator', positions: np.ndarray,
 
     The interpreter is free meanwhile, so threads work side by side.
 
-    Args:
-        simulator: whose DLO hangs freely, see `Discretization.hangs`; of any other: None
-        positions: (n, 3) of the grippers, m; rotations: (n, 3, 3)
+    Parameters
+    ----------
+    simulator : DirectSimulator
+        Simulator whose DLO hangs freely, see `Discretization.hangs`; of any other: None.
+    positions : ndarray, shape (n, 3)
+        Positions of the grippers, m.
+    rotations : ndarray, shape (n, 3, 3)
 
-    Returns:
+    Returns
+    -------
+    (dict, ndarray) or None
         dict of arrays, n rows each, named as the attributes of `Shape`
         (n,) whether a shape is within the accuracy that is wanted; where it may not be, `solve`
-            has to look
+            has to look.
     """
     mesh = simulator._discretization
     if not mesh.hangs or simulator.method != 'newton':
@@ -47,8 +53,13 @@ def hanging_shapes(simulator: 'DirectSimulator', positions: np.ndarray,
 class Filled:
     """The arrays that a loop over n grippers fills.
 
-    Args:
-        elements: N; positions: (n, 3) of the grippers, m; rotations: (n, 3, 3)
+    Parameters
+    ----------
+    elements : int
+        Number of elements, N.
+    positions : ndarray, shape (n, 3)
+        Positions of the grippers, m.
+    rotations : ndarray, shape (n, 3, 3)
     """
 
     def __init__(self, elements: int, positions: NDArray[np.float64],
