@@ -134,9 +134,9 @@ class Shorthands(Value):
         Returns
         -------
         Plan
-            Plan; it may have more waypoints than `depths`. Its shapes are of what is outside, held
-            at the mouth, and so is their stability; `Shape.far_wrench` is what the mouth exerts on
-            that part: nothing, but where it takes over a mass.
+            It may have more waypoints than `depths`. Its shapes, and their stability, are of the
+            part outside, held at the mouth. `Shape.far_wrench` is what the mouth exerts on that
+            part: zero, except where it takes over a mass.
 
         Raises
         ------
@@ -182,8 +182,8 @@ class Shorthands(Value):
         Returns
         -------
         Plan
-            Plan; its `clearance` is the distance of the DLO from the sheet's plane, its last pose
-            is the first of `plan`.
+            Its `clearance` is the distance of the DLO from the sheet's plane, its last pose is the
+            first of `plan`.
 
         Raises
         ------
@@ -328,8 +328,9 @@ class Shorthands(Value):
         InvalidTask
             An argument makes no sense, or the contact is not on a surface.
         Infeasible
-            No force will do; the constraint is the demand that the best one breaks, or 'contact':
-            by so much, in m, the DLO would be in an obstacle, or off the best of these shapes.
+            No force will do. The constraint is the demand that the best one breaks, or 'contact':
+            the amount is how far, in m, the DLO would be in an obstacle, or off the best of these
+            shapes.
         """
         return self._plan(HoldContact(contact, s, condition, forces), start, None,
                           self._with(linear_speed, angular_speed, deadline), progress)
