@@ -35,12 +35,17 @@ def step(discretization, gripper, initial, history, far_end, method='newton',
          unknowns='components', most=np.inf):
     """Return the Shape that follows `initial` (a Shape or None) on a mesh, and the kicks.
 
-    Args:
-        initial: of this DLO, then its past counts, or of any other, then it is only a start
-        history: History that the DLO starts with if `initial` is none of its own
-        method, unknowns: as `method` and `strains` of `DirectSimulator`
-        most: rad, by which a DLO that hangs freely may turn from `initial` in the gripper before
-            the search is given up
+    Parameters
+    ----------
+    initial
+        Shape to begin with. Of this DLO, its past counts; of any other, it is only a start.
+    history
+        History that the DLO starts with if `initial` is not one of its shapes.
+    method, unknowns
+        As `method` and `strains` of `DirectSimulator`.
+    most
+        Largest angle in rad by which a DLO that hangs freely may turn from `initial` in the gripper
+        before the search is given up.
     """
     if far_end is None and method == 'newton' and discretization.hangs:
         return _hanging(discretization, gripper, initial, most)
@@ -81,8 +86,10 @@ def held_by(surroundings, gripper, initial):
 def past_of(discretization, initial, history):
     """Return the History, on a mesh, of the DLO in the Shape `initial` or None.
 
-    Args:
-        history: History that counts if `initial` is None or of another rod
+    Parameters
+    ----------
+    history
+        History that counts if `initial` is None or of another rod.
     """
     known = None if initial is None else initial._history
     if known is not None and not np.array_equal(known.positions, initial.positions):
@@ -98,10 +105,14 @@ def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_e
     Starts on the mesh of `initial` (a Shape or None), so that a motion pays for grading once.
     A shape that misses the accuracy on the largest mesh says so: `converged` is False.
 
-    Args:
-        first: Discretization to begin with where there is no better one
-        fine: basis of better ones
-        most: as in `step`
+    Parameters
+    ----------
+    first
+        Discretization to begin with where there is no better one.
+    fine
+        Basis of better ones.
+    most
+        As in `step`.
     """
     discretization = _to_begin_with(first, fine, accuracy, initial, history)
     around, kicks = first.surroundings, 0

@@ -47,10 +47,14 @@ def brought(discretization, previous, strains, gripper, far_end, history):
     way. Where an obstacle is between here and there, the motion is made in smaller parts. The past
     is `history` with the forces of the far end's grip at the end of the way.
 
-    Args:
-        previous: Shape before, or None: then the DLO is set down as it is, wherever that may be
-        strains: (N, 3) its element strains on this mesh
-        history: History on this mesh
+    Parameters
+    ----------
+    previous
+        Shape before. If None, the DLO is set down as it is, wherever that may be.
+    strains
+        (N, 3) element strains of it on this mesh.
+    history
+        History on this mesh.
     """
     obstacles = discretization.surroundings.obstacles
     if previous is None and far_end is None or not obstacles and far_end is None:

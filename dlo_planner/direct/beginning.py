@@ -67,12 +67,17 @@ def moving_mesh(known):
 def first_shape(discretization, gripper, far_end, initial, history):
     """Return the Shape at time 0: that of `initial`, on this mesh and in these surroundings.
 
-    Args:
-        far_end: FarEnd at time 0, or None
-        history: History that the DLO has if `initial` is none of its own
+    Parameters
+    ----------
+    far_end
+        FarEnd at time 0, or None.
+    history
+        History that the DLO has if `initial` is not one of its shapes.
 
-    Raises:
-        InvalidTask: `initial` is held elsewhere than the motion begins, or lies in an obstacle
+    Raises
+    ------
+    InvalidTask
+        `initial` is held elsewhere than the motion begins, or lies in an obstacle.
     """
     length = discretization.s[-1]
     _meets('initial', 'gripper', 'grippers[0]', initial.gripper, gripper, length)
@@ -132,12 +137,17 @@ def _alike(one, other):
 def nodes_velocity(velocity, initial, first):
     """Return (N + 1, 3) m/s at the nodes of the Shape `first`, None for a DLO at rest.
 
-    Args:
-        velocity: (n + 1, 3) at the nodes of `initial`, a callable of s (m), or None
-        initial: Shape; None: its nodes are those of `first`
+    Parameters
+    ----------
+    velocity
+        (n + 1, 3) at the nodes of `initial`, a callable of s (m), or None.
+    initial
+        Shape. If None, its nodes are those of `first`.
 
-    Raises:
-        InvalidTask: it is something else
+    Raises
+    ------
+    InvalidTask
+        It is something else.
     """
     if velocity is None:
         return None
@@ -152,8 +162,12 @@ def nodes_velocity(velocity, initial, first):
 def check_velocity(masses, wanted, possible):
     """Raise InvalidTask unless velocities (N + 1, 3) are nearly those that are possible.
 
-    Args:
-        masses: (N + 1,) kg; wanted, possible: (N + 1, 3) m/s
+    Parameters
+    ----------
+    masses
+        (N + 1,) masses of the nodes, kg.
+    wanted, possible
+        (N + 1, 3) velocities, m/s.
     """
     size, change = (np.sqrt(masses @ np.sum(one**2, axis=1)) for one in (
         wanted, possible - wanted))

@@ -19,14 +19,22 @@ from dlo_planner.ritz.kinematics import point_inside
 class Contact(Value):
     """One place where a DLO touches an obstacle.
 
-    Attributes:
-        obstacle: index of the obstacle in the simulator's `obstacles`
-        s: arc length of the place, m
-        position: (3,) of the DLO's axis there, m, world
-        normal: (3,) unit vector from the obstacle to the DLO
-        force: N, along the normal, on the DLO, > 0
-        friction: (3,) N, on the DLO, across the normal
-        penetration: m, how far the DLO's surface is inside the obstacle, >= 0
+    Attributes
+    ----------
+    obstacle : int
+        Index of the obstacle in the simulator's `obstacles`.
+    s : float
+        Arc length of the place, m.
+    position : ndarray, shape (3,)
+        Point of the DLO's axis there, m, world.
+    normal : ndarray, shape (3,)
+        Unit vector from the obstacle to the DLO.
+    force : float
+        Force in N, along the normal, on the DLO, > 0.
+    friction : ndarray, shape (3,)
+        Friction in N, on the DLO, across the normal.
+    penetration : float
+        Depth of the DLO's surface in the obstacle, m, >= 0.
     """
 
     obstacle: int
@@ -80,8 +88,10 @@ def points_of(system, state, gripper, ended=True):
 
     What slid sticks from now on to where it has come to; `slid` tells by how much (C, 3), m.
 
-    Args:
-        ended: whether the step is; on its way friction still counts from where it began
+    Parameters
+    ----------
+    ended
+        Whether the step has ended; before, friction still counts from where it began.
     """
     if not obstructed(system.contact) or not system.contacts.element.size:
         return NO_POINTS

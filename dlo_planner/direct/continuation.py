@@ -27,14 +27,19 @@ def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
     `previous` leads off an unstable shape, however small the step: what it continues as has
     lost its stability there, and the DLO takes one of several sides (a pitchfork).
 
-    Args:
-        equilibrium: function (gripper, initial, far_end, most) -> (Shape, how often an unstable
-            shape was left on the way to it); where it leaves `initial` by more than `most` (rad)
-            it may give up
-        previous: Shape at the pose where the step starts
-        gripper: Pose where it ends
-        far_end: FarEnd where it ends, or None
-        halvings: how often the step may still be cut in two
+    Parameters
+    ----------
+    equilibrium
+        Function (gripper, initial, far_end, most) -> (Shape, how often an unstable shape was left
+        on the way to it); where it leaves `initial` by more than `most` (rad) it may give up.
+    previous
+        Shape at the pose where the step starts.
+    gripper
+        Pose where it ends.
+    far_end
+        FarEnd where it ends, or None.
+    halvings
+        How often the step may still be cut in two.
     """
     turn = angle_between(previous.gripper.rotation, gripper.rotation)
     if far_end is not None:
@@ -68,9 +73,12 @@ def _jumped(shape, jumped):
 def leapt(equilibrium, previous, shape, kicks):
     """Return whether `shape`, found from `previous` in one step, does not continue it.
 
-    Args:
-        equilibrium, previous: as for `follow`
-        shape: what `equilibrium` returned for the whole step, and `kicks` with it
+    Parameters
+    ----------
+    equilibrium, previous
+        As for `follow`.
+    shape
+        What `equilibrium` returned for the whole step, and `kicks` with it.
     """
     if fell(previous, shape) or kicks and shape.far_end is not None:
         return True

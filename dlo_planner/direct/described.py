@@ -28,11 +28,16 @@ def described_equilibrium(discretization, gripper, strains, method, history):
 
     `residual` is that of the series' coefficients; `stability` is the DLO's own, freed from them.
 
-    Args:
-        discretization: its mesh, basis ('chebyshev' or 'fourier') and number of terms are used
-        strains: (N, 3) components where the search begins, 1/m
-        method: 'dfp' or 'downhill_simplex'
-        history: History
+    Parameters
+    ----------
+    discretization
+        Its mesh, basis ('chebyshev' or 'fourier') and number of terms are used.
+    strains
+        (N, 3) components where the search begins, 1/m.
+    method
+        'dfp' or 'downhill_simplex'.
+    history
+        History of the DLO on this mesh.
     """
     free = Discretization(discretization.surroundings, discretization.s, 'local', 0)
     system = free.system(gripper.rotation, gripper.position, history)

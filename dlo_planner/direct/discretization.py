@@ -32,11 +32,20 @@ _LEVER = 0.1  # of the length
 class Discretization(Value):
     """A rod on a mesh, in a basis, with all that acts on it but the grippers (immutable).
 
-    Attributes:
-        surroundings: Surroundings, with the rod
-        s: (N + 1,) arc lengths of the nodes, m
-        basis: 'chebyshev', 'fourier' or 'local'; n_terms: N_c, unused by 'local'
-        spring: stiffness of contacts, hold_spring: of a grip of the far end, N/m
+    Attributes
+    ----------
+    surroundings : Surroundings
+        The rod and what acts on it.
+    s : ndarray, shape (N + 1,)
+        Arc lengths of the nodes, m.
+    basis : str
+        'chebyshev', 'fourier' or 'local'.
+    n_terms : int
+        N_c, number of terms of the series; unused by 'local'.
+    spring : float
+        Stiffness of contacts, N/m.
+    hold_spring : float
+        Stiffness of a grip of the far end, N/m.
     """
 
     PARTS = ('surroundings', 's', 'basis', 'n_terms')
@@ -107,11 +116,16 @@ class Discretization(Value):
     def system(self, rotation, origin=None, history=None, far_end=None):
         """Return the kernel's System, its multipliers fresh copies.
 
-        Args:
-            rotation: (3, 3) of the gripper
-            origin: (3,) its position; only obstacles and a far end need it
-            history: History on this mesh; None: no past
-            far_end: FarEnd or None
+        Parameters
+        ----------
+        rotation
+            (3, 3) rotation of the gripper.
+        origin
+            (3,) position of the gripper; only obstacles and a far end need it.
+        history
+            History on this mesh. If None, no past.
+        far_end
+            FarEnd or None.
         """
         system = self._system if far_end is None else self.full
         fields = {'base': np.array(rotation, dtype=float, order='C')}
@@ -212,8 +226,10 @@ class Discretization(Value):
         A permanent set belongs to a rod; contacts and grips to a rod and all that acts on it: all
         by value. What does not belong here is forgotten.
 
-        Args:
-            own: History that counts if `history` is None or of another rod; None: no past
+        Parameters
+        ----------
+        own
+            History that counts if `history` is None or of another rod. If None, no past.
         """
         if history is None or not self._suits(history):
             history = own

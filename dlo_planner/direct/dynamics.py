@@ -27,11 +27,18 @@ _GAIN = 1e-3         # of the energy that has moved: what a motion may gain by r
 class Run(NamedTuple):
     """What the steps of a motion came to.
 
-    Attributes:
-        reached: list of Instants at 0, 1, 2 ...; the last one is the one that was not solved
-        steps: list of the halvings of all steps
-        local: sum of their local errors, m
-        status, message: of `Motion`
+    Attributes
+    ----------
+    reached : list of Instant
+        Instants at 0, 1, 2 ...; the last one is the one that was not solved.
+    steps : list of int
+        Halvings of all steps.
+    local : float
+        Sum of their local errors, m.
+    status : str
+        Status of `Motion`.
+    message : str
+        Message of `Motion`.
     """
 
     reached: list[Instant]
@@ -45,11 +52,16 @@ class Run(NamedTuple):
 class Recipe:
     """What a motion was computed with, so that it can be repeated.
 
-    Attributes:
-        instants: how many
-        integrator: of INTEGRATORS
-        tolerance: m; infinite: only what cannot be solved or gains energy is halved
-        steps: numbers of halvings of the steps made, in their order
+    Attributes
+    ----------
+    instants : int
+        Number of instants.
+    integrator : str
+        One of INTEGRATORS.
+    tolerance : float
+        Tolerance in m; infinite: only what cannot be solved or gains energy is halved.
+    steps : tuple
+        Numbers of halvings of the steps made, in their order.
     """
 
     instants: int
@@ -61,11 +73,16 @@ class Recipe:
 def simulate(stepper, start, velocity, instants, integrator, tolerance, progress, at_rest):
     """Return the Motion that begins with the Shape `start`; see `DirectSimulator.simulate`.
 
-    Args:
-        stepper: Stepper
-        velocity: (N + 1, 3) of the nodes, or None: at rest
-        progress: Progress
-        at_rest: whether `start` is an equilibrium to be found anew on another mesh
+    Parameters
+    ----------
+    stepper
+        Stepper.
+    velocity
+        (N + 1, 3) of the nodes, or None: at rest.
+    progress
+        Progress.
+    at_rest
+        Whether `start` is an equilibrium to be found anew on another mesh.
     """
     first = stepper.begin(start, velocity)
     if velocity is not None:

@@ -32,14 +32,20 @@ _TURNED = np.diag([-1.0, 1.0, -1.0])  # of frames
 class GraspedInside(Value):
     """Predicts the shape of a DLO held at arc length `at`, with two free ends.
 
-    Args:
-        rod: the whole Rod
-        at: where the gripper holds it, m, 0 < at < length; x axis of the gripper = tangent there,
-            towards growing s
-        options: as for `DirectSimulator`, for each part
+    Parameters
+    ----------
+    rod : Rod
+        The whole rod.
+    at : float
+        Where the gripper holds it, m, 0 < at < length; x axis of the gripper = tangent there,
+        towards growing s.
+    options
+        As for `DirectSimulator`, for each part.
 
-    Raises:
-        InvalidTask, InvalidRod: an argument makes no sense
+    Raises
+    ------
+    InvalidTask, InvalidRod
+        An argument makes no sense.
     """
 
     PARTS = ('rod', 'at', '_parts')

@@ -35,12 +35,17 @@ def moving_grips(grippers: Sequence[Pose], ends: Sequence[FarEnd | None], dt: fl
                  initial: Shape | None) -> Grips:
     """Return the smooth motion of what holds a DLO, at instants `dt` (s) apart.
 
-    Args:
-        at_rest: whether everything stands still at time 0
-        initial: Shape at time 0, or None
+    Parameters
+    ----------
+    at_rest : bool
+        Whether everything stands still at time 0.
+    initial : Shape or None
+        Shape at time 0. If None, not known.
 
-    Raises:
-        InvalidTask: the far end is not held in one way from `initial` to the end
+    Raises
+    ------
+    InvalidTask
+        The far end is not held in one way from `initial` to the end.
     """
     if len({None if end is None else end.grip for end in ends}) > 1:
         raise InvalidTask('far_ends: expected the same grip from the beginning to the end of a '

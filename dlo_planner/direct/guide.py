@@ -20,10 +20,14 @@ class Guide(Value):
     normalized), so that velocities and accelerations are continuous: inertia feels no jerk that is
     not in the poses. Between two neighbors a grip turns the shorter way.
 
-    Args:
-        poses: n Pose
-        dt: s
-        at_rest: whether the velocity is zero at time 0; else it is what the poses say
+    Parameters
+    ----------
+    poses : sequence of Pose
+        The n poses.
+    dt : float
+        Time step in s.
+    at_rest : bool, optional
+        Whether the velocity is zero at time 0; else it is what the poses say.
     """
 
     PARTS = ('poses', 'dt', 'at_rest')
@@ -88,10 +92,14 @@ def _spline(poses, at_rest):
 class Grips(Value):
     """All that holds a DLO in motion.
 
-    Args:
-        gripper: Guide
-        far_end: Guide, or None where the far end is free
-        grip: of `FarEnd`; unused where it is free
+    Parameters
+    ----------
+    gripper : Guide
+        Motion of the gripper.
+    far_end : Guide, optional
+        Motion of the far end. None where it is free.
+    grip : str, optional
+        Grip of `FarEnd`; unused where it is free.
     """
 
     PARTS = ('gripper', 'far_end', 'grip')
@@ -108,9 +116,12 @@ class Grips(Value):
               end: np.ndarray) -> float:
         """Return the power in W of the wrenches (6,) that the gripper and the far end exert.
 
-        Args:
-            place: time / dt
-            end: (3,) of the free end, m; in a sleeve it is not where the sleeve's pose is
+        Parameters
+        ----------
+        place : float
+            Time / dt.
+        end : ndarray, shape (3,)
+            Position of the DLO's end, m; in a sleeve it is not where the sleeve's pose is.
         """
         power = wrench @ self.gripper.twist(place)
         if self.far_end is not None:

@@ -17,15 +17,26 @@ _SAME = 1e-12  # of the length: nodes of two meshes that are one
 class History(Value):
     """The past of a Shape, as far as the next step depends on it.
 
-    Attributes:
-        s: (N + 1,) the mesh it is given on, m
-        set: (N, J) plastic strain of each spring, 1/m, see `energy.plastic`; (N, 0) if elastic
-        lost: energy lost to plastic deformation so far, J
-        node_force: (M, N + 1) force of each obstacle on each node, N
-        points: dict of arrays, contacts inside elements and points of friction, world frame
-        hold: (K,) forces of the far end's grip, N, see `energy.hold`
-        positions, tangents: (N + 1, 3) of the nodes, m, from which friction counts
-        of: Surroundings in which it happened; None: not known, as of a shape from a file
+    Attributes
+    ----------
+    s : ndarray, shape (N + 1,)
+        Arc lengths of the nodes of its mesh, m.
+    set : ndarray, shape (N, J)
+        Plastic strain of each spring, 1/m, see `energy.plastic`; (N, 0) if elastic.
+    lost : float
+        Energy lost to plastic deformation so far, J.
+    node_force : ndarray, shape (M, N + 1)
+        Force of each obstacle on each node, N.
+    points : dict
+        Arrays by name: contacts inside elements and points of friction, world frame.
+    hold : ndarray, shape (K,)
+        Forces of the far end's grip, N, see `energy.hold`.
+    positions : ndarray, shape (N + 1, 3)
+        Positions of the nodes from which friction counts, m.
+    tangents : ndarray, shape (N + 1, 3)
+        Tangents of the nodes from which friction counts.
+    of : Surroundings or None
+        Surroundings in which it happened. If None, not known, as of a shape from a file.
     """
 
     s: np.ndarray

@@ -29,10 +29,14 @@ _LIKE = 3.0      # times what the shape before lets expect: the estimate is belo
 def surely_within(shape: 'Shape', accuracy: float, mesh: Discretization | None = None) -> bool:
     """Return whether a Shape is certain to be within `accuracy` (m), without a further solution.
 
-    Args:
-        shape: Shape from a simulator
-        accuracy: m
-        mesh: Discretization to which the shape would be transferred; None: its own
+    Parameters
+    ----------
+    shape : Shape
+        Shape from a simulator.
+    accuracy : float
+        Accuracy in m.
+    mesh : Discretization, optional
+        Mesh to which the shape would be transferred. If None, its own.
     """
     here = shape._discretization if mesh is None else mesh
     times = _times(shape, here.rod)
@@ -49,10 +53,15 @@ def hanging_surely_within(mesh: Discretization, stability: np.ndarray, truncated
                           accuracy: float) -> np.ndarray:
     """Return (n,) what `surely_within` says of DLOs that hang freely.
 
-    Args:
-        mesh: Discretization of all
-        stability: (n,); truncated: (n,) `truncation` of each, m
-        accuracy: m
+    Parameters
+    ----------
+    mesh : Discretization
+        Discretization of all.
+    stability : ndarray, shape (n,)
+    truncated : ndarray, shape (n,)
+        `truncation` of each, m.
+    accuracy : float
+        Accuracy in m.
     """
     return (stability >= _STABLE) & (_FREE * truncated <= accuracy) & mesh.told_by_truncation
 
@@ -88,8 +97,10 @@ def like_coarser(shape: 'Shape', coarse: 'Shape | None', accuracy: float) -> boo
     with the mesh: on meshes up to 20 times as fine, graded to the bend, it was 0.4 to 2.8 times as
     large over 400 random DLOs that hang freely. Only without a series, whose error is another one.
 
-    Args:
-        coarse: in the same gripper, of the same DLO; None: nothing is known
+    Parameters
+    ----------
+    coarse : Shape or None
+        In the same gripper, of the same DLO. If None, nothing is known.
     """
     if (coarse is None or shape.stability < _STABLE or not shape._discretization.hangs
             or shape.far_end is not None or coarse._discretization.basis != 'local'
@@ -103,10 +114,14 @@ def like_coarser(shape: 'Shape', coarse: 'Shape | None', accuracy: float) -> boo
 def elements_for(shape: 'Shape', s: np.ndarray, accuracy: float) -> int:
     """Return how many elements a mesh graded like `s` needs for `like_coarser` to hold.
 
-    Args:
-        shape: Shape on a coarser mesh, whose error estimate is known
-        s: (n + 1,) nodes, graded to its bend, m
-        accuracy: m
+    Parameters
+    ----------
+    shape : Shape
+        Shape on a coarser mesh, whose error estimate is known.
+    s : ndarray, shape (n + 1,)
+        Nodes, graded to its bend, m.
+    accuracy : float
+        Accuracy in m.
     """
     mesh, h = shape._discretization, np.diff(s)
     middle = 0.5 * (mesh.s[1:] + mesh.s[:-1])

@@ -85,9 +85,12 @@ class Scheme:
         (1/6 - beta - (alpha_f - alpha_m) / 2) dt^3 x'''. Accelerations are no measure of it: they
         are those that keep the DLO's length, and tell of changes of the step as well.
 
-        Args:
-            times: 4 of them, s, the last one at the end of the step
-            positions: 4 arrays (N + 1, 3) at these times, m
+        Parameters
+        ----------
+        times
+            Four times, s, the last one at the end of the step.
+        positions
+            4 arrays (N + 1, 3) at these times, m.
         """
         third = _divided(times, positions)
         part = 6 * abs(1 / 6 - self.beta - 0.5 * (self.alpha_f - self.alpha_m)) * self.dt**3
@@ -111,9 +114,16 @@ def _divided(times, values):
 class Course:
     """A coordinate in motion: arrays of one shape.
 
-    Attributes:
-        position, velocity, acceleration: at one instant
-        mean: the acceleration averaged over the last step, as the scheme carries it along
+    Attributes
+    ----------
+    position : ndarray
+        At one instant.
+    velocity : ndarray
+        At one instant.
+    acceleration : ndarray
+        At one instant.
+    mean : ndarray
+        The acceleration averaged over the last step, as the scheme carries it along.
     """
 
     position: np.ndarray

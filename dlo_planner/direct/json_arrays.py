@@ -26,8 +26,10 @@ def write_json(path, arrays):
 def read_json(path):
     """Return the mapping of arrays in a file.
 
-    Raises:
-        OSError, ValueError, KeyError, TypeError: it cannot be read, or says something else
+    Raises
+    ------
+    OSError, ValueError, KeyError, TypeError
+        It cannot be read, or says something else.
     """
     known = json.loads(Path(path).read_text(encoding='utf-8'))
     if not isinstance(known, dict):

@@ -24,10 +24,16 @@ def lead(discretization, strains, grippers, far_ends, history, parts):
 
     What is left is the last part. Where the DLO does not follow, the way is left there.
 
-    Args:
-        strains: (N, 3) at the beginning
-        grippers: two Poses; far_ends: two FarEnds of the same grip
-        parts: in how many the way is made
+    Parameters
+    ----------
+    strains
+        (N, 3) strains at the beginning.
+    grippers
+        Two Poses.
+    far_ends
+        Two FarEnds of the same grip.
+    parts
+        Number of parts into which the way is cut.
     """
     begin, end = grippers
     held, far_end = far_ends

@@ -18,18 +18,24 @@ if TYPE_CHECKING:  # it imports this package
 
 def hanging_shapes(simulator: 'DirectSimulator', positions: np.ndarray,
                    rotations: np.ndarray) -> tuple[dict[str, Any], np.ndarray] | None:
-    """Return what `DirectSimulator.solve` finds in many grippers, as arrays; None: not this way.
+    """Return what `DirectSimulator.solve` finds in many grippers, as arrays.
 
     The interpreter is free meanwhile, so threads work side by side.
 
-    Args:
-        simulator: whose DLO hangs freely, see `Discretization.hangs`; of any other: None
-        positions: (n, 3) of the grippers, m; rotations: (n, 3, 3)
+    Parameters
+    ----------
+    simulator : DirectSimulator
+        Simulator whose DLO hangs freely, see `Discretization.hangs`. For any other, the answer is
+        None.
+    positions : ndarray, shape (n, 3)
+        Positions of the grippers, m.
+    rotations : ndarray, shape (n, 3, 3)
 
-    Returns:
-        dict of arrays, n rows each, named as the attributes of `Shape`
-        (n,) whether a shape is within the accuracy that is wanted; where it may not be, `solve`
-            has to look
+    Returns
+    -------
+    (dict, ndarray) or None
+        Arrays of n rows each, named as the attributes of `Shape`; and (n,) whether a shape is
+        within the accuracy that is wanted. Where it may not be, `solve` has to look.
     """
     mesh = simulator._discretization
     if not mesh.hangs or simulator.method != 'newton':
@@ -47,8 +53,13 @@ def hanging_shapes(simulator: 'DirectSimulator', positions: np.ndarray,
 class Filled:
     """The arrays that a loop over n grippers fills.
 
-    Args:
-        elements: N; positions: (n, 3) of the grippers, m; rotations: (n, 3, 3)
+    Parameters
+    ----------
+    elements : int
+        Number of elements, N.
+    positions : ndarray, shape (n, 3)
+        Positions of the grippers, m.
+    rotations : ndarray, shape (n, 3, 3)
     """
 
     def __init__(self, elements: int, positions: NDArray[np.float64],

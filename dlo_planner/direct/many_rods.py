@@ -24,9 +24,11 @@ if TYPE_CHECKING:  # it imports this package
 def even(simulator: 'DirectSimulator', rod: Rod) -> bool:
     """Return whether a Rod hangs freely and all is the same along it, so `hanging_rods` takes it.
 
-    Args:
-        simulator: whose surroundings and options it has
-        rod: Rod
+    Parameters
+    ----------
+    simulator : DirectSimulator
+        Simulator whose surroundings and options it has.
+    rod : Rod
     """
     around = simulator.surroundings
     return not (around.obstacles or around.pinned or around.point_loads or callable(around.load)
@@ -38,13 +40,19 @@ def hanging_rods(simulator: 'DirectSimulator', rods: Sequence[Rod],
                  ) -> tuple[dict[str, Any], NDArray[np.bool_]]:
     """Return what `simulator.with_rod(rod).solve` finds for many rods, as arrays.
 
-    Args:
-        simulator: DirectSimulator
-        rods: n Rods, one at least, which are all `even`
-        positions: (n, 3) of the grippers, m; rotations: (n, 3, 3)
+    Parameters
+    ----------
+    simulator : DirectSimulator
+    rods : sequence of Rod
+        n Rods, one at least, which are all `even`.
+    positions : ndarray, shape (n, 3)
+        Positions of the grippers, m.
+    rotations : ndarray, shape (n, 3, 3)
 
-    Returns:
-        what `many.hanging_shapes` returns
+    Returns
+    -------
+    (dict, ndarray)
+        What `many.hanging_shapes` returns.
     """
     mesh, accuracy = simulator._discretization, simulator.accuracy
     if not even(simulator, simulator.rod):

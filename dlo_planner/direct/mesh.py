@@ -11,10 +11,14 @@ _NEAR = 0.3  # of an element: a node nearer to a jump moves there
 def even_mesh(length, elements, breaks=()):
     """Return nodes (elements + 1,): between jumps equal elements, about as long everywhere.
 
-    Args:
-        length: m
-        elements: how many; if there are more jumps than that, these are not minded
-        breaks: (n,) arc lengths of jumps, ascending, inside the DLO, m
+    Parameters
+    ----------
+    length
+        Length in m.
+    elements
+        Number of elements. If there are more jumps than that, the jumps are ignored.
+    breaks
+        (n,) arc lengths of jumps, ascending, inside the DLO, m.
     """
     if not len(breaks) or len(breaks) + 1 > elements:
         s = np.arange(elements + 1) * (length / elements)
@@ -37,11 +41,16 @@ def graded_mesh(s, strains, elements, breaks=()):
     the best density of elements goes with the cube root of |u'|; a floor keeps a third of the
     elements for where nothing seems to happen.
 
-    Args:
-        s: (N + 1,) nodes of a known shape
-        strains: (N, 3) its strains, less what jumps in the natural ones
-        elements: how many are wanted; jumps may add some
-        breaks: (n,) arc lengths of jumps, m
+    Parameters
+    ----------
+    s
+        (N + 1,) nodes of a known shape.
+    strains
+        (N, 3) its strains, less what jumps in the natural ones.
+    elements
+        Number of elements wanted; jumps may add some.
+    breaks
+        (n,) arc lengths of jumps, m.
     """
     middle = 0.5 * (s[1:] + s[:-1])
     rate = np.linalg.norm(np.diff(strains, axis=0), axis=1) / np.diff(middle)
@@ -73,9 +82,14 @@ def straight_between(s: NDArray[np.float64], values: NDArray[np.float64],
                      nodes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (n, k) values in the middles of the elements of another mesh, straight in between.
 
-    Args:
-        s: (N + 1,) nodes, m; values: (N, k) in the middles of their elements, N > 1
-        nodes: (n + 1,) of the other mesh, m, on the same length
+    Parameters
+    ----------
+    s : ndarray, shape (N + 1,)
+        Nodes, m.
+    values : ndarray, shape (N, k)
+        In the middles of their elements, N > 1.
+    nodes : ndarray, shape (n + 1,)
+        Nodes of the other mesh, m, on the same length.
     """
     middle, wanted = 0.5 * (s[1:] + s[:-1]), 0.5 * (nodes[1:] + nodes[:-1])
     after = np.clip(np.searchsorted(middle, wanted), 1, middle.size - 1)

@@ -25,12 +25,17 @@ def modes_along(shapes: Iterable[Shape], n: int = 4) -> tuple[Modes, ...]:
     hangs straight, are first turned together so as to be most like those before. Where an overlap
     is small, the steps along the path are too long to tell which mode is which.
 
-    Args:
-        shapes: in the order of the path, as from `DirectSimulator.track`; meshes may differ
-        n: how many modes; there may be fewer, see `Shape.modes`
+    Parameters
+    ----------
+    shapes : iterable of Shape
+        In the order of the path, as from `DirectSimulator.track`; meshes may differ.
+    n : int, optional
+        How many modes; there may be fewer, see `Shape.modes`.
 
-    Raises:
-        InvalidTask: a shape that has no modes, see `Shape.modes`, or fewer than the one before
+    Raises
+    ------
+    InvalidTask
+        A shape that has no modes, see `Shape.modes`, or fewer than the one before.
     """
     shapes = items('shapes', shapes, Shape)
     n = integer('n', n, minimum=1, maximum=MOST)
@@ -91,8 +96,10 @@ def _turned(like, found):
 
     Orthogonal Procrustes: Golub and Van Loan, Matrix Computations, ch. 6.4.
 
-    Args:
-        like: (n, c) products of the modes before with the coordinates
+    Parameters
+    ----------
+    like
+        (n, c) products of the modes before with the coordinates.
     """
     product = like @ found
     nearest = np.sort(np.argsort(-np.sum(product**2, axis=1), kind='stable')[:found.shape[1]])

@@ -45,19 +45,26 @@ class Modes(Value):
     Forces of damping due to the gripper's motion are neglected: a part of the order of the damping
     ratio.
 
-    Attributes:
-        s: (N + 1,) arc lengths of the nodes, m
-        masses: (N + 1,) of the nodes, kg
-        frequencies: (n,) Hz, without damping; ascending, but not if they are followed along a path
-        damping_ratios: (n,) parts of the critical damping due to `Rod.damping`, to first order
-        displacements: (n, N + 1, 3) of the nodes, m, for a generalized mass of 1 kg: the sum over
-            the nodes of mass times square is 1
-        participation: (n, 6) kg (kg m for rotations): the sum over the nodes of mass times the
-            mode's displacement times the displacement of the node per slow motion of the gripper.
-            The squares of the first three are effective masses in kg.
-        overlap: (n,) likeness of each mode to the mode of the shape before that it continues
-            (`modes_along`), 0 to 1: the product of their displacements in the mass metric; 1 for a
-            single shape
+    Attributes
+    ----------
+    s : ndarray, shape (N + 1,)
+        Arc lengths of the nodes, m.
+    masses : ndarray, shape (N + 1,)
+        Masses of the nodes, kg.
+    frequencies : ndarray, shape (n,)
+        Frequencies in Hz, without damping; ascending, but not if they are followed along a path.
+    damping_ratios : ndarray, shape (n,)
+        Parts of the critical damping due to `Rod.damping`, to first order.
+    displacements : ndarray, shape (n, N + 1, 3)
+        Displacements of the nodes, m, for a generalized mass of 1 kg: the sum of mass times square
+        over the nodes is 1.
+    participation : ndarray, shape (n, 6)
+        Participation in kg (kg m for rotations): the sum over the nodes of mass times the mode's
+        displacement times the displacement of the node per slow motion of the gripper. The squares
+        of the first three are effective masses in kg.
+    overlap : ndarray, shape (n,) or None
+        Likeness of each mode to the mode of the shape before that it continues (`modes_along`), 0
+        to 1: the product of their displacements in the mass metric; 1 for a single shape.
     """
 
     s: np.ndarray
@@ -126,11 +133,18 @@ def modes_from(linear: Linearized, vibration: Vibration, squares: np.ndarray, fo
                places: np.ndarray, overlap: np.ndarray | None = None) -> Modes:
     """Return the Modes that `solved` found about a Linearized shape.
 
-    Args:
-        linear: Linearized shape
-        vibration: Vibration about it, with the nodes of its own mesh
-        squares: (n,) 1/s^2; found: (c, n); overlap: (n,)
-        places: (n,) how many modes of this DLO are slower than each
+    Parameters
+    ----------
+    linear : Linearized
+        Linearized shape.
+    vibration : Vibration
+        Vibration about it, with the nodes of its own mesh.
+    squares : ndarray, shape (n,)
+        Squares of the angular frequencies, 1/s^2.
+    found : ndarray, shape (c, n)
+    overlap : ndarray, shape (n,), optional
+    places : ndarray, shape (n,)
+        How many modes of this DLO are slower than each.
     """
     shape = linear.shape
     rates = np.sqrt(squares)
@@ -150,12 +164,18 @@ def solved(vibration: Vibration, n: int, name: str) -> tuple[np.ndarray, np.ndar
     Each mode has the generalized mass 1, and the largest component of its displacements is
     positive. There may be fewer than n.
 
-    Args:
-        vibration: Vibration; n: number of modes
-        name: of the shape, for messages
+    Parameters
+    ----------
+    vibration : Vibration
+    n : int
+        Number of modes.
+    name : str
+        Name of the shape, for messages.
 
-    Raises:
-        InvalidTask: the shape is not stable
+    Raises
+    ------
+    InvalidTask
+        The shape is not stable.
     """
     size = len(vibration.mass)
     slowest = [max(size - n, 0), size - 1]
@@ -178,8 +198,10 @@ def _definite(vibration, name):
 
     An example is a round DLO between two joints, which may spin about its own axis.
 
-    Raises:
-        InvalidTask: it is not positive elsewhere
+    Raises
+    ------
+    InvalidTask
+        It is not a positive number.
     """
     values, vectors = np.linalg.eigh(vibration.stiffness)
     low = values < _TIE

@@ -27,10 +27,16 @@ def balanced(solved, system, q, moments):
 
     The fixed point of frames -> shape -> frames is sought by Anderson's acceleration.
 
-    Args:
-        solved: function (system, q) -> Minimum
-        system: System without the moments; q: (m, 3) unknowns to begin with
-        moments: (N + 1, 3) N m on the nodes, world axes
+    Parameters
+    ----------
+    solved
+        Function (system, q) -> Minimum.
+    system
+        System without the moments.
+    q
+        (m, 3) unknowns to begin with.
+    moments
+        (N + 1, 3) moments on the nodes, N m, world axes.
     """
     free, unit = system, np.abs(moments).sum()
     state = new_state(system)

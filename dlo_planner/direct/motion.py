@@ -38,18 +38,30 @@ class Instant(NamedTuple):
 class Motion(Filmed):
     """A DLO in motion at n instants.
 
-    Attributes:
-        times: (n,) s; of a motion that ended early, the last one is where it could not go on
-        shapes: n Shape; residual and stability are those of the step's minimization,
-            gripper_wrench includes inertia and damping, error_estimate is infinite (not known)
-        velocities: (n, N_L + 1, 3) of the nodes, m/s, world axes
-        kinetic_energy, potential_energy: (n,) J; gravity's zero at the world's origin
-        work: (n,) J, what the gripper and a held far end have done on the DLO since time 0
-        losses: (n, 3) J, taken since time 0 by damping, by plastic deformation, and by friction
-        tolerance: m, that was asked for
-        status: 'complete'; 'unsolved': a step could not be solved; 'energy': a step gained energy,
-            however short it was made
-        message: what there is to say about that, with the time; else ''
+    Attributes
+    ----------
+    times : ndarray, shape (n,)
+        Times in s; of a motion that ended early, the last one is where it could not go on.
+    shapes : tuple of Shape
+        The n shapes; residual and stability are those of the step's minimization, gripper_wrench
+        includes inertia and damping, error_estimate is infinite (not known).
+    velocities : ndarray, shape (n, N_L + 1, 3)
+        Velocities of the nodes, m/s, world axes.
+    kinetic_energy : ndarray, shape (n,)
+        Kinetic energy in J; gravity's zero at the world's origin.
+    potential_energy : ndarray, shape (n,)
+        Potential energy in J; gravity's zero at the world's origin.
+    work : ndarray, shape (n,) or None
+        Work of the gripper and a held far end on the DLO since time 0, J.
+    losses : ndarray, shape (n, 3) or None
+        Energy lost since time 0 to damping, plastic deformation and friction, J.
+    tolerance : float
+        The tolerance that was asked for, m.
+    status : str
+        'complete'; 'unsolved': a step could not be solved; 'energy': a step gained energy, however
+        short it was made.
+    message : str
+        Why the motion is not complete, and when; else ''.
     """
 
     times: np.ndarray
@@ -110,8 +122,10 @@ class Motion(Filmed):
     def load(cls, path: str | PathLike) -> 'Motion':
         """Return the Motion saved at `path`.
 
-        Raises:
-            InvalidTask: not such a file
+        Raises
+        ------
+        InvalidTask
+            Not such a file.
         """
         return load(path, cls._read, 'Motion')
 

@@ -33,11 +33,15 @@ from dlo_planner.ritz.kinematics import march, part_of_element
 class Sensitivity:
     """Derivatives of a Shape by the pose of its gripper (the far end's grip stays).
 
-    Args:
-        shape: converged Shape of a simulator (not from a file, not grasped inside)
+    Parameters
+    ----------
+    shape
+        Converged Shape of a simulator (not from a file, not grasped inside).
 
-    Raises:
-        InvalidTask: another shape
+    Raises
+    ------
+    InvalidTask
+        Another shape.
     """
 
     def __init__(self, shape):
@@ -95,8 +99,10 @@ class Sensitivity:
     def strains_by(self, slopes):
         """Return (k, N, 3) the changes of the elements' strains under k changes of the potential.
 
-        Args:
-            slopes: (k, N, 3) of these changes, derivatives by the elements' strains, J m
+        Parameters
+        ----------
+        slopes
+            (k, N, 3) derivatives of these changes by the elements' strains, J m.
         """
         return _strains_by(self._system, self._hessian, slopes)
 
@@ -105,8 +111,10 @@ class Sensitivity:
 
         With the strains and the gripper of the shape.
 
-        Args:
-            fields: of the System that are others
+        Parameters
+        ----------
+        fields
+            Fields of the System that change.
         """
         # one unknown strain an element: these strains, whatever the basis
         system = self._system._replace(basis=np.zeros((self._system.lengths.size, 0)), **fields)

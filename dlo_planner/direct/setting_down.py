@@ -36,12 +36,17 @@ def set_down(discretization: Discretization, gripper: Pose, strains: np.ndarray,
              history: History) -> tuple[Pose, np.ndarray, History]:
     """Return gripper, strains (N, 3) and the past of a DLO that is in its grips.
 
-    Args:
-        discretization: Discretization of the DLO
-        gripper: Pose, already the final one
-        strains: (N, 3) to begin with, 1/m
-        far_end: FarEnd
-        history: History on this mesh
+    Parameters
+    ----------
+    discretization : Discretization
+        Discretization of the DLO.
+    gripper : Pose
+        The final pose.
+    strains : ndarray, shape (N, 3)
+        Strains to begin with, 1/m.
+    far_end : FarEnd
+    history : History
+        History on this mesh.
     """
     firm = _resisting_twist(discretization)
     amid = bool(discretization.surroundings.obstacles)

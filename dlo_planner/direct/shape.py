@@ -46,32 +46,54 @@ class Shape(Pictured):
 
     Two shapes are equal if all that is listed here is, and the past that the next step begins with.
 
-    Attributes:
-        gripper: the pose for which it was computed
-        s: (N_L + 1,) arc lengths of the nodes, m, 0 at the gripper
-        positions: (N_L + 1, 3) m
-        frames: (N_L + 1, 3, 3) columns are tangent t, normals n and b (the material frame)
-        element_strains: (N_L, 3) torsion, curvature about n, about b; 1/m, constant per element
-        energy: total potential, J, gravity's zero at the world's origin
-        elastic_energy: the part of it that is stored in the DLO, J
-        gripper_wrench: (6,) force (N) and moment about the gripper's origin (N m) that the
-            gripper exerts on the DLO, world axes
-        residual: size of the gradient of the potential, relative to the elastic energy and that
-            of a 1 rad bend; did the minimizer finish?
-        stability: smallest eigenvalue of the Hessian relative to the elastic one; > 0 a minimum,
-            0 neutral (the shape is one of many), < 0 not stable
-        iterations: Newton steps; evaluations: of the potential, where the method counts them
-        converged: the residual is below 1e-8 (1e-7 among obstacles, or what rounding errors leave
-            of it where constrained), the shape is stable or neutral, no contact is violated by more
-            than 1e-6 of the length and no grip by more than 1e-9, and the accuracy was reached
-        jumped: the shape is not the continuation of the one it was started from, or the one of
-            several into which that one parts
-        contacts: tuple of Contact, by s
-        violation: by how much a constraint (contact, far end) is violated, m
-        far_end: FarEnd, what holds the far end; None if it is free
-        far_wrench: (6,) as gripper_wrench, at the far end, about it
-        dissipated: energy lost to plastic deformation so far, J
-        parts: the two Shapes of a DLO grasped inside (`GraspedInside`), else None
+    Attributes
+    ----------
+    gripper : Pose
+        The pose for which it was computed.
+    s : ndarray, shape (N_L + 1,)
+        Arc lengths of the nodes, m, 0 at the gripper.
+    positions : ndarray, shape (N_L + 1, 3)
+        Positions in m.
+    frames : ndarray, shape (N_L + 1, 3, 3)
+        Columns are tangent t, normals n and b (the material frame).
+    element_strains : ndarray, shape (N_L, 3)
+        Torsion, curvature about n, about b; 1/m, constant per element.
+    energy : float
+        Total potential, J, gravity's zero at the world's origin.
+    elastic_energy : float
+        The part of it that is stored in the DLO, J.
+    gripper_wrench : ndarray, shape (6,)
+        Force (N) and moment about the gripper's origin (N m) that the gripper exerts on the DLO,
+        world axes.
+    residual : float
+        Size of the gradient of the potential, relative to the elastic energy and that of a 1 rad
+        bend: whether the minimizer finished.
+    stability : float
+        Smallest eigenvalue of the Hessian relative to the elastic one; > 0 a minimum, 0 neutral
+        (the shape is one of many), < 0 not stable.
+    iterations : int
+        Newton steps.
+    evaluations : int
+        Evaluations of the potential, where the method counts them.
+    converged : bool
+        The residual is below 1e-8 (1e-7 among obstacles, or what rounding errors leave of it where
+        constrained), the shape is stable or neutral, no contact is violated by more than 1e-6 of
+        the length and no grip by more than 1e-9, and the accuracy was reached.
+    jumped : bool
+        The shape is not the continuation of the one it was started from, or is one of several into
+        which that one splits.
+    contacts : tuple
+        The Contacts, in the order of s.
+    violation : float
+        By how much a constraint (contact, far end) is violated, m.
+    far_end : FarEnd or None
+        What holds the far end; None if it is free.
+    far_wrench : ndarray, shape (6,)
+        As `gripper_wrench`, at the far end, moment about it.
+    dissipated : float
+        Energy lost to plastic deformation so far, J.
+    parts : tuple or None
+        The two Shapes of a DLO grasped inside (`GraspedInside`), else None.
     """
 
     gripper: Pose
@@ -204,8 +226,10 @@ class Shape(Pictured):
     def at(self, s: float) -> Pose:
         """Return the Pose (x axis = tangent) at arc length `s` in m, on the element's exact arc.
 
-        Raises:
-            InvalidTask: s outside [0, L]
+        Raises
+        ------
+        InvalidTask
+            `s` is outside [0, L].
         """
         s = number('s', s, minimum=0, maximum=float(self.s[-1]))
         rotation, position = self.frame_at(s)
@@ -214,8 +238,10 @@ class Shape(Pictured):
     def positions_at(self, s: ArrayLike) -> np.ndarray:
         """Return (m, 3) positions in m at arc lengths `s` (m,) in m, as `at`, but quicker.
 
-        Raises:
-            InvalidTask: one is outside [0, L]
+        Raises
+        ------
+        InvalidTask
+            One is outside [0, L].
         """
         s = row('s', s, least=0, minimum=0, maximum=float(self.s[-1]))
         return np.array([self.frame_at(value)[1] for value in s]).reshape(-1, 3)
@@ -223,8 +249,10 @@ class Shape(Pictured):
     def frame_at(self, s: float) -> tuple[np.ndarray, np.ndarray]:
         """Return axes (3, 3) and position (3,) at `s` in m: `at` for inner loops.
 
-        Raises:
-            InvalidTask: s outside [0, L] by more than rounding
+        Raises
+        ------
+        InvalidTask
+            `s` is outside [0, L] by more than rounding.
         """
         length = self.s[-1]
         if not (isinstance(s, float) and 0.0 <= s <= length):
@@ -285,8 +313,10 @@ class Shape(Pictured):
     def bent(self) -> np.ndarray:
         """(N_L, 3) strains since the stress-free shape, permanent set included there, 1/m.
 
-        Raises:
-            InvalidTask: the shape comes from a file and does not know its rod
+        Raises
+        ------
+        InvalidTask
+            The shape comes from a file and does not know its rod.
         """
         if self._discretization is None:
             raise InvalidTask('this shape does not know its rod: expected one from a simulator')
@@ -318,9 +348,11 @@ class Shape(Pictured):
         Contacts that bear stay closed, what yields springs back. There are fewer than n where the
         masses cannot move in as many ways. About 1 ms with a series, see `Modes.error_estimate`.
 
-        Raises:
-            InvalidTask: the shape is not converged, neutral, one of a motion, grasped inside (take
-                its `parts`) or from a file; dead moments act, or it touches something with friction
+        Raises
+        ------
+        InvalidTask
+            The shape is not converged, neutral, one of a motion, grasped inside (take its `parts`)
+            or from a file; dead moments act, or it touches something with friction.
         """
         return modes_of(self, n)
 
@@ -332,8 +364,10 @@ class Shape(Pictured):
         so scaled that the elastic part is the identity (where the stiffness does not vary along the
         DLO). A held far end leaves combinations of these. `jacobian` says what they move.
 
-        Raises:
-            InvalidTask: as `modes`
+        Raises
+        ------
+        InvalidTask
+            As `modes`.
         """
         return Linearized(self).vibration.stiffness
 
@@ -373,8 +407,10 @@ class Shape(Pictured):
     def load(cls, path: str | PathLike) -> 'Shape':
         """Return the Shape saved at `path`; it can start a simulation of the same rod.
 
-        Raises:
-            InvalidTask: not such a file
+        Raises
+        ------
+        InvalidTask
+            Not such a file.
         """
         return load(path, partial(unpack, cls), 'Shape')
 

@@ -57,37 +57,52 @@ _FARTHEST = 10  # of the length: from where a held far end may be brought
 class DirectSimulator(Value):
     """Predicts the static shape of a DLO for a gripper pose, by minimizing its potential.
 
-    Args:
-        rod: what is held
-        n_elements: N_L, elements (64 where only n_terms is given), of equal length between the
-            places where something jumps
-        n_terms: N_c, terms of the Ritz series per strain component (10 where only n_elements is
-            given); N_L of them span all that the elements can do, more are the same as N_L
-        basis: 'chebyshev' (default), 'fourier', 'fourier_polynomial' (with polynomials to degree 4
-            beside it; it replaces 'fourier' where an accuracy is asked for, which the plain series
-            hardly ever reaches), or 'local' (one unknown strain per element)
-        method: 'newton' (default), or the paper's 'dfp' and 'downhill_simplex', for study: without
-            obstacles, held far ends, dead moments and pinned grippers; the last one is slow
-        strains: what the series describe: 'components' (torsion, curvature about n, about b) or
-            'paper' (q_d, q_kappa, q_tau), for study, with 'dfp' or 'downhill_simplex' only
-        accuracy: in m; picks mesh and terms instead of n_elements and n_terms. The basis is then
-            'local' unless one is named. Without any of the three it is 1e-3 of the length, and 64
-            elements with 10 terms are kept wherever they do. The paper's methods keep them anyway.
-        gravity: (3,) m/s^2, any direction, may be zero
-        load: further force per length, N/m, world axes: (3,), or a callable of s (m)
-        obstacles: Plane, Sphere, Capsule, Cylinder, Box, Sheet, in any number
-        point_loads: PointLoads, dead forces and moments at points
-        grip: 'clamped' (default), or 'pinned': the gripper holds the position of the DLO's
-            beginning, which may turn like in a ball joint. A shape's gripper and first frame then
-            have the rotation of the equilibrium; of a given pose the rotation is only where the
-            search begins, without a shape before.
-
-    Raises:
-        InvalidTask: an argument makes no sense; the message names it
-
     A DLO that yields remembers: the permanent set goes from a shape to the next by `initial`, and
     through `track` and `simulate`. `with_set` and `reset` return simulators that start from it.
     A simulator does not change; two of the same rod, surroundings and options are equal.
+
+    Parameters
+    ----------
+    rod : Rod
+        The DLO that is held.
+    n_elements : int, optional
+        N_L, elements (64 where only n_terms is given), of equal length between the places where
+        something jumps.
+    n_terms : int, optional
+        N_c, terms of the Ritz series per strain component (10 where only n_elements is given); N_L
+        of them span all that the elements can do, more are the same as N_L.
+    basis : str, optional
+        'chebyshev' (default), 'fourier', 'fourier_polynomial' (with polynomials to degree 4 beside
+        it; it replaces 'fourier' where an accuracy is asked for, which the plain series hardly ever
+        reaches), or 'local' (one unknown strain per element).
+    method : str, optional
+        'newton' (default), or the paper's 'dfp' and 'downhill_simplex', for study: without
+        obstacles, held far ends, dead moments and pinned grippers; the last one is slow.
+    strains : str, optional
+        What the series describe: 'components' (torsion, curvature about n, about b) or 'paper'
+        (q_d, q_kappa, q_tau), for study, with 'dfp' or 'downhill_simplex' only.
+    accuracy : float, optional
+        In m; picks mesh and terms instead of n_elements and n_terms. The basis is then 'local'
+        unless one is named. Without any of the three it is 1e-3 of the length, and 64 elements with
+        10 terms are kept wherever they do. The paper's methods keep them anyway.
+    gravity : array_like, shape (3,), optional
+        Gravity in m/s^2, any direction, may be zero.
+    load : array_like or callable, optional
+        Further force per length, N/m, world axes: (3,), or a callable of s (m).
+    obstacles : Iterable, optional
+        Plane, Sphere, Capsule, Cylinder, Box or Sheet, in any number.
+    point_loads : Iterable, optional
+        PointLoads, dead forces and moments at points.
+    grip : str, optional
+        'clamped' (default), or 'pinned': the gripper holds the position of the DLO's beginning,
+        which may turn like in a ball joint. A shape's gripper and first frame then have the
+        rotation of the equilibrium; of a given pose the rotation is only where the search begins,
+        without a shape before.
+
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
     """
 
     PARTS = ('surroundings', 'method', 'strains', 'accuracy', 'basis', '_fine', '_history',
@@ -185,8 +200,10 @@ class DirectSimulator(Value):
     def with_set(self, shape: Shape) -> 'DirectSimulator':
         """Return a simulator of the DLO as `shape` leaves it, with its permanent set.
 
-        Raises:
-            InvalidTask: not a Shape of this DLO, or of one that is grasped inside
+        Raises
+        ------
+        InvalidTask
+            Not a Shape of this DLO, or of one that is grasped inside.
         """
         instance('shape', shape, Shape)
         self._check(shape.gripper, shape)
@@ -199,8 +216,10 @@ class DirectSimulator(Value):
     def left_by(self, shape: Shape) -> 'DirectSimulator':
         """Return the simulator of the DLO as `shape` leaves it: with its set, if it has any.
 
-        Raises:
-            InvalidTask: not a Shape of this DLO, or of one that is grasped inside
+        Raises
+        ------
+        InvalidTask
+            Not a Shape of this DLO, or of one that is grasped inside.
         """
         instance('initial', shape, Shape)
         self._check(shape.gripper, shape)
@@ -255,15 +274,22 @@ class DirectSimulator(Value):
               far_end: FarEnd | Pose | ArrayLike | None = None) -> Shape:
         """Return the stable Shape that the DLO falls into.
 
-        Args:
-            gripper: Pose of the gripper; x axis = tangent of the DLO where it leaves
-            initial: a Shape to start from: the gripper goes straight from its pose to the new
-                one, around no obstacle, and a permanent set is kept; None starts from the
-                stress-free shape, set down at the pose, wherever obstacles are
-            far_end: Pose that clamps the far end, position (3,) that pins it, FarEnd, or None
+        Parameters
+        ----------
+        gripper : Pose
+            Pose of the gripper; x axis = tangent of the DLO where it leaves.
+        initial : Shape, optional
+            Shape to start from: the gripper goes straight from its pose to the new one, around no
+            obstacle, and a permanent set is kept. If None, the search starts from the stress-free
+            shape, set down at the pose, wherever obstacles are.
+        far_end : FarEnd or Pose or array_like, optional
+            Pose that clamps the far end, position (3,) that pins it, or FarEnd. If None, the far
+            end is free.
 
-        Returns:
-            Shape; `converged` False, never an exception, if no equilibrium was found
+        Returns
+        -------
+        Shape
+            `converged` is False if no equilibrium was found; that raises no exception.
         """
         far_end = FarEnd.of(far_end)
         self._check(gripper, initial, far_end)
@@ -283,15 +309,23 @@ class DirectSimulator(Value):
         `Shape.jumped` says so. A shape that is not converged is followed by the continuation of
         the one before it, or, if it is `nearly`, by its own; `Shape.status` tells which.
 
-        Args:
-            grippers: list of Pose
-            progress: called as progress(done, total) after each shape
-            initial: Shape before the first pose; None starts from the natural shape
-            far_ends: one per gripper pose, as in `solve`; None: the far end is free
-            deadline: s of computing after which DeadlineExceeded is raised; None: no limit
+        Parameters
+        ----------
+        grippers : iterable of Pose
+            Poses of the gripper, in their order.
+        progress : callable, optional
+            Called as progress(done, total) after each shape.
+        initial : Shape, optional
+            Shape before the first pose. If None, the natural shape.
+        far_ends : Iterable, optional
+            One per gripper pose, as in `solve`. If None, the far end is free.
+        deadline : float, optional
+            Seconds of computing after which DeadlineExceeded is raised. If None, no limit.
 
-        Raises:
-            InvalidTask: an argument makes no sense; the message names it
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense; the message names it.
         """
         grippers = poses(grippers)
         steps = Progress(progress, deadline)
@@ -322,27 +356,39 @@ class DirectSimulator(Value):
         (`direct.guide.Guide`), from rest at time 0 unless the DLO moves there. Steps are halved
         where their local error, a gain of energy or Newton's method asks for it.
 
-        Args:
-            grippers: n Pose at the times 0, dt, 2 dt, ...: a prescribed motion
-            dt: between two instants that are wanted, s; no step is longer
-            initial: Shape at time 0, in equilibrium or not, held by its grips where they are then;
-                a Motion, whose last shape and velocities are continued; None: the static shape
-            far_ends: one per gripper pose, as in `solve`, all of the same grip; None: it is free
-            velocity: at time 0, m/s, world axes: (N + 1, 3) of the nodes of `initial`, or a
-                callable of s (m) that returns (3,); the nearest velocities that grips and length
-                allow are taken. None: at rest, or that of a Motion.
-            tolerance: m; a step may add 1/600 of it to the error; infinite: none is halved for its
-                error; None: 1e-3 of the length. `Motion.error_estimate` tells the error.
-            integrator: 'generalized_alpha' (second order) or 'paper' (Eq. 8 to 10: first order,
-                damps, in fixed steps of dt), see `direct.integrator`
-            progress: called as progress(done, total) after each instant
-            deadline: s of computing after which DeadlineExceeded is raised; None: no limit
-
-        Raises:
-            InvalidTask: an argument makes no sense; the message names it
-
         Where the motion cannot go on it ends: `Motion.converged` is False then, and `status` and
         `message` say why, and when.
+
+        Parameters
+        ----------
+        grippers : iterable of Pose
+            The n poses at the times 0, dt, 2 dt, ...: a prescribed motion.
+        dt : float
+            Time step between two instants that are wanted, s; no step is longer.
+        initial : Shape or Motion, optional
+            Shape at time 0, in equilibrium or not, held by its grips where they are then; or a
+            Motion, whose last shape and velocities are continued. If None, the static shape.
+        far_ends : Iterable, optional
+            One per gripper pose, as in `solve`, all of the same grip. If None, it is free.
+        velocity : array_like or callable, optional
+            At time 0, m/s, world axes: (N + 1, 3) of the nodes of `initial`, or a callable of s (m)
+            that returns (3,); the nearest velocities that grips and length allow are taken. If
+            None, at rest, or that of a Motion.
+        tolerance : float, optional
+            Tolerance in m. A step may add 1/600 of it to the error; if infinite, no step is halved
+            for its error. If None, 1e-3 of the length. `Motion.error_estimate` tells the error.
+        integrator : str, optional
+            'generalized_alpha' (second order) or 'paper' (Eq. 8 to 10: first order, damps, in fixed
+            steps of dt), see `direct.integrator`.
+        progress : callable, optional
+            Called as progress(done, total) after each instant.
+        deadline : float, optional
+            Seconds of computing after which DeadlineExceeded is raised. If None, no limit.
+
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense; the message names it.
         """
         return self._motion(Stepper, grippers, dt, initial, far_ends, velocity, tolerance,
                             integrator, Progress(progress, deadline))
@@ -385,10 +431,12 @@ class DirectSimulator(Value):
     def discretization(self, gripper: Pose, shape: Shape | None) -> Discretization:
         """Return the Discretization that this simulator uses at a gripper's pose.
 
-        Args:
-            gripper: Pose
-            shape: Shape found there, None if there is none yet; with `accuracy`, its mesh is
-                returned if it is good enough, and else the one that is
+        Parameters
+        ----------
+        gripper : Pose
+        shape : Shape or None
+            Shape found there, None if there is none yet. With `accuracy`, its mesh is returned if
+            it is fine enough, else one that is.
         """
         self._check(gripper, shape)
         if self.accuracy is None:

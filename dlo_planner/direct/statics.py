@@ -44,13 +44,20 @@ _IN_VAIN = 30      # Newton steps towards what is out of reach
 def equilibrium(discretization, gripper, strains, method='newton', history=None, far_end=None):
     """Return the Shape that the DLO falls into from the given strains, and how often it kicked.
 
-    Args:
-        discretization: a Discretization
-        gripper: Pose
-        strains: (N, 3) of the elements, 1/m, where the descent starts
-        method: of METHODS
-        history: History on the same mesh; None: no past
-        far_end: FarEnd or None
+    Parameters
+    ----------
+    discretization
+        Discretization.
+    gripper
+        Pose.
+    strains
+        (N, 3) of the elements, 1/m, where the descent starts.
+    method
+        One of METHODS.
+    history
+        History on the same mesh. If None, no past.
+    far_end
+        FarEnd or None.
     """
     if method == 'newton' and far_end is None and discretization.hangs:
         return hanging(discretization, gripper, strains)
@@ -73,10 +80,13 @@ def equilibrium(discretization, gripper, strains, method='newton', history=None,
 def hanging(discretization, gripper, strains, near=None, most=np.inf):
     """Return what `equilibrium` does for a DLO that hangs freely, see `Discretization.hangs`.
 
-    Args:
-        strains: as in `equilibrium`
-        near: Shape on the same mesh, which may not be left by more than `most` (rad, of a node in
-            the gripper): then the search is given up
+    Parameters
+    ----------
+    strains
+        As in `equilibrium`.
+    near
+        Shape on the same mesh. Where it is left by more than `most` (rad, of a node in the
+        gripper), the search is given up.
     """
     frames, before, nodes = NO_FRAMES, gripper.rotation, NO_NODES
     if most < np.inf:
@@ -103,10 +113,14 @@ def unknown():
 def hanging_shape(discretization, gripper, found, rounding, estimate=unknown):
     """Return the Shape of a DLO that hangs freely.
 
-    Args:
-        found: what `minimize.hanging.hang` returns
-        rounding: of the residual, where it is more than usual
-        estimate: function that returns its error, m
+    Parameters
+    ----------
+    found
+        What `minimize.hanging.hang` returns.
+    rounding
+        Rounding error of the residual, where it is larger than usual.
+    estimate
+        Function that returns its error, m.
     """
     (strains, frames, positions, wrench, elastic, energy, residual, stability, iterations,
      _) = found
@@ -135,9 +149,12 @@ def solve(discretization, system, gripper, q, history, most=MAX_ITERATIONS, chec
           exact=EXACT, rounding=0.0):
     """Return the Minimum that is reached from q (m, 3) and the past `history` or None.
 
-    Args:
-        exact: part of the length by which constraints may be violated
-        rounding: of the residual, where it is more than usual
+    Parameters
+    ----------
+    exact
+        Part of the length by which constraints may be violated.
+    rounding
+        Rounding error of the residual, where it is larger than usual.
     """
     before = _NO_PAST
     if history is not None and len(history.positions) and discretization.surroundings.obstacles:
@@ -156,9 +173,12 @@ def solve(discretization, system, gripper, q, history, most=MAX_ITERATIONS, chec
 def shape_of(discretization, gripper, found, history=None, far_end=None, rounding=0.0):
     """Return the Shape of a kernel's result.
 
-    Args:
-        found: Minimum
-        rounding: of the residual, where it is more than usual
+    Parameters
+    ----------
+    found
+        Minimum.
+    rounding
+        Rounding error of the residual, where it is larger than usual.
     """
     state, system, stability = found.state, found.system, found.stability
     if discretization.surroundings.pinned:

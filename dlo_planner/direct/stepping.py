@@ -44,13 +44,29 @@ _AT_ONCE = 1e-13     # of the length: how exactly grips are kept in so short a t
 class Instant:
     """All that the rest of a motion depends on, and what has become of the energy.
 
-    Attributes:
-        place: time / dt
-        shape: Shape; nodes: Course of (N + 1, 3) positions; bends: Course of (N, 3) strains
-        kinetic, potential: J
-        work: J, done by the grips so far; power: W, now
-        losses: (3,) J, taken by damping, plasticity and friction so far; damping: W, now
-        touched: whether the DLO has touched an obstacle
+    Attributes
+    ----------
+    place : float
+        Time / dt.
+    shape : Shape
+    nodes : Course
+        Their (N + 1, 3) positions.
+    bends : Course
+        The (N, 3) strains of the elements.
+    kinetic : float
+        Kinetic energy, J.
+    potential : float
+        Potential energy, J.
+    work : float
+        Work done by the grips so far, J.
+    power : float
+        Power of the grips now, W.
+    losses : ndarray, shape (3,)
+        Energy lost to damping, plasticity and friction so far, J.
+    damping : float
+        Power taken by damping now, W.
+    touched : bool
+        Whether the DLO has touched an obstacle.
     """
 
     place: float
@@ -83,11 +99,15 @@ class Task(NamedTuple):
 class Stepper:
     """Makes the steps of one DLO in moving grips.
 
-    Args:
-        discretization: Discretization
-        grips: Grips
-        dt: s, unit of `place`
-        method: of METHODS, by which steps are minimized; beginnings are by Newton's
+    Parameters
+    ----------
+    discretization
+        Discretization.
+    grips : Grips
+    dt
+        Time step in s, unit of `place`.
+    method
+        One of METHODS, by which steps are minimized; beginnings are by Newton's.
     """
 
     def __init__(self, discretization, grips: Grips, dt, method='newton'):
@@ -108,8 +128,10 @@ class Stepper:
         carries accelerations along would make energy: from then on steps are an implicit
         Euler's, of first order, which take the energy of impacts and some of vibrations.
 
-        Args:
-            patience: Newton steps after which it counts as not solved
+        Parameters
+        ----------
+        patience
+            Newton steps after which it counts as not solved.
         """
         if scheme.first_order:
             return self._step(before, place, scheme, patience)
@@ -218,9 +240,12 @@ class Stepper:
 
         Its acceleration is what a very short first step, of constant acceleration, finds.
 
-        Args:
-            shape: Shape
-            velocity: (N + 1, 3) of the nodes, m/s; None: at rest
+        Parameters
+        ----------
+        shape
+            Shape.
+        velocity
+            (N + 1, 3) of the nodes, m/s. If None, at rest.
         """
         mesh = self.discretization
         brief = self._brief

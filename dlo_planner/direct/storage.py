@@ -81,11 +81,15 @@ def save(path, arrays, kind):
 
     Both keep every number exactly.
 
-    Args:
-        kind: of value that they hold, e.g. 'Plan'
+    Parameters
+    ----------
+    kind
+        Name of the value that they hold, e.g. 'Plan'.
 
-    Raises:
-        InvalidTask: nothing can be written there
+    Raises
+    ------
+    InvalidTask
+        Nothing can be written there.
     """
     instance('path', path, (str, PathLike))
     marked = {'format': _FORMAT, 'kind': kind, **arrays}
@@ -102,8 +106,10 @@ def save(path, arrays, kind):
 def load(path, read, kind):
     """Return what `read` makes of the mapping of arrays in a file that `save` wrote for a `kind`.
 
-    Raises:
-        InvalidTask: not such a file; the message names it
+    Raises
+    ------
+    InvalidTask
+        Not such a file; the message names it.
     """
     instance('path', path, (str, PathLike))
     written = 'a JSON' if _is_json(path) else 'an npz'

@@ -25,16 +25,25 @@ GRIPPERS = ('clamped', 'pinned')
 class Surroundings(Value):
     """A Rod and all that acts on it but its grippers.
 
-    Attributes:
-        rod: Rod
-        gravity: (3,) m/s^2
-        load: force per length besides the weight, N/m, world axes: (3,), a callable of s, or None
-        obstacles: tuple of Plane, Sphere, Capsule, Cylinder, Box, Sheet
-        point_loads: tuple of PointLoad
-        grip: of GRIPPERS, how the gripper holds the DLO's beginning
+    Attributes
+    ----------
+    rod : Rod
+    gravity : ndarray, shape (3,)
+        Gravity in m/s^2.
+    load : ndarray or callable or None
+        Force per length besides the weight, N/m, world axes: (3,), or a callable of s. If None,
+        none.
+    obstacles : tuple
+        Plane, Sphere, Capsule, Cylinder, Box or Sheet, in any number.
+    point_loads : tuple
+        The PointLoads.
+    grip : str
+        One of GRIPPERS, how the gripper holds the DLO's beginning.
 
-    Raises:
-        InvalidTask: naming the argument
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
     """
 
     rod: Rod

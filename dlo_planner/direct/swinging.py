@@ -19,11 +19,28 @@ from dlo_planner.ritz.record import Record, makes
 class Coefficients(Record):
     """Of a `Scheme` of integration and of a DLO's damping, as kernels want them.
 
-    Attributes:
-        alpha_m, alpha_f, beta, gamma, dt: of the Scheme
-        stiffness: 1/s^2, drag: 1/s, of the Scheme
-        slow, viscous: 1/s, s: damping in proportion to mass and to stiffness
-        masses: (N + 1,) of the nodes, kg
+    Attributes
+    ----------
+    alpha_m : float
+        Coefficient of the Scheme.
+    alpha_f : float
+        Coefficient of the Scheme.
+    beta : float
+        Coefficient of the Scheme.
+    gamma : float
+        Coefficient of the Scheme.
+    dt : float
+        Time step, s.
+    stiffness : float
+        Acceleration per displacement in the Scheme, 1/s^2.
+    drag : float
+        Velocity per displacement in the Scheme, 1/s.
+    slow : float
+        Damping in proportion to mass, 1/s.
+    viscous : float
+        Damping in proportion to stiffness, s.
+    masses : ndarray, shape (N + 1,)
+        Masses of the nodes, kg.
     """
 
     alpha_m: float

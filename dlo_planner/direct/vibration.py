@@ -46,14 +46,23 @@ _DEPENDENT = 1e-7  # of the largest row: constraint rows below it depend on the 
 class Vibration:
     """The linearized DLO; c coordinates, N + 1 nodes, world axes.
 
-    Attributes:
-        stiffness: (c, c) J, mass: (c, c) J s^2, both per square of the coordinates' unit
-        jacobian: (N + 1, 3, c) displacement of the nodes by the coordinates, m
-        strains: (N, 3, c) change of the element strains, 1/m
-        carried: (N + 1, 3, 6) displacement of the nodes per displacement (3) and rotation (3, about
-            the gripper's origin) of a slowly moving gripper: the DLO is always in equilibrium
-        masses: (N + 1,) of the nodes, kg
-        resistance: (N, 3) length times stiffness of the elements, N m^3
+    Attributes
+    ----------
+    stiffness : ndarray, shape (c, c)
+        Stiffness in J per square of the coordinates' unit.
+    mass : ndarray, shape (c, c)
+        Mass in J s^2 per square of the coordinates' unit.
+    jacobian : ndarray, shape (N + 1, 3, c)
+        Displacement of the nodes by the coordinates, m.
+    strains : ndarray, shape (N, 3, c)
+        Change of the element strains, 1/m.
+    carried : ndarray, shape (N + 1, 3, 6)
+        Displacement of the nodes per displacement (3) and rotation (3, about the gripper's origin)
+        of a slowly moving gripper: the DLO is always in equilibrium.
+    masses : ndarray, shape (N + 1,)
+        Masses of the nodes, kg.
+    resistance : ndarray, shape (N, 3)
+        Length times stiffness of the elements, N m^3.
     """
 
     stiffness: np.ndarray
@@ -68,13 +77,17 @@ class Vibration:
 class Linearized:
     """A Shape, and the Vibrations about it on its own mesh and on finer ones.
 
-    Args:
-        shape: converged Shape from a simulator, without friction and dead moments, not grasped
-            inside
-        name: of the shape, for messages
+    Parameters
+    ----------
+    shape : Shape
+        Converged Shape from a simulator, without friction and dead moments, not grasped inside.
+    name : str, optional
+        Name of the shape, for messages.
 
-    Raises:
-        InvalidTask: the shape is not such a one
+    Raises
+    ------
+    InvalidTask
+        The shape is not of this kind.
     """
 
     def __init__(self, shape: 'Shape', name: str = 'shape'):
@@ -86,8 +99,10 @@ class Linearized:
     def vibration(self) -> Vibration:
         """The Vibration about the shape.
 
-        Raises:
-            InvalidTask: the shape is not in equilibrium, like one of a motion
+        Raises
+        ------
+        InvalidTask
+            The shape is not in equilibrium, like one of a motion.
         """
         mesh, gripper = self._mesh, self.shape.gripper
         system = mesh.system(gripper.rotation, gripper.position, self._past, self.shape.far_end)

@@ -25,14 +25,21 @@ _FASTEST = 1e6   # lengths of the DLO and rad per s: times of a plan have to dif
 class PlanContext:
     """What a task's `solve` is given.
 
-    Attributes:
-        given: DirectSimulator of the DLO, which may yield; its obstacles count
-        simulator: the same, elastic: what plans are made with
-        start: Pose of the gripper now, or None
-        initial: Shape of the DLO now, or None
-        requirements: Requirements
-        touching: whether the plan means to touch the obstacles, which it avoids otherwise
-        progress: Progress, to be reported to and asked for the deadline
+    Attributes
+    ----------
+    given : DirectSimulator
+        DirectSimulator of the DLO, which may yield; its obstacles count.
+    simulator : DirectSimulator
+        The same, elastic: what plans are made with.
+    start : Pose or None
+        Pose of the gripper now. If None, not known.
+    initial : Shape or None
+        Shape of the DLO now. If None, not known.
+    requirements : Requirements
+    touching : bool
+        Whether the plan means to touch the obstacles, which it avoids otherwise.
+    progress : Progress
+        Takes reports, and raises DeadlineExceeded when the deadline is over.
     """
 
     given: DirectSimulator
@@ -75,8 +82,10 @@ class PlanContext:
     def builder(self, depths: np.ndarray) -> PlanBuilder:
         """Return a PlanBuilder: it takes one Waypoint per depth, in order, and judges each.
 
-        Args:
-            depths: (n,) m that have gone through a cut-out; zeros where there is none
+        Parameters
+        ----------
+        depths : ndarray, shape (n,)
+            Depths in m that have gone through a cut-out; zeros where there is none.
         """
         return PlanBuilder(np.asarray(depths, dtype=float), self.demands)
 

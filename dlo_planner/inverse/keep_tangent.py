@@ -22,13 +22,21 @@ _POINTS = 9  # at which the tangent is looked at, evenly
 class KeepTangent(Value):
     """The DLO's tangent keeps a direction on a stretch: the root mean square of its deviation.
 
-    Attributes:
-        begin, end: arc lengths of the stretch, m
-        direction: (3,) any length but zero
-        weight: 1/rad
+    Attributes
+    ----------
+    begin : float
+        Arc length where the stretch begins, m.
+    end : float
+        Arc length where the stretch ends, m.
+    direction : ndarray, shape (3,)
+        Direction of the tangent, of any length but zero.
+    weight : float
+        Weight in 1/rad.
 
-    Raises:
-        InvalidTask: an argument makes no sense; the message names it
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
     """
 
     ARC_LENGTHS: ClassVar[tuple[str, ...]] = ('begin', 'end')

@@ -105,8 +105,11 @@ class DirectionAt(Value):
 class GripperNear(Value):
     """The gripper stays near a pose: weak, it makes an answer unique that is not.
 
-    Attributes:
-        pose: Pose; weight: 1/m of displacement and 1/rad of rotation
+    Attributes
+    ----------
+    pose : Pose
+    weight : float
+        Weight in 1/m of displacement and 1/rad of rotation.
     """
 
     pose: Pose
@@ -134,10 +137,14 @@ class GripperNear(Value):
 class Through(Value):
     """The DLO passes a point, wherever along it; a DLO that ends before aims at it, straight on.
 
-    Attributes:
-        point: (3,) m
-        after: arc length beyond which it should pass there, m
-        weight: 1/m
+    Attributes
+    ----------
+    point : ndarray, shape (3,)
+        Point in m.
+    after : float
+        Arc length beyond which it should pass there, m.
+    weight : float
+        Weight in 1/m.
     """
 
     ARC_LENGTHS: ClassVar[tuple[str, ...]] = ('after',)
@@ -185,11 +192,16 @@ class Through(Value):
 class AwayFrom(Value):
     """The DLO's surface keeps a distance from obstacles (of the simulator or not).
 
-    Attributes:
-        obstacles: sequence of Plane, Sphere, Capsule, Cylinder, Box, Sheet
-        distance: m
-        radius: of the DLO, m
-        weight: 1/m
+    Attributes
+    ----------
+    obstacles : tuple
+        Plane, Sphere, Capsule, Cylinder, Box or Sheet, in any number.
+    distance : float
+        Distance in m.
+    radius : float
+        Radius of the DLO, m.
+    weight : float
+        Weight in 1/m.
     """
 
     obstacles: tuple
@@ -224,9 +236,12 @@ class AwayFrom(Value):
 class BentAtMost(Value):
     """The DLO is nowhere bent more sharply than this.
 
-    Attributes:
-        curvature: 1/m, the inverse of the bend radius
-        weight: m
+    Attributes
+    ----------
+    curvature : float
+        Curvature in 1/m, the inverse of the bend radius.
+    weight : float
+        Weight in m.
     """
 
     curvature: float

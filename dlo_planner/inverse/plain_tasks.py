@@ -22,8 +22,10 @@ _POSE = {'position', 'quaternion'}
 def to_plain(content: object) -> object:
     """Return a content as dicts, lists, numbers, strings, truth values and None.
 
-    Raises:
-        InvalidTask: there is something else in it
+    Raises
+    ------
+    InvalidTask
+        It contains anything else.
     """
     if isinstance(content, Pose):
         return {'position': content.position.tolist(), 'quaternion': content.quaternion.tolist()}
@@ -48,12 +50,17 @@ def to_plain(content: object) -> object:
 def from_plain(name: str, content: object, depth: int = 0) -> object:
     """Return what `to_plain` was given; lists stay lists, which values take for arrays.
 
-    Args:
-        name: how the content is called in messages
-        depth: in how many others it is
+    Parameters
+    ----------
+    name : str
+        Name of the content in messages.
+    depth : int, optional
+        Number of values around it.
 
-    Raises:
-        InvalidTask: a class is not known, or refuses what is given for it
+    Raises
+    ------
+    InvalidTask
+        A class is not known, or refuses what is given for it.
     """
     if depth > _DEEPEST:
         raise InvalidTask(f'{name[:40]}...: expected values in at most {_DEEPEST} others')

@@ -59,31 +59,47 @@ class Shorthands(Value):
         waypoint turns as little as it can against `start`, each other one against the one before
         (about the mean of the gripper's axis and the normal it does not turn at all).
 
-        Args:
-            cutout: CutOut
-            start: Pose of the gripper before, for its roll; None: as upright as it can be
-            initial: Shape of the DLO before, its far end free, from which it has to get into the
-                first shape of the plan; a permanent set that it has counts; None: it is set down
-                there in its natural shape
-            depths: (n,) arc lengths that have gone through, m, not decreasing, in [0, L]; None:
-                40 of them from 0 to 0.95 L
-            method: 'coupled' solves equilibrium and alignment as one Newton system; 'nested' is
-                the paper's minimization of c arccos(t . n)^2 around the direct simulation
-            gripper_clearance: m, how far the gripper's origin has to stay before the sheet: where
-                no depths are given, the plan ends there
-            as_deep_as_possible: where not all depths can be reached, the plan ends with the
-                deepest one found, and `Plan.fraction` is its part of the last one
-            linear_speed: m/s, angular_speed: rad/s: limits for the plan's times
-            progress: called as progress(done, total) after each waypoint
-            deadline: s of computing after which DeadlineExceeded is raised; None: no limit
+        Parameters
+        ----------
+        cutout : CutOut
+        start : Pose, optional
+            Pose of the gripper before, for its roll. If None, as upright as it can be.
+        initial : Shape, optional
+            Shape of the DLO before, its far end free, from which it has to get into the first shape
+            of the plan; a permanent set that it has counts. If None, it is set down there in its
+            natural shape.
+        depths : array_like, shape (n,), optional
+            Arc lengths that have gone through, m, not decreasing, in [0, L]; None: 40 of them from
+            0 to 0.95 L.
+        method : str, optional
+            'coupled' solves equilibrium and alignment as one Newton system; 'nested' is the paper's
+            minimization of c arccos(t . n)^2 around the direct simulation.
+        gripper_clearance : float, optional
+            Distance in m that the gripper's origin has to keep from the sheet. Where no depths are
+            given, the plan ends there.
+        as_deep_as_possible : bool, optional
+            Where not all depths can be reached, the plan ends with the deepest one found, and
+            `Plan.fraction` is its part of the last one.
+        linear_speed : float, optional
+            Limit in m/s for the plan's times.
+        angular_speed : float, optional
+            Limit in rad/s for the plan's times.
+        progress : callable, optional
+            Called as progress(done, total) after each waypoint.
+        deadline : float, optional
+            Seconds of computing after which DeadlineExceeded is raised. If None, no limit.
 
-        Returns:
-            Plan
+        Returns
+        -------
+        Plan
 
-        Raises:
-            InvalidTask: an argument makes no sense; the message names it
-            Infeasible: a waypoint has no stable solution, or the gripper comes too near; carries
-                the plan up to it
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense; the message names it.
+        Infeasible
+            A waypoint has no stable solution, or the gripper comes too near; carries the plan up to
+            it.
         """
         task = Thread(cutout, depths, method, gripper_clearance, as_deep_as_possible)
         return self._plan(task, start, initial, self._with(linear_speed, angular_speed, deadline),
@@ -100,20 +116,35 @@ class Shorthands(Value):
         at that depth for some waypoints, in which the mouth takes over its weight. A uniform DLO's
         gripper travels along the curve of its first shape (Zheng et al. 1991).
 
-        Args:
-            bore: CutOut: its center is that of the mouth, its normal points inwards
-            start, linear_speed, angular_speed, progress, deadline: as for `thread`
-            depths: as for `thread`, less than the length
+        Parameters
+        ----------
+        bore : CutOut
+            Its center is that of the mouth, its normal points inwards.
+        start : Pose, optional
+            As for `thread`.
+        linear_speed, angular_speed : float, optional
+            As for `thread`.
+        progress : callable, optional
+            As for `thread`.
+        deadline : float, optional
+            As for `thread`.
+        depths : array_like, optional
+            As for `thread`, less than the length.
 
-        Returns:
-            Plan; it may have more waypoints than `depths`. Its shapes are of what is outside, held
-            at the mouth, and so is their stability; `Shape.far_wrench` is what the mouth exerts on
-            that part: nothing, but where it takes over a mass
+        Returns
+        -------
+        Plan
+            It may have more waypoints than `depths`. Its shapes, and their stability, are of the
+            part outside, held at the mouth. `Shape.far_wrench` is what the mouth exerts on that
+            part: zero, except where it takes over a mass.
 
-        Raises:
-            InvalidTask: an argument makes no sense; the message names it
-            Infeasible: a waypoint has no stable solution, or the gripper would have to leap to it;
-                carries the plan up to it
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense; the message names it.
+        Infeasible
+            A waypoint has no stable solution, or the gripper would have to leap to it; carries the
+            plan up to it.
         """
         return self._plan(Insert(bore, depths), start, None,
                           self._with(linear_speed, angular_speed, deadline), progress)
@@ -129,22 +160,38 @@ class Shorthands(Value):
         The gripper backs off along the normal, turns where the DLO cannot reach the sheet, and
         comes straight to where the free end is `standoff` before the hole, aligned, and then in it.
 
-        Args:
-            cutout: CutOut; plan: the Plan of its threading
-            start: Pose of the gripper now, the DLO behind the sheet
-            standoff: m
-            initial: Shape of the DLO now, as for `thread`; None: the one it falls into from its
-                natural shape
-            linear_speed, angular_speed, progress, deadline: as for `thread`
+        Parameters
+        ----------
+        cutout : CutOut
+        plan : Plan
+            Plan of its threading.
+        start : Pose
+            Pose of the gripper now, the DLO behind the sheet.
+        standoff : float, optional
+            Distance in m between the free end and the cut-out where the last straight way begins.
+        initial : Shape, optional
+            Shape of the DLO now, as for `thread`. If None, the one it falls into from its natural
+            shape.
+        linear_speed, angular_speed : float, optional
+            As for `thread`.
+        progress : callable, optional
+            As for `thread`.
+        deadline : float, optional
+            As for `thread`.
 
-        Returns:
-            Plan; its `clearance` is the distance of the DLO from the sheet's plane, its last pose
-            is the first of `plan`
+        Returns
+        -------
+        Plan
+            Its `clearance` is the distance of the DLO from the sheet's plane, its last pose is the
+            first of `plan`.
 
-        Raises:
-            InvalidTask: an argument makes no sense; the message names it
-            Infeasible: the DLO is beyond the sheet at the start, has no stable shape on the way, or
-                does not come into the shape in which the plan begins
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense; the message names it.
+        Infeasible
+            The DLO is beyond the sheet at the start, has no stable shape on the way, or does not
+            come into the shape in which the plan begins.
         """
         if not len(instance('plan', plan, Plan)):
             raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
@@ -161,17 +208,32 @@ class Shorthands(Value):
         From where the free end reaches the second center, both are hit at once; before, the first
         one is passed along the direction that it then has, so the way is continuous.
 
-        Args:
-            first, second: CutOut, in the order in which they are passed
-            start, depths, linear_speed, angular_speed, progress, deadline: as for `thread`; depths
-                count from the first cut-out
+        Parameters
+        ----------
+        first, second : CutOut
+            The cut-outs, in the order in which they are passed.
+        start : Pose, optional
+            As for `thread`; depths count from the first cut-out.
+        depths : array_like, optional
+            As for `thread`; depths count from the first cut-out.
+        linear_speed, angular_speed : float, optional
+            As for `thread`; depths count from the first cut-out.
+        progress : callable, optional
+            As for `thread`; depths count from the first cut-out.
+        deadline : float, optional
+            As for `thread`; depths count from the first cut-out.
 
-        Returns:
-            Plan; `miss` is the larger of both distances, `misalignment` is 0
+        Returns
+        -------
+        Plan
+            `miss` is the larger of both distances, `misalignment` is 0.
 
-        Raises:
-            InvalidTask: an argument makes no sense; the message names it
-            Infeasible: a waypoint has no stable solution; carries the plan up to it
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense; the message names it.
+        Infeasible
+            A waypoint has no stable solution; carries the plan up to it.
         """
         return self._plan(ThreadTwo(first, second, depths), start, None,
                           self._with(linear_speed, angular_speed, deadline), progress)
@@ -186,18 +248,34 @@ class Shorthands(Value):
         cannot be hit exactly: the sum of the squared weighted distances is made least, a cut-out
         counting more and more as the free end comes near.
 
-        Args:
-            cutouts: CutOuts in the order in which they are passed
-            weights: (k,) of their distances; None: all alike
-            start, depths, linear_speed, angular_speed, progress, deadline: as for `thread`; depths
-                count from the first cut-out
+        Parameters
+        ----------
+        cutouts : iterable of CutOut
+            The cut-outs, in the order in which they are passed.
+        weights : array_like, shape (k,), optional
+            Weights of their distances. If None, all alike.
+        start : Pose, optional
+            As for `thread`; depths count from the first cut-out.
+        depths : array_like, optional
+            As for `thread`; depths count from the first cut-out.
+        linear_speed, angular_speed : float, optional
+            As for `thread`; depths count from the first cut-out.
+        progress : callable, optional
+            As for `thread`; depths count from the first cut-out.
+        deadline : float, optional
+            As for `thread`; depths count from the first cut-out.
 
-        Returns:
-            Plan; `Plan.position_errors` says by how much each is missed
+        Returns
+        -------
+        Plan
+            `Plan.position_errors` says by how much each is missed.
 
-        Raises:
-            InvalidTask: an argument makes no sense; the message names it
-            Infeasible: a waypoint has no stable solution; carries the plan up to it
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense; the message names it.
+        Infeasible
+            A waypoint has no stable solution; carries the plan up to it.
         """
         return self._plan(ThreadSequence(cutouts, weights, depths), start, None,
                           self._with(linear_speed, angular_speed, deadline), progress)
@@ -215,30 +293,44 @@ class Shorthands(Value):
         confirmed by the direct simulation. What hangs beyond the contact is the shape that it
         falls into from its natural one.
 
-        Args:
-            contact: Pose on the surface of one of the simulator's obstacles: x axis = direction of
-                the DLO, z axis = outward normal. A DLO that is not round lies there with the axes
-                (t, n, b) of its material frame along the contact's: a strip whose width is
-                along n lies flat.
-            s: arc length of the contact, m
-            condition: which one of the family: 'least_energy' (bending), 'least_force' (a
-                thousandth of weight + EI / L^2, where that can be held and the simulator's
-                discretization tells it from none), 'least_motion' (from `start`),
-                'largest_clearance' (from the other obstacles; without any, the least energy);
-                None: a motion through the interval that has the least energy, in order of the
-                force, its steps below 0.12 (rad plus parts of the length)
-            forces: (n,) N: only these are looked at, as they are; None: all
-            start: Pose of the gripper before
-            linear_speed, angular_speed, progress, deadline: as for `thread`
+        Parameters
+        ----------
+        contact : Pose
+            Pose on the surface of one of the simulator's obstacles: x axis = direction of the DLO,
+            z axis = outward normal. A DLO that is not round lies there with the axes (t, n, b) of
+            its material frame along the contact's: a strip whose width is along n lies flat.
+        s : float
+            Arc length of the contact, m.
+        condition : str or None, optional
+            Which one of the family: 'least_energy' (bending), 'least_force' (a thousandth of weight
+            + EI / L^2, where that can be held and the simulator's discretization tells it from
+            none), 'least_motion' (from `start`), 'largest_clearance' (from the other obstacles;
+            without any, the least energy). If None, a motion through the interval that has the
+            least energy, in order of the force, its steps below 0.12 (rad plus parts of the
+            length).
+        forces : array_like, shape (n,), optional
+            Forces in N: only these are looked at, as they are. If None, all.
+        start : Pose, optional
+            Pose of the gripper before.
+        linear_speed, angular_speed : float, optional
+            As for `thread`.
+        progress : callable, optional
+            As for `thread`.
+        deadline : float, optional
+            As for `thread`.
 
-        Returns:
-            Plan
+        Returns
+        -------
+        Plan
 
-        Raises:
-            InvalidTask: an argument makes no sense, or the contact is not on a surface
-            Infeasible: no force will do; the constraint is the demand that the best one breaks, or
-                'contact': by so much, in m, the DLO would be in an obstacle, or off the best of
-                these shapes
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense, or the contact is not on a surface.
+        Infeasible
+            No force will do. The constraint is the demand that the best one breaks, or 'contact':
+            the amount is how far, in m, the DLO would be in an obstacle, or off the best of these
+            shapes.
         """
         return self._plan(HoldContact(contact, s, condition, forces), start, None,
                           self._with(linear_speed, angular_speed, deadline), progress)
@@ -249,29 +341,46 @@ class Shorthands(Value):
                       progress: OnProgress = None, deadline: float | None = None) -> Plan:
         """Plan how to draw the DLO over an obstacle, its direction there kept (Fig. 15), or not.
 
-        Args:
-            lengths: (n,) arc lengths between gripper and contact, m, one after the other
-            contact, condition, forces, start: as for `hold_contact`; 'least_motion' is from one
-                waypoint to the next, the first one has the least energy if there is no `start`.
-                The others choose the first waypoint; each further one is the local minimum of the
-                same that is nearest to the one before.
-            way: 'aligned': the DLO keeps its place and direction at the contact; 'straight': the
-                gripper keeps its orientation and goes straight from the first waypoint towards the
-                contact, or away from it (footnote 19 of the paper). The DLO then touches where and
-                as it comes to lie: `Plan.misalignment` is by how much its direction has drifted,
-                `Plan.position_error` how far the place. `condition` and `forces` choose the first
-                waypoint.
-            linear_speed, angular_speed, progress, deadline: as for `thread`
+        Parameters
+        ----------
+        lengths : array_like, shape (n,)
+            Arc lengths between gripper and contact, m, one after the other.
+        contact : Pose
+            As for `hold_contact`.
+        condition : str, optional
+            As for `hold_contact`; 'least_motion' is from one waypoint to the next, the first one
+            has the least energy if there is no `start`. The others choose the first waypoint; each
+            further one is the local minimum of the same that is nearest to the one before.
+        forces : array_like, optional
+            As for `hold_contact`.
+        start : Pose, optional
+            As for `hold_contact`.
+        way : str, optional
+            'aligned': the DLO keeps its place and direction at the contact; 'straight': the gripper
+            keeps its orientation and goes straight from the first waypoint towards the contact, or
+            away from it (footnote 19 of the paper). The DLO then touches where and as it comes to
+            lie: `Plan.misalignment` is by how much its direction has drifted, `Plan.position_error`
+            how far the place. `condition` and `forces` choose the first waypoint.
+        linear_speed, angular_speed : float, optional
+            As for `thread`.
+        progress : callable, optional
+            As for `thread`.
+        deadline : float, optional
+            As for `thread`.
 
-        Returns:
-            Plan
+        Returns
+        -------
+        Plan
 
-        Raises:
-            InvalidTask: an argument makes no sense; the message names it
-            Infeasible: as for `hold_contact`; or 'continuity': no admissible shapes lead from one
-                waypoint to the next, the amount is the gripper's leap (rad plus parts of the
-                length); on a straight way how far the DLO falls, in m, or 'contact': how far the
-                arc length that touches is from the one asked for, in m; carries the plan up to it
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense; the message names it.
+        Infeasible
+            As for `hold_contact`; or 'continuity': no admissible shapes lead from one waypoint to
+            the next, the amount is the gripper's leap (rad plus parts of the length); on a straight
+            way how far the DLO falls, in m, or 'contact': how far the arc length that touches is
+            from the one asked for, in m; carries the plan up to it.
         """
         return self._plan(SlideContact(contact, lengths, condition, forces, way), start, None,
                           self._with(linear_speed, angular_speed, deadline), progress)

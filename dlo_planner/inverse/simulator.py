@@ -27,20 +27,24 @@ from dlo_planner.progress import OnProgress, Progress
 class InverseSimulator(Shorthands):
     """Finds the gripper poses that make the DLO's shape do a task.
 
-    Args:
-        simulator: the DirectSimulator whose rod, gravity and discretization are used. A permanent
-            set that it starts with counts. Its obstacles are touched by the contact tasks and
-            avoided by the others; a Sheet among them is the one around a cut-out that it has.
-        workspace: Workspace, where the gripper may be; None: anywhere
-        allow_plastic: whether a plan may bend the DLO beyond its yield limits. Planning itself is
-            elastic: `replay` with `simulator` shows the set that remains.
-
     A waypoint that leaves the workspace, touches what it should not, bends more sharply than
     `Rod.max_bend_curvature`, or yields though it must not, is refused: `Infeasible` names the
     waypoint, the constraint and the amount. Workspace and contacts are looked at between waypoints
     as well, on the path that `Trajectory` takes: there the waypoint is the next one. Not looked at
     is the DLO between the waypoints of contact tasks and of `insert`, whose shapes are of parts.
     Where a task leaves a choice, it is made so as to keep them.
+
+    Parameters
+    ----------
+    simulator : DirectSimulator
+        Its rod, gravity and discretization are used. A permanent set that it starts with counts.
+        The contact tasks touch its obstacles, the others avoid them; a Sheet among them is the one
+        around a cut-out that it has.
+    workspace : Workspace, optional
+        Where the gripper may be. If None, anywhere.
+    allow_plastic : bool, optional
+        Whether a plan may bend the DLO beyond its yield limits. Planning itself is elastic:
+        `replay` with `simulator` shows the set that remains.
     """
 
     PARTS = ('simulator', 'requirements', '_given')
@@ -75,20 +79,31 @@ class InverseSimulator(Shorthands):
              requirements: Requirements | None = None, progress: OnProgress = None) -> Plan:
         """Return the Plan of a task: the one entry, of which the other methods are shorthands.
 
-        Args:
-            task: a Task: `Thread`, `ThreadTwo`, `ThreadSequence`, `Insert`, `Approach`,
-                `HoldContact`, `SlideContact`, `Minimize`, or one of your own
-            start: Pose of the gripper now; None: the plan begins where it is best
-            initial: Shape of the DLO now, for the tasks in which it counts
-            requirements: Requirements; None: those of this simulator
-            progress: called as progress(done, total) after each waypoint
+        Parameters
+        ----------
+        task : Task
+            `Thread`, `ThreadTwo`, `ThreadSequence`, `Insert`, `Approach`, `HoldContact`,
+            `SlideContact`, `Minimize`, or one of your own.
+        start : Pose, optional
+            Pose of the gripper now. If None, the plan begins where it is best.
+        initial : Shape, optional
+            Shape of the DLO now, for the tasks in which it counts.
+        requirements : Requirements, optional
+            Demands on the plan. If None, those of this simulator.
+        progress : callable, optional
+            Called as progress(done, total) after each waypoint.
 
-        Raises:
-            InvalidTask: an argument makes no sense; the message names it
-            Infeasible: there is no such plan; says which constraint, at which waypoint, by how
-                much, and carries the plan up to it
-            NotConverged: the search of a `Minimize` ended before
-            DeadlineExceeded: the deadline of the requirements is over
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense; the message names it.
+        Infeasible
+            There is no such plan; says which constraint, at which waypoint, by how much, and
+            carries the plan up to it.
+        NotConverged
+            The search of a `Minimize` ended before.
+        DeadlineExceeded
+            The deadline of the requirements is over.
         """
         instance('task', task, Task)
         instance('requirements', requirements, Requirements, optional=True)
@@ -103,9 +118,12 @@ class InverseSimulator(Shorthands):
 
         Its arguments are explained there.
 
-        Raises:
-            InvalidTask, NotConverged: as there
-            Infeasible: what it finds breaks a demand
+        Raises
+        ------
+        InvalidTask, NotConverged
+            As in `plan`.
+        Infeasible
+            What it finds breaks a demand.
         """
         task = Minimize(penalties, max_iterations)
         context = self._context(task, instance('start', start, Pose), initial,
@@ -122,13 +140,20 @@ class InverseSimulator(Shorthands):
         the plan does not mean to touch anything, the DLO beside the sheets around the cut-outs and
         the obstacles. Every plan made here was; one that was joined or shortened has another path.
 
-        Args:
-            plan: Plan
-            progress, deadline: as for `thread`
+        Parameters
+        ----------
+        plan : Plan
+        progress : callable, optional
+            As for `thread`.
+        deadline : float, optional
+            As for `thread`.
 
-        Raises:
-            InvalidTask: an argument makes no sense; the message names it
-            Infeasible: it does not; the waypoint is the one to which the gripper is going
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense; the message names it.
+        Infeasible
+            The DLO does not follow; the waypoint is the one to which the gripper is going.
         """
         touching = any(shape.contacts for shape in instance('plan', plan, Plan).shapes)
         context = PlanContext(self._given, self.simulator, requirements=self.requirements,

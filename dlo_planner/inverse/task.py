@@ -27,10 +27,12 @@ class Task(Value, ABC):
     returns the Plan. Such a class can be planned, pickled, compared, and written as plain Python
     or YAML, one's own like those of the package.
 
-    Attributes:
-        touches: of the class: whether its plans mean to touch the simulator's obstacles; if not,
-            they avoid them
-        takes_initial: of the class: whether the shape before counts
+    Attributes
+    ----------
+    touches : ClassVar
+        Whether plans of the class mean to touch the simulator's obstacles; if not, they avoid them.
+    takes_initial : ClassVar
+        Whether the shape before counts for plans of the class.
     """
 
     touches: ClassVar[bool] = False
@@ -40,9 +42,12 @@ class Task(Value, ABC):
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan.
 
-        Raises:
-            InvalidTask: the task makes no sense for this DLO; the message names the argument
-            Infeasible: there is no such plan; carries what there is of it
+        Raises
+        ------
+        InvalidTask
+            The task makes no sense for this DLO; the message names the argument.
+        Infeasible
+            There is no such plan; carries what there is of it.
         """
 
     def to_dict(self) -> dict[str, object]:
@@ -51,8 +56,10 @@ class Task(Value, ABC):
         Each value in it is a dict that says its class under 'type'; a Pose is {'position',
         'quaternion'}.
 
-        Raises:
-            InvalidTask: it holds what cannot be written: a function
+        Raises
+        ------
+        InvalidTask
+            It holds a function, which cannot be written.
         """
         return to_plain(self)
 
@@ -60,8 +67,10 @@ class Task(Value, ABC):
     def from_dict(cls, content: Mapping) -> 'Task':
         """Return the task that `to_dict` has written, of any class that has been imported.
 
-        Raises:
-            InvalidTask: it is none; the message says what is missing
+        Raises
+        ------
+        InvalidTask
+            It does not describe a task; the message says what is missing.
         """
         task = from_plain('content', instance('content', content, Mapping))
         if not isinstance(task, cls):
@@ -83,8 +92,10 @@ def depths_or_none(name: str, depths: object) -> np.ndarray | None:
 def depths_on(length: float, depths: np.ndarray | None) -> np.ndarray:
     """Return the depths (n,) of a task on a DLO of this length, m; None: 40 to 0.95 L.
 
-    Raises:
-        InvalidTask: one is beyond the length
+    Raises
+    ------
+    InvalidTask
+        A depth is beyond the length.
     """
     if depths is None:
         return np.linspace(0, _DEEPEST * length, _WAYPOINTS)

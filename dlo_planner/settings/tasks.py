@@ -15,8 +15,10 @@ from dlo_planner.settings.yaml_files import load_yaml
 def task_to_yaml(task: Task) -> str:
     """Return a task as a YAML text: its class under `type`, each value in it likewise.
 
-    Raises:
-        InvalidTask: it is no task, or holds a function, which cannot be written
+    Raises
+    ------
+    InvalidTask
+        It is not a task, or holds a function, which cannot be written.
     """
     text: str = yaml.safe_dump(instance('task', task, Task).to_dict(), sort_keys=False,
                                allow_unicode=True)
@@ -26,12 +28,17 @@ def task_to_yaml(task: Task) -> str:
 def task_from_yaml(text: str, name: str = 'task') -> Task:
     """Return the task of a YAML text.
 
-    Args:
-        text: as `task_to_yaml` writes it; what has a default may be left out
-        name: how it is called in messages
+    Parameters
+    ----------
+    text : str
+        As `task_to_yaml` writes it; what has a default may be left out.
+    name : str, optional
+        Its name in messages.
 
-    Raises:
-        InvalidTask: it is no YAML, or no task
+    Raises
+    ------
+    InvalidTask
+        It is not YAML, or not a task.
     """
     content: Any = load_yaml(instance('text', text, str), name)
     return Task.from_dict(content)

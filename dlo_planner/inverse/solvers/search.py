@@ -39,13 +39,19 @@ _WORSE = 1e3        # what has no equilibrium is worse than anything seen by so 
 class PenaltyResult(Value):
     """Where the search ended.
 
-    Attributes:
-        gripper: Pose; shape: Shape there
-        penalty: sum of the squared residuals, and of what is no residual
-        slope: size of half its derivative by the gripper's pose, per rad and per length of the DLO
-        iterations: equilibria computed
-        converged: the slope is practically zero for what the penalties are, and the shape is an
-            equilibrium
+    Attributes
+    ----------
+    gripper : Pose
+    shape : Shape
+        Shape there.
+    penalty : float
+        Sum of the squared residuals, and of the terms that are not residuals.
+    slope : float
+        Size of half its derivative by the gripper's pose, per rad and per length of the DLO.
+    iterations : int
+        Equilibria computed.
+    converged : bool
+        The slope is practically zero for what the penalties are, and the shape is an equilibrium.
     """
 
     gripper: Pose
@@ -78,19 +84,31 @@ def minimize_penalty(simulator: DirectSimulator, penalties: object, start: Pose,
     Where the past counts (a DLO that yields, friction), each pose is judged as if the gripper went
     there straight from `start`.
 
-    Args:
-        simulator: DirectSimulator, with obstacles or without
-        penalties: one or several, see above
-        start: Pose of the gripper where the search begins
-        initial: Shape near it, its far end free; None: the natural shape is set down there
-        max_iterations: equilibria at most
-        progress: called as progress(done, max_iterations) after each equilibrium
-        deadline: s of computing after which DeadlineExceeded is raised; None: no limit
+    Parameters
+    ----------
+    simulator : DirectSimulator
+        With obstacles or without.
+    penalties : object
+        One or several penalties, see above.
+    start : Pose
+        Pose of the gripper where the search begins.
+    initial : Shape, optional
+        Shape near it, its far end free. If None, the natural shape is set down there.
+    max_iterations : int, optional
+        Equilibria at most.
+    progress : callable, optional
+        Called as progress(done, max_iterations) after each equilibrium.
+    deadline : float, optional
+        Seconds of computing after which DeadlineExceeded is raised. If None, no limit.
 
-    Raises:
-        InvalidTask: an argument makes no sense
-        NotConverged: there is no equilibrium at the start
-        DeadlineExceeded: the deadline is over
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense.
+    NotConverged
+        There is no equilibrium at the start.
+    DeadlineExceeded
+        The deadline is over.
     """
     clamping('simulator', simulator)
     instance('start', start, Pose)

@@ -25,10 +25,13 @@ _FARTHEST = 100  # of the length: from where the gripper may come
 class Approach(Task):
     """Bring the free end before a cut-out and into it; see `InverseSimulator.approach`.
 
-    Attributes:
-        cutout: CutOut
-        first: Shape in which the threading begins: the first one of its Plan
-        standoff: m, between the free end and the cut-out where the last straight way begins
+    Attributes
+    ----------
+    cutout : CutOut
+    first : Shape
+        Shape in which the threading begins: the first one of its Plan.
+    standoff : float
+        Distance in m between the free end and the cut-out where the last straight way begins.
     """
 
     takes_initial: ClassVar[bool] = True

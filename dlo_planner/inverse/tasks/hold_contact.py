@@ -21,11 +21,16 @@ from dlo_planner.plan.plan import Plan
 class HoldContact(Task):
     """Hold one contact; `InverseSimulator.hold_contact` says what the attributes mean.
 
-    Attributes:
-        contact: Pose on the surface of an obstacle: x axis along the DLO, z axis outwards
-        s: arc length of the contact, m
-        condition: 'least_energy', 'least_force', 'least_motion', 'largest_clearance'; None: all
-        forces: (n,) N: only these are looked at; None: all
+    Attributes
+    ----------
+    contact : Pose
+        Pose on the surface of an obstacle: x axis along the DLO, z axis outwards.
+    s : float
+        Arc length of the contact, m.
+    condition : str or None
+        'least_energy', 'least_force', 'least_motion', 'largest_clearance'. If None, all.
+    forces : ndarray, shape (n,) or None
+        Forces in N: only these are looked at. If None, all.
     """
 
     touches: ClassVar[bool] = True

@@ -22,9 +22,12 @@ _INSERTED = 0.99  # of the length, at most
 class Insert(Task):
     """Insert into a bore of about the DLO's diameter; see `InverseSimulator.insert`.
 
-    Attributes:
-        bore: CutOut: its center is that of the mouth, its normal points inwards
-        depths: (n,) arc lengths that are inside, m, or None
+    Attributes
+    ----------
+    bore : CutOut
+        Its center is that of the mouth, its normal points inwards.
+    depths : ndarray, shape (n,) or None
+        Arc lengths that are inside, m. If None, chosen by the solver.
     """
 
     bore: CutOut

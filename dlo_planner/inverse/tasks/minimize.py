@@ -20,9 +20,12 @@ from dlo_planner.plan.waypoint import Waypoint
 class Minimize(Task):
     """Make penalties of the shape least, beginning at `start`; see `minimize_penalty`.
 
-    Attributes:
-        penalties: one or several: values like `PositionAt`, or functions of a Shape
-        max_iterations: equilibria at most
+    Attributes
+    ----------
+    penalties : tuple
+        One or several: values like `PositionAt`, or functions of a Shape.
+    max_iterations : int
+        Equilibria at most.
     """
 
     touches: ClassVar[bool] = True
@@ -40,8 +43,10 @@ class Minimize(Task):
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan of one waypoint, where the penalty is least.
 
-        Raises:
-            NotConverged: the search ended before
+        Raises
+        ------
+        NotConverged
+            The search ended before.
         """
         instance('context', context, PlanContext)
         result = self.result(context)

@@ -24,12 +24,18 @@ _WAYS = {'aligned': slide_contact, 'straight': slide_straight}
 class SlideContact(Task):
     """Slide along one contact; `InverseSimulator.slide_contact` says what the attributes mean.
 
-    Attributes:
-        contact: Pose on the surface of an obstacle: x axis along the DLO, z axis outwards
-        lengths: (n,) arc lengths between gripper and contact, m, one after the other
-        condition: 'least_energy', 'least_force', 'least_motion', 'largest_clearance'
-        forces: (n,) N: only these are looked at; None: all
-        way: 'aligned' or 'straight'
+    Attributes
+    ----------
+    contact : Pose
+        Pose on the surface of an obstacle: x axis along the DLO, z axis outwards.
+    lengths : ndarray, shape (n,)
+        Arc lengths between gripper and contact, m, one after the other.
+    condition : str
+        'least_energy', 'least_force', 'least_motion', 'largest_clearance'.
+    forces : ndarray, shape (n,) or None
+        Forces in N: only these are looked at. If None, all.
+    way : str
+        'aligned' or 'straight'.
     """
 
     touches: ClassVar[bool] = True

@@ -22,12 +22,17 @@ from dlo_planner.plan.plan import Plan
 class Thread(Task):
     """Thread through one cut-out; `InverseSimulator.thread` says what the attributes mean.
 
-    Attributes:
-        cutout: CutOut
-        depths: (n,) arc lengths that have gone through, m, or None
-        method: 'coupled' or 'nested'
-        gripper_clearance: m, how far the gripper stays before the sheet, or None
-        as_deep_as_possible: whether the plan may end before the last depth
+    Attributes
+    ----------
+    cutout : CutOut
+    depths : ndarray, shape (n,) or None
+        Arc lengths that have gone through, m. If None, chosen by the solver.
+    method : str
+        'coupled' or 'nested'.
+    gripper_clearance : float or None
+        Distance in m that the gripper keeps from the sheet. If None, any.
+    as_deep_as_possible : bool
+        Whether the plan may end before the last depth.
     """
 
     takes_initial: ClassVar[bool] = True

@@ -24,10 +24,14 @@ from dlo_planner.plan.plan import Plan
 class ThreadSequence(Task):
     """Thread through cut-outs as well as can be; see `InverseSimulator.thread_sequence`.
 
-    Attributes:
-        cutouts: CutOuts in the order in which they are passed
-        weights: (k,) of their distances; None: all alike
-        depths: (n,) arc lengths that have gone through the first one, m, or None
+    Attributes
+    ----------
+    cutouts : tuple of CutOut
+        The cut-outs, in the order in which they are passed.
+    weights : ndarray, shape (k,) or None
+        Weights of their distances. If None, all alike.
+    depths : ndarray, shape (n,) or None
+        Arc lengths that have gone through the first one, m, or None.
     """
 
     cutouts: tuple[CutOut, ...]
@@ -58,12 +62,17 @@ def threading_of(cutouts: Sequence[CutOut],
                  depths: ArrayLike | None = None) -> Thread | ThreadTwo | ThreadSequence:
     """Return the task that threads through these cut-outs, one after the other.
 
-    Args:
-        cutouts: one or more
-        depths: (n,) arc lengths that have gone through the first one, m, or None
+    Parameters
+    ----------
+    cutouts : sequence of CutOut
+        One or more.
+    depths : array_like, shape (n,), optional
+        Arc lengths that have gone through the first one, m, or None.
 
-    Raises:
-        InvalidTask: an argument makes no sense; the message names it
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
     """
     cutouts = items('cutouts', cutouts, CutOut, least=1)
     if len(cutouts) == 1:

@@ -19,9 +19,14 @@ from dlo_planner.plan.plan import Plan
 class ThreadTwo(Task):
     """Thread through two cut-outs, whose centers count; see `InverseSimulator.thread_two`.
 
-    Attributes:
-        first, second: CutOut, in the order in which they are passed
-        depths: (n,) arc lengths that have gone through the first one, m, or None
+    Attributes
+    ----------
+    first : CutOut
+        The one that is passed first.
+    second : CutOut
+        The one that is passed after it.
+    depths : ndarray, shape (n,) or None
+        Arc lengths that have gone through the first one, m, or None.
     """
 
     first: CutOut

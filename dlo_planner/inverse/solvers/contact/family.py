@@ -38,23 +38,41 @@ _ON_SURFACE = 1e-4  # of the length, and rad: how far a contact may be off its o
 class ContactFamily:
     """The shapes that touch at arc length `s` in a given way, by the force of contact.
 
-    Attributes:
-        s: m; place: (3,) of the DLO's axis there, m; frame: (3, 3) of the DLO there
-        obstacle: index of the one that is touched
-        scale: (2,) N, smallest and largest of the forces that are natural for this DLO
-        stable: the stability that is demanded
-        known: dict of the Shapes that were looked at, by their force
+    Parameters
+    ----------
+    simulator
+        DirectSimulator with the obstacle among its obstacles.
+    contact
+        Pose on the obstacle's surface: x axis = DLO's direction, z axis = outward normal; its axes
+        are those of the DLO's material frame there.
+    s
+        Arc length of the contact in m.
+    check
+        Called once a shape, as `Progress.check`.
+    elements
+        Elements of the mesh.
 
-    Args:
-        simulator: DirectSimulator with the obstacle among its obstacles
-        contact: Pose on the obstacle's surface: x axis = DLO's direction, z axis = outward
-            normal; its axes are those of the DLO's material frame there
-        s: m
-        check: called once a shape, as `Progress.check`
-        elements: of the mesh
+    Attributes
+    ----------
+    s
+        Arc length of the contact in m.
+    place
+        (3,) position of the DLO's axis there, m.
+    frame
+        (3, 3) frame of the DLO there.
+    obstacle
+        Index of the obstacle that is touched.
+    scale
+        (2,) N, smallest and largest of the forces that are natural for this DLO.
+    stable
+        The stability that is demanded.
+    known
+        dict of the Shapes that were looked at, by their force.
 
-    Raises:
-        InvalidTask: the contact is not on the surface of an obstacle
+    Raises
+    ------
+    InvalidTask
+        The contact is not on the surface of an obstacle.
     """
 
     def __init__(self, simulator, contact, s, check, elements=64):
@@ -124,8 +142,10 @@ class ContactFamily:
     def _sag(self, strain):
         """Return by how much, m, a DLO that curves into the obstacle at the contact is in it.
 
-        Args:
-            strain: (3,) of the DLO there, the same for all forces, as is the moment
+        Parameters
+        ----------
+        strain
+            (3,) strain of the DLO there, the same for all forces, as is the moment.
         """
         bend, normal = np.empty((3, 3)), np.empty(3)
         signed_distance(self._scene, self._body, np.array(self.place), normal, bend)
@@ -135,8 +155,10 @@ class ContactFamily:
     def gap(self, shape, others=False):
         """Return the smallest gap between a Shape and the obstacles, m; infinite without any.
 
-        Args:
-            others: whether the obstacle that is touched does not count
+        Parameters
+        ----------
+        others
+            Whether only the other obstacles count.
         """
         gaps = nearest(self._scene, shape)
         return min((gap for source, (gap, _, _) in zip(self._scene.source, gaps, strict=True)
@@ -208,8 +230,10 @@ def _cantilever(mesh, node, frame):
 
     It is the shape that it falls into from its natural one.
 
-    Args:
-        mesh: Discretization of the whole DLO, without obstacles
+    Parameters
+    ----------
+    mesh
+        Discretization of the whole DLO, without obstacles.
     """
     if node == mesh.s.size - 1:
         return np.array(frame, order='C'), mesh.natural[-1]

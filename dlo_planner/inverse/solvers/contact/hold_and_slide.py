@@ -68,8 +68,10 @@ def slide_contact(simulator, asked, start, brief):
 def _cost_of(task, condition, start):
     """Return the function of the force that a condition of CONDITIONS makes least.
 
-    Args:
-        start: Pose from which a motion counts, or None
+    Parameters
+    ----------
+    start
+        Pose from which a motion counts, or None.
     """
     family = task.family
     if condition == 'least_force':

@@ -24,9 +24,12 @@ def intervals(merit, least, most):
 
     The first and last sample are the ends, inside the interval by a part of 1e-6 at most.
 
-    Args:
-        merit: function (x) -> number, continuous or nearly
-        least, most: x looked at
+    Parameters
+    ----------
+    merit
+        Function (x) -> number, continuous or nearly.
+    least, most
+        Ends of the interval of x that is searched.
     """
     number = int(np.ceil(_PER_DECADE * np.log10(most / least))) + 2
     xs = [float(x) for x in np.geomspace(least, most, number)]
@@ -87,10 +90,14 @@ def _filled(xs):
 def minima(cost, merit, xs):
     """Return [(cost, x)], best first: the local minima of `cost` over an interval.
 
-    Args:
-        cost: function (x) -> number
-        merit: what is positive in the interval
-        xs: samples (n,) of it, ascending
+    Parameters
+    ----------
+    cost
+        Function (x) -> number.
+    merit
+        Function (x) -> number, positive in the interval.
+    xs
+        (n,) samples of the interval, ascending.
     """
     def judged(log):
         x = float(np.exp(log))

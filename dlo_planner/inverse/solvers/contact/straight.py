@@ -50,11 +50,17 @@ class _Slide:
     def to(self, s, shape, gone, draft):
         """Return the Shape that touches at the arc length `s`, m, and how far the gripper has gone.
 
-        Args:
-            shape: Shape of the waypoint before; gone: part of the way there
+        Parameters
+        ----------
+        shape
+            Shape of the waypoint before.
+        gone
+            Part of the way there.
 
-        Raises:
-            Infeasible: there is none on the way
+        Raises
+        ------
+        Infeasible
+            There is no such shape on the way.
         """
         here, longest = self.touches_at(shape, s), _LONGEST * self._length
         for target in np.linspace(here, s, int(np.ceil(abs(s - here) / longest)) + 1)[1:]:
@@ -116,9 +122,14 @@ class _Slide:
 def _next(near, far, before):
     """Return the next trial between two that are (place, what is left, Shape), or beyond one.
 
-    Args:
-        near: the last one before the root; far: one behind it, or None
-        before: the trial before the last one
+    Parameters
+    ----------
+    near
+        The last trial before the root.
+    far
+        One behind it, or None.
+    before
+        The trial before the last one.
     """
     if far is None:  # straight on through the last two, at most three times as far
         step, slope = near[0] - before[0], before[1] - near[1]

@@ -31,9 +31,12 @@ _NEAR = 0.02              # of the length: contacts that are counted as the one
 class Contacting:
     """One contact task at one arc length.
 
-    Attributes:
-        simulator: DirectSimulator; family: ContactFamily, quick; s: m; contact: Pose
-        brief: PlanRequirements
+    Attributes
+    ----------
+    simulator : DirectSimulator
+    family : ContactFamily
+        A quick one, on a coarse mesh.
+    brief : PlanRequirements
     """
 
     simulator: DirectSimulator
@@ -69,8 +72,10 @@ class Contacting:
     def parts(self, forces, draft):
         """Return the admissible intervals as lists of forces, ascending; raise Infeasible if none.
 
-        Args:
-            forces: (n,) N, the ones to be looked at, each then an interval of its own; None: all
+        Parameters
+        ----------
+        forces
+            (n,) forces to be examined, N, each an interval of its own. If None, all.
         """
         family = self.family
         for _ in range(2):

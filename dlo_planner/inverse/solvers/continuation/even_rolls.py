@@ -23,8 +23,12 @@ _NO_ROLL = 1e-3               # rad between two waypoints
 class EvenRolls:
     """How far the gripper has rolled at n depths; a route for `following.follow`.
 
-    Attributes:
-        depths: (n,) m; turned: (n,) rad
+    Attributes
+    ----------
+    depths : ndarray, shape (n,)
+        Depths in m.
+    turned : ndarray, shape (n,)
+        Rotation about the free axis at each depth, rad.
     """
 
     depths: np.ndarray

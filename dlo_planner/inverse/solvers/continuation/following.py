@@ -23,10 +23,13 @@ _SHARES = 1.0, 0.5, 0.0  # of a roll
 class Passing(NamedTuple):
     """A Shape that does a task at some depth.
 
-    Attributes:
-        shape: Shape
-        place: (3,) the gripper's origin from the first center, m
-        second: arc length that is at a second center, m; None if there is none
+    Attributes
+    ----------
+    shape : Shape
+    place : ndarray, shape (3,)
+        The gripper's origin from the first center, m.
+    second : float or None
+        Arc length at a second center, m. None if there is none.
     """
 
     shape: Shape
@@ -48,8 +51,10 @@ class Task(Protocol):
     def at(self, before: Passing, depth: float, roll: float, final: bool) -> Passing | None:
         """Return the Passing at `depth` (m) near `before`, rolled by `roll` (rad), or None.
 
-        Args:
-            final: whether it will be a waypoint
+        Parameters
+        ----------
+        final : bool
+            Whether the passing will be a waypoint.
         """
 
     def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
@@ -59,15 +64,22 @@ class Task(Protocol):
 def follow(task, here, depth, wanted, route=None):
     """Continue a Passing from one depth to another, in steps that do not leap.
 
-    Args:
-        task: Task
-        here: Passing at `depth` (m)
-        wanted: depth where to go, m
-        route: Route that gives the rolls; None: no roll
+    Parameters
+    ----------
+    task
+        Task.
+    here
+        Passing at `depth` (m).
+    wanted
+        Depth to be reached, m.
+    route
+        Route that gives the rolls. If None, no roll.
 
-    Returns:
+    Returns
+    -------
+    (Passing or None, float, float)
         The Passing at `wanted`, or None; the depth that was reached; how far the gripper would have
-        had to leap there, m (0: no shape was found)
+        had to leap there, m (0: no shape was found).
     """
     length = here.shape.s[-1]
     step = longest = _LONGEST_STEP * length
@@ -94,8 +106,12 @@ def follow(task, here, depth, wanted, route=None):
 def refusal_for_step(simulator, draft, before, found):
     """Return Infeasible if gripper or DLO have to leap to the next waypoint, or None.
 
-    Args:
-        before: Passing of the waypoint before, None at the first; found: Passing of the next one
+    Parameters
+    ----------
+    before
+        Passing of the waypoint before, None at the first.
+    found
+        Passing of the next one.
     """
     length = found.shape.s[-1]
     too_far = 0.0 if before is None else excess(before.gripper, found.gripper,

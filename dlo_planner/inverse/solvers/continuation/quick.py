@@ -39,8 +39,12 @@ def grid_nodes(simulator):
 def gets_there(simulator, gripper, end, initial=None):
     """Whether the DLO comes by itself into the shape whose free end has the frame `end` (3, 3).
 
-    Args:
-        gripper: Pose; initial: Shape before, or None: it is set down in its natural shape
+    Parameters
+    ----------
+    gripper
+        Pose.
+    initial
+        Shape before. If None, the DLO is set down in its natural shape.
     """
     there = (simulator.solve(gripper) if initial is None
              else simulator.track([gripper], initial=initial)[0])

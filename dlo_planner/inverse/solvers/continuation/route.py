@@ -18,14 +18,20 @@ _AHEAD = 0.05             # of the length: how far a route is looked along to sm
 class Route:
     """A way through K curves.
 
-    Attributes:
-        depths: (K,) m, ascending or descending
-        grippers: (K, 3, 3) rotations of the gripper, about
-        end: (3, 3) rotation of the free end where it begins, about
-        length: of the DLO, m
-        complete: whether it goes through all the curves that it was to go through
-        ahead: part of the length by which it is looked along to smooth its rolls; 0: every turn of
-            it is made
+    Attributes
+    ----------
+    depths : ndarray, shape (K,)
+        Depths in m, ascending or descending.
+    grippers : ndarray, shape (K, 3, 3)
+        Approximate rotations of the gripper.
+    end : ndarray, shape (3, 3)
+        Approximate rotation of the free end at the beginning.
+    length : float
+        Length of the DLO, m.
+    complete : bool
+        Whether it goes through all the curves that it was to go through.
+    ahead : float
+        Part of the length over which rolls are smoothed; 0: every roll is followed as it is.
     """
 
     depths: np.ndarray
@@ -59,11 +65,14 @@ class Route:
 def find_route(layers, depths, first, length):
     """Return the Route of least motion of the gripper, as deep as it goes; None if none begins.
 
-    Args:
-        layers: K Crossings, of the curves at `depths` (K,), m, in the order in which they are gone
-            through
-        first: (m,) cost of beginning at each crossing of the first curve; infinite: not there
-        length: of the DLO, m
+    Parameters
+    ----------
+    layers
+        K Crossings, of the curves at `depths` (K,), m, in the order in which they are gone through.
+    first
+        (m,) cost of beginning at each crossing of the first curve; infinite: not there.
+    length
+        Length of the DLO, m.
     """
     costs, ways = sweep(layers, first, length)
     if not np.isfinite(first).any():

@@ -29,9 +29,12 @@ _ROUNDS = 30
 def hanging(system, end):
     """Return the State and the gripper's rotation (3, 3) that `integrate_from_tip` finds.
 
-    Args:
-        system: without obstacles
-        end: (3, 3) rotation of the free end
+    Parameters
+    ----------
+    system
+        System of a DLO without obstacles.
+    end
+        (3, 3) rotation of the free end.
     """
     strains, base = integrate_from_tip(system, end)
     return placed(system._replace(base=base), strains), base

@@ -34,12 +34,20 @@ _ROTATION = 1e-9
 class HangingShapes:
     """The equilibria of a DLO whose loads are all along one axis, on a grid of n points.
 
-    Attributes:
-        up: (3,) unit vector along the loads, either way
-        s: (N + 1,) arc lengths of the nodes, m
-        frames: (n, N + 1, 3, 3) and positions: (n, N + 1, 3) of the nodes, m from the gripper
-        stability: (n,) smallest eigenvalue of the Hessian, as `Shape.stability`; -1 if negative
-        edges: (m, 2) indices of neighbors on the sphere
+    Attributes
+    ----------
+    up : ndarray, shape (3,)
+        Unit vector along the loads, either way.
+    s : ndarray, shape (N + 1,)
+        Arc lengths of the nodes, m.
+    frames : ndarray, shape (n, N + 1, 3, 3)
+        Frames of the nodes.
+    positions : ndarray, shape (n, N + 1, 3)
+        Positions of the nodes, m from the gripper.
+    stability : ndarray, shape (n,)
+        Smallest eigenvalue of the Hessian, as `Shape.stability`; -1 if negative.
+    edges : ndarray, shape (m, 2)
+        Indices of neighbors on the sphere.
     """
 
     up: np.ndarray
@@ -64,9 +72,12 @@ class HangingShapes:
 def hanging_shapes(surroundings, s):
     """Return the HangingShapes of a DLO; None if its loads are not along one axis, or are zero.
 
-    Args:
-        surroundings: Surroundings without obstacles
-        s: (N + 1,) nodes, m
+    Parameters
+    ----------
+    surroundings
+        Surroundings without obstacles.
+    s
+        (N + 1,) arc lengths of the nodes, m.
     """
     mesh = Discretization(surroundings, s, 'local', 0)
     load = mesh.static.pull
@@ -136,12 +147,19 @@ def _hang(system, ends):
 class Crossings:
     """Where a curve on the sphere crosses its grid: m shapes that do a task, about.
 
-    Attributes:
-        grippers: (m, 3, 3) rotations of the gripper
-        ends: (m, 3, 3) of the free end
-        places: (m, 3) the gripper's origin from the point that is at the goal, m
-        stability: (m,)
-        pairs: (m, 2) indices of the two grid points; shares: (m,) of the way between them
+    Attributes
+    ----------
+    grippers : ndarray, shape (m, 3, 3)
+        Rotations of the gripper.
+    ends : ndarray, shape (m, 3, 3)
+        Rotations of the free end.
+    places : ndarray, shape (m, 3)
+        The gripper's origin from the point that is at the goal, m.
+    stability : ndarray, shape (m,)
+    pairs : ndarray, shape (m, 2)
+        Indices of the two grid points.
+    shares : ndarray, shape (m,)
+        Shares of the way between them.
     """
 
     grippers: np.ndarray
@@ -162,11 +180,16 @@ class Crossings:
 def crossings(shapes, vectors, goal, s):
     """Return the stable Crossings of the curve where vectors (n, 3), turned upright, are `goal`.
 
-    Args:
-        shapes: HangingShapes
-        vectors: (n, 3) of each shape, as long as `goal`; nan where it has none
-        goal: (3,) world
-        s: arc length of the point that is to be at the goal, m, or one per shape (n,)
+    Parameters
+    ----------
+    shapes
+        HangingShapes.
+    vectors
+        (n, 3) of each shape, as long as `goal`; nan where it has none.
+    goal
+        (3,) vector, world.
+    s
+        Arc length of the point that is to be at the goal, m, or one per shape (n,).
     """
     up = shapes.up
     misfit = vectors @ up - goal @ up

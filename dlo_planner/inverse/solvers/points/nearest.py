@@ -21,11 +21,18 @@ _HALVINGS = 6
 def nearest_within(simulator, penalties, before, turn, shift):
     """Return the Shape of least penalty whose gripper is within reach, or None.
 
-    Args:
-        simulator: DirectSimulator
-        penalties: with `residuals` and `slopes`, see `inverse.penalties`
-        before: Shape where the step begins
-        turn: rad, shift: m, that the gripper may turn or be displaced, about
+    Parameters
+    ----------
+    simulator
+        DirectSimulator.
+    penalties
+        Values with `residuals` and `slopes`, see `inverse.penalties`.
+    before
+        Shape where the step begins.
+    turn
+        Angle by which the gripper may turn, about, rad.
+    shift
+        Distance by which it may be displaced, about, m.
     """
     scale = np.array([turn] * 3 + [shift] * 3)
     shape, x, right = before, np.zeros(6), _residuals(penalties, before)

@@ -20,13 +20,20 @@ def nested_alignment(simulator, initial, s, normal, reference, penalty=1.0):
     The outer variables are two rotations of the gripper since `reference`, across `free_axis`.
     The penalty is written as a sum of squares, c |angle vector|^2, and left to least squares.
 
-    Args:
-        simulator: DirectSimulator
-        initial: Shape to start from
-        s: arc length of the prescribed tangent, m
-        normal: (3,) unit vector
-        reference: (3, 3) gripper rotation
-        penalty: the constant c
+    Parameters
+    ----------
+    simulator
+        DirectSimulator.
+    initial
+        Shape to start from.
+    s
+        Arc length of the prescribed tangent, m.
+    normal
+        (3,) unit vector.
+    reference
+        (3, 3) gripper rotation.
+    penalty
+        The constant c.
     """
     latest = initial
 

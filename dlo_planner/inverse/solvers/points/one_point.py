@@ -22,10 +22,14 @@ _ORIGIN = np.zeros(3)
 class Aligned:
     """The shapes whose tangent, at each depth, is along a normal.
 
-    Args:
-        simulator: DirectSimulator
-        normal: (3,) unit vector
-        method: 'coupled' or 'nested', for waypoints; the quick one makes all steps between
+    Parameters
+    ----------
+    simulator
+        DirectSimulator.
+    normal
+        (3,) unit vector.
+    method
+        'coupled' or 'nested', for waypoints; the quick one makes all steps between.
     """
 
     def __init__(self, simulator, normal, method='coupled'):
@@ -65,8 +69,12 @@ def _angle(one, other):
 def aligned_shape(simulator, guess, s, normal, reference):
     """Return the Shape whose tangent at `s` is `normal`, by `aligned_newton`, or None.
 
-    Args:
-        guess: Shape; reference: (3, 3) gripper rotation since which it does not turn freely
+    Parameters
+    ----------
+    guess
+        Shape near it.
+    reference
+        (3, 3) gripper rotation since which it does not turn freely.
     """
     discretization = guess._discretization
     for _ in range(6):

@@ -25,9 +25,12 @@ _MESHES = 6             # that an accuracy may take
 class TwoPoints:
     """The shapes that pass both centers, at each depth in the first.
 
-    Args:
-        simulator: DirectSimulator
-        way: (3,) from the first center to the second, m
+    Parameters
+    ----------
+    simulator
+        DirectSimulator.
+    way
+        (3,) from the first center to the second, m.
     """
 
     def __init__(self, simulator, way):
@@ -48,8 +51,12 @@ class TwoPoints:
     def from_end(self, guess, depth):
         """Return the Passing whose free end is at the second center, and its depth, m, or None.
 
-        Args:
-            guess: Shape near it, in equilibrium; depth: about, m
+        Parameters
+        ----------
+        guess
+            Shape near it, in equilibrium.
+        depth
+            Approximate depth, m.
         """
         length = self.simulator.rod.length
         found = self._solved(guess, length - depth, length, 'first')
@@ -119,12 +126,19 @@ def two_points(simulator, shape, way, s, free, roll=0.0):
 
     A step after which the DLO falls into another shape ends it.
 
-    Args:
-        s: arc lengths s1 and s2, m; free: 'first' or 'second': which of them is sought
-        roll: rad about the axis that the task leaves free; made together with the rest
+    Parameters
+    ----------
+    s
+        Arc lengths s1 and s2, m.
+    free
+        'first' or 'second': which of them is sought.
+    roll
+        Rotation in rad about the axis that the task leaves free, solved together with the rest.
 
-    Returns:
-        Shape, s1, s2; None if there is none
+    Returns
+    -------
+    (Shape, float, float) or None
+        The shape, s1 and s2. None if there is none.
     """
     mesh, way = shape._discretization, np.array(way)
     freeze(way)

@@ -32,12 +32,18 @@ _STRAIGHT = None      # instead of a way back: translation and rotation at once
 def approach(simulator, task, start, initial, brief):
     """Return the Plan from `start` to the Shape `first` of an Approach, where a threading begins.
 
-    Args:
-        simulator: DirectSimulator
-        task: Approach: cutout, first, standoff
-        start: Pose of the gripper
-        initial: Shape at `start`; None: the natural shape set down there
-        brief: PlanRequirements
+    Parameters
+    ----------
+    simulator
+        DirectSimulator.
+    task
+        Approach: cutout, first, standoff.
+    start
+        Pose of the gripper.
+    initial
+        Shape at `start`. If None, the natural shape set down there.
+    brief
+        PlanRequirements.
     """
     cutout, first, standoff = task.cutout, task.first, task.standoff
     behind = float((cutout.center - start.position) @ cutout.normal)
@@ -63,8 +69,10 @@ def approach(simulator, task, start, initial, brief):
 def _from_behind(simulator, first, asked, brief, back):
     """Return the Plan to the Shape `first` that goes `back` (m) before it turns, or _STRAIGHT.
 
-    Args:
-        asked: cutout, start, standoff, initial of `approach`
+    Parameters
+    ----------
+    asked
+        The cut-out, start, standoff and initial shape of `approach`.
     """
     cutout, start, standoff, initial = asked
     normal, length, radius = cutout.normal, simulator.rod.length, brief.surface.bound

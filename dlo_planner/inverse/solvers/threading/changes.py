@@ -26,9 +26,15 @@ _BEGINNINGS = 12    # of a way back that are looked at
 class Change:
     """Where the motion changes: the free end is at the second center.
 
-    Attributes:
-        passing: Passing; depth: m, in the first cut-out
-        back, on: Route before and after it, or None
+    Attributes
+    ----------
+    passing : Passing
+    depth : float
+        Depth in m, in the first cut-out.
+    back : Route or None
+        Route before it.
+    on : Route or None
+        Route after it.
     """
 
     passing: Passing
@@ -41,9 +47,15 @@ class Change:
 class Pair:
     """What is asked of a threading through two cut-outs.
 
-    Attributes:
-        first, second: CutOut; depths: (n,) in the first one, m
-        start: Pose whose roll is kept as far as can be, or None; brief: PlanRequirements
+    Attributes
+    ----------
+    first : CutOut
+    second : CutOut
+    depths : ndarray, shape (n,)
+        Depths in the first one, m.
+    start : Pose or None
+        Pose whose roll is kept as far as possible.
+    brief : PlanRequirements
     """
 
     first: CutOut

@@ -18,12 +18,17 @@ def deepest(planned: Callable[[np.ndarray], Plan], depths: np.ndarray) -> Plan:
 
     Its `fraction` is that depth as a part of the last one asked for.
 
-    Args:
-        planned: function of depths (n,) m that returns the Plan, or raises Infeasible
-        depths: (n,) m
+    Parameters
+    ----------
+    planned : callable
+        Function of depths (n,) m that returns the Plan, or raises Infeasible.
+    depths : ndarray, shape (n,)
+        Depths in m.
 
-    Raises:
-        Infeasible: the first depth cannot be reached
+    Raises
+    ------
+    Infeasible
+        The first depth cannot be reached.
     """
     try:
         return planned(depths)

@@ -47,10 +47,16 @@ NO_WAY = ('equilibrium', 'stability', 'start', 'continuity', 'direction', 'reach
 class Threading:
     """What is asked of a threading.
 
-    Attributes:
-        cutout: CutOut; depths: (n,) m
-        start: Pose whose roll is kept as far as can be, or None
-        initial: Shape before, or None; brief: PlanRequirements
+    Attributes
+    ----------
+    cutout : CutOut
+    depths : ndarray, shape (n,)
+        Depths in m.
+    start : Pose or None
+        Pose whose roll is kept as far as possible.
+    initial : object
+        Shape before, or None.
+    brief : PlanRequirements
     """
 
     cutout: CutOut
@@ -167,11 +173,15 @@ def _depth(asked, refused):
 def trim_to_clearance(plan, cutout, wanted, may_end):
     """Return the part of a Plan in which the gripper is `wanted` m before the sheet.
 
-    Args:
-        may_end: whether the plan may end earlier than it does
+    Parameters
+    ----------
+    may_end
+        Whether the plan may end earlier than it does.
 
-    Raises:
-        Infeasible: it may not, or the first waypoint is too near already
+    Raises
+    ------
+    Infeasible
+        It may not, or the first waypoint is too near already.
     """
     rooms = np.array([(cutout.center - gripper.position) @ cutout.normal
                       for gripper in plan.grippers])
@@ -189,9 +199,12 @@ def trim_to_clearance(plan, cutout, wanted, may_end):
 def _thread_from(simulator, asked, begin, route, method):
     """Return the Plan that continues a beginning through all depths.
 
-    Args:
-        begin: Shape, reference (3, 3) for its roll, and its depth, m
-        route: Route that gives the rolls, or None
+    Parameters
+    ----------
+    begin
+        Shape, reference (3, 3) for its roll, and its depth, m.
+    route
+        Route that gives the rolls, or None.
     """
     length, cutout, brief = simulator.rod.length, asked.cutout, asked.brief
     draft = PlanBuilder(asked.depths, brief, initial=asked.initial)
@@ -227,8 +240,10 @@ def _thread_from(simulator, asked, begin, route, method):
 def _evenly(simulator, asked, begin, method, plan, passings):
     """Return a Plan that rolls as a whole like `plan` but evenly; that one if none will do.
 
-    Args:
-        passings: n Passing of its waypoints
+    Parameters
+    ----------
+    passings
+        Passings of its n waypoints.
     """
     silent = replace(asked, brief=asked.brief.silent())
     for route in even_rolls(Aligned(simulator, asked.cutout.normal, method), asked.depths,
@@ -245,10 +260,14 @@ def _evenly(simulator, asked, begin, method, plan, passings):
 def _refusal(simulator, draft, before, found, wanted, reached, too_far):
     """Return why a Passing, or None, cannot be the next waypoint, or None.
 
-    Args:
-        before: Passing of the waypoint before, None at the first
-        wanted, reached: depth of the waypoint, and how far the DLO could be followed, m
-        too_far: m that the gripper would have to leap there
+    Parameters
+    ----------
+    before
+        Passing of the waypoint before, None at the first.
+    wanted, reached
+        Depth of the waypoint, and how far the DLO could be followed, m.
+    too_far
+        Distance in m that the gripper would have to leap there.
     """
     if found is None and too_far:
         return draft.refusal('continuity', too_far, 'the gripper would have to leap at depth '
@@ -268,8 +287,10 @@ def _rolled(simulator, draft, task, here, depth, wanted, best):
 
     If there is none, the most stable one, or `best`.
 
-    Args:
-        here: Passing of the waypoint before, at `depth`, m
+    Parameters
+    ----------
+    here
+        Passing of the waypoint before, at `depth`, m.
     """
     most = largest_turn((wanted - depth) / simulator.rod.length)
     for part in _ROLLS:

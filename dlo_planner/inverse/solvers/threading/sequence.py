@@ -41,10 +41,17 @@ _PART = 0.7           # of the largest turn and shift, so that both together are
 class Sequence:
     """What is asked of a threading through k cut-outs.
 
-    Attributes:
-        cutouts: k CutOut; weights: (k,) of their distances
-        depths: (n,) in the first, m
-        start: Pose whose roll is kept as far as can be, or None; brief: PlanRequirements
+    Attributes
+    ----------
+    cutouts : list
+        The k cut-outs.
+    weights : list
+        (k,) weights of their distances.
+    depths : ndarray, shape (n,)
+        Depths in the first one, m.
+    start : Pose or None
+        Pose whose roll is kept as far as possible.
+    brief : PlanRequirements
     """
 
     cutouts: list
@@ -180,8 +187,10 @@ class _NotRolled:
 def _follow(simulator, asked, shape, depth, wanted):
     """Return the Shape nearest to the centers at the depth `wanted`, and how far it came, m.
 
-    Args:
-        shape: Shape at `depth`, m
+    Parameters
+    ----------
+    shape
+        Shape at `depth`, m.
     """
     length = simulator.rod.length
     step = _LONGEST_STEP * length

@@ -86,8 +86,10 @@ def _search(simulator, asked):
 def _changes(simulator, asked, shapes):
     """Yield Changes: first the one that following a single shape finds, if it does.
 
-    Args:
-        shapes: function () -> HangingShapes, or None where there is no such sphere
+    Parameters
+    ----------
+    shapes
+        Function () -> HangingShapes, or None where there is no such sphere.
     """
     change = _straight_there(simulator, asked)
     if change is not None:
@@ -206,8 +208,10 @@ def _direction_refusal(draft, name, along):
 def _judged(simulator, asked, change, found):
     """Return the Plan of all waypoints, or raise Infeasible at the first impossible one.
 
-    Args:
-        found: dict of index -> (Passing or None, depth that was reached, m, leap in m)
+    Parameters
+    ----------
+    found
+        dict of index -> (Passing or None, depth that was reached, m, leap in m).
     """
     length, draft = simulator.rod.length, PlanBuilder(asked.depths, asked.brief)
     cutouts = [asked.first, asked.second]
@@ -231,9 +235,14 @@ def _judged(simulator, asked, change, found):
 def _refusal(simulator, asked, draft, before, here, missing, too_far):
     """Return why a Passing, or None, cannot be the next waypoint, or None.
 
-    Args:
-        before: Passing of the waypoint before, or None
-        missing: m of depth that it could not be followed; too_far: m that it would have to leap
+    Parameters
+    ----------
+    before
+        Passing of the waypoint before, or None.
+    missing
+        Depth in m over which the DLO could not be followed.
+    too_far
+        Distance in m that the gripper would have to leap.
     """
     if here is None and too_far:
         return draft.refusal('continuity', too_far, 'the gripper would have to leap: the shapes '
