@@ -61,7 +61,7 @@ def points_from_cloud(msg: PointCloud2, name: str) -> Floats:
     return result
 
 
-def cloud_msg(points: ArrayLike, frame_id: str, stamp: 'Time | None' = None) -> PointCloud2:
+def cloud_msg(points: ArrayLike, frame_id: str, stamp: Time | None = None) -> PointCloud2:
     """Return points (n, 3), m, as a PointCloud2 of FLOAT32 x, y, z, one row."""
     data = array('points', points, (None, 3)).astype('<f4')
     size = data.itemsize

@@ -16,7 +16,7 @@ from dlo_planner.model.checks import instance, vector
 from dlo_planner.model.pose import Pose
 
 
-def header(frame_id: str, stamp: 'Time | None' = None) -> Header:
+def header(frame_id: str, stamp: Time | None = None) -> Header:
     """Return a std_msgs/Header; `stamp` a builtin_interfaces/Time, None for zero.
 
     As all functions of this package it raises InvalidTask where an argument makes no sense.
@@ -44,7 +44,7 @@ def pose_msg(pose: Pose) -> PoseMsg:
     return pose_msg_of(pose.position, pose.quaternion)
 
 
-def pose_stamped_msg(pose: Pose, frame_id: str, stamp: 'Time | None' = None) -> PoseStamped:
+def pose_stamped_msg(pose: Pose, frame_id: str, stamp: Time | None = None) -> PoseStamped:
     """Return geometry_msgs/PoseStamped of a Pose given in `frame_id`."""
     return PoseStamped(header=header(frame_id, stamp), pose=pose_msg(pose))
 
