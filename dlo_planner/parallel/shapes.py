@@ -140,7 +140,8 @@ class Shapes(Value):
                 'positions', 'frames', 'element_strains', 'gripper_wrench')},
             **{name: float(getattr(self, name)[k]) for name in _FIGURES},
             **{name: bool(getattr(self, name)[k]) for name in _FLAGS}}
-        return Shape(self.grippers[k], self.s, contacts=tuple(map(_contact, contacts)),
+        s = self.s if self.s.ndim == 1 else self.s[k]
+        return Shape(self.grippers[k], s, contacts=tuple(map(_contact, contacts)),
                      iterations=int(self.iterations[k]), **named)
 
     @property
