@@ -70,4 +70,4 @@ def warn_renamed(old: str, new: str) -> None:
 
 
 def _inside(module: str) -> bool:
-    return module.split('.')[0] == __name__.split('.')[0]
+    return module.split('.', maxsplit=1)[0] == __name__.split('.')[0]
