@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Callable
 from functools import wraps
@@ -60,6 +61,13 @@ def renamed(old: str, new: str) -> property:
 
 
 def warn_renamed(old: str, new: str) -> None:
-    """Warn whoever called the caller of this function that a name is an old one."""
+    """Warn whoever, outside the package, used an old name: only there the warning is shown."""
+    level, frame = 2, sys._getframe(1)
+    while frame.f_back is not None and _inside(frame.f_globals.get('__name__', '')):
+        level, frame = level + 1, frame.f_back
     warnings.warn(f'{old} is now {new}; the old name goes with the next version',
-                  DeprecationWarning, stacklevel=3)
+                  DeprecationWarning, stacklevel=level)
+
+
+def _inside(module: str) -> bool:
+    return module.split('.', maxsplit=1)[0] == __name__.split('.')[0]

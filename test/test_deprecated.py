@@ -82,6 +82,13 @@ def test_old_methods_are_the_new_ones(owner, old, new):
         assert getattr(value, old) == getattr(value, new)
 
 
+def test_the_warning_stands_where_the_old_name_does():
+    for use in (_fibers, lambda: Sphere((1, 2, 3), 0.1).centre, _sphere):
+        with pytest.warns(DeprecationWarning) as caught:
+            use()
+        assert {one.filename for one in caught} == {__file__}  # elsewhere Python hides it
+
+
 def test_both_names_at_once_are_refused():
     with pytest.warns(DeprecationWarning), pytest.raises(TypeError, match='one argument'):
         Sphere(centre=(1, 2, 3), center=(1, 2, 3), radius=0.1)

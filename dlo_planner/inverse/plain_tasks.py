@@ -75,7 +75,7 @@ def _value(name: str, content: Mapping, depth: int) -> object:
     if _TYPE not in content and {'position'} <= set(content) <= _POSE:
         return Pose(content['position'], content.get('quaternion', (0.0, 0.0, 0.0, 1.0)))
     kind = content.get(_TYPE)
-    if kind == 'Shape':
+    if isinstance(kind, str) and kind == 'Shape':
         return _shape(name, content)
     known = {cls.__name__: cls for cls in _below(Value) if is_dataclass(cls)}
     if not isinstance(kind, str) or kind not in known:
@@ -99,7 +99,7 @@ def _shape(name: str, content: Mapping) -> Shape:
         arrays = {key: np.array(part['data'], dtype=_DTYPES[part['of']]).reshape(part['shape'])
                   for key, part in content.items() if key != _TYPE}
         return unpack(Shape, arrays)
-    except (KeyError, TypeError, ValueError) as error:
+    except Exception as error:  # whatever another content makes of the reader
         raise InvalidTask(f'{name}: expected a Shape as `Task.to_dict` writes it, {error}'
                           ) from None
 

@@ -25,6 +25,7 @@ _LEVEL = 1e-12  # the same, by rounding errors alone
 _MIDDLE, _NEXT, _BESIDE = 0.5, 0.2, 0.01  # of an element
 _EVEN, _SHARP, _LEAVES = 2.0, 8.0, 40.0  # times the sag: how much a gap bends along an element
 _SNUG = 0.3     # rad: an element whose slope against an obstacle changes by more has its own bend
+_DEEP = 0.02    # of an element: a node that is deeper inside is on its way out
 _NEARBY = 5     # elements: a DLO that bears within so many as well lies along the obstacle
 
 
@@ -215,6 +216,8 @@ def _hugs(system, state, o, e, gaps, places):
     scene, contacts = system.effects.contact.scene, system.effects.contact.contacts
     sag = _SAG * np.sum(system.lengths)
     if e == 0 or scene.feature[o] == NODE_FACE or np.isinf(gaps[e] + gaps[e + 1]):
+        return False
+    if min(gaps[e], gaps[e + 1]) < -_DEEP * system.lengths[e]:
         return False
     first, second = _presses(system, o, e, gaps), _presses(system, o, e + 1, gaps)
     old = -1

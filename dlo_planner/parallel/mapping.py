@@ -79,7 +79,7 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     """
     instance('simulator', simulator, DirectSimulator)
     grippers, chains = _poses(work)
-    rods = None if rods is None else _rods(simulator, rods, grippers)
+    rods = None if rods is None else _rods(simulator, rods, grippers if chains is None else None)
     checked(executor)
     chunk = integer('chunk', chunk, minimum=1, maximum=_MOST)
     steps = Progress(progress, deadline)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_held import HERE, cable, poses
 
-from dlo_planner import Capsule, DirectSimulator, Pose, Sphere
+from dlo_planner import Capsule, DirectSimulator, Plane, Pose, Rod, Sphere
 from dlo_planner.energy.depth import depth
 from dlo_planner.energy.potential import placed
 
@@ -66,6 +66,21 @@ def test_a_cable_is_set_down_on(obstacle):
     shape = direct.solve(HERE, far_end=Pose((0.75, 0, 0), (0, 0, 0, 1)))
     assert shape.converged and shape.contacts
     assert shape.violation < 1e-8
+    check_laws(rod, shape)
+
+
+@pytest.mark.parametrize(('grip', 'stiffness', 'end', 'height'), [
+    ('pinned', 1.0, (0.8, 0.1, 0.95), 0.85), ('clamped', 0.05, (0.825, 0.078, 0.9485), 0.8579)])
+def test_a_mesh_that_begins_deep_inside_a_bar_comes_out(grip, stiffness, end, height):
+    rod = Rod(1.0, 0.1, stiffness, 0.8 * stiffness, radius=0.005)
+    floor = Plane((0, 0, 0.8), (0, 0, 1))
+    bar = Capsule((0.5, -1, height), (0.5, 1, height), 0.05)
+    direct = DirectSimulator(rod, accuracy=1e-4, grip=grip, obstacles=[floor, bar])
+    level = Pose((0, 0, 1), (0, 0, 0, 1))
+    shape = direct.solve(level, far_end=end if grip == 'pinned' else Pose(end, (0, 0, 0, 1)))
+    assert shape.converged and shape.contacts and shape.violation < 1e-8
+    if grip == 'clamped':  # pinned twice it would also turn about the line between its ends
+        assert shape.stability > 0.0
     check_laws(rod, shape)
 
 

@@ -212,6 +212,10 @@ def test_which_task_threads_through_cut_outs(cutouts):
     (lambda: Task.from_dict({'type': 'Thread'}), 'cutout'),
     (lambda: Task.from_dict({'type': 'Thread', 'hole': 1}), 'content.hole: expected one of'),
     (lambda: Task.from_dict({'type': 'Treads'}), "content.type = 'Treads'"),
+    (lambda: Task.from_dict({'type': np.array([])}), 'content.type'),
+    (lambda: Task.from_dict({'type': 'Shape', 's': np.array([])}), 'content: expected a Shape'),
+    (lambda: Task.from_dict({'type': 'Shape', 's': {'of': 'f', 'data': [10**400], 'shape': [1]}}),
+     'content: expected a Shape'),
     (lambda: task_from_yaml('type: ['), 'expected YAML')])
 def test_what_makes_no_sense_is_named(wrong, said):
     with pytest.raises(InvalidTask, match=said):
