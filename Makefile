@@ -49,7 +49,7 @@ docs: $(VENV)/ready
 	$(RUN) -m sphinx -W --keep-going -q -E -a -b html docs build/docs
 
 check: lint types imports
-	$(RUN) -m pytest -q --no-header test/test_house.py test/test_copyright.py
+	$(RUN) -m pytest -q --no-header test/test_structure.py test/test_copyright.py
 
 lint: $(VENV)/ready
 	$(RUN) -m ruff check .

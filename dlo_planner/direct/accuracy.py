@@ -143,9 +143,9 @@ def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_e
 
 def _mode_is_missed(shape, accuracy):
     """Whether a local mesh shows that a Shape, which its series makes stable, falls aside."""
-    if not mode_may_be_missed(shape):
-        return False
     mesh = shape._discretization
+    if not mode_may_be_missed(shape) or mesh.rod.yields:  # what has yielded would yield again
+        return False
     free = Discretization(mesh.surroundings, mesh.s, 'local', 0)
     there = equilibrium(free, shape.gripper, shape.element_strains, 'newton', shape._history,
                         shape.far_end)[0]
