@@ -91,7 +91,7 @@ def past_of(discretization, initial, history):
     history
         History that counts if `initial` is None or of another rod.
     """
-    known = None if initial is None else initial._history
+    known = None if initial is None else initial.state.history
     if known is not None and not np.array_equal(known.positions, initial.positions):
         # carried somewhere else since, or predicted: there it has touched nothing yet
         known = known.set_alone(len(known.node_force))
@@ -143,11 +143,11 @@ def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_e
 
 def _mode_is_missed(shape, accuracy):
     """Whether a local mesh shows that a Shape, which its series makes stable, falls aside."""
-    mesh = shape._discretization
+    mesh = shape.state.mesh
     if not mode_may_be_missed(shape) or mesh.rod.yields:  # what has yielded would yield again
         return False
     free = Discretization(mesh.surroundings, mesh.s, 'local', 0)
-    there = equilibrium(free, shape.gripper, shape.element_strains, 'newton', shape._history,
+    there = equilibrium(free, shape.gripper, shape.element_strains, 'newton', shape.state.history,
                         shape.far_end)[0]
     moved = np.linalg.norm(there.positions - shape.positions, axis=1).max()
     turned = np.abs(there.frames - shape.frames).max()  # a straight DLO may have shed a turn
@@ -184,7 +184,7 @@ def _to_begin_with(first, fine, accuracy, initial, history):
 
     A permanent set stays on its mesh: on another one it would be averaged.
     """
-    around, known = first.surroundings, None if initial is None else initial._discretization
+    around, known = first.surroundings, None if initial is None else initial.state.mesh
     if history is not None and (known is None or not same(known.rod, around.rod)):
         initial = known = None  # the set is the simulator's
     if initial is not None and known is not None and surely_within(initial, accuracy, first):
@@ -219,7 +219,7 @@ def _refined(discretization, fine, shape, accuracy):
     if fine != 'local':
         free = Discretization(around, s, 'local', 0)
         from_mesh = equilibrium(free, shape.gripper, shape.element_strains, 'newton',
-                                shape._history, shape.far_end)[0].error_estimate
+                                shape.state.history, shape.far_end)[0].error_estimate
         if shape.error_estimate > 1.5 * from_mesh or from_mesh < 0.3 * _MARGIN * accuracy:
             terms = min(terms + max(2, terms // 4), _MOST_TERMS)
     if from_mesh > 0.8 * _MARGIN * accuracy:
@@ -233,8 +233,8 @@ def _refined(discretization, fine, shape, accuracy):
 
 def _resolved(shape):
     """Whether the elements of a DLO that hangs freely follow its bend, if roughly."""
-    return (shape._discretization.hangs
-            and shape.error_estimate < _RESOLVED * shape._discretization.s[-1])
+    return (shape.state.mesh.hangs
+            and shape.error_estimate < _RESOLVED * shape.state.mesh.s[-1])
 
 
 def _smooth_start(discretization, shape):
@@ -243,7 +243,7 @@ def _smooth_start(discretization, shape):
     Moments do not jump where stiffness and natural strains do: a search on a finer mesh begins
     nearer to its end than with steps.
     """
-    known = shape._discretization
+    known = shape.state.mesh
     moments = known.static.stiffness * (shape.element_strains - known.natural)
     strains = discretization.natural + (straight_between(known.s, moments, discretization.s)
                                         / discretization.static.stiffness)

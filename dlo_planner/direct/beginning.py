@@ -90,7 +90,7 @@ def first_shape(discretization, gripper, far_end, initial, history):
     found = solve(discretization, system, gripper, q, history, 0, False)
     # nothing was solved yet that could have failed
     first = replace(shape_of(discretization, gripper, found, history, far_end), converged=True)
-    if initial._discretization is discretization and _alike(first, initial):
+    if initial.state.mesh is discretization and _alike(first, initial):
         first = initial
     if first.converged and first.violation > _DEEP * length:
         raise InvalidTask(f'initial: expected a Shape outside of all obstacles, it is '

@@ -127,9 +127,9 @@ def _allowed(previous, shape, turn):
 
 def shape_change(one, other):
     """Return the largest change of a node's rotation relative to the gripper, in rad."""
-    if one.s is other.s and one._discretization is not None:
+    if one.s is other.s and one.state.mesh is not None:
         return largest_turn_between(one.frames, other.frames, one.gripper.rotation,
-                                    other.gripper.rotation, one._discretization.sampled)
+                                    other.gripper.rotation, one.state.mesh.sampled)
     if np.array_equal(one.s, other.s):
         at = np.searchsorted(one.s, SAMPLES * one.s[-1])
         here, there = one.frames[at], other.frames[at]

@@ -223,11 +223,12 @@ def _error(stepper, start, velocity, plan, at_rest, places, positions):
     coarse = stepper.discretization
     mesh = coarse.finer
     finer = Stepper(mesh, stepper.grips, stepper.dt)
-    history = mesh.past(start._history)
+    history = mesh.past(start.state.history)
     strains = np.repeat(start.element_strains, 2, axis=0)
     shape, _ = equilibrium(mesh, start.gripper, strains, 'newton', history, start.far_end)
     if not at_rest or not shape.converged:
-        shape = replace(shape, element_strains=strains, _history=history)
+        shape = replace(shape, element_strains=strains,
+                        state=replace(shape.state, history=history))
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, coarse.s, one) for one in velocity.T])
     found = np.full(len(places), np.inf)

@@ -16,6 +16,7 @@ import numpy as np
 from dlo_planner.direct.grips import poses
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, known_options
+from dlo_planner.direct.state import State
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.along import SeenFrom
 from dlo_planner.model.checks import instance, items, number, shown
@@ -117,8 +118,7 @@ def _joined(gripper, back, on):
         converged=back.converged and on.converged, jumped=back.jumped or on.jumped,
         contacts=tuple(contacts), violation=max(back.violation, on.violation),
         dissipated=back.dissipated + on.dissipated, parts=(back, on),
-        _estimate=partial(_larger_estimate, back, on), _discretization=None,
-        _history=None, _before=None)
+        state=State(estimate=partial(_larger_estimate, back, on)))
 
 
 def _larger_estimate(back, on):

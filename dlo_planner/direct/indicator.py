@@ -38,12 +38,12 @@ def surely_within(shape: 'Shape', accuracy: float, mesh: Discretization | None =
     mesh : Discretization, optional
         Mesh to which the shape would be transferred. If None, its own.
     """
-    here = shape._discretization if mesh is None else mesh
+    here = shape.state.mesh if mesh is None else mesh
     times = _times(shape, here.rod)
     if (times is None or not here.told_by_truncation
             or shape.stability < _STABLE and (shape.far_end is None or here.basis != 'local')):
         return False
-    if here is shape._discretization:
+    if here is shape.state.mesh:
         return bool(times * _truncated(shape) <= accuracy)
     strains = here.strains_from(shape.s, shape.element_strains)
     return bool(times * _truncation(here, strains) <= accuracy)
@@ -72,7 +72,7 @@ def mode_may_be_missed(shape: 'Shape') -> bool:
     A series that is short may well follow the shape and still not the mode in which it falls: ten
     Chebyshev terms make a straight rod under tension T L^2 = 50 EI bear 1 % too much torsion.
     """
-    return bool(shape._discretization.basis != 'local' and shape.stability < _STABLE)
+    return bool(shape.state.mesh.basis != 'local' and shape.stability < _STABLE)
 
 
 def like_before(shape: 'Shape', before: 'Shape | None', accuracy: float) -> bool:
@@ -83,7 +83,7 @@ def like_before(shape: 'Shape', before: 'Shape | None', accuracy: float) -> bool
     a motion needs a further solution.
     """
     if (before is None or shape.jumped or 'error_estimate' not in before.__dict__
-            or before._discretization is not shape._discretization
+            or before.state.mesh is not shape.state.mesh
             or shape.stability < _STABLE and shape.far_end is None):
         return False
     then, now = _truncated(before), _truncated(shape)
@@ -102,10 +102,10 @@ def like_coarser(shape: 'Shape', coarse: 'Shape | None', accuracy: float) -> boo
     coarse : Shape or None
         In the same gripper, of the same DLO. If None, nothing is known.
     """
-    if (coarse is None or shape.stability < _STABLE or not shape._discretization.hangs
-            or shape.far_end is not None or coarse._discretization.basis != 'local'
-            or shape._discretization.basis != 'local'
-            or not shape._discretization.told_by_truncation):
+    if (coarse is None or shape.stability < _STABLE or not shape.state.mesh.hangs
+            or shape.far_end is not None or coarse.state.mesh.basis != 'local'
+            or shape.state.mesh.basis != 'local'
+            or not shape.state.mesh.told_by_truncation):
         return False
     then, now = _truncated(coarse), _truncated(shape)
     return bool(then > 0 and _LIKE * coarse.error_estimate * now <= accuracy * then)
@@ -123,7 +123,7 @@ def elements_for(shape: 'Shape', s: np.ndarray, accuracy: float) -> int:
     accuracy : float
         Accuracy in m.
     """
-    mesh, h = shape._discretization, np.diff(s)
+    mesh, h = shape.state.mesh, np.diff(s)
     middle = 0.5 * (mesh.s[1:] + mesh.s[:-1])
     rate = np.abs(np.diff(shape.element_strains - mesh.natural, axis=0)).sum(axis=1)
     rate = np.interp(0.5 * (s[1:] + s[:-1]), mesh.s[1:-1], rate / np.diff(middle))
@@ -136,7 +136,7 @@ def _truncated(shape):
     """Return `truncation` of a Shape from a simulator, which is computed once."""
     known = shape.__dict__.get('_truncated')
     if known is None:
-        known = _truncation(shape._discretization, shape.element_strains)
+        known = _truncation(shape.state.mesh, shape.element_strains)
         put(shape, _truncated=known)
     return known
 

@@ -37,7 +37,7 @@ def hanging_shapes(simulator: 'DirectSimulator', positions: np.ndarray,
         Arrays of n rows each, named as the attributes of `Shape`; and (n,) whether a shape is
         within the accuracy that is wanted. Where it may not be, `solve` has to look.
     """
-    mesh = simulator._discretization
+    mesh = simulator.mesh
     if not mesh.hangs or simulator.method != 'newton':
         return None
     filled = Filled(mesh.s.size - 1, positions, rotations)

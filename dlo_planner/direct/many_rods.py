@@ -54,14 +54,14 @@ def hanging_rods(simulator: 'DirectSimulator', rods: Sequence[Rod],
     (dict, ndarray)
         What `many.hanging_shapes` returns.
     """
-    mesh, accuracy = simulator._discretization, simulator.accuracy
+    mesh, accuracy = simulator.mesh, simulator.accuracy
     if not even(simulator, simulator.rod):
-        mesh = simulator.with_rod(rods[0])._discretization
+        mesh = simulator.with_rod(rods[0]).mesh
     filled = Filled(mesh.s.size - 1, positions, rotations)
     own = mesh.static
     system = own._replace(**{name: getattr(own, name).copy() for name in (
         'lengths', 'natural', 'stiffness', 'scale', 'basis', 'pull')})
-    table = _table(mesh, simulator._discretization.s, rods)
+    table = _table(mesh, simulator.mesh.s, rods)
     hang_rods(system, table, filled.rotations, filled.positions, TOLERANCE, MAX_ITERATIONS,
               NO_FRAMES, NO_NODES, *filled.arrays)
     if accuracy is None:

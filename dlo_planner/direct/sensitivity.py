@@ -45,16 +45,16 @@ class Sensitivity:
     """
 
     def __init__(self, shape):
-        if shape._discretization is None or shape._before is None:
+        if shape.state.mesh is None or shape.state.before is None:
             raise InvalidTask('shape: expected one that comes from a simulator')
-        if shape._discretization.surroundings.has_moments:
+        if shape.state.mesh.surroundings.has_moments:
             raise InvalidTask('shape: expected one without dead moments, which have no potential')
-        if shape._discretization.surroundings.pinned:
+        if shape.state.mesh.surroundings.pinned:
             raise InvalidTask('shape: expected one whose gripper clamps it, not a pinned one')
         self.shape = shape
-        here, gripper = shape._discretization, shape.gripper
+        here, gripper = shape.state.mesh, shape.gripper
         # the past before the step: what yields in it, yields along with the gripper
-        past = shape._before.holding(shape._history)
+        past = shape.state.before.holding(shape.state.history)
         system = here.system(gripper.rotation, gripper.position, past, shape.far_end)
         q = here.unknowns(shape.element_strains)
         if shape.contacts:
@@ -143,13 +143,13 @@ class Sensitivity:
         To first order: what one step of Newton's method with the known Hessian makes of it. Its
         arc lengths are those of the same elements; energy and wrench are those of before.
         """
-        return self.predicted_on(self.shape._discretization.of(rod))
+        return self.predicted_on(self.shape.state.mesh.of(rod))
 
     def predicted_on(self, other):
         """Return `predicted` for a rod whose Discretization, with as many elements, is known."""
         shape, gripper = self.shape, self.shape.gripper
         system = other.system(gripper.rotation, gripper.position,
-                              shape._before.holding(shape._history), shape.far_end)
+                              shape.state.before.holding(shape.state.history), shape.far_end)
         known = self._system
         # in the unknowns, and with the springs of constraints, of which the known Hessian is
         system = system._replace(scale=known.scale, contact=known.contact, hold=known.hold)

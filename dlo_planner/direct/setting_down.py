@@ -57,12 +57,12 @@ def set_down(discretization: Discretization, gripper: Pose, strains: np.ndarray,
     gripper, strains, past = lead(alone, strains, (gripper, gripper), (held, far_end), past, parts)
     if amid:
         shape, _ = equilibrium(alone, gripper, strains, 'newton', past, far_end)
-        past = replace(firm.past(history), hold=shape._history.hold)
+        past = replace(firm.past(history), hold=shape.state.history.hold)
         gripper, strains, past = grown(firm, shape.gripper, np.array(shape.element_strains),
                                        far_end, past)
     if firm is not discretization:
         shape, _ = equilibrium(firm, gripper, strains, 'newton', past, far_end)
-        gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape._history
+        gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape.state.history
     return gripper, strains, replace(history, hold=past.hold, node_force=past.node_force,
                                      points=past.points)
 

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The answer of the direct simulation: a shape, with its proof."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from os import PathLike
@@ -14,6 +13,7 @@ from dlo_planner.direct.contacts import Contact
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History, mapped
 from dlo_planner.direct.modes import Modes, modes_of
+from dlo_planner.direct.state import UNKNOWN, State
 from dlo_planner.direct.storage import load, pack, save, unpack
 from dlo_planner.direct.vibration import Linearized
 from dlo_planner.errors import InvalidTask
@@ -32,7 +32,7 @@ from dlo_planner.model.checks import (
 from dlo_planner.model.far_end import FarEnd, distance, within_reach
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.value import Constant, brief, freeze, put
+from dlo_planner.model.value import brief, freeze, put
 from dlo_planner.pictured import Pictured
 from dlo_planner.ritz.kinematics import point_inside
 
@@ -94,6 +94,8 @@ class Shape(Pictured):
         Energy lost to plastic deformation so far, J.
     parts : tuple or None
         The two Shapes of a DLO grasped inside (`GraspedInside`), else None.
+    state : State
+        What it leaves to the next step, besides what is listed above; opaque.
     """
 
     gripper: Pose
@@ -116,15 +118,12 @@ class Shape(Pictured):
     far_wrench: np.ndarray = field(default_factory=lambda: np.zeros(6))
     dissipated: float = 0.0
     parts: tuple | None = None
-    _estimate: Callable = field(default=Constant(np.nan), compare=False)
-    _discretization: Discretization | None = field(default=None, compare=False)
-    _history: History | None = None                            # what it leaves to the next step
-    _before: History | None = field(default=None, compare=False)  # what the step began with
+    state: State = UNKNOWN
 
     REMEMBERED = ('error_estimate',)
 
     def __post_init__(self):
-        if not isinstance(self._discretization, Discretization):  # else a simulator made it
+        if getattr(self.state, 'mesh', None) is None:  # else a simulator made it
             self._judge()
         for content in (self.s, self.positions, self.frames, self.element_strains,
                         self.gripper_wrench, self.far_wrench):
@@ -150,11 +149,7 @@ class Shape(Pictured):
             **{name: flag(f'Shape.{name}', getattr(self, name))
                for name in ('converged', 'jumped')})
         instance('Shape.far_end', self.far_end, FarEnd, optional=True)
-        instance('Shape._discretization', self._discretization, Discretization, optional=True)
-        for name in ('_history', '_before'):
-            instance(f'Shape.{name}', getattr(self, name), History, optional=True)
-        if not callable(self._estimate):
-            raise InvalidTask(f'Shape._estimate = {shown(self._estimate)}: expected a function')
+        instance('Shape.state', self.state, State)
         if self.parts is not None:
             put(self, parts=items('Shape.parts', self.parts, Shape, least=2))
 
@@ -194,7 +189,7 @@ class Shape(Pictured):
 
     @property
     def _within_reach(self):
-        loaded = self._discretization is None or self._discretization.loaded
+        loaded = self.state.mesh is None or self.state.mesh.loaded
         return within_reach(self.far_end, self.gripper, float(self.s[-1]), loaded)
 
     @property
@@ -221,7 +216,7 @@ class Shape(Pictured):
         From an embedded solution with every element halved and freed from the series (computed
         when first read; it costs about as much as the solution itself).
         """
-        return self._estimate()
+        return self.state.estimate()
 
     def at(self, s: float) -> Pose:
         """Return the Pose (x axis = tangent) at arc length `s` in m, on the element's exact arc.
@@ -277,22 +272,22 @@ class Shape(Pictured):
     @property
     def rod(self) -> Rod | None:
         """The Rod; None for a shape from a file."""
-        return None if self._discretization is None else self._discretization.rod
+        return None if self.state.mesh is None else self.state.mesh.rod
 
     @property
     def mesh(self) -> Discretization | None:
         """The Discretization it was computed on; None for a shape from a file."""
-        return self._discretization
+        return self.state.mesh
 
     @property
     def history(self) -> History | None:
         """What the DLO carries to the next step: its permanent set and its contacts."""
-        return self._history
+        return self.state.history
 
     @property
     def pinned(self) -> bool:
         """Whether its beginning is pinned by the gripper, not clamped (a simulator's `grip`)."""
-        return self._discretization is not None and self._discretization.surroundings.pinned
+        return self.state.mesh is not None and self.state.mesh.surroundings.pinned
 
     @property
     def bend_radius(self) -> np.ndarray:
@@ -318,9 +313,9 @@ class Shape(Pictured):
         InvalidTask
             The shape comes from a file and does not know its rod.
         """
-        if self._discretization is None:
+        if self.state.mesh is None:
             raise InvalidTask('this shape does not know its rod: expected one from a simulator')
-        return self.element_strains - self._discretization.stress_free(self._history)
+        return self.element_strains - self.state.mesh.stress_free(self.state.history)
 
     @property
     def surface_strain(self) -> np.ndarray:
@@ -396,8 +391,7 @@ class Shape(Pictured):
         return replace(self, s=s, positions=np.array([pose.position for pose in poses]),
                        frames=np.array([pose.rotation for pose in poses]),
                        element_strains=mapped(self.s, self.element_strains, s),
-                       _estimate=Constant(self.error_estimate), _discretization=None,
-                       _history=None if self._history is None else self._history.on(s))
+                       state=self.state.resampled(s, self.error_estimate))
 
     def save(self, path: str | PathLike) -> None:
         """Write the shape as npz, or JSON (see `Plan.save`): all but rod and surroundings."""
@@ -432,7 +426,7 @@ class Shape(Pictured):
     @property
     def obstacles(self) -> tuple:
         """The obstacles of its simulator; () for a shape from a file."""
-        return () if self._discretization is None else self._discretization.surroundings.obstacles
+        return () if self.state.mesh is None else self.state.mesh.surroundings.obstacles
 
 
 _FIELDS = tuple(item.name for item in fields(Shape))

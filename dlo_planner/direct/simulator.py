@@ -207,7 +207,7 @@ class DirectSimulator(Value):
         """
         instance('shape', shape, Shape)
         self._check(shape.gripper, shape)
-        past = shape._history
+        past = shape.state.history
         if past is None or past.of is not None and not same(past.of.rod, self.rod):
             raise InvalidTask(f'shape = {shown(shape)}: expected one of this simulator\'s rod, '
                               'held at its beginning, which knows its permanent set')
@@ -223,7 +223,7 @@ class DirectSimulator(Value):
         """
         instance('initial', shape, Shape)
         self._check(shape.gripper, shape)
-        past = shape._history
+        past = shape.state.history
         return self if past is None or not past.set.any() else self.with_set(shape)
 
     def reset(self) -> 'DirectSimulator':
@@ -420,8 +420,8 @@ class DirectSimulator(Value):
         known = initial
         if self.accuracy is not None:
             known, _ = self._equilibrium(gripper, initial, far_end)
-            if known._discretization is not mesh or mesh.s.size <= _ENOUGH:
-                mesh = moving_mesh(known._discretization)
+            if known.state.mesh is not mesh or mesh.s.size <= _ENOUGH:
+                mesh = moving_mesh(known.state.mesh)
         if initial is not None:
             return first_shape(mesh, gripper, far_end, initial, self._history), mesh
         return step(mesh, gripper, known, self._history, far_end, self.method)[0], mesh
@@ -442,9 +442,9 @@ class DirectSimulator(Value):
         if self.accuracy is None:
             return self._discretization
         if (shape is not None and self._made(shape)
-                and shape._discretization.basis in (self.basis, self._fine)
+                and shape.state.mesh.basis in (self.basis, self._fine)
                 and within(shape, self.accuracy)):
-            return shape._discretization
+            return shape.state.mesh
         return self._equilibrium(gripper, shape, None)[0]._discretization
 
     def _equilibrium(self, gripper, initial, far_end, most=np.inf):
@@ -462,7 +462,7 @@ class DirectSimulator(Value):
 
     def _made(self, shape: Shape) -> bool:
         """Whether a Shape is of this DLO, with all that acts on it here."""
-        known = shape._discretization
+        known = shape.state.mesh
         return known is not None and same(known.surroundings, self.surroundings)
 
     def _settled(self, shape):

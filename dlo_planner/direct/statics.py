@@ -11,6 +11,7 @@ from dlo_planner.direct.hinge import pinned_newton
 from dlo_planner.direct.history import History
 from dlo_planner.direct.moments import balanced
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.state import State
 from dlo_planner.energy.contact import obstructed
 from dlo_planner.energy.effects import stored
 from dlo_planner.energy.hold import holds
@@ -128,7 +129,7 @@ def hanging_shape(discretization, gripper, found, rounding, estimate=unknown):
     return Shape(gripper, discretization.s, positions, frames, strains, energy, elastic, wrench,
                  residual, stability, iterations,
                  bool(hangs_still(residual - 100 * rounding, stability)), far_wrench=_NOTHING,
-                 _estimate=estimate, _discretization=discretization, _history=past, _before=past)
+                 state=State(discretization, past, past, estimate))
 
 
 def hangs_still(residual, stability):
@@ -208,10 +209,9 @@ def shape_of(discretization, gripper, found, history=None, far_end=None, roundin
                  float(stability), int(found.iterations), converged, contacts=touching,
                  evaluations=found.evaluations, violation=float(found.violation), far_end=far_end,
                  far_wrench=_NOTHING if far_end is None else _far_wrench(state),
-                 dissipated=past.lost,
-                 _estimate=partial(_estimate, discretization, gripper, state.strains,
-                                   state.positions, history, far_end),
-                 _discretization=discretization, _history=past, _before=history)
+                 dissipated=past.lost, state=State(discretization, past, history, partial(
+                     _estimate, discretization, gripper, state.strains, state.positions, history,
+                     far_end)))
 
 
 def _neutral(discretization, system):

@@ -11,6 +11,7 @@ import numpy as np
 from dlo_planner.direct.contacts import Contact
 from dlo_planner.direct.history import History
 from dlo_planner.direct.json_arrays import read_json, write_json
+from dlo_planner.direct.state import State
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import instance, shown
 from dlo_planner.model.far_end import FarEnd
@@ -34,11 +35,11 @@ def pack(shape, prefix=''):
         packed['far_grip'] = end.grip
     packed['contacts'] = np.array([[c.obstacle, c.s, *c.position, *c.normal, c.force, *c.friction,
                                     c.penetration] for c in shape.contacts]).reshape(-1, 13)
-    if shape._history is not None:
+    if shape.state.history is not None:
         for item in fields(History):
             if item.name == 'of':
                 continue
-            value = getattr(shape._history, item.name)
+            value = getattr(shape.state.history, item.name)
             if item.name == 'points':
                 packed |= {f'past_point_{key}': array for key, array in value.items()}
             else:
@@ -73,7 +74,7 @@ def unpack(shape_class, stored, prefix=''):
     values = {name: get(name) for name in _ARRAYS}
     values |= {name: get(name).item() for name in _NUMBERS}
     return shape_class(gripper=Pose(gripper[:3], gripper[3:]), contacts=contacts, far_end=far_end,
-                       _estimate=Constant(estimate), _history=history, **values)
+                       state=State(history=history, estimate=Constant(estimate)), **values)
 
 
 def save(path, arrays, kind):

@@ -92,8 +92,8 @@ class Linearized:
 
     def __init__(self, shape: 'Shape', name: str = 'shape'):
         _check(shape, name)
-        self.shape, self.name, self._mesh = shape, name, shape._discretization
-        self._past = shape._before.holding(shape._history)
+        self.shape, self.name, self._mesh = shape, name, shape.state.mesh
+        self._past = shape.state.before.holding(shape.state.history)
 
     @cached_property
     def vibration(self) -> Vibration:
@@ -132,7 +132,7 @@ class Linearized:
     def _settled(self, mesh, strains):
         """Return the Vibration on another mesh, in equilibrium near strains (N, 3), or None."""
         shape = self.shape
-        past = mesh.past(shape._before)
+        past = mesh.past(shape.state.before)
         system = mesh.system(shape.gripper.rotation, shape.gripper.position, past, shape.far_end)
         q = mesh.unknowns(strains)
         newtons = pinned_newton if mesh.surroundings.pinned else constrained_newton
@@ -149,11 +149,11 @@ def _check(shape, name):
     if shape.parts is not None:
         raise InvalidTask(f'{name}: expected one held at its end; of a DLO grasped inside each of '
                           'Shape.parts vibrates by itself')
-    if shape._discretization is None or shape._before is None:
+    if shape.state.mesh is None or shape.state.before is None:
         raise InvalidTask(f'{name}: expected one that comes from a simulator')
     if not shape.converged:
         raise InvalidTask(f'{name} is {shape.status}: expected a converged one')
-    around = shape._discretization.surroundings
+    around = shape.state.mesh.surroundings
     if around.has_moments:
         raise InvalidTask(f'{name}: expected one without dead moments, which have no potential')
     if any(around.obstacles[contact.obstacle].friction for contact in shape.contacts):

@@ -195,7 +195,7 @@ def test_a_guess_must_lead_where_the_serial_search_does():
     rod = Rod(1.0, 20 / 9.81, (1.0, 2.0), 0.75)
     simulator = DirectSimulator(rod, **SMALL)
     shape = simulator.solve(Pose.looking_along((0, 0, 0), (0, 0, 1)))
-    mesh = simulator._discretization
+    mesh = simulator.mesh
     system = mesh.system(shape.gripper.rotation)
     here = mesh.unknowns(shape.element_strains)
     assert leads_to(system, 0.9 * here, here)[0]
