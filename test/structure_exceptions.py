@@ -68,7 +68,6 @@ EXCEPTIONS = {
         'dlo_planner/direct/discretization.py': 320,
         'dlo_planner/direct/shape.py': 440,
         'dlo_planner/direct/simulator.py': 540,
-        'dlo_planner/direct/statics.py': 310,
         'dlo_planner/direct/stepping.py': 360,
         'dlo_planner/energy/distance.py': 400,
         'dlo_planner/energy/potential.py': 310,

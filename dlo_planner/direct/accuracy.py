@@ -94,7 +94,7 @@ def past_of(discretization, initial, history):
     known = None if initial is None else initial.state.history
     if known is not None and not np.array_equal(known.positions, initial.positions):
         # carried somewhere else since, or predicted: there it has touched nothing yet
-        known = known.set_alone(len(known.node_force))
+        known = known.lasting()
     return discretization.past(known, history)
 
 

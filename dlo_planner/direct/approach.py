@@ -2,15 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Moving the gripper to where a step begins its search, without passing through an obstacle."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.contacts import points_of
 from dlo_planner.direct.continuation import between
 from dlo_planner.direct.history import History
 from dlo_planner.direct.leading import grip_at, grip_before, lead, parts_between
+from dlo_planner.direct.part import Solved
 from dlo_planner.direct.setting_down import set_down
 from dlo_planner.direct.statics import solve
 from dlo_planner.energy.passage import passes_through
@@ -96,6 +95,6 @@ def brought(discretization, previous, strains, gripper, far_end, history):
             there, begin, gripper = (Pose.from_rotation(pose.position, system.base)
                                      for pose in (there, begin, gripper))
             where = there
-        history = replace(history, hold=system.hold.multiplier, node_force=system.contacts.node,
-                          points=points_of(system, found.state, there, False))
-    return Brought(gripper, strains, replace(past, hold=history.hold))
+        history = history.underway(Solved(discretization, system, found.state, there, grip,
+                                          history.left))
+    return Brought(gripper, strains, past.leaving(hold=history.left['hold']))

@@ -6,9 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlo_planner.direct.history import NO_POINTS
 from dlo_planner.energy.contact import obstructed
-from dlo_planner.energy.friction import trial_force
 from dlo_planner.minimize.touching import touching
 from dlo_planner.model.checks import figure, integer, results
 from dlo_planner.model.value import Value, brief, put
@@ -81,47 +79,3 @@ def contacts_of(discretization, system, state, gripper):
             float(table.force[a]), np.zeros(3) if c < 0 else -state.attached.force[c],
             float(max(0.0, -table.gap[a]))))
     return tuple(sorted(found, key=lambda contact: contact.s))
-
-
-def points_of(system, state, gripper, ended=True):
-    """Return `History.points` of a kernel's result.
-
-    What slid sticks from now on to where it has come to; `slid` tells by how much (C, 3), m.
-
-    Parameters
-    ----------
-    ended
-        Whether the step has ended; before, friction still counts from where it began.
-    """
-    if not obstructed(system.contact) or not system.contacts.element.size:
-        return NO_POINTS
-    contacts = system.contacts
-    points = {'element': contacts.element, 'obstacle': contacts.obstacle,
-              'multiplier': contacts.multiplier, 'fraction': contacts.fraction,
-              'anchor': contacts.anchor + gripper.position, 'normal': contacts.normal,
-              'shear': contacts.shear.copy(), 'slid': np.zeros_like(contacts.anchor)}
-    rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
-    for c in np.flatnonzero(contacts.obstacle < 0):
-        points['shear'][c] = state.attached.force[c]
-        point_inside(system.lengths, state.strains, state.rotations, state.positions,
-                     contacts.element[c], contacts.fraction[c], rotation, x)
-        sticks = trial_force(contacts, c, x, trial) <= contacts.multiplier[c]
-        away = x - contacts.anchor[c]
-        if sticks:
-            away = (away @ contacts.normal[c]) * contacts.normal[c]
-        if ended:
-            points['anchor'][c] += away
-            points['slid'][c] = away
-    return points
-
-
-def left_by_contacts(system, state, gripper, history):
-    """Return `History.node_force` and `points` of a kernel's result after `history`."""
-    if not obstructed(system.contact):
-        return history.node_force, NO_POINTS
-    return system.contacts.node, points_of(system, state, gripper)
-
-
-def left_by_hold(system):
-    """Return `History.hold` of a kernel's result."""
-    return np.zeros(0) if system.hold is None else system.hold.multiplier

@@ -7,18 +7,15 @@ from functools import cached_property
 
 import numpy as np
 
-from dlo_planner.direct.acting import always, constraints, others
-from dlo_planner.direct.history import History, mapped
-from dlo_planner.direct.mesh import with_breaks
+from dlo_planner.direct.acting import ACTING, always, others, renewed
+from dlo_planner.direct.history import History
+from dlo_planner.direct.mesh import mapped, with_breaks
+from dlo_planner.direct.part import Held
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.energy.distance import build_scene
 from dlo_planner.energy.effects import needs_of
 from dlo_planner.energy.loads import node_forces, node_masses, node_moments
-from dlo_planner.energy.plastic import set_strains
 from dlo_planner.energy.potential import System
-from dlo_planner.energy.yielding import yielding_layers
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import Value, freeze, put, same
 from dlo_planner.ritz.series import orthonormal_basis
 
@@ -73,32 +70,28 @@ class Discretization(Value):
         put(self, spring=_STIFF_CONTACT * (weight + bend) / rod.length,
             hold_spring=_STIFF_HOLD * (weight + bend) / rod.length)
         effects = always(rod, pull)
-        put(self, _bare=System(
+        put(self, bare=System(
             lengths, rod.mean_natural_strains(s), stiffness, scale,
             orthonormal_basis(basis, n_terms, s), np.eye(3), np.zeros(3), effects,
             needs_of(effects, s.size), np.zeros((0, 3)), 0.0))
-        springs, bodies = 0, 0
-        if not self.hangs:
-            springs, bodies = self._layers.set.shape[1], self._scene.kind.size
-        put(self, _start=History.none(s, springs, bodies, surroundings))
+        put(self, _given={})
+        put(self, _start=History.none(self))
 
     @property
     def _system(self):
         """The System with what acts: kernels are compiled for one that hangs, and for others."""
-        return self._bare if self.hangs else self.full
+        return self.bare if self.hangs else self.full
 
     @cached_property
     def full(self):
         """The System with all effects that a simulator may bring."""
-        return self._bare._replace(**others(self, self._layers, self._scene))
+        return self.bare._replace(**others(self, self._start.left))
 
-    @cached_property
-    def _layers(self):
-        return yielding_layers(self.rod, self._bare.stiffness)
-
-    @cached_property
-    def _scene(self):
-        return build_scene(self.surroundings.obstacles, Surface.of(self.rod), self.s)
+    def given(self, name):
+        """Return what an effect of this name has that depends on neither grips nor past."""
+        if name not in self._given:
+            self._given[name] = next(part for part in ACTING if part.name == name).given(self)
+        return self._given[name]
 
     def __reduce__(self):
         return type(self), tuple(getattr(self, name) for name in self.PARTS)
@@ -131,22 +124,18 @@ class Discretization(Value):
         fields = {'base': np.array(rotation, dtype=float, order='C')}
         if origin is not None:
             fields['origin'] = origin = np.array(origin, dtype=float)
-        if history is not None and self.yields:
-            fields['plastic'] = system.plastic._replace(set=history.set.copy())
-        if origin is not None and (self.obstructed or far_end is not None):
-            fields |= constraints(self, self._scene._replace(origin=origin), origin, history,
-                                  far_end)
-        return system._replace(**fields)
+        left = (self._start if history is None else history).left
+        return system._replace(**fields, **renewed(self, left, Held(origin, far_end)))
 
     @cached_property
     def load(self):
         """(3,) sum of the dead loads' `pull`, N."""
-        return self._bare.load.pull.sum(axis=0)
+        return self.bare.load.pull.sum(axis=0)
 
     @cached_property
     def loaded(self):
         """Whether any dead load acts."""
-        return bool(self._bare.load.pull.any())
+        return bool(self.bare.load.pull.any())
 
     @cached_property
     def moments(self):
@@ -157,7 +146,13 @@ class Discretization(Value):
     def hangs(self):
         """Whether nothing but dead forces acts, and nothing that happened to the DLO matters."""
         around = self.surroundings
-        return not (self.obstructed or self.yields or around.has_moments or around.pinned)
+        return not (any(part.acts(around) for part in ACTING) or around.has_moments
+                    or around.pinned)
+
+    @cached_property
+    def stores(self):
+        """The Parts that store energy, besides elasticity."""
+        return tuple(part for part in ACTING if part.stores and part.acts(self.surroundings))
 
     @property
     def obstructed(self):
@@ -189,7 +184,7 @@ class Discretization(Value):
     @cached_property
     def isometric(self):
         """Whether half the square of the unknowns is the elastic energy."""
-        system = self._bare
+        system = self.bare
         return not system.basis.shape[1] or bool((system.stiffness == system.stiffness[0]).all())
 
     @cached_property
@@ -204,7 +199,7 @@ class Discretization(Value):
 
     def unknowns(self, strains):
         """Return q (m, 3) whose strains are nearest to `strains` (N, 3)."""
-        system = self._bare
+        system = self.bare
         values = (strains - system.natural) / system.scale
         if system.basis.shape[1]:
             values = system.basis.T @ (values * system.lengths[:, None])
@@ -212,7 +207,7 @@ class Discretization(Value):
 
     def strains_of(self, q):
         """Return (N, 3) the strains of unknowns q (m, 3)."""
-        system = self._bare
+        system = self.bare
         return system.natural + system.scale * (system.basis @ q if system.basis.shape[1] else q)
 
     @property
@@ -235,26 +230,25 @@ class Discretization(Value):
             history = own
         if history is None or not self._suits(history):
             return self._start
-        bodies = len(self._start.node_force)
         known = history.of is None or same(history.of, self.surroundings)
-        if not known or len(history.node_force) != bodies:
-            history = history.set_alone(bodies)
+        if not known or not history.fits(self._start):
+            history = history.starting_as(self._start, self)
         return history.on(self.s)
 
     def _suits(self, history):
         """Whether a permanent set can be this rod's: its own, or of a rod that is not known."""
-        return (history.set.shape[1] == self._start.set.shape[1]
+        return (history.suits(self._start)
                 and (history.of is None or same(history.of.rod, self.rod)))
 
     @property
     def n_unknowns(self):
         """Number of unknowns per strain component."""
-        return self._bare.basis.shape[1] or self.s.size - 1
+        return self.bare.basis.shape[1] or self.s.size - 1
 
     @property
     def natural(self):
         """(N, 3) stress-free strains of the elements, 1/m."""
-        return self._bare.natural
+        return self.bare.natural
 
     @cached_property
     def finer(self):
@@ -289,9 +283,9 @@ class Discretization(Value):
         put(other, surroundings=self.surroundings, s=s, basis=self.basis, n_terms=self.n_terms,
             spring=self.spring, hold_spring=self.hold_spring, _start=self._start)
         freeze(s)
-        put(other, _bare=self._bare._replace(**fields))
-        if self.yields:
-            put(other, _layers=self._layers)
+        put(other, bare=self.bare._replace(**fields))
+        put(other, _given={part.name: self.given(part.name) for part in ACTING
+                           if part.of_rod and part.acts(self.surroundings)})
         return other
 
     def strains_from(self, s, strains):
@@ -310,7 +304,8 @@ class Discretization(Value):
 
     def stress_free(self, history):
         """Return (N, 3) the strains at which no moment acts, 1/m: natural ones plus the set."""
-        if not self.yields:
-            return np.array(self.natural)
-        layers = self._layers._replace(set=self.past(history).set.copy())
-        return self.natural + set_strains(self._bare.stiffness, layers)
+        strains = np.array(self.natural)
+        if self.stores:
+            left = self.past(history).left
+            strains = sum((part.strains(self, left) for part in self.stores), strains)
+        return strains

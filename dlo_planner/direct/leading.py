@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bringing the grip of a held far end, and the gripper, to where a step begins its search."""
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -60,7 +58,7 @@ def lead(discretization, strains, grippers, far_ends, history, parts):
         else:
             q, gone = led(system, q, bases, held_at - gripped, axes, rows)
         strains = discretization.strains_of(q)
-        history = replace(history, hold=system.hold.multiplier)
+        history = history.leaving(hold=system.hold.multiplier)
         if gone == len(shares):
             break
         done = shares[gone - 1] if gone else done

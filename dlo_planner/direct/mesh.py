@@ -95,3 +95,13 @@ def straight_between(s: NDArray[np.float64], values: NDArray[np.float64],
     after = np.clip(np.searchsorted(middle, wanted), 1, middle.size - 1)
     share = ((wanted - middle[after - 1]) / (middle[after] - middle[after - 1]))[:, None]
     return (1 - share) * values[after - 1] + share * values[after]
+
+
+def mapped(s: NDArray[np.float64], values: NDArray[np.float64],
+           wanted: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n, k): `values` (N, k), constant on the elements of `s`, averaged over `wanted`'s."""
+    total = np.vstack([np.zeros(values.shape[1]),
+                       np.cumsum(values * np.diff(s)[:, None], axis=0)])
+    at_nodes = np.column_stack([np.interp(wanted, s, column) for column in total.T]
+                               or [np.zeros((wanted.size, 0))])
+    return np.diff(at_nodes, axis=0) / np.diff(wanted)[:, None]

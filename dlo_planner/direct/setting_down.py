@@ -13,10 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from dlo_planner.direct.contacts import points_of
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
 from dlo_planner.direct.leading import grip_before, lead, parts_between
+from dlo_planner.direct.part import Solved
 from dlo_planner.direct.statics import equilibrium, solve
 from dlo_planner.energy.depth import depth
 from dlo_planner.energy.potential import placed
@@ -57,14 +57,13 @@ def set_down(discretization: Discretization, gripper: Pose, strains: np.ndarray,
     gripper, strains, past = lead(alone, strains, (gripper, gripper), (held, far_end), past, parts)
     if amid:
         shape, _ = equilibrium(alone, gripper, strains, 'newton', past, far_end)
-        past = replace(firm.past(history), hold=shape.state.history.hold)
+        past = firm.past(history).leaving(hold=shape.state.history.left['hold'])
         gripper, strains, past = grown(firm, shape.gripper, np.array(shape.element_strains),
                                        far_end, past)
     if firm is not discretization:
         shape, _ = equilibrium(firm, gripper, strains, 'newton', past, far_end)
         gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape.state.history
-    return gripper, strains, replace(history, hold=past.hold, node_force=past.node_force,
-                                     points=past.points)
+    return gripper, strains, history.with_forces(past)
 
 
 def _resisting_twist(discretization):
@@ -103,8 +102,8 @@ def grown(discretization: Discretization, gripper: Pose, strains: np.ndarray, fa
         strains = state.strains.copy()
         if discretization.surroundings.pinned:
             gripper = Pose.from_rotation(gripper.position, system.base)
-        history = replace(history, hold=system.hold.multiplier, node_force=system.contacts.node,
-                          points=points_of(system, state, gripper, False))
+        history = history.underway(Solved(discretization, system, state, gripper, far_end,
+                                          history.left))
     return gripper, strains, history
 
 

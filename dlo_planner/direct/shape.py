@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.direct.contacts import Contact
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.history import History, mapped
+from dlo_planner.direct.history import History
+from dlo_planner.direct.mesh import mapped
 from dlo_planner.direct.modes import Modes, modes_of
 from dlo_planner.direct.state import UNKNOWN, State
 from dlo_planner.direct.storage import load, pack, save, unpack

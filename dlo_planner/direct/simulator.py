@@ -211,7 +211,7 @@ class DirectSimulator(Value):
         if past is None or past.of is not None and not same(past.of.rod, self.rod):
             raise InvalidTask(f'shape = {shown(shape)}: expected one of this simulator\'s rod, '
                               'held at its beginning, which knows its permanent set')
-        return self._changed(_history=past.set_alone(len(past.node_force)))
+        return self._changed(_history=past.lasting())
 
     def left_by(self, shape: Shape) -> 'DirectSimulator':
         """Return the simulator of the DLO as `shape` leaves it: with its set, if it has any.
@@ -224,7 +224,7 @@ class DirectSimulator(Value):
         instance('initial', shape, Shape)
         self._check(shape.gripper, shape)
         past = shape.state.history
-        return self if past is None or not past.set.any() else self.with_set(shape)
+        return self if past is None or not past.lasts else self.with_set(shape)
 
     def reset(self) -> 'DirectSimulator':
         """Return a simulator of the DLO as it was made, without any permanent set."""
@@ -445,7 +445,7 @@ class DirectSimulator(Value):
                 and shape.state.mesh.basis in (self.basis, self._fine)
                 and within(shape, self.accuracy)):
             return shape.state.mesh
-        return self._equilibrium(gripper, shape, None)[0]._discretization
+        return self._equilibrium(gripper, shape, None)[0].state.mesh
 
     def _equilibrium(self, gripper, initial, far_end, most=np.inf):
         """Return (Shape, kicks); `most` as in `accuracy.step`."""

@@ -6,24 +6,21 @@ from functools import partial
 
 import numpy as np
 
-from dlo_planner.direct.contacts import contacts_of, left_by_contacts, left_by_hold
+from dlo_planner.direct.acting import ACTING
+from dlo_planner.direct.far_hold import Limits, limits_of
 from dlo_planner.direct.hinge import pinned_newton
 from dlo_planner.direct.history import History
 from dlo_planner.direct.moments import balanced
+from dlo_planner.direct.part import Solved
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.state import State
-from dlo_planner.energy.contact import obstructed
 from dlo_planner.energy.effects import stored
-from dlo_planner.energy.hold import holds
-from dlo_planner.energy.hold import violation as hold_violation
-from dlo_planner.energy.plastic import add_plastic, settled, yields
-from dlo_planner.energy.potential import tip_wrench, unknowns_of
+from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.minimize.hanging import hang
 from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.minimize.methods import search
 from dlo_planner.minimize.multipliers import constrained_newton
 from dlo_planner.minimize.newton import NEUTRAL, gradient_noise, newton
-from dlo_planner.model.far_end import distance, within_reach
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import freeze
 
@@ -67,13 +64,7 @@ def equilibrium(discretization, gripper, strains, method='newton', history=None,
     if method != 'newton':
         found = search(system, q, method, TOLERANCE)
         return shape_of(discretization, gripper, found, history), found.kicks
-    most, exact = MAX_ITERATIONS, EXACT
-    if not within_reach(far_end, gripper, discretization.s[-1], discretization.loaded):
-        most = _IN_VAIN
-    if far_end is not None and discretization.loaded:
-        # the less slack, the more its tension depends on where the end is
-        length = discretization.s[-1]
-        exact = min(exact, 1e-4 * max(1.0 - distance(far_end, gripper) / length, _LEAST))
+    most, exact = limits_of(discretization, gripper, far_end, Limits(MAX_ITERATIONS, EXACT))
     found = solve(discretization, system, gripper, q, history, most, exact=exact)
     return shape_of(discretization, gripper, found, history, far_end), found.kicks
 
@@ -158,7 +149,7 @@ def solve(discretization, system, gripper, q, history, most=MAX_ITERATIONS, chec
         Rounding error of the residual, where it is larger than usual.
     """
     before = _NO_PAST
-    if history is not None and len(history.positions) and discretization.surroundings.obstacles:
+    if history is not None and len(history.positions):
         before = np.hstack([history.positions - gripper.position, history.tangents])
     newtons = pinned_newton if discretization.surroundings.pinned else constrained_newton
 
@@ -171,7 +162,7 @@ def solve(discretization, system, gripper, q, history, most=MAX_ITERATIONS, chec
     return solved(system, q)
 
 
-def shape_of(discretization, gripper, found, history=None, far_end=None, rounding=0.0):
+def shape_of(mesh, gripper, found, history=None, far_end=None, rounding=0.0):
     """Return the Shape of a kernel's result.
 
     Parameters
@@ -181,81 +172,75 @@ def shape_of(discretization, gripper, found, history=None, far_end=None, roundin
     rounding
         Rounding error of the residual, where it is larger than usual.
     """
-    state, system, stability = found.state, found.system, found.stability
-    if discretization.surroundings.pinned:
+    state, system = found.state, found.system
+    if mesh.surroundings.pinned:
         gripper = Pose.from_rotation(gripper.position, system.base)
-    history = history or discretization.start
-    load = discretization.load
-    new_set, lost = history.set, 0.0
-    if yields(system.plastic):
-        new_set, lost = settled(system.lengths, state.strains, system.natural, system.plastic)
-    if (system.natural is discretization.natural and discretization.isometric
-            and not yields(system.plastic)):
-        elastic = 0.5 * float(np.vdot(state.q, state.q))  # what the unknowns are scaled for
-    else:
-        elastic = elastic_energy(discretization, state.strains, new_set)
-    energy = (elastic + float(np.vdot(system.load.pull, state.positions))
-              + float(load @ gripper.position))
+    history = history or mesh.start
+    solved = Solved(mesh, system, state, gripper, far_end, history.left)
     positions = state.positions + gripper.position
-    touching = contacts_of(discretization, system, state, gripper)
-    past = History(discretization.s, new_set, history.lost + lost,
-                   *left_by_contacts(system, state, gripper, history), left_by_hold(system),
-                   positions, state.rotations[:, :, 0].copy(), discretization.surroundings)
-    converged = bool(_promised(system, state, found.residual, rounding)
-                     and stability > -_neutral(discretization, system)
-                     and _kept(discretization, gripper, system, state, found.violation, far_end))
-    return Shape(gripper, discretization.s, positions, state.rotations, state.strains, energy,
-                 elastic, _wrench(discretization, state), float(found.residual),
-                 float(stability), int(found.iterations), converged, contacts=touching,
+    past = History.after(solved, positions, state.rotations[:, :, 0].copy())
+    elastic = _elastic(solved, past.left)
+    energy = (elastic + float(np.vdot(system.load.pull, state.positions))
+              + float(mesh.load @ gripper.position))
+    reports = {name: value for part in ACTING
+               for name, value in part.reports(solved, past.left).items()}
+    estimate = partial(_estimate, mesh, gripper, state.strains, state.positions, history, far_end)
+    return Shape(gripper, mesh.s, positions, state.rotations, state.strains, energy,
+                 elastic, _wrench(mesh, state), float(found.residual),
+                 float(found.stability), int(found.iterations), proved(solved, found, rounding),
                  evaluations=found.evaluations, violation=float(found.violation), far_end=far_end,
-                 far_wrench=_NOTHING if far_end is None else _far_wrench(state),
-                 dissipated=past.lost, state=State(discretization, past, history, partial(
-                     _estimate, discretization, gripper, state.strains, state.positions, history,
-                     far_end)))
+                 state=State(mesh, past, history, estimate), **reports)
 
 
-def _neutral(discretization, system):
-    """Return below what eigenvalue, negated, a shape is not stable any more."""
-    constrained = (obstructed(system.contact) or holds(system.hold)
-                   or discretization.surroundings.pinned)
-    return HELD_NEUTRAL if constrained else NEUTRAL
+def proved(solved, found, rounding=0.0):
+    """Return whether a Minimum is a stable or neutral equilibrium that keeps all constraints.
+
+    Parameters
+    ----------
+    solved : Solved
+        The same as a step.
+    found : Minimum
+    rounding : float, optional
+        Rounding error of the residual, where it is larger than usual.
+    """
+    mesh, system = solved.mesh, solved.system
+    bound = [part for part in ACTING if part.constrains(system)]
+    neutral = HELD_NEUTRAL if bound or mesh.surroundings.pinned else NEUTRAL
+    return bool(_promised(solved, found.residual, rounding, bound)
+                and found.stability > -neutral
+                and all(part.kept(solved) for part in ACTING)
+                and found.violation <= KEPT * mesh.s[-1])
 
 
-def _promised(system, state, residual, rounding):
+def _promised(solved, residual, rounding, bound):
     """Whether the residual is below what is promised, or where constrained, what rounding leaves.
 
     Forces that rounding errors hide, of a DLO that is nearly taut, are no answer.
     """
-    if not obstructed(system.contact) and not holds(system.hold):
+    if not bound:
         return residual < CONVERGED + 100 * rounding
-    noise = gradient_noise(system, state)
-    promised = _TOUCHING if obstructed(system.contact) else CONVERGED
+    noise = gradient_noise(solved.system, solved.state)
+    promised = max(part.residual for part in bound)
     return residual < max(promised, noise) + 100 * rounding and noise < _BLURRED
 
 
-def _kept(discretization, gripper, system, state, violation, far_end):
-    """Whether no constraint is violated by more than counts."""
-    length = discretization.s[-1]
-    if far_end is not None:
-        # the slack of a DLO that is nearly taut decides on its tension
-        slack = length - distance(far_end, gripper)
-        missed = hold_violation(system.hold, state.rotations[-1].copy(), state.positions[-1].copy())
-        most = min(_HELD * length, _SLACK * slack) if discretization.loaded else _HELD * length
-        if (not within_reach(far_end, gripper, length, discretization.loaded)
-                or missed > most):
-            return False
-    return violation <= KEPT * length
+def _elastic(solved, left):
+    """Return the energy in J that is stored in the DLO after a step."""
+    mesh, system, state = solved.mesh, solved.system, solved.state
+    if system.natural is mesh.natural and mesh.isometric and not mesh.stores:
+        return 0.5 * float(np.vdot(state.q, state.q))  # what the unknowns are scaled for
+    return elastic_energy(mesh, state.strains, left)
 
 
-def elastic_energy(discretization, strains, plastic_set):
-    """Return the stored energy in J of element strains (N, 3) with a set (N, J)."""
-    system = discretization.static
-    if not discretization.yields:
+def elastic_energy(mesh, strains, left):
+    """Return the energy in J that is stored at strains (N, 3), after what effects have left."""
+    system = mesh.static
+    if not mesh.stores:
         bent = strains - system.natural
         return 0.5 * float(np.sum(system.lengths[:, None] * system.stiffness * bent**2))
-    layers, strains = system.plastic._replace(set=plastic_set.copy()), strains.copy()
-    return (stored(system.effects, system, strains)
-            + add_plastic(system.lengths, strains, system.natural, layers, np.zeros_like(strains)))
+    strains = strains.copy()
+    return sum((part.stored(mesh, left, strains) for part in mesh.stores),
+               stored(system.effects, system, strains))
 
 
 _NOTHING = np.zeros(6)
@@ -267,11 +252,6 @@ def _wrench(discretization, state):
     if discretization.surroundings.has_moments:
         moment = moment - discretization.moments.sum(axis=0)
     return np.concatenate([state.base_force, moment])
-
-
-def _far_wrench(state):
-    """Return force and moment (6,) on the DLO at its far end, about that end."""
-    return -tip_wrench(state)
 
 
 def _estimate(discretization, gripper, strains, positions, history, far_end):
@@ -287,18 +267,16 @@ def _estimate(discretization, gripper, strains, positions, history, far_end):
     system = finer.system(gripper.rotation, gripper.position, past, far_end)
     q = np.empty((finer.n_unknowns, 3))
     unknowns_of(system, np.repeat(strains, 2, axis=0), q)
-    if (discretization.obstructed or far_end is not None or discretization.yields
-            or discretization.surroundings.has_moments or discretization.surroundings.pinned):
-        found = solve(finer, system, gripper, q, past)
-        state, system = found.state, found.system
-        if not (_promised(system, state, found.residual, 0.0)
-                and found.stability > -_neutral(finer, system)
-                and _kept(finer, gripper, system, state, found.violation, far_end)):
-            return np.inf
-    else:
+    if discretization.hangs and far_end is None:
         state = newton(system, q, 1e-9, 4, False).state
+    else:
+        found = solve(finer, system, gripper, q, past)
+        state = found.state
+        if not proved(Solved(finer, found.system, state, gripper, far_end, past.left), found):
+            return np.inf
     moved = np.linalg.norm(state.positions[::2] - positions, axis=1).max()
-    if discretization.obstructed and moved > _ELSEWHERE * discretization.s[-1]:
+    may_let_go = any(part.lets_go and part.acts(discretization.surroundings) for part in ACTING)
+    if may_let_go and moved > _ELSEWHERE * discretization.s[-1]:
         return np.inf
     rounding = 1e-15 * discretization.s.size * discretization.s[-1]
     return float(4 / 3 * moved + rounding)

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shapes and motions as npz or JSON files."""
 
-from dataclasses import fields
 from os import PathLike
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Constant
 
 _FORMAT = 2  # 1: files of 0.1.0, which do not say what they hold
+_PAST, _WAY = 'past_', ('s', 'positions', 'tangents')
 _ARRAYS = ('s', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
 _NUMBERS = ('energy', 'elastic_energy', 'residual', 'stability', 'iterations', 'converged',
             'jumped', 'evaluations', 'violation', 'dissipated')
@@ -36,14 +36,9 @@ def pack(shape, prefix=''):
     packed['contacts'] = np.array([[c.obstacle, c.s, *c.position, *c.normal, c.force, *c.friction,
                                     c.penetration] for c in shape.contacts]).reshape(-1, 13)
     if shape.state.history is not None:
-        for item in fields(History):
-            if item.name == 'of':
-                continue
-            value = getattr(shape.state.history, item.name)
-            if item.name == 'points':
-                packed |= {f'past_point_{key}': array for key, array in value.items()}
-            else:
-                packed[f'past_{item.name}'] = value
+        past = shape.state.history
+        packed |= {_PAST + name: array for name, array in past.left.items()}
+        packed |= {_PAST + name: getattr(past, name) for name in _WAY}
     return {prefix + key: np.asarray(value) for key, value in packed.items()}
 
 
@@ -59,22 +54,24 @@ def unpack(shape_class, stored, prefix=''):
         far_end = FarEnd(Pose(end[:3], end[3:]), str(get('far_grip')))
     contacts = tuple(Contact(int(row[0]), row[1], row[2:5], row[5:8], row[8], row[9:12], row[12])
                      for row in get('contacts'))
-    history = None
-    if prefix + 'past_set' in stored:
-        mark = prefix + 'past_point_'
-        points = {key[len(mark):]: stored[key] for key in stored if key.startswith(mark)}
-        past_set = get('past_set').reshape(len(get('past_set')), -1)  # older files: layers apart
-        past = get('past_positions')
-        for name in ('shear', 'slid'):  # not in files of 1.0
-            points.setdefault(name, np.zeros_like(points['anchor']))
-        tangents = stored.get(prefix + 'past_tangents', get('frames')[:len(past), :, 0])
-        history = History(get('past_s'), past_set, float(get('past_lost')),
-                          get('past_node_force'), points, get('past_hold'), past, tangents)
+    mark = prefix + _PAST
+    past = {key[len(mark):]: stored[key] for key in stored if key.startswith(mark)}
+    history = _history(past, get('frames')) if past else None
     estimate = float(get('error_estimate'))
     values = {name: get(name) for name in _ARRAYS}
     values |= {name: get(name).item() for name in _NUMBERS}
     return shape_class(gripper=Pose(gripper[:3], gripper[3:]), contacts=contacts, far_end=far_end,
                        state=State(history=history, estimate=Constant(estimate)), **values)
+
+
+def _history(past, frames):
+    """Return the History of arrays by name; those of older files lack some."""
+    s, positions = past.pop('s'), past.pop('positions')
+    tangents = past.pop('tangents', frames[:len(positions), :, 0])
+    past['set'] = past['set'].reshape(len(past['set']), -1)  # files of 0.1.0: layers apart
+    for name in ('point_shear', 'point_slid'):  # not in files of 1.0
+        past.setdefault(name, np.zeros_like(past['point_anchor']))
+    return History(s, past, positions, tangents)
 
 
 def save(path, arrays, kind):
