@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.accuracy import past_of
 from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.statics import shape_of, solve
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import array, number, returned, vector
@@ -45,6 +46,8 @@ def motion_tolerance(tolerance, length):
 
 def last_of(motion, velocity):
     """Return the last Shape of a Motion and the velocities there, unless others are given."""
+    if not isinstance(motion, Motion):
+        return motion, velocity
     if not len(motion):
         raise InvalidTask('initial: expected a Motion with instants, it has none')
     return motion.shapes[-1], motion.velocities[-1] if velocity is None else velocity

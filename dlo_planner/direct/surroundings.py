@@ -98,3 +98,20 @@ class Surroundings(Value):
     def pinned(self):
         """Whether the DLO's beginning may turn in the gripper."""
         return self.grip == 'pinned'
+
+
+def judge_method(around: Surroundings, method: str, strains: str, basis: str) -> None:
+    """Raise InvalidTask where the paper's methods and strains are asked for too much."""
+    if strains == 'paper' and (method == 'newton' or basis == 'local'):
+        raise InvalidTask(f'strains = {strains!r}: expected a series as basis and '
+                          '\'dfp\' or \'downhill_simplex\' as method, got '
+                          f'{basis!r}, {method!r}')
+    if method == 'newton':
+        return
+    if around.obstacles:
+        raise InvalidTask(f'method = {method!r}: expected \'newton\' with obstacles')
+    if around.pinned:
+        raise InvalidTask(f'method = {method!r}: expected \'newton\' with a pinned '
+                          'gripper')
+    if around.has_moments:
+        raise InvalidTask(f'method = {method!r}: expected \'newton\' with dead moments')

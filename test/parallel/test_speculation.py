@@ -26,7 +26,7 @@ from dlo_planner import (
     Rod,
     parallel,
 )
-from dlo_planner.direct.simulator import motion_by
+from dlo_planner.direct.moving import Prescribed, motion_by
 from dlo_planner.minimize.same_minimum import leads_to, lower
 from dlo_planner.parallel import speculation
 from dlo_planner.parallel.workers import Crew
@@ -113,8 +113,8 @@ def test_guesses_are_used_where_they_are_better(monkeypatch, rounds):
     simulator = DirectSimulator(copper_wire(damping=(0.5, 0.0)), **SMALL)
     way, more = swung(25), {'integrator': 'paper', 'tolerance': np.inf}
     alone = speculation.Rounds(Crew(Here(), lambda: None), 1)
-    serial = motion_by(partial(FromTheShapeBefore, alone, 24), simulator, way, 0.05, None, None,
-                       None, np.inf, 'paper', Progress())
+    serial = motion_by(partial(FromTheShapeBefore, alone, 24), simulator,
+                       Prescribed(way, 0.05, **more), Progress())
     ahead = parallel.speculative(simulator, way, 0.05, Here(), tasks=2, **more)
     assert_alike(ahead.shapes, serial.shapes)
     assert_alike(ahead.shapes, simulator.simulate(way, 0.05, **more).shapes)
