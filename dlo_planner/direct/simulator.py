@@ -412,7 +412,7 @@ class DirectSimulator(Value):
         start, mesh = self._beginning(grippers[0], ends[0], initial)
         return simulate(make(mesh, grips, dt, self.method), start,
                         nodes_velocity(velocity, initial, start), len(grippers), integrator,
-                        tolerance, steps, initial is None)
+                        tolerance, steps, initial)
 
     def _beginning(self, gripper, far_end, initial):
         """Return the Shape at time 0 of a motion and the Discretization for the rest of it."""
