@@ -64,7 +64,7 @@ class Moving(Setup):
         start, mesh = self._beginning(grippers[0], ends[0], initial)
         return simulate(make(mesh, grips, dt, self.method), start,
                         nodes_velocity(velocity, initial, start), len(grippers),
-                        task.integrator, tolerance, steps, initial is None)
+                        task.integrator, tolerance, steps, initial)
 
     def _beginning(self, gripper: Pose, far_end: FarEnd | None,
                    initial: Shape | None) -> tuple[Shape, Discretization]:
