@@ -6,6 +6,8 @@ An effect that depends on how the DLO is held, leaves something to the next step
 a Part in a file of this folder, and a line in ACTING.
 """
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING
 
 from dlo_planner.direct.far_hold import FarHold
@@ -29,7 +31,7 @@ class Inertia(Part):
 
     name = 'anchor'
 
-    def record(self, mesh: 'Discretization', left: Left, held: Held) -> Anchor:
+    def record(self, mesh: Discretization, left: Left, held: Held) -> Anchor:
         """Return the Anchor of a DLO at rest."""
         return no_anchor()
 
@@ -43,12 +45,12 @@ def always(rod: Rod, pull: Floats) -> Effects:
     return Effects(*[known.get(name) for name in EFFECTS])
 
 
-def others(mesh: 'Discretization', left: Left) -> dict[str, Record | None]:
+def others(mesh: Discretization, left: Left) -> dict[str, Record | None]:
     """Return all others by their names, without a past: empty where there is no such thing."""
     return {part.name: part.record(mesh, left, Held()) for part in ACTING}
 
 
-def renewed(mesh: 'Discretization', left: Left, held: Held) -> dict[str, Record | None]:
+def renewed(mesh: Discretization, left: Left, held: Held) -> dict[str, Record | None]:
     """Return those that depend on what is `left` and how the DLO is held, by their names."""
     return {part.name: part.record(mesh, left, held) for part in ACTING
             if part.changes(mesh, held)}

@@ -7,13 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from dlo_planner.direct.continuation import between
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
 from dlo_planner.direct.leading import grip_at, grip_before, lead, parts_between
 from dlo_planner.direct.part import Solved
 from dlo_planner.direct.setting_down import set_down
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import solve
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import placed
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 
 _RELAXING = 12       # Newton steps between two parts of a motion
@@ -30,7 +34,8 @@ class Brought(NamedTuple):
     clear: bool = True
 
 
-def approach(discretization, previous, strains, gripper, far_end, history):
+def approach(discretization: Discretization, previous: Shape | None, strains: Floats, gripper: Pose,
+             far_end: FarEnd | None, history: History) -> tuple[Floats, bool]:
     """Return element strains (N, 3) at `gripper` that continue `previous`, and if the way is clear.
 
     Arguments as `brought`.
@@ -39,7 +44,8 @@ def approach(discretization, previous, strains, gripper, far_end, history):
     return found.strains, found.clear
 
 
-def brought(discretization, previous, strains, gripper, far_end, history):
+def brought(discretization: Discretization, previous: Shape | None, strains: Floats, gripper: Pose,
+            far_end: FarEnd | None, history: History) -> Brought:
     """Return where the search begins, as Brought.
 
     The gripper (and the far end's grip) goes straight from its pose in `previous`; the DLO gives

@@ -2,15 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a DLO touches: what the kernels found, as `Contact` values."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dlo_planner.energy.contact import obstructed
+from dlo_planner.energy.potential import State, System
 from dlo_planner.minimize.touching import touching
 from dlo_planner.model.checks import figure, integer, results
+from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.ritz.kinematics import point_inside
+
+if TYPE_CHECKING:  # it imports this file
+    from dlo_planner.direct.discretization import Discretization
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,7 +51,7 @@ class Contact(Value):
     friction: np.ndarray
     penetration: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         put(self, obstacle=integer('Contact.obstacle', self.obstacle, minimum=0, maximum=2**31),
             **{name: figure(f'Contact.{name}', getattr(self, name))
                for name in ('s', 'force', 'penetration')},
@@ -51,7 +59,7 @@ class Contact(Value):
                for name in ('position', 'normal', 'friction')})
         super().__post_init__()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, f'obstacle {self.obstacle}', f's {self.s:.4g} m',
                      f'force {self.force:.3g} N', f'penetration {self.penetration:.2g} m')
 
@@ -61,7 +69,8 @@ class Contact(Value):
         return self.force * self.normal + self.friction
 
 
-def contacts_of(discretization, system, state, gripper):
+def contacts_of(discretization: Discretization, system: System, state: State,
+                gripper: Pose) -> tuple[Contact, ...]:
     """Return the Contacts (a tuple, by s) of a kernel's result."""
     if not obstructed(system.contact):
         return ()

@@ -10,12 +10,16 @@ slight bend towards where gravity would bend the DLO.
 import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.history import History
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import TOLERANCE, shape_of
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import State, System, evaluate, new_state
 from dlo_planner.minimize.methods import SEARCHES, beside, judged, rounding
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.newton import MOST_KICKS
 from dlo_planner.minimize.protocol import Problem
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.pose import Pose
 from dlo_planner.ritz.paper_strains import from_components, to_components
 from dlo_planner.ritz.series import orthonormal_basis
 
@@ -23,7 +27,8 @@ STRAINS = ('components', 'paper')
 _SLIGHT = 1e-2  # rad over the length
 
 
-def described_equilibrium(discretization, gripper, strains, method, history):
+def described_equilibrium(discretization: Discretization, gripper: Pose, strains: Floats,
+                          method: str, history: History) -> tuple[Shape, int]:
     """Return the Shape whose (q_d, q_kappa, q_tau) are series, and how often it left a saddle.
 
     `residual` is that of the series' coefficients; `stability` is the DLO's own, freed from them.
@@ -48,15 +53,15 @@ def described_equilibrium(discretization, gripper, strains, method, history):
     unit = 1 / np.sqrt([stiffness / length**2, stiffness, system.stiffness[:, 0].min()])
     state = new_state(system)
 
-    def components(flat):
+    def components(flat: Floats) -> tuple[Floats, Floats]:
         described = basis @ (flat.reshape(-1, 3) * unit)
         return described, system.natural + to_components(described)
 
-    def value(flat):
+    def value(flat: Floats) -> float:
         state.q[:] = (components(flat)[1] - system.natural) / system.scale
         return evaluate(system, state)[0]
 
-    def value_and_gradient(flat):
+    def value_and_gradient(flat: Floats) -> tuple[float, Floats]:
         energy = value(flat)
         direction, amount, _ = components(flat)[0].T
         by_strain = state.gradient / system.scale
@@ -85,7 +90,7 @@ def described_equilibrium(discretization, gripper, strains, method, history):
     return shape_of(free, gripper, found, history), kicks
 
 
-def _described(system, state, strains):
+def _described(system: System, state: State, strains: Floats) -> Floats:
     """Return (N, 3) q_d, q_kappa, q_tau of component strains (N, 3), slightly bent at least."""
     start = from_components(strains - system.natural)
     length = system.lengths.sum()

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A held far end: the Record of its grip, the forces that it leaves, and how well it is kept."""
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -34,7 +36,7 @@ class FarHold(Part):
 
     name = 'hold'
 
-    def record(self, mesh: 'Discretization', left: Left, held: Held) -> Hold:
+    def record(self, mesh: Discretization, left: Left, held: Held) -> Hold:
         """Return the Hold, with the forces that are left if they are of as many motions."""
         free = free_end(mesh)
         if held.far_end is None or held.origin is None:
@@ -47,11 +49,11 @@ class FarHold(Part):
             target=end.pose.position - held.origin, axes=np.array(end.pose.rotation, order='C'),
             share=np.array(end.share), rows=rows, multiplier=force)
 
-    def changes(self, mesh: 'Discretization', held: Held) -> bool:
+    def changes(self, mesh: Discretization, held: Held) -> bool:
         """Whether the far end is held."""
         return held.origin is not None and held.far_end is not None
 
-    def none(self, mesh: 'Discretization', s: Floats) -> Left:
+    def none(self, mesh: Discretization, s: Floats) -> Left:
         """Return no forces."""
         return {'hold': np.zeros(0)}
 
@@ -100,7 +102,7 @@ class Limits(NamedTuple):
     exact: float
 
 
-def limits_of(mesh: 'Discretization', gripper: Pose, far_end: FarEnd | None,
+def limits_of(mesh: Discretization, gripper: Pose, far_end: FarEnd | None,
               usual: Limits) -> Limits:
     """Return the Limits of a search, `usual` where the far end is free.
 
@@ -117,6 +119,6 @@ def limits_of(mesh: 'Discretization', gripper: Pose, far_end: FarEnd | None,
     return Limits(steps, exact)
 
 
-def free_end(mesh: 'Discretization') -> Hold:
+def free_end(mesh: Discretization) -> Hold:
     """Return the Hold of a free end."""
     return no_hold(mesh.hold_spring, mesh.hold_spring * mesh.lever**2)

@@ -62,7 +62,7 @@ class GraspedInside(Value):
                             point_loads=part_of_loads(loads, rod, at, way))
             for way in (-1, 1)))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, f'at {self.at:.4g} m', figures(self.rod))
 
     def solve(self, gripper: Pose, initial: Shape | None = None) -> Shape:
@@ -89,18 +89,18 @@ class GraspedInside(Value):
         return joined
 
 
-def _both(gripper):
+def _both(gripper: Pose) -> tuple[Pose, Pose]:
     instance('gripper', gripper, Pose)
     return Pose.from_rotation(gripper.position, gripper.rotation @ _TURNED), gripper
 
 
-def _parts_of(shape):
+def _parts_of(shape: object) -> tuple[Shape, ...]:
     if not isinstance(shape, Shape) or shape.parts is None:
         raise InvalidTask(f'initial = {shown(shape)}: expected a Shape of a DLO grasped inside')
     return shape.parts
 
 
-def _joined(gripper, back, on):
+def _joined(gripper: Pose, back: Shape, on: Shape) -> Shape:
     """Return the Shape of both parts as one, s = 0 at the free end of `back`."""
     at = back.s[-1]
     contacts = [replace(contact, s=at - contact.s) for contact in reversed(back.contacts)]
@@ -121,5 +121,5 @@ def _joined(gripper, back, on):
         state=State(estimate=partial(_larger_estimate, back, on)))
 
 
-def _larger_estimate(back, on):
+def _larger_estimate(back: Shape, on: Shape) -> float:
     return max(back.error_estimate, on.error_estimate)

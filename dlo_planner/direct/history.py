@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a DLO carries from one step to the next: what the effects on it have left."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -48,27 +50,27 @@ class History(Value):
         freeze((self.s, self.left, self.positions, self.tangents))
 
     @classmethod
-    def none(cls, mesh: 'Discretization') -> 'History':
+    def none(cls, mesh: Discretization) -> History:
         """Return the past, on a mesh, of a DLO that has none."""
         left = {name: array for part in ACTING for name, array in part.none(mesh, mesh.s).items()}
         return cls(mesh.s, left, np.zeros((0, 3)), np.zeros((0, 3)), mesh.surroundings)
 
     @classmethod
-    def after(cls, solved: Solved, positions: Floats, tangents: Floats) -> 'History':
+    def after(cls, solved: Solved, positions: Floats, tangents: Floats) -> History:
         """Return the past of a DLO after a step, with its nodes' positions and tangents then."""
         left = {name: array for part in ACTING for name, array in part.leaves(solved).items()}
         return cls(solved.mesh.s, left, positions, tangents, solved.mesh.surroundings)
 
-    def leaving(self, **left: Any) -> 'History':
+    def leaving(self, **left: Any) -> History:
         """Return the same past with other arrays of some names in `left`."""
         return replace(self, left=FrozenDict({**self.left, **left}))
 
-    def underway(self, solved: Solved) -> 'History':
+    def underway(self, solved: Solved) -> History:
         """Return the same past with the forces in the middle of a step."""
         return self.leaving(**{name: array for part in ACTING
                                for name, array in part.underway(solved).items()})
 
-    def on(self, s: Floats) -> 'History':
+    def on(self, s: Floats) -> History:
         """Return the same past on another mesh `s` (n + 1,), m."""
         if s is self.s or np.array_equal(s, self.s):
             return self
@@ -80,35 +82,35 @@ class History(Value):
                                 for name, array in part.on(self.left, self.s, s).items()})
         return replace(moved, s=s, positions=positions, tangents=tangents)
 
-    def holding(self, later: 'History') -> 'History':
+    def holding(self, later: History) -> History:
         """Return the same past with the forces of contacts and grips after the step."""
         return self.leaving(**{name: array for part in ACTING
                                for name, array in part.holding(self.left, later.left).items()})
 
-    def with_forces(self, other: 'History') -> 'History':
+    def with_forces(self, other: History) -> History:
         """Return the same past with all of another one but what belongs to the rod."""
         return self.leaving(**{name: other.left[name] for part in ACTING if not part.of_rod
                                for name in part.cleared(other.left)})
 
-    def lasting(self) -> 'History':
+    def lasting(self) -> History:
         """Return what belongs to the rod: no forces, and not the way so far."""
         none = np.zeros((0, 3))
         cleared = self.leaving(**{name: array for part in ACTING if not part.of_rod
                                   for name, array in part.cleared(self.left).items()})
         return replace(cleared, positions=none, tangents=none)
 
-    def starting_as(self, start: 'History', mesh: 'Discretization') -> 'History':
+    def starting_as(self, start: History, mesh: Discretization) -> History:
         """Return `lasting` for a mesh whose DLO, without a past, is `start`."""
         lasting = self.lasting()
         return lasting.leaving(**{
             name: array for part in ACTING if not part.fits(self.left, start.left)
             for name, array in part.none(mesh, self.s).items()})
 
-    def suits(self, start: 'History') -> bool:
+    def suits(self, start: History) -> bool:
         """Whether what belongs to its rod may be of the DLO that is `start` without a past."""
         return all(part.fits(self.left, start.left) for part in ACTING if part.of_rod)
 
-    def fits(self, start: 'History') -> bool:
+    def fits(self, start: History) -> bool:
         """Whether all may be of the DLO that is `start` without a past."""
         return all(part.fits(self.left, start.left) for part in ACTING)
 

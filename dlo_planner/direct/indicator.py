@@ -9,11 +9,15 @@ touched (80). Of DLOs that may yield it was 0.5 times (97) as long as they have 
 length it says nothing.
 """
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze, put
 from dlo_planner.ritz.truncation import OF_AN_ARC, truncation
 
@@ -26,7 +30,7 @@ _SURELY = 0.8   # of the accuracy: what is aimed at, so that it is not missed by
 _LIKE = 3.0      # times what the shape before lets expect: the estimate is below
 
 
-def surely_within(shape: 'Shape', accuracy: float, mesh: Discretization | None = None) -> bool:
+def surely_within(shape: Shape, accuracy: float, mesh: Discretization | None = None) -> bool:
     """Return whether a Shape is certain to be within `accuracy` (m), without a further solution.
 
     Parameters
@@ -66,7 +70,7 @@ def hanging_surely_within(mesh: Discretization, stability: np.ndarray, truncated
     return (stability >= _STABLE) & (_FREE * truncated <= accuracy) & mesh.told_by_truncation
 
 
-def mode_may_be_missed(shape: 'Shape') -> bool:
+def mode_may_be_missed(shape: Shape) -> bool:
     """Return whether a Shape may be unstable in a way that its series cannot show.
 
     A series that is short may well follow the shape and still not the mode in which it falls: ten
@@ -75,7 +79,7 @@ def mode_may_be_missed(shape: 'Shape') -> bool:
     return bool(shape.state.mesh.basis != 'local' and shape.stability < _STABLE)
 
 
-def like_before(shape: 'Shape', before: 'Shape | None', accuracy: float) -> bool:
+def like_before(shape: Shape, before: Shape | None, accuracy: float) -> bool:
     """Return whether a Shape is within `accuracy` (m), judged by the shape before it in a motion.
 
     The error estimate of the shape before has to be known already. The ratio of that estimate to
@@ -90,7 +94,7 @@ def like_before(shape: 'Shape', before: 'Shape | None', accuracy: float) -> bool
     return bool(then > 0 and _LIKE * before.error_estimate * now <= accuracy * then)
 
 
-def like_coarser(shape: 'Shape', coarse: 'Shape | None', accuracy: float) -> bool:
+def like_coarser(shape: Shape, coarse: Shape | None, accuracy: float) -> bool:
     """Return whether a Shape is within `accuracy` (m), judged by the same one on a coarser mesh.
 
     The error estimate of the coarser one has to be known. Its ratio to `truncation` hardly changes
@@ -111,7 +115,7 @@ def like_coarser(shape: 'Shape', coarse: 'Shape | None', accuracy: float) -> boo
     return bool(then > 0 and _LIKE * coarse.error_estimate * now <= accuracy * then)
 
 
-def elements_for(shape: 'Shape', s: np.ndarray, accuracy: float) -> int:
+def elements_for(shape: Shape, s: np.ndarray, accuracy: float) -> int:
     """Return how many elements a mesh graded like `s` needs for `like_coarser` to hold.
 
     Parameters
@@ -132,7 +136,7 @@ def elements_for(shape: 'Shape', s: np.ndarray, accuracy: float) -> int:
     return int(np.ceil(h.size * np.sqrt(share)))
 
 
-def _truncated(shape):
+def _truncated(shape: Shape) -> float:
     """Return `truncation` of a Shape from a simulator, which is computed once."""
     known = shape.__dict__.get('_truncated')
     if known is None:
@@ -141,13 +145,13 @@ def _truncated(shape):
     return known
 
 
-def _truncation(mesh, strains):
+def _truncation(mesh: Discretization, strains: Floats) -> float:
     system = mesh.static
     freeze(strains)  # as those of a Shape are
     return truncation(system.lengths, strains, system.natural, system.scale, system.basis)
 
 
-def _times(shape, rod):
+def _times(shape: Shape, rod: Rod) -> float | None:
     """Return how many times `truncation` the error of a Shape of a Rod surely is below, or None."""
     if rod.yields and shape.dissipated:
         return None if rod.section_model == 'ideal' else _YIELDED

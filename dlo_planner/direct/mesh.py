@@ -3,12 +3,12 @@
 """Where the nodes of a DLO are: at equal distances, or graded to the bend; always at its jumps."""
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 _NEAR = 0.3  # of an element: a node nearer to a jump moves there
 
 
-def even_mesh(length, elements, breaks=()):
+def even_mesh(length: float, elements: int, breaks: ArrayLike = ()) -> NDArray[np.float64]:
     """Return nodes (elements + 1,): between jumps equal elements, about as long everywhere.
 
     Parameters
@@ -34,7 +34,8 @@ def even_mesh(length, elements, breaks=()):
     return np.append(np.concatenate(pieces), length)
 
 
-def graded_mesh(s, strains, elements, breaks=()):
+def graded_mesh(s: NDArray[np.float64], strains: NDArray[np.float64], elements: int,
+                breaks: ArrayLike = ()) -> NDArray[np.float64]:
     """Return nodes that share out evenly the error of arcs of constant strain.
 
     An arc whose strain should change at the rate u' misplaces its far end by about h^3 |u'|, so
@@ -64,7 +65,7 @@ def graded_mesh(s, strains, elements, breaks=()):
     return with_breaks(nodes, breaks)
 
 
-def with_breaks(s, breaks):
+def with_breaks(s: NDArray[np.float64], breaks: ArrayLike) -> NDArray[np.float64]:
     """Return nodes with one at each jump: a near one moves there, else one is added."""
     if not len(breaks):
         return s

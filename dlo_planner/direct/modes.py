@@ -6,6 +6,8 @@ Torsion of a straight DLO moves no mass, so the mass matrix M is singular. The e
 therefore M x = mu K x with mu = 1 / omega^2; K is positive definite at a stable shape.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -17,6 +19,7 @@ from scipy.linalg import LinAlgError, eigh
 from dlo_planner.direct.vibration import Linearized, Vibration
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.held import HELD_NEUTRAL
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import integer, results, shown
 from dlo_planner.model.value import Constant, Value, brief, freeze, put
 
@@ -78,7 +81,7 @@ class Modes(Value):
 
     REMEMBERED = ('error_estimate',)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         displacements = results('Modes.displacements', self.displacements, (None, None, 3))
         n, nodes, _ = displacements.shape
         overlap = np.ones(n) if self.overlap is None else self.overlap
@@ -96,12 +99,12 @@ class Modes(Value):
             freeze(self._estimate.content)
         super().__post_init__()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         known = ', '.join(f'{one:.4g}' for one in self.frequencies[:_SHOWN])
         more = ', ...' if len(self) > _SHOWN else ''
         return brief(self, f'{len(self)} modes', f'{known}{more} Hz' if known else '')
 
-    def __len__(self):
+    def __len__(self) -> int:
         return self.frequencies.size
 
     @property
@@ -121,7 +124,7 @@ class Modes(Value):
         return found
 
 
-def modes_of(shape: 'Shape', n: int) -> Modes:
+def modes_of(shape: Shape, n: int) -> Modes:
     """Return the Modes of a Shape; see `Shape.modes`."""
     n, linear = integer('n', n, minimum=1, maximum=MOST), Linearized(shape)
     vibration = linear.resolving(n)
@@ -193,7 +196,7 @@ def solved(vibration: Vibration, n: int, name: str) -> tuple[np.ndarray, np.ndar
     return 1 / mu, found * (_signs(vibration.jacobian @ found) / np.sqrt(mu))
 
 
-def _definite(vibration, name):
+def _definite(vibration: Vibration, name: str) -> Floats:
     """Return the stiffness, made positive for neutral motions that move no mass.
 
     An example is a round DLO between two joints, which may spin about its own axis.
@@ -211,13 +214,13 @@ def _definite(vibration, name):
     return vibration.stiffness + (vectors[:, low] * (1.0 - values[low])) @ vectors[:, low].T
 
 
-def _signs(displacements):
+def _signs(displacements: Floats) -> Floats:
     """Return (n,) 1 or -1: signs of the largest displacements of n modes (N + 1, 3, n)."""
     flat = displacements.reshape(-1, displacements.shape[2])
     return np.where(flat[np.abs(flat).argmax(axis=0), np.arange(flat.shape[1])] < 0, -1.0, 1.0)
 
 
-def _error(linear, rates, places):
+def _error(linear: Linearized, rates: Floats, places: Ints) -> Floats:
     """Return (n,) relative errors of angular frequencies (n,): see `Modes.error_estimate`."""
     errors = np.full(rates.size, np.inf)
     finer = linear.finer

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The answer of a dynamic simulation."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -78,7 +78,7 @@ class Motion(Filmed):
 
     REMEMBERED = ('error_estimate',)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         shapes = items('Motion.shapes', self.shapes, Shape)
         n = len(shapes)
         work = np.zeros(n) if self.work is None else self.work
@@ -101,7 +101,7 @@ class Motion(Filmed):
             raise InvalidTask(f'Motion._estimate = {shown(self._estimate)}: expected a function')
         super().__post_init__()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, f'{len(self)} instants',
                      f'{self.times[-1]:.4g} s' if len(self) else '',
                      'converged' if self.converged else 'not converged',
@@ -130,7 +130,7 @@ class Motion(Filmed):
         return load(path, cls._read, 'Motion')
 
     @classmethod
-    def _read(cls, arrays):
+    def _read(cls, arrays: Mapping[str, Any]) -> 'Motion':
         shapes = []
         for k in range(len(arrays['times'])):
             mark = f'{k}/'
@@ -141,7 +141,7 @@ class Motion(Filmed):
                    **{name: arrays[name].item() for name in _FIGURES},
                    _estimate=Constant(arrays['error_estimate']))
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.shapes)
 
     def __getitem__(self, index: int | slice) -> 'Instant | tuple[Instant, ...]':

@@ -5,10 +5,9 @@
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
-from numpy.typing import ArrayLike
-
 from dlo_planner.direct.accuracy import step
 from dlo_planner.direct.beginning import (
+    Velocity,
     first_shape,
     last_of,
     motion_tolerance,
@@ -39,7 +38,7 @@ class Prescribed(NamedTuple):
     dt: float
     initial: Shape | Motion | None = None
     far_ends: Iterable[Any] | None = None
-    velocity: ArrayLike | Callable[[float], ArrayLike] | None = None
+    velocity: Velocity | None = None
     tolerance: float | None = None
     integrator: str = 'generalized_alpha'
 

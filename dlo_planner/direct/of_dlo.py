@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What follows from a shape and the DLO that it is of: strains of its section, vibrations."""
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING, cast
 
 import numpy as np

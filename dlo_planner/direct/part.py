@@ -6,6 +6,8 @@ The kernels of an effect are in `energy`; what a Discretization, a past and a Sh
 it is a subclass of Part, listed in `direct.acting`. Nothing else knows effects by name.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -48,7 +50,7 @@ class Solved(NamedTuple):
         What was left to the step.
     """
 
-    mesh: 'Discretization'
+    mesh: Discretization
     system: System
     state: State
     gripper: Pose
@@ -83,19 +85,19 @@ class Part:
         """Whether a DLO in these Surroundings does not hang freely because of it."""
         return False
 
-    def given(self, mesh: 'Discretization') -> Any:
+    def given(self, mesh: Discretization) -> Any:
         """Return what depends on neither grips nor past: the mesh keeps it (`mesh.given`)."""
         return None
 
-    def record(self, mesh: 'Discretization', left: Left, held: Held) -> Record | None:
+    def record(self, mesh: Discretization, left: Left, held: Held) -> Record | None:
         """Return its Record where the DLO is held there, after what is left to it; or None."""
         raise NotImplementedError
 
-    def changes(self, mesh: 'Discretization', held: Held) -> bool:
+    def changes(self, mesh: Discretization, held: Held) -> bool:
         """Whether its Record depends on what is left and how the DLO is held there."""
         return False
 
-    def none(self, mesh: 'Discretization', s: Floats) -> Left:
+    def none(self, mesh: Discretization, s: Floats) -> Left:
         """Return what it leaves where nothing has happened yet, on nodes `s` (N + 1,), m."""
         return {}
 
@@ -139,10 +141,10 @@ class Part:
         """Whether its own limits are kept, besides that of `Minimum.violation`."""
         return True
 
-    def stored(self, mesh: 'Discretization', left: Left, strains: Floats) -> float:
+    def stored(self, mesh: Discretization, left: Left, strains: Floats) -> float:
         """Return the energy in J that it stores at strains (N, 3), 1/m."""
         return 0.0
 
-    def strains(self, mesh: 'Discretization', left: Left) -> Floats:
+    def strains(self, mesh: Discretization, left: Left) -> Floats:
         """Return by how much it moves the stress-free strains (N, 3), 1/m."""
         return np.zeros_like(mesh.natural)

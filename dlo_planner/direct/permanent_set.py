@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What yielding leaves: plastic strains, and the energy lost to them."""
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,21 +34,21 @@ class PermanentSet(Part):
         """Whether the DLO yields anywhere."""
         return around.rod.yields
 
-    def given(self, mesh: 'Discretization') -> Layers:
+    def given(self, mesh: Discretization) -> Layers:
         """Return the Layers without a set."""
         layers: Layers = yielding_layers(mesh.rod, mesh.bare.stiffness)
         return layers
 
-    def record(self, mesh: 'Discretization', left: Left, held: Held) -> Layers:
+    def record(self, mesh: Discretization, left: Left, held: Held) -> Layers:
         """Return the Layers, set as they are."""
         layers: Layers = mesh.given(self.name)
         return layers._replace(set=left['set'].copy())
 
-    def changes(self, mesh: 'Discretization', held: Held) -> bool:
+    def changes(self, mesh: Discretization, held: Held) -> bool:
         """Whether the DLO yields."""
         return mesh.yields
 
-    def none(self, mesh: 'Discretization', s: Floats) -> Left:
+    def none(self, mesh: Discretization, s: Floats) -> Left:
         """Return no set."""
         springs = mesh.given(self.name).set.shape[1] if mesh.yields else 0
         return {'set': np.zeros((s.size - 1, springs)), 'lost': np.array(0.0)}
@@ -75,13 +77,13 @@ class PermanentSet(Part):
         """Return the energy lost."""
         return {'dissipated': float(left['lost'])}
 
-    def stored(self, mesh: 'Discretization', left: Left, strains: Floats) -> float:
+    def stored(self, mesh: Discretization, left: Left, strains: Floats) -> float:
         """Return the energy in the springs, which a step that has ended leaves no loss in."""
         system, layers = mesh.static, self.record(mesh, left, Held())
         return float(add_plastic(system.lengths, strains, system.natural, layers,
                                  np.zeros_like(strains)))
 
-    def strains(self, mesh: 'Discretization', left: Left) -> Floats:
+    def strains(self, mesh: Discretization, left: Left) -> Floats:
         """Return the strains at which the springs balance."""
         moved: Floats = set_strains(mesh.bare.stiffness, self.record(mesh, left, Held()))
         return moved

@@ -19,6 +19,7 @@ from dlo_planner.direct.leading import grip_before, lead, parts_between
 from dlo_planner.direct.part import Solved
 from dlo_planner.direct.statics import equilibrium, solve
 from dlo_planner.energy.depth import depth
+from dlo_planner.energy.distance import Scene
 from dlo_planner.energy.potential import placed
 from dlo_planner.model.along import scaled
 from dlo_planner.model.far_end import FarEnd
@@ -66,7 +67,7 @@ def set_down(discretization: Discretization, gripper: Pose, strains: np.ndarray,
     return gripper, strains, history.with_forces(past)
 
 
-def _resisting_twist(discretization):
+def _resisting_twist(discretization: Discretization) -> Discretization:
     """Return a Discretization whose torsion is no softer than its bending; itself if it is not."""
     rod = discretization.rod
     twist, bend = rod.stiffness[0], min(rod.stiffness[1:])
@@ -107,7 +108,7 @@ def grown(discretization: Discretization, gripper: Pose, strains: np.ndarray, fa
     return gripper, strains, history
 
 
-def _thinner(scene, thin):
+def _thinner(scene: Scene, thin: float) -> Scene:
     """Return the Scene of a DLO whose surface is `thin` (m) deeper everywhere."""
     return scene._replace(radius=scene.radius - thin, radii=scene.radii - thin,
                           rounding=scene.rounding - thin)

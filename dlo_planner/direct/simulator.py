@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The direct simulator: from gripper poses to shapes."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from inspect import signature
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -274,7 +275,7 @@ _OPTIONS = tuple(name for name in signature(DirectSimulator).parameters
                  if name not in ('rod', 'grip'))  # what holds the DLO is theirs to say
 
 
-def known_options(options):
+def known_options(options: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return a dict of options of `DirectSimulator`; raise InvalidTask if there is another."""
     for name in options:
         choice('option', name, _OPTIONS)

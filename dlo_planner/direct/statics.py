@@ -2,27 +2,36 @@
 # SPDX-License-Identifier: Apache-2.0
 """One equilibrium: from a gripper's pose and a discretization to a Shape with its proof."""
 
+from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from dlo_planner.direct.acting import ACTING
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.far_hold import Limits, limits_of
 from dlo_planner.direct.hinge import pinned_newton
 from dlo_planner.direct.history import History
 from dlo_planner.direct.moments import balanced
-from dlo_planner.direct.part import Solved
+from dlo_planner.direct.part import Left, Part, Solved
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.state import State
 from dlo_planner.energy.effects import stored
-from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.energy.potential import State as KernelState
+from dlo_planner.energy.potential import System, unknowns_of
 from dlo_planner.minimize.hanging import hang
 from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.minimize.methods import search
+from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.multipliers import constrained_newton
 from dlo_planner.minimize.newton import NEUTRAL, gradient_noise, newton
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import freeze
+
+Found: TypeAlias = tuple[Any, ...]  # what `minimize.hanging.hang` returns
 
 TOLERANCE = 1e-10  # of the residual; the last step of a quadratic method overshoots it
 CONVERGED = 1e-8   # what is promised
@@ -39,7 +48,9 @@ _NO_PAST = np.zeros((0, 6))  # nothing has touched: where it was does not matter
 _IN_VAIN = 30      # Newton steps towards what is out of reach
 
 
-def equilibrium(discretization, gripper, strains, method='newton', history=None, far_end=None):
+def equilibrium(discretization: Discretization, gripper: Pose, strains: Floats,
+                method: str = 'newton', history: History | None = None,
+                far_end: FarEnd | None = None) -> tuple[Shape, int]:
     """Return the Shape that the DLO falls into from the given strains, and how often it kicked.
 
     Parameters
@@ -69,7 +80,8 @@ def equilibrium(discretization, gripper, strains, method='newton', history=None,
     return shape_of(discretization, gripper, found, history, far_end), found.kicks
 
 
-def hanging(discretization, gripper, strains, near=None, most=np.inf):
+def hanging(discretization: Discretization, gripper: Pose, strains: Floats,
+            near: Shape | None = None, most: float = np.inf) -> tuple[Shape, int]:
     """Return what `equilibrium` does for a DLO that hangs freely, see `Discretization.hangs`.
 
     Parameters
@@ -91,18 +103,19 @@ def hanging(discretization, gripper, strains, near=None, most=np.inf):
     return found_hanging(discretization, gripper, found), found[-1]
 
 
-def found_hanging(discretization, gripper, found):
+def found_hanging(discretization: Discretization, gripper: Pose, found: Found) -> Shape:
     """Return the Shape of a DLO that hangs freely with its error, as `hanging_shape` without."""
     estimate = partial(_estimate_hanging, discretization, gripper, found[0], found[2])
     return hanging_shape(discretization, gripper, found, 0.0, estimate)
 
 
-def unknown():
+def unknown() -> float:
     """Return the error of what is not estimated by itself."""
     return np.inf
 
 
-def hanging_shape(discretization, gripper, found, rounding, estimate=unknown):
+def hanging_shape(discretization: Discretization, gripper: Pose, found: Found, rounding: float,
+                  estimate: Callable[[], float] = unknown) -> Shape:
     """Return the Shape of a DLO that hangs freely.
 
     Parameters
@@ -123,12 +136,13 @@ def hanging_shape(discretization, gripper, found, rounding, estimate=unknown):
                  state=State(discretization, past, past, estimate))
 
 
-def hangs_still(residual, stability):
+def hangs_still(residual: Any, stability: Any) -> Any:
     """Whether a DLO that hangs freely is in a stable or neutral equilibrium."""
     return (residual < CONVERGED) & (stability > -NEUTRAL)
 
 
-def _estimate_hanging(discretization, gripper, strains, positions):
+def _estimate_hanging(discretization: Discretization, gripper: Pose, strains: Floats,
+                      positions: Floats) -> float:
     return _estimate(discretization, gripper, strains, positions - gripper.position, None, None)
 
 
@@ -137,8 +151,9 @@ NO_FRAMES = np.zeros((0, 3, 3))
 freeze(NO_FRAMES)
 
 
-def solve(discretization, system, gripper, q, history, most=MAX_ITERATIONS, check=True,
-          exact=EXACT, rounding=0.0):
+def solve(discretization: Discretization, system: System, gripper: Pose, q: Floats,
+          history: History | None, most: float = MAX_ITERATIONS, check: bool = True,
+          exact: float = EXACT, rounding: float = 0.0) -> Minimum:
     """Return the Minimum that is reached from q (m, 3) and the past `history` or None.
 
     Parameters
@@ -153,7 +168,7 @@ def solve(discretization, system, gripper, q, history, most=MAX_ITERATIONS, chec
         before = np.hstack([history.positions - gripper.position, history.tangents])
     newtons = pinned_newton if discretization.surroundings.pinned else constrained_newton
 
-    def solved(system, q):
+    def solved(system: System, q: Floats) -> Minimum:
         return newtons(system, q, TOLERANCE + rounding, most, check,
                        exact * discretization.s[-1], before)
 
@@ -162,7 +177,8 @@ def solve(discretization, system, gripper, q, history, most=MAX_ITERATIONS, chec
     return solved(system, q)
 
 
-def shape_of(mesh, gripper, found, history=None, far_end=None, rounding=0.0):
+def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, history: History | None = None,
+             far_end: FarEnd | None = None, rounding: float = 0.0) -> Shape:
     """Return the Shape of a kernel's result.
 
     Parameters
@@ -192,7 +208,7 @@ def shape_of(mesh, gripper, found, history=None, far_end=None, rounding=0.0):
                  state=State(mesh, past, history, estimate), **reports)
 
 
-def proved(solved, found, rounding=0.0):
+def proved(solved: Solved, found: Minimum, rounding: float = 0.0) -> bool:
     """Return whether a Minimum is a stable or neutral equilibrium that keeps all constraints.
 
     Parameters
@@ -212,7 +228,7 @@ def proved(solved, found, rounding=0.0):
                 and found.violation <= KEPT * mesh.s[-1])
 
 
-def _promised(solved, residual, rounding, bound):
+def _promised(solved: Solved, residual: float, rounding: float, bound: Sequence[Part]) -> bool:
     """Whether the residual is below what is promised, or where constrained, what rounding leaves.
 
     Forces that rounding errors hide, of a DLO that is nearly taut, are no answer.
@@ -224,7 +240,7 @@ def _promised(solved, residual, rounding, bound):
     return residual < max(promised, noise) + 100 * rounding and noise < _BLURRED
 
 
-def _elastic(solved, left):
+def _elastic(solved: Solved, left: Left) -> float:
     """Return the energy in J that is stored in the DLO after a step."""
     mesh, system, state = solved.mesh, solved.system, solved.state
     if system.natural is mesh.natural and mesh.isometric and not mesh.stores:
@@ -232,7 +248,7 @@ def _elastic(solved, left):
     return elastic_energy(mesh, state.strains, left)
 
 
-def elastic_energy(mesh, strains, left):
+def elastic_energy(mesh: Discretization, strains: Floats, left: Left) -> float:
     """Return the energy in J that is stored at strains (N, 3), after what effects have left."""
     system = mesh.static
     if not mesh.stores:
@@ -246,7 +262,7 @@ def elastic_energy(mesh, strains, left):
 _NOTHING = np.zeros(6)
 
 
-def _wrench(discretization, state):
+def _wrench(discretization: Discretization, state: KernelState) -> Floats:
     """Return force and moment (6,) on the DLO at its gripper."""
     moment = state.base_moment
     if discretization.surroundings.has_moments:
@@ -254,7 +270,8 @@ def _wrench(discretization, state):
     return np.concatenate([state.base_force, moment])
 
 
-def _estimate(discretization, gripper, strains, positions, history, far_end):
+def _estimate(discretization: Discretization, gripper: Pose, strains: Floats, positions: Floats,
+              history: History | None, far_end: FarEnd | None) -> float:
     """Return how far, in m, the nodes are from the true rod's: see `Shape.error_estimate`.
 
     The elements are of second order, so halving them removes three quarters of their error.

@@ -2,20 +2,32 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shapes and motions as npz or JSON files."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlo_planner.direct.contacts import Contact
 from dlo_planner.direct.history import History
 from dlo_planner.direct.json_arrays import read_json, write_json
 from dlo_planner.direct.state import State
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, shown
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Constant
+
+if TYPE_CHECKING:  # it imports this file
+    from dlo_planner.direct.shape import Shape
+
+T = TypeVar('T')
+ShapeT = TypeVar('ShapeT', bound='Shape')
 
 _FORMAT = 2  # 1: files of 0.1.0, which do not say what they hold
 _PAST, _WAY = 'past_', ('s', 'positions', 'tangents')
@@ -24,7 +36,7 @@ _NUMBERS = ('energy', 'elastic_energy', 'residual', 'stability', 'iterations', '
             'jumped', 'evaluations', 'violation', 'dissipated')
 
 
-def pack(shape, prefix=''):
+def pack(shape: Shape, prefix: str = '') -> dict[str, NDArray[Any]]:
     """Return a dict of arrays that hold all of a Shape but the rod and its surroundings."""
     packed = {name: getattr(shape, name) for name in _ARRAYS + _NUMBERS}
     packed['gripper'] = np.concatenate([shape.gripper.position, shape.gripper.quaternion])
@@ -42,9 +54,9 @@ def pack(shape, prefix=''):
     return {prefix + key: np.asarray(value) for key, value in packed.items()}
 
 
-def unpack(shape_class, stored, prefix=''):
+def unpack(shape_class: type[ShapeT], stored: Mapping[str, Any], prefix: str = '') -> ShapeT:
     """Return the Shape whose arrays are in the mapping `stored` under `prefix`."""
-    def get(name):
+    def get(name: str) -> Any:
         return stored[prefix + name]
 
     gripper = get('gripper')
@@ -64,7 +76,7 @@ def unpack(shape_class, stored, prefix=''):
                        state=State(history=history, estimate=Constant(estimate)), **values)
 
 
-def _history(past, frames):
+def _history(past: dict[str, Any], frames: Floats) -> History:
     """Return the History of arrays by name; those of older files lack some."""
     s, positions = past.pop('s'), past.pop('positions')
     tangents = past.pop('tangents', frames[:len(positions), :, 0])
@@ -74,7 +86,7 @@ def _history(past, frames):
     return History(s, past, positions, tangents)
 
 
-def save(path, arrays, kind):
+def save(path: str | PathLike[str], arrays: Mapping[str, Any], kind: str) -> None:
     """Write a mapping of arrays: as JSON where `path` ends with .json, else as compressed npz.
 
     Both keep every number exactly.
@@ -101,7 +113,7 @@ def save(path, arrays, kind):
                           f'{error}') from None
 
 
-def load(path, read, kind):
+def load(path: str | PathLike[str], read: Callable[[dict[str, NDArray[Any]]], T], kind: str) -> T:
     """Return what `read` makes of the mapping of arrays in a file that `save` wrote for a `kind`.
 
     Raises
@@ -129,10 +141,10 @@ def load(path, read, kind):
                           f'damaged: {error}') from None
 
 
-def _is_json(path):
+def _is_json(path: str | PathLike[str]) -> bool:
     return Path(path).suffix.lower() == '.json'
 
 
-def _read_npz(path):
+def _read_npz(path: str | PathLike[str]) -> dict[str, NDArray[Any]]:
     with np.load(path) as stored:
         return dict(stored)

@@ -10,10 +10,11 @@ import numpy as np
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.along import breaks_of
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, items, returned, vector
 from dlo_planner.model.obstacles import OBSTACLES, Sheet
 from dlo_planner.model.point_load import PointLoad
-from dlo_planner.model.profile import resolved
+from dlo_planner.model.profile import Profile, resolved
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
 
@@ -53,7 +54,7 @@ class Surroundings(Value):
     point_loads: tuple = ()
     grip: str = 'clamped'
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         instance('rod', self.rod, Rod)
         choice('grip', self.grip, GRIPPERS)
         put(self, gravity=vector('gravity', self.gravity, 3),
@@ -75,13 +76,13 @@ class Surroundings(Value):
         super().__post_init__()
 
     @cached_property
-    def load_profile(self):
+    def load_profile(self) -> Profile:
         """Profile of a load that varies along the DLO."""
         return resolved('load', lambda s: vector(f'load({s:g})', returned('load', self.load, s), 3),
                         self.rod.length, breaks_of(self.load), InvalidTask)
 
     @cached_property
-    def breaks(self):
+    def breaks(self) -> Floats:
         """(n,) arc lengths inside the DLO at which what acts on it, or it itself, jumps, m."""
         places = [one.s for one in self.point_loads
                   if one.s is not None and 0 < one.s < self.rod.length]
@@ -90,12 +91,12 @@ class Surroundings(Value):
         return np.union1d(self.rod.breaks, places)
 
     @cached_property
-    def has_moments(self):
+    def has_moments(self) -> bool:
         """Whether a dead moment acts somewhere."""
         return any(one.moment.any() for one in self.point_loads)
 
     @property
-    def pinned(self):
+    def pinned(self) -> bool:
         """Whether the DLO's beginning may turn in the gripper."""
         return self.grip == 'pinned'
 

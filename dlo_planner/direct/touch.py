@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Touching obstacles: the Record of contacts, and the forces that they leave to the next step."""
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,12 +49,12 @@ class Touch(Part):
         """Whether there are obstacles."""
         return bool(around.obstacles)
 
-    def given(self, mesh: 'Discretization') -> Scene:
+    def given(self, mesh: Discretization) -> Scene:
         """Return the Scene, for a gripper at the origin."""
         scene: Scene = build_scene(mesh.surroundings.obstacles, Surface.of(mesh.rod), mesh.s)
         return scene
 
-    def record(self, mesh: 'Discretization', left: Left, held: Held) -> Contact:
+    def record(self, mesh: Discretization, left: Left, held: Held) -> Contact:
         """Return the Contact with the forces that are left, relative to the gripper."""
         origin = np.zeros(3) if held.origin is None else held.origin
         spring = mesh.spring if held.far_end is None else _SOFTER * mesh.spring
@@ -63,11 +65,11 @@ class Touch(Part):
             points['multiplier'], points['fraction'], points['anchor'], points['normal'],
             points['shear'], spring))
 
-    def changes(self, mesh: 'Discretization', held: Held) -> bool:
+    def changes(self, mesh: Discretization, held: Held) -> bool:
         """Whether there are obstacles around a gripper that is somewhere."""
         return held.origin is not None and mesh.obstructed
 
-    def none(self, mesh: 'Discretization', s: Floats) -> Left:
+    def none(self, mesh: Discretization, s: Floats) -> Left:
         """Return no forces."""
         bodies = mesh.given(self.name).kind.size if mesh.obstructed else 0
         return {'node_force': np.zeros((bodies, s.size)), **_NO_POINTS}
@@ -110,12 +112,12 @@ class Touch(Part):
         return obstructed(system.contact)
 
 
-def _points(left):
+def _points(left: Left) -> dict[str, Any]:
     """Return the points of what is left, by the names of `Contacts`."""
     return {name: left[_POINT + name] for name in NO_POINTS}
 
 
-def _left(points):
+def _left(points: Left) -> dict[str, Any]:
     """Return points as they are left."""
     return {_POINT + name: values for name, values in points.items()}
 
