@@ -63,7 +63,6 @@ EXCEPTIONS = {
         'dlo_planner/plan/path.py:Leg.at': 4,
     },
     'file': {
-        'dlo_planner/direct/discretization.py': 320,
         'dlo_planner/direct/stepping.py': 380,
         'dlo_planner/energy/distance.py': 400,
         'dlo_planner/energy/potential.py': 310,

@@ -43,13 +43,13 @@ def step(discretization: Discretization, gripper: Pose, initial: Shape | None,
 
     Parameters
     ----------
-    initial
+    initial : Shape or None
         Shape to begin with. Of this DLO, its past counts; of any other, it is only a start.
-    history
+    history : History or None
         History that the DLO starts with if `initial` is not one of its shapes.
-    method, unknowns
+    method, unknowns : str, optional
         As `method` and `strains` of `DirectSimulator`.
-    most
+    most : float, optional
         Largest angle in rad by which a DLO that hangs freely may turn from `initial` in the gripper
         before the search is given up.
     """
@@ -96,11 +96,12 @@ def past_of(discretization: Discretization, initial: Shape | None,
 
     Parameters
     ----------
-    history
+    history : History or None
         History that counts if `initial` is None or of another rod.
     """
     known = None if initial is None else initial.state.history
-    if known is not None and not np.array_equal(known.positions, initial.positions):
+    if initial is not None and known is not None and not np.array_equal(known.positions,
+                                                                        initial.positions):
         # carried somewhere else since, or predicted: there it has touched nothing yet
         known = known.lasting()
     return discretization.past(known, history)
@@ -116,11 +117,11 @@ def accurate_equilibrium(first: Discretization, fine: str, accuracy: float, grip
 
     Parameters
     ----------
-    first
+    first : Discretization
         Discretization to begin with where there is no better one.
-    fine
+    fine : str
         Basis of better ones.
-    most
+    most : float, optional
         As in `step`.
     """
     discretization = _to_begin_with(first, fine, accuracy, initial, history)
@@ -152,7 +153,7 @@ def accurate_equilibrium(first: Discretization, fine: str, accuracy: float, grip
 
 def _mode_is_missed(shape: Shape, accuracy: float) -> bool:
     """Whether a local mesh shows that a Shape, which its series makes stable, falls aside."""
-    mesh = shape.state.mesh
+    mesh = shape.state.made_on
     if not mode_may_be_missed(shape) or mesh.rod.yields:  # what has yielded would yield again
         return False
     free = Discretization(mesh.surroundings, mesh.s, 'local', 0)
@@ -244,8 +245,8 @@ def _refined(discretization: Discretization, fine: str, shape: Shape,
 
 def _resolved(shape: Shape) -> bool:
     """Whether the elements of a DLO that hangs freely follow its bend, if roughly."""
-    return (shape.state.mesh.hangs
-            and shape.error_estimate < _RESOLVED * shape.state.mesh.s[-1])
+    return (shape.state.made_on.hangs
+            and shape.error_estimate < _RESOLVED * shape.state.made_on.s[-1])
 
 
 def _smooth_start(discretization: Discretization, shape: Shape) -> Floats:
@@ -254,12 +255,13 @@ def _smooth_start(discretization: Discretization, shape: Shape) -> Floats:
     Moments do not jump where stiffness and natural strains do: a search on a finer mesh begins
     nearer to its end than with steps.
     """
-    known = shape.state.mesh
+    known = shape.state.made_on
     moments = known.static.stiffness * (shape.element_strains - known.natural)
     strains = discretization.natural + (straight_between(known.s, moments, discretization.s)
                                         / discretization.static.stiffness)
     freeze(strains)
-    return strains
+    result: Floats = strains
+    return result
 
 
 def _at_once(discretization: Discretization, shape: Shape,

@@ -54,11 +54,11 @@ def brought(discretization: Discretization, previous: Shape | None, strains: Flo
 
     Parameters
     ----------
-    previous
+    previous : Shape or None
         Shape before. If None, the DLO is set down as it is, wherever that may be.
-    strains
-        (N, 3) element strains of it on this mesh.
-    history
+    strains : ndarray, shape (N, 3)
+        Element strains of it on this mesh.
+    history : History
         History on this mesh.
     """
     obstacles = discretization.surroundings.obstacles
@@ -70,9 +70,9 @@ def brought(discretization: Discretization, previous: Shape | None, strains: Flo
     parts = parts_between(begin, gripper, held, far_end, discretization.s[-1])
     if parts == 0:
         return Brought(gripper, strains, history)
-    if previous is None:
+    if previous is None and far_end is not None:
         return Brought(*set_down(discretization, gripper, strains, far_end, history))
-    if not obstacles:
+    if not obstacles and held is not None and far_end is not None:
         return Brought(*lead(discretization, strains, (begin, gripper), (held, far_end), history,
                              parts))
     done, step = 0.0, 1.0 / parts

@@ -85,9 +85,9 @@ def first_shape(discretization: Discretization, gripper: Pose, far_end: FarEnd |
 
     Parameters
     ----------
-    far_end
+    far_end : FarEnd or None
         FarEnd at time 0, or None.
-    history
+    history : History or None
         History that the DLO has if `initial` is not one of its shapes.
 
     Raises
@@ -155,9 +155,9 @@ def nodes_velocity(velocity: Velocity | None, initial: Shape | None, first: Shap
 
     Parameters
     ----------
-    velocity
+    velocity : array_like or callable or None
         (n + 1, 3) at the nodes of `initial`, a callable of s (m), or None.
-    initial
+    initial : Shape or None
         Shape. If None, its nodes are those of `first`.
 
     Raises
@@ -180,10 +180,10 @@ def check_velocity(masses: Floats, wanted: Floats, possible: Floats) -> None:
 
     Parameters
     ----------
-    masses
-        (N + 1,) masses of the nodes, kg.
-    wanted, possible
-        (N + 1, 3) velocities, m/s.
+    masses : ndarray, shape (N + 1,)
+        Masses of the nodes, kg.
+    wanted, possible : ndarray, shape (N + 1, 3)
+        Velocities, m/s.
     """
     size, change = (np.sqrt(masses @ np.sum(one**2, axis=1)) for one in (
         wanted, possible - wanted))

@@ -66,7 +66,8 @@ class Contact(Value):
     @property
     def vector(self) -> np.ndarray:
         """(3,) N, the whole force on the DLO."""
-        return self.force * self.normal + self.friction
+        result: np.ndarray = self.force * self.normal + self.friction
+        return result
 
 
 def contacts_of(discretization: Discretization, system: System, state: State,
@@ -77,6 +78,7 @@ def contacts_of(discretization: Discretization, system: System, state: State,
     scene, contacts = system.scene, system.contacts
     table = touching(scene, contacts, system.lengths, state)
     rotation, x = np.empty((3, 3)), np.empty(3)
+    rubbing = np.zeros((0, 3)) if state.attached is None else state.attached.force
     found = []
     for a in range(table.gap.size):
         o, e, c = table.obstacle[a], table.element[a], table.rubbing[a]
@@ -85,6 +87,6 @@ def contacts_of(discretization: Discretization, system: System, state: State,
         s = discretization.s[e] + table.fraction[a] * system.lengths[e]
         found.append(Contact(
             int(scene.source[o]), float(s), gripper.position + x, table.normal[a].copy(),
-            float(table.force[a]), np.zeros(3) if c < 0 else -state.attached.force[c],
+            float(table.force[a]), np.zeros(3) if c < 0 else -rubbing[c],
             float(max(0.0, -table.gap[a]))))
     return tuple(sorted(found, key=lambda contact: contact.s))

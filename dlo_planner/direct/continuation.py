@@ -36,16 +36,16 @@ def follow(equilibrium: Equilibrium, previous: Shape, gripper: Pose, far_end: Fa
 
     Parameters
     ----------
-    equilibrium
+    equilibrium : callable
         Function (gripper, initial, far_end, most) -> (Shape, how often an unstable shape was left
         on the way to it); where it leaves `initial` by more than `most` (rad) it may give up.
-    previous
+    previous : Shape
         Shape at the pose where the step starts.
-    gripper
+    gripper : Pose
         Pose where it ends.
-    far_end
+    far_end : FarEnd or None, optional
         FarEnd where it ends, or None.
-    halvings
+    halvings : int, optional
         How often the step may still be cut in two.
     """
     turn = angle_between(previous.gripper.rotation, gripper.rotation)
@@ -84,7 +84,7 @@ def leapt(equilibrium: Equilibrium, previous: Shape, shape: Shape, kicks: int) -
     ----------
     equilibrium, previous
         As for `follow`.
-    shape
+    shape : Shape
         What `equilibrium` returned for the whole step, and `kicks` with it.
     """
     if fell(previous, shape) or kicks and shape.far_end is not None:
@@ -135,8 +135,9 @@ def _allowed(previous: Shape, shape: Shape, turn: float) -> float:
 def shape_change(one: Shape, other: Shape) -> float:
     """Return the largest change of a node's rotation relative to the gripper, in rad."""
     if one.s is other.s and one.state.mesh is not None:
-        return largest_turn_between(one.frames, other.frames, one.gripper.rotation,
-                                    other.gripper.rotation, one.state.mesh.sampled)
+        result: float = largest_turn_between(one.frames, other.frames, one.gripper.rotation,
+                                             other.gripper.rotation, one.state.mesh.sampled)
+        return result
     if np.array_equal(one.s, other.s):
         at = np.searchsorted(one.s, SAMPLES * one.s[-1])
         here, there = one.frames[at], other.frames[at]
@@ -145,8 +146,9 @@ def shape_change(one: Shape, other: Shape) -> float:
         here, there = (np.array([shape.frame_at(s)[0] for s in samples / one.s[-1] * shape.s[-1]])
                        for shape in (one, other))
     freeze((here, there))
-    return largest_turn_between(here, there, one.gripper.rotation, other.gripper.rotation,
-                                np.arange(SAMPLES.size))
+    change: float = largest_turn_between(here, there, one.gripper.rotation, other.gripper.rotation,
+                                         np.arange(SAMPLES.size))
+    return change
 
 
 def between(one: Pose, other: Pose, fraction: float) -> Pose:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.acting import ACTING, always, others, renewed
-from dlo_planner.direct.history import History
+from dlo_planner.direct.history import History, past_on
 from dlo_planner.direct.mesh import mapped, with_breaks
 from dlo_planner.direct.part import Held, Part
 from dlo_planner.direct.surroundings import Surroundings
@@ -22,7 +22,7 @@ from dlo_planner.energy.potential import System
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.value import Value, freeze, put, same
+from dlo_planner.model.value import Value, freeze, put
 from dlo_planner.ritz.series import orthonormal_basis
 
 if TYPE_CHECKING:  # it imports this file
@@ -52,6 +52,10 @@ class Discretization(Value):
         Stiffness of contacts, N/m.
     hold_spring : float
         Stiffness of a grip of the far end, N/m.
+    bare : System
+        The System with what acts on every DLO.
+    start : History
+        The History of a DLO without a past, on this mesh.
     """
 
     PARTS = ('surroundings', 's', 'basis', 'n_terms')
@@ -61,6 +65,10 @@ class Discretization(Value):
     basis: str
     n_terms: int
     spring: float
+    hold_spring: float
+    bare: System
+    start: History
+    _given: dict[str, Any]
 
     def __init__(self, surroundings: Surroundings, s: Floats, basis: str, n_terms: int) -> None:
         put(self, surroundings=surroundings, s=s, basis=basis, n_terms=n_terms)
@@ -82,19 +90,13 @@ class Discretization(Value):
         put(self, bare=System(
             lengths, rod.mean_natural_strains(s), stiffness, scale,
             orthonormal_basis(basis, n_terms, s), np.eye(3), np.zeros(3), effects,
-            needs_of(effects, s.size), np.zeros((0, 3)), 0.0))
-        put(self, _given={})
-        put(self, _start=History.none(self))
-
-    @property
-    def _system(self) -> System:
-        """The System with what acts: kernels are compiled for one that hangs, and for others."""
-        return self.bare if self.hangs else self.full
+            needs_of(effects, s.size), np.zeros((0, 3)), 0.0), _given={})
+        put(self, start=History.none(self))
 
     @cached_property
     def full(self) -> System:
         """The System with all effects that a simulator may bring."""
-        return self.bare._replace(**others(self, self._start.left))
+        return self.bare._replace(**others(self, self.start.left))
 
     def given(self, name: str) -> Any:
         """Return what an effect of this name has that depends on neither grips nor past."""
@@ -113,7 +115,7 @@ class Discretization(Value):
     @property
     def lever(self) -> float:
         """A grip that is turned by 1 rad is missed by so much, m."""
-        return _LEVER * self.s[-1]
+        return float(_LEVER * self.s[-1])
 
     def system(self, rotation: Floats, origin: ArrayLike | None = None,
                history: History | None = None, far_end: FarEnd | None = None) -> System:
@@ -121,26 +123,26 @@ class Discretization(Value):
 
         Parameters
         ----------
-        rotation
-            (3, 3) rotation of the gripper.
-        origin
+        rotation : ndarray, shape (3, 3)
+            Rotation of the gripper.
+        origin : array_like or None, optional
             (3,) position of the gripper; only obstacles and a far end need it.
-        history
+        history : History or None, optional
             History on this mesh. If None, no past.
-        far_end
-            FarEnd or None.
+        far_end : FarEnd or None, optional
         """
-        system = self._system if far_end is None else self.full
+        system = self.static if far_end is None else self.full
         fields = {'base': np.array(rotation, dtype=float, order='C')}
         if origin is not None:
             fields['origin'] = origin = np.array(origin, dtype=float)
-        left = (self._start if history is None else history).left
+        left = (self.start if history is None else history).left
         return system._replace(**fields, **renewed(self, left, Held(origin, far_end)))
 
     @cached_property
     def load(self) -> Floats:
         """(3,) sum of the dead loads' `pull`, N."""
-        return self.bare.load.pull.sum(axis=0)
+        result: Floats = self.bare.load.pull.sum(axis=0)
+        return result
 
     @cached_property
     def loaded(self) -> bool:
@@ -150,7 +152,8 @@ class Discretization(Value):
     @cached_property
     def moments(self) -> Floats:
         """(N + 1, 3) dead moments on the nodes, N m."""
-        return node_moments(self.surroundings, self.s)
+        result: Floats = node_moments(self.surroundings, self.s)
+        return result
 
     @cached_property
     def hangs(self) -> bool:
@@ -200,12 +203,13 @@ class Discretization(Value):
     @cached_property
     def sampled(self) -> Ints:
         """(n,) nodes by which two shapes on this mesh are compared, see SAMPLES."""
-        return np.searchsorted(self.s, SAMPLES * self.s[-1])
+        result: Ints = np.searchsorted(self.s, SAMPLES * self.s[-1])
+        return result
 
     @cached_property
     def static(self) -> System:
-        """The System without gripper, past and far end."""
-        return self._system
+        """The System at rest: kernels are compiled for one that hangs freely, and for others."""
+        return self.bare if self.hangs else self.full
 
     def unknowns(self, strains: Floats) -> Floats:
         """Return q (m, 3) whose strains are nearest to `strains` (N, 3)."""
@@ -213,42 +217,17 @@ class Discretization(Value):
         values = (strains - system.natural) / system.scale
         if system.basis.shape[1]:
             values = system.basis.T @ (values * system.lengths[:, None])
-        return values
+        result: Floats = values
+        return result
 
     def strains_of(self, q: Floats) -> Floats:
         """Return (N, 3) the strains of unknowns q (m, 3)."""
         system = self.bare
         return system.natural + system.scale * (system.basis @ q if system.basis.shape[1] else q)
 
-    @property
-    def start(self) -> History:
-        """The History of a DLO without a past, on this mesh."""
-        return self._start
-
     def past(self, history: History | None, own: History | None = None) -> History:
-        """Return `history` (a History or None) on this mesh, as far as it belongs to this DLO.
-
-        A permanent set belongs to a rod; contacts and grips to a rod and all that acts on it: all
-        by value. What does not belong here is forgotten.
-
-        Parameters
-        ----------
-        own
-            History that counts if `history` is None or of another rod. If None, no past.
-        """
-        if history is None or not self._suits(history):
-            history = own
-        if history is None or not self._suits(history):
-            return self._start
-        known = history.of is None or same(history.of, self.surroundings)
-        if not known or not history.fits(self._start):
-            history = history.starting_as(self._start, self)
-        return history.on(self.s)
-
-    def _suits(self, history: History) -> bool:
-        """Whether a permanent set can be this rod's: its own, or of a rod that is not known."""
-        return (history.suits(self._start)
-                and (history.of is None or same(history.of.rod, self.rod)))
+        """Return `history.past_on` this mesh."""
+        return past_on(self, history, own)
 
     @property
     def n_unknowns(self) -> int:
@@ -291,7 +270,7 @@ class Discretization(Value):
         if 'lengths' in fields:
             s = np.concatenate([[0.0], np.cumsum(fields['lengths'])])
         put(other, surroundings=self.surroundings, s=s, basis=self.basis, n_terms=self.n_terms,
-            spring=self.spring, hold_spring=self.hold_spring, _start=self._start)
+            spring=self.spring, hold_spring=self.hold_spring, start=self.start)
         freeze(s)
         put(other, bare=self.bare._replace(**fields))
         put(other, _given={part.name: self.given(part.name) for part in ACTING

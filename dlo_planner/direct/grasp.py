@@ -10,6 +10,7 @@ The two do not touch each other; nothing else is neglected.
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +52,11 @@ class GraspedInside(Value):
 
     PARTS = ('rod', 'at', '_parts')
 
-    def __init__(self, rod: Rod, at: float, **options):
+    rod: Rod
+    at: float
+    _parts: tuple[DirectSimulator, ...]
+
+    def __init__(self, rod: Rod, at: float, **options: Any) -> None:
         instance('rod', rod, Rod)
         at = number('at', at, above=0, below=rod.length)
         load = options.pop('load', None)
@@ -77,7 +82,9 @@ class GraspedInside(Value):
         """Return the shapes along a slow motion; arguments as `DirectSimulator.track`."""
         grippers = poses(grippers)
         steps = Progress(progress, deadline)
-        before = (None, None) if initial is None else _parts_of(initial)
+        before: tuple[Shape | None, ...] = (None, None)
+        if initial is not None:
+            before = _parts_of(initial)
         joined = []
         for gripper in grippers:
             back, on = (part.track([pose], initial=shape)[0] for part, pose, shape in

@@ -36,7 +36,8 @@ def pinned_newton(system: System, q: Floats, tolerance: float, most: int, check:
     final = new_state(clamped)
     final.q[:] = own_unknowns(system, found.state.q)
     evaluate(clamped, final)
-    return found._replace(state=final, system=clamped)
+    result: Minimum = found._replace(state=final, system=clamped)
+    return result
 
 
 def with_hinge(system: System) -> System:
@@ -80,7 +81,8 @@ def own_unknowns(system: System, q: Floats) -> Floats:
 def turn_of(system: System, q: Floats) -> Floats:
     """Return (3, 3) the rotation of the hinge of unknowns q (m + 1, 3)."""
     turn = q[-1] if system.basis.shape[1] else q[0]
-    return Rotation.from_rotvec(turn / np.sqrt(bend_energy(system))).as_matrix()
+    result: Floats = Rotation.from_rotvec(turn / np.sqrt(bend_energy(system))).as_matrix()
+    return result
 
 
 def _basis(basis: Floats, term: float) -> Floats:

@@ -14,7 +14,7 @@ from dlo_planner.direct.acting import ACTING
 from dlo_planner.direct.part import Left, Solved
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.value import FrozenDict, Value, freeze, put
+from dlo_planner.model.value import FrozenDict, Value, freeze, put, same
 
 if TYPE_CHECKING:  # it imports this file
     from dlo_planner.direct.discretization import Discretization
@@ -99,22 +99,39 @@ class History(Value):
                                   for name, array in part.cleared(self.left).items()})
         return replace(cleared, positions=none, tangents=none)
 
-    def starting_as(self, start: History, mesh: Discretization) -> History:
-        """Return `lasting` for a mesh whose DLO, without a past, is `start`."""
-        lasting = self.lasting()
-        return lasting.leaving(**{
-            name: array for part in ACTING if not part.fits(self.left, start.left)
-            for name, array in part.none(mesh, self.s).items()})
-
-    def suits(self, start: History) -> bool:
-        """Whether what belongs to its rod may be of the DLO that is `start` without a past."""
-        return all(part.fits(self.left, start.left) for part in ACTING if part.of_rod)
-
-    def fits(self, start: History) -> bool:
-        """Whether all may be of the DLO that is `start` without a past."""
-        return all(part.fits(self.left, start.left) for part in ACTING)
-
     @property
     def lasts(self) -> bool:
         """Whether the DLO is for good another one than it was made."""
         return any(part.lasts(self.left) for part in ACTING)
+
+
+def past_on(mesh: Discretization, history: History | None, own: History | None = None) -> History:
+    """Return `history` on a mesh, as far as it belongs to the DLO there.
+
+    What an effect left for good belongs to a rod; contacts and grips to a rod and all that acts on
+    it: all by value. What does not belong there is forgotten.
+
+    Parameters
+    ----------
+    mesh : Discretization
+    history : History or None
+    own : History or None, optional
+        History that counts if `history` is None or of another rod. If None, no past.
+    """
+    if history is None or not _suits(history, mesh):
+        history = own
+    if history is None or not _suits(history, mesh):
+        return mesh.start
+    known = history.of is None or same(history.of, mesh.surroundings)
+    fits = [part.fits(history.left, mesh.start.left) for part in ACTING]
+    if not (known and all(fits)):
+        history = history.lasting().leaving(**{
+            name: array for part, good in zip(ACTING, fits, strict=True) if not good
+            for name, array in part.none(mesh, history.s).items()})
+    return history.on(mesh.s)
+
+
+def _suits(history: History, mesh: Discretization) -> bool:
+    """Whether what was left for good can be this rod's: its own, or of a rod that is not known."""
+    return (all(part.fits(history.left, mesh.start.left) for part in ACTING if part.of_rod)
+            and (history.of is None or same(history.of.rod, mesh.rod)))

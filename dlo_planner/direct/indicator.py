@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze, put
 from dlo_planner.ritz.truncation import OF_AN_ARC, truncation
@@ -42,7 +42,7 @@ def surely_within(shape: Shape, accuracy: float, mesh: Discretization | None = N
     mesh : Discretization, optional
         Mesh to which the shape would be transferred. If None, its own.
     """
-    here = shape.state.mesh if mesh is None else mesh
+    here = shape.state.made_on if mesh is None else mesh
     times = _times(shape, here.rod)
     if (times is None or not here.told_by_truncation
             or shape.stability < _STABLE and (shape.far_end is None or here.basis != 'local')):
@@ -54,7 +54,7 @@ def surely_within(shape: Shape, accuracy: float, mesh: Discretization | None = N
 
 
 def hanging_surely_within(mesh: Discretization, stability: np.ndarray, truncated: np.ndarray,
-                          accuracy: float) -> np.ndarray:
+                          accuracy: float | Floats) -> Bools:
     """Return (n,) what `surely_within` says of DLOs that hang freely.
 
     Parameters
@@ -76,7 +76,7 @@ def mode_may_be_missed(shape: Shape) -> bool:
     A series that is short may well follow the shape and still not the mode in which it falls: ten
     Chebyshev terms make a straight rod under tension T L^2 = 50 EI bear 1 % too much torsion.
     """
-    return bool(shape.state.mesh.basis != 'local' and shape.stability < _STABLE)
+    return bool(shape.state.made_on.basis != 'local' and shape.stability < _STABLE)
 
 
 def like_before(shape: Shape, before: Shape | None, accuracy: float) -> bool:
@@ -106,10 +106,10 @@ def like_coarser(shape: Shape, coarse: Shape | None, accuracy: float) -> bool:
     coarse : Shape or None
         In the same gripper, of the same DLO. If None, nothing is known.
     """
-    if (coarse is None or shape.stability < _STABLE or not shape.state.mesh.hangs
-            or shape.far_end is not None or coarse.state.mesh.basis != 'local'
-            or shape.state.mesh.basis != 'local'
-            or not shape.state.mesh.told_by_truncation):
+    if (coarse is None or shape.stability < _STABLE or not shape.state.made_on.hangs
+            or shape.far_end is not None or coarse.state.made_on.basis != 'local'
+            or shape.state.made_on.basis != 'local'
+            or not shape.state.made_on.told_by_truncation):
         return False
     then, now = _truncated(coarse), _truncated(shape)
     return bool(then > 0 and _LIKE * coarse.error_estimate * now <= accuracy * then)
@@ -127,7 +127,7 @@ def elements_for(shape: Shape, s: np.ndarray, accuracy: float) -> int:
     accuracy : float
         Accuracy in m.
     """
-    mesh, h = shape.state.mesh, np.diff(s)
+    mesh, h = shape.state.made_on, np.diff(s)
     middle = 0.5 * (mesh.s[1:] + mesh.s[:-1])
     rate = np.abs(np.diff(shape.element_strains - mesh.natural, axis=0)).sum(axis=1)
     rate = np.interp(0.5 * (s[1:] + s[:-1]), mesh.s[1:-1], rate / np.diff(middle))
@@ -140,7 +140,7 @@ def _truncated(shape: Shape) -> float:
     """Return `truncation` of a Shape from a simulator, which is computed once."""
     known = shape.__dict__.get('_truncated')
     if known is None:
-        known = _truncation(shape.state.mesh, shape.element_strains)
+        known = _truncation(shape.state.made_on, shape.element_strains)
         put(shape, _truncated=known)
     return known
 
@@ -148,7 +148,8 @@ def _truncated(shape: Shape) -> float:
 def _truncation(mesh: Discretization, strains: Floats) -> float:
     system = mesh.static
     freeze(strains)  # as those of a Shape are
-    return truncation(system.lengths, strains, system.natural, system.scale, system.basis)
+    result: float = truncation(system.lengths, strains, system.natural, system.scale, system.basis)
+    return result
 
 
 def _times(shape: Shape, rod: Rod) -> float | None:

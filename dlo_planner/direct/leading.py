@@ -30,13 +30,13 @@ def lead(discretization: Discretization, strains: Floats, grippers: tuple[Pose, 
 
     Parameters
     ----------
-    strains
-        (N, 3) strains at the beginning.
-    grippers
+    strains : ndarray, shape (N, 3)
+        Strains at the beginning.
+    grippers : tuple
         Two Poses.
-    far_ends
+    far_ends : tuple
         Two FarEnds of the same grip.
-    parts
+    parts : int
         Number of parts into which the way is cut.
     """
     begin, end = grippers
@@ -94,7 +94,7 @@ def grip_before(discretization: Discretization, previous: Shape | None, strains:
 
 def grip_at(held: FarEnd | None, far_end: FarEnd | None, share: float) -> FarEnd | None:
     """Return the FarEnd at a `share` of the way from `held` to `far_end`."""
-    if far_end is None or share == 1.0:
+    if held is None or far_end is None or share == 1.0:
         return far_end
     return FarEnd(between(held.pose, far_end.pose, share), far_end.grip)
 
@@ -103,11 +103,11 @@ def parts_between(begin: Pose, gripper: Pose, held: FarEnd | None, far_end: FarE
                   length: float) -> int:
     """Return in how many parts the motion is to be made at least; 0 if there is none."""
     pairs = [(begin, gripper)]
-    if far_end is not None:
+    if held is not None and far_end is not None:
         pairs.append((held.pose, far_end.pose))
-    parts = 0.0
+    parts: float = 0.0
     for one, other in pairs:
-        shift = np.linalg.norm(other.position - one.position)
+        shift = float(np.linalg.norm(other.position - one.position))
         turn = angle_between(one.rotation, other.rotation)
         if far_end is None:
             parts = max(parts, 1.0 if shift + turn > 0 else 0.0)

@@ -82,8 +82,9 @@ def _table(mesh: Discretization, s: Floats, rods: Sequence[Rod]) -> RodTable:
     lengths, mesh_of = np.unique([rod.length for rod in rods], return_inverse=True)
     nodes = np.array([scaled_nodes(s, length) for length in lengths])
     h, mesh_of = np.diff(nodes), mesh_of.ravel()
-    stiffness = np.array([(rod.torsional_stiffness, *rod.bending_stiffness) for rod in rods])
-    natural = np.array([(rod.natural_twist, *rod.natural_curvature) for rod in rods])
+    even_rods: Sequence[Any] = rods  # whose parameters are numbers, see `even`
+    stiffness = np.array([(rod.torsional_stiffness, *rod.bending_stiffness) for rod in even_rods])
+    natural = np.array([(rod.natural_twist, *rod.natural_curvature) for rod in even_rods])
     elements, strains = (np.repeat(one[:, None], h.shape[1], axis=1)
                          for one in (stiffness, natural))
     freeze(strains)
@@ -106,8 +107,9 @@ def _pulls(around: Surroundings, rods: Sequence[Rod], nodes: Floats) -> Floats:
     masses[:, -1] += [rod.tip_mass for rod in rods]
     for k in (k for k, rod in enumerate(rods) if rod.point_masses):
         masses[k] = node_masses(rods[k], nodes[k])
-    if around.load is not None:
-        half = 0.5 * h[:, :, None] * around.load
+    load: Any = around.load
+    if load is not None:
+        half = 0.5 * h[:, :, None] * load
         forces[:, :-1] += half
         forces[:, 1:] += half
     return -masses[:, :, None] * around.gravity - forces

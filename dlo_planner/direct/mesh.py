@@ -2,26 +2,30 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the nodes of a DLO are: at equal distances, or graded to the bend; always at its jumps."""
 
+from typing import Any, TypeAlias
+
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
+
+Breaks: TypeAlias = NDArray[np.float64] | tuple[()]
 
 _NEAR = 0.3  # of an element: a node nearer to a jump moves there
 
 
-def even_mesh(length: float, elements: int, breaks: ArrayLike = ()) -> NDArray[np.float64]:
+def even_mesh(length: float, elements: int, breaks: Breaks = ()) -> NDArray[np.float64]:
     """Return nodes (elements + 1,): between jumps equal elements, about as long everywhere.
 
     Parameters
     ----------
-    length
+    length : float
         Length in m.
-    elements
+    elements : int
         Number of elements. If there are more jumps than that, the jumps are ignored.
-    breaks
-        (n,) arc lengths of jumps, ascending, inside the DLO, m.
+    breaks : ndarray, shape (n,), optional
+        Arc lengths of jumps, ascending, inside the DLO, m.
     """
     if not len(breaks) or len(breaks) + 1 > elements:
-        s = np.arange(elements + 1) * (length / elements)
+        s = np.arange(elements + 1.0) * np.float64(length / elements)
         s[-1] = length
         return s
     ends = np.concatenate([[0.0], breaks, [length]])
@@ -35,7 +39,7 @@ def even_mesh(length: float, elements: int, breaks: ArrayLike = ()) -> NDArray[n
 
 
 def graded_mesh(s: NDArray[np.float64], strains: NDArray[np.float64], elements: int,
-                breaks: ArrayLike = ()) -> NDArray[np.float64]:
+                breaks: Breaks = ()) -> NDArray[np.float64]:
     """Return nodes that share out evenly the error of arcs of constant strain.
 
     An arc whose strain should change at the rate u' misplaces its far end by about h^3 |u'|, so
@@ -44,14 +48,14 @@ def graded_mesh(s: NDArray[np.float64], strains: NDArray[np.float64], elements: 
 
     Parameters
     ----------
-    s
-        (N + 1,) nodes of a known shape.
-    strains
-        (N, 3) its strains, less what jumps in the natural ones.
-    elements
+    s : ndarray, shape (N + 1,)
+        Nodes of a known shape.
+    strains : ndarray, shape (N, 3)
+        Its strains, less what jumps in the natural ones.
+    elements : int
         Number of elements wanted; jumps may add some.
-    breaks
-        (n,) arc lengths of jumps, m.
+    breaks : ndarray, shape (n,), optional
+        Arc lengths of jumps, m.
     """
     middle = 0.5 * (s[1:] + s[:-1])
     rate = np.linalg.norm(np.diff(strains, axis=0), axis=1) / np.diff(middle)
@@ -65,7 +69,7 @@ def graded_mesh(s: NDArray[np.float64], strains: NDArray[np.float64], elements: 
     return with_breaks(nodes, breaks)
 
 
-def with_breaks(s: NDArray[np.float64], breaks: ArrayLike) -> NDArray[np.float64]:
+def with_breaks(s: NDArray[Any], breaks: Breaks) -> NDArray[np.float64]:
     """Return nodes with one at each jump: a near one moves there, else one is added."""
     if not len(breaks):
         return s

@@ -40,7 +40,7 @@ def modes_along(shapes: Iterable[Shape], n: int = 4) -> tuple[Modes, ...]:
     """
     shapes = items('shapes', shapes, Shape)
     n = integer('n', n, minimum=1, maximum=MOST)
-    tracked = []
+    tracked: list[Modes] = []
     for k, shape in enumerate(shapes):
         linear = Linearized(shape, f'shapes[{k}]')
         if not tracked:
@@ -99,8 +99,8 @@ def _turned(like: Floats, found: Floats) -> Floats:
 
     Parameters
     ----------
-    like
-        (n, c) products of the modes before with the coordinates.
+    like : ndarray, shape (n, c)
+        Products of the modes before with the coordinates.
     """
     product = like @ found
     nearest = np.sort(np.argsort(-np.sum(product**2, axis=1), kind='stable')[:found.shape[1]])
@@ -108,4 +108,5 @@ def _turned(like: Floats, found: Floats) -> Floats:
     count = len(nearest)
     turn = right.T.copy()
     turn[:, :count] = right[:count].T @ left.T
-    return found @ turn
+    result: Floats = found @ turn
+    return result

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import LinAlgError, eigh
@@ -70,14 +70,14 @@ class Modes(Value):
         to 1: the product of their displacements in the mass metric; 1 for a single shape.
     """
 
-    s: np.ndarray
-    masses: np.ndarray
-    frequencies: np.ndarray
-    damping_ratios: np.ndarray
-    displacements: np.ndarray
-    participation: np.ndarray
-    overlap: np.ndarray | None = None
-    _estimate: Callable | None = field(default=None, compare=False)
+    s: Floats
+    masses: Floats
+    frequencies: Floats
+    damping_ratios: Floats
+    displacements: Floats
+    participation: Floats
+    overlap: Floats | None = None
+    _estimate: Callable[[], Floats] | None = field(default=None, compare=False)
 
     REMEMBERED = ('error_estimate',)
 
@@ -108,17 +108,18 @@ class Modes(Value):
         return self.frequencies.size
 
     @property
-    def periods(self) -> np.ndarray:
+    def periods(self) -> Floats:
         """(n,) s, without damping."""
         return 1 / self.frequencies
 
     @cached_property
-    def error_estimate(self) -> np.ndarray:
+    def error_estimate(self) -> Floats:
         """(n,) estimated relative error of each frequency.
 
         From the modes of the DLO with every element halved and without its series, computed when
         this is first read; infinite if they are not found, nan for Modes made of numbers.
         """
+        assert self._estimate is not None  # see __post_init__
         found = self._estimate()
         freeze(found)
         return found
@@ -132,8 +133,8 @@ def modes_of(shape: Shape, n: int) -> Modes:
     return modes_from(linear, vibration, squares, found, np.arange(squares.size))
 
 
-def modes_from(linear: Linearized, vibration: Vibration, squares: np.ndarray, found: np.ndarray,
-               places: np.ndarray, overlap: np.ndarray | None = None) -> Modes:
+def modes_from(linear: Linearized, vibration: Vibration, squares: Floats, found: Floats,
+               places: Ints, overlap: Floats | None = None) -> Modes:
     """Return the Modes that `solved` found about a Linearized shape.
 
     Parameters
@@ -153,7 +154,8 @@ def modes_from(linear: Linearized, vibration: Vibration, squares: np.ndarray, fo
     rates = np.sqrt(squares)
     displacements = np.moveaxis(vibration.jacobian @ found, 2, 0)
     # the damping matrix: drag M + viscosity times the elastic stiffness alone, weight damps nothing
-    drag, viscosity = shape.rod.damping
+    damping: Any = shape.state.made_on.rod.damping
+    drag, viscosity = damping
     viscous = np.einsum('ei,eim->m', vibration.resistance, (vibration.strains @ found) ** 2)
     participation = np.einsum('k,mki,kij->mj', vibration.masses, displacements, vibration.carried)
     return Modes(shape.s, vibration.masses, rates / (2 * np.pi),
@@ -161,7 +163,7 @@ def modes_from(linear: Linearized, vibration: Vibration, squares: np.ndarray, fo
                  partial(_error, linear, rates, places))
 
 
-def solved(vibration: Vibration, n: int, name: str) -> tuple[np.ndarray, np.ndarray]:
+def solved(vibration: Vibration, n: int, name: str) -> tuple[Floats, Floats]:
     """Return (n,) squares of the angular frequencies, 1/s^2, ascending, and modes (c, n).
 
     Each mode has the generalized mass 1, and the largest component of its displacements is
@@ -211,7 +213,8 @@ def _definite(vibration: Vibration, name: str) -> Floats:
     masses = np.sum(vectors * (vibration.mass @ vectors), axis=0)
     if (values < -HELD_NEUTRAL).any() or (masses[low] > _STILL * masses.max()).any():
         raise InvalidTask(f'{name}: expected a stable one, from which every motion takes energy')
-    return vibration.stiffness + (vectors[:, low] * (1.0 - values[low])) @ vectors[:, low].T
+    own: Floats = vectors[:, low]
+    return vibration.stiffness + (own * (1.0 - values[low])) @ own.T
 
 
 def _signs(displacements: Floats) -> Floats:

@@ -34,14 +34,14 @@ def balanced(solved: Callable[[System, Floats], Minimum], system: System, q: Flo
 
     Parameters
     ----------
-    solved
+    solved : callable
         Function (system, q) -> Minimum.
-    system
+    system : System
         System without the moments.
-    q
-        (m, 3) unknowns to begin with.
-    moments
-        (N + 1, 3) moments on the nodes, N m, world axes.
+    q : ndarray, shape (m, 3)
+        Unknowns to begin with.
+    moments : ndarray, shape (N + 1, 3)
+        Moments on the nodes, N m, world axes.
     """
     free, unit = system, np.abs(moments).sum()
     state = new_state(system)
@@ -49,7 +49,8 @@ def balanced(solved: Callable[[System, Floats], Minimum], system: System, q: Flo
     evaluate(system, state)
     known = _couples(system.lengths, state.strains, state.rotations, moments) / unit
     strains, iterations = state.strains, 0
-    tried, missed = [], []
+    tried: list[Floats] = []
+    missed: list[Floats] = []
     for _ in range(_ROUNDS):
         loaded = _pulled(system, free, unit * known)
         found = solved(loaded, placed(loaded, strains).q)

@@ -61,9 +61,10 @@ class Moving(Setup):
             self._judge_end(end)
         grips = moving_grips(grippers, ends, dt, velocity is None, initial)
         start, mesh = self._beginning(grippers[0], ends[0], initial)
-        return simulate(make(mesh, grips, dt, self.method), start,
-                        nodes_velocity(velocity, initial, start), len(grippers),
-                        task.integrator, tolerance, steps, initial)
+        result: Motion = simulate(make(mesh, grips, dt, self.method), start,
+                                  nodes_velocity(velocity, initial, start), len(grippers),
+                                  task.integrator, tolerance, steps, initial)
+        return result
 
     def _beginning(self, gripper: Pose, far_end: FarEnd | None,
                    initial: Shape | None) -> tuple[Shape, Discretization]:
@@ -73,7 +74,7 @@ class Moving(Setup):
         if self.accuracy is not None:
             known, _ = self._equilibrium(gripper, initial, far_end)
             if known.state.mesh is not mesh or mesh.s.size <= _ENOUGH:
-                mesh = moving_mesh(known.state.mesh)
+                mesh = moving_mesh(known.state.made_on)
         if initial is not None:
             return first_shape(mesh, gripper, far_end, initial, self._history), mesh
         return step(mesh, gripper, known, self._history, far_end, self.method)[0], mesh

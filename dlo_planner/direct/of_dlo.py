@@ -95,7 +95,8 @@ class OfDLO(Curve):
         Elastic, and so an upper bound where the section has yielded.
         """
         section = self._section()
-        return self.surface_strain * np.array([section.youngs_modulus, section.shear_modulus])
+        moduli: Floats = np.array([section.youngs_modulus, section.shear_modulus])
+        return self.surface_strain * moduli
 
     def _section(self) -> Section:
         if self.rod is None or self.rod.section is None:

@@ -47,7 +47,7 @@ class Sensitivity:
 
     Parameters
     ----------
-    shape
+    shape : Shape
         Converged Shape of a simulator (not from a file, not grasped inside).
 
     Raises
@@ -66,7 +66,7 @@ class Sensitivity:
         self.shape = shape
         here, gripper = shape.state.mesh, shape.gripper
         # the past before the step: what yields in it, yields along with the gripper
-        past = shape.state.before.holding(shape.state.history)
+        past = shape.state.held
         system = here.system(gripper.rotation, gripper.position, past, shape.far_end)
         q = here.unknowns(shape.element_strains)
         if shape.contacts:
@@ -88,17 +88,20 @@ class Sensitivity:
         shape = self.shape
         element = min(int(shape.s.searchsorted(s, side='right')) - 1, shape.s.size - 2)
         fraction = (s - shape.s[element]) / (shape.s[element + 1] - shape.s[element])
-        return _twists_inside(self._system, self._state, self._answers, self._columns,
-                              self._nodes[element], element, float(fraction))
+        result: Floats = _twists_inside(self._system, self._state, self._answers, self._columns,
+                                        self._nodes[element], element, float(fraction))
+        return result
 
     @cached_property
     def _nodes(self) -> Floats:
         """(N + 1, 6, 6) the same at all nodes: of one shape, several places are asked for."""
-        return _node_twists(self._system, self._state, self._answers, self._columns)
+        result: Floats = _node_twists(self._system, self._state, self._answers, self._columns)
+        return result
 
     @property
     def _columns(self) -> int:
-        return self._hessian.cross.shape[2]
+        result: int = self._hessian.cross.shape[2]
+        return result
 
     @property
     def strains(self) -> Floats:
@@ -106,17 +109,19 @@ class Sensitivity:
         values = np.moveaxis(self._answers, 0, 2)
         if self._system.basis.shape[1]:
             values = np.einsum('em,mik->eik', self._system.basis, values)
-        return self._system.scale[:, :, None] * values
+        result: Floats = self._system.scale[:, :, None] * values
+        return result
 
     def strains_by(self, slopes: Floats) -> Floats:
         """Return (k, N, 3) the changes of the elements' strains under k changes of the potential.
 
         Parameters
         ----------
-        slopes
-            (k, N, 3) derivatives of these changes by the elements' strains, J m.
+        slopes : ndarray, shape (k, N, 3)
+            Derivatives of these changes by the elements' strains, J m.
         """
-        return _strains_by(self._system, self._hessian, slopes)
+        result: Floats = _strains_by(self._system, self._hessian, slopes)
+        return result
 
     def slope_of(self, **fields: Floats) -> tuple[Floats, Floats]:
         """Return the potential's slope (N, 3) by the strains, and the nodes' places (N + 1, 3).
@@ -155,13 +160,13 @@ class Sensitivity:
         To first order: what one step of Newton's method with the known Hessian makes of it. Its
         arc lengths are those of the same elements; energy and wrench are those of before.
         """
-        return self.predicted_on(self.shape.state.mesh.of(rod))
+        return self.predicted_on(self.shape.state.made_on.of(rod))
 
     def predicted_on(self, other: Discretization) -> Shape:
         """Return `predicted` for a rod whose Discretization, with as many elements, is known."""
         shape, gripper = self.shape, self.shape.gripper
         system = other.system(gripper.rotation, gripper.position,
-                              shape.state.before.holding(shape.state.history), shape.far_end)
+                              shape.state.held, shape.far_end)
         known = self._system
         # in the unknowns, and with the springs of constraints, of which the known Hessian is
         system = system._replace(scale=known.scale, contact=known.contact, hold=known.hold)

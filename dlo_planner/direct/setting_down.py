@@ -54,16 +54,17 @@ def set_down(discretization: Discretization, gripper: Pose, strains: np.ndarray,
     alone = firm.alone if amid else firm
     past = alone.past(history)
     held = grip_before(alone, None, strains, gripper, far_end)
+    assert held is not None  # as far_end is not
     parts = parts_between(gripper, gripper, held, far_end, alone.s[-1])
     gripper, strains, past = lead(alone, strains, (gripper, gripper), (held, far_end), past, parts)
     if amid:
         shape, _ = equilibrium(alone, gripper, strains, 'newton', past, far_end)
-        past = firm.past(history).leaving(hold=shape.state.history.left['hold'])
+        past = firm.past(history).leaving(hold=shape.state.left.left['hold'])
         gripper, strains, past = grown(firm, shape.gripper, np.array(shape.element_strains),
                                        far_end, past)
     if firm is not discretization:
         shape, _ = equilibrium(firm, gripper, strains, 'newton', past, far_end)
-        gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape.state.history
+        gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape.state.left
     return gripper, strains, history.with_forces(past)
 
 

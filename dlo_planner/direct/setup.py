@@ -46,6 +46,7 @@ class Setup(Value):
     strains: str
     basis: str
     accuracy: float | None
+    _fine: str
     _history: History | None
     _discretization: Discretization
 

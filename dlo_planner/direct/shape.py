@@ -208,12 +208,12 @@ class Shape(OfDLO):
                        element_strains=mapped(self.s, self.element_strains, s),
                        state=self.state.resampled(s, self.error_estimate))
 
-    def save(self, path: str | PathLike) -> None:
+    def save(self, path: str | PathLike[str]) -> None:
         """Write the shape as npz, or JSON (see `Plan.save`): all but rod and surroundings."""
         save(path, pack(self), 'Shape')
 
     @classmethod
-    def load(cls, path: str | PathLike) -> 'Shape':
+    def load(cls, path: str | PathLike[str]) -> 'Shape':
         """Return the Shape saved at `path`; it can start a simulation of the same rod.
 
         Raises

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.deprecated import renamed
 from dlo_planner.direct.accuracy import first_mesh, held_by, within
+from dlo_planner.direct.beginning import Velocity
 from dlo_planner.direct.continuation import follow, leapt
 from dlo_planner.direct.described import STRAINS
 from dlo_planner.direct.discretization import Discretization
@@ -25,6 +26,8 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.methods import METHODS
 from dlo_planner.model.checks import choice, instance, integer, number, shown
 from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.obstacles import Obstacle
+from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import put
@@ -88,9 +91,12 @@ class DirectSimulator(Moving):
     def __init__(self, rod: Rod, *, n_elements: int | None = None, n_terms: int | None = None,
                  basis: str | None = None, method: str = 'newton', strains: str = 'components',
                  accuracy: float | None = None, gravity: ArrayLike = STANDARD_GRAVITY,
-                 load: ArrayLike | Callable | None = None, obstacles: Iterable = (),
-                 point_loads: Iterable = (), grip: str = 'clamped'):
-        around = Surroundings(rod, gravity, load, obstacles, point_loads, grip)
+                 load: ArrayLike | Callable[[float], ArrayLike] | None = None,
+                 obstacles: Iterable[Obstacle] = (), point_loads: Iterable[PointLoad] = (),
+                 grip: str = 'clamped') -> None:
+        given: Any = {'gravity': gravity, 'load': load, 'obstacles': obstacles,
+                      'point_loads': point_loads}  # judged there
+        around = Surroundings(rod, grip=grip, **given)
         fixed = n_elements is not None or n_terms is not None
         put(self, surroundings=around, _history=None, method=choice('method', method, METHODS),
             strains=choice('strains', strains, STRAINS),
@@ -145,7 +151,7 @@ class DirectSimulator(Moving):
         return replace(shape, jumped=True) if jumped and not shape.jumped else shape
 
     def track(self, grippers: Iterable[Pose], progress: OnProgress = None,
-              initial: Shape | None = None, *, far_ends: Iterable | None = None,
+              initial: Shape | None = None, *, far_ends: Iterable[Any] | None = None,
               deadline: float | None = None) -> list[Shape]:
         """Return the shapes along a slow motion, each the continuation of the one before.
 
@@ -191,8 +197,8 @@ class DirectSimulator(Moving):
         return shapes
 
     def simulate(self, grippers: Iterable[Pose], dt: float,
-                 initial: Shape | Motion | None = None, *, far_ends: Iterable | None = None,
-                 velocity: ArrayLike | Callable | None = None, tolerance: float | None = None,
+                 initial: Shape | Motion | None = None, *, far_ends: Iterable[Any] | None = None,
+                 velocity: Velocity | None = None, tolerance: float | None = None,
                  integrator: str = 'generalized_alpha', progress: OnProgress = None,
                  deadline: float | None = None) -> Motion:
         """Return the Motion of the DLO under moving grips, with inertia and damping.
@@ -256,19 +262,20 @@ class DirectSimulator(Moving):
         if self.accuracy is None:
             return self._discretization
         if (shape is not None and self._made(shape)
-                and shape.state.mesh.basis in (self.basis, self._fine)
+                and shape.state.made_on.basis in (self.basis, self._fine)
                 and within(shape, self.accuracy)):
-            return shape.state.mesh
-        return self._equilibrium(gripper, shape, None)[0].state.mesh
+            return shape.state.made_on
+        return self._equilibrium(gripper, shape, None)[0].state.made_on
 
 
 def clamping(name: str, simulator: object) -> DirectSimulator:
     """Return a DirectSimulator whose gripper clamps the DLO; raise InvalidTask naming `name`."""
-    instance(name, simulator, DirectSimulator)
-    if simulator.surroundings.pinned:
+    direct: DirectSimulator = instance(name, simulator, DirectSimulator)
+    if direct.surroundings.pinned:
         raise InvalidTask(f'{name}.grip = \'pinned\': expected \'clamped\', which plans are made '
                           'for')
-    return simulator
+    result: DirectSimulator = direct
+    return result
 
 
 _OPTIONS = tuple(name for name in signature(DirectSimulator).parameters

@@ -51,6 +51,33 @@ class State(Value):
         if not callable(self.estimate):
             raise InvalidTask(f'State.estimate = {shown(self.estimate)}: expected a function')
 
+    @property
+    def made_on(self) -> Discretization:
+        """The mesh, of a Shape from a simulator.
+
+        Raises
+        ------
+        InvalidTask
+            It is from elsewhere.
+        """
+        if self.mesh is None:
+            raise InvalidTask('Shape.mesh = None: expected a shape that comes from a simulator')
+        return self.mesh
+
+    @property
+    def left(self) -> History:
+        """The history, of a Shape from a simulator; raises as `made_on`."""
+        if self.history is None:
+            raise InvalidTask('Shape.history = None: expected a shape that comes from a simulator')
+        return self.history
+
+    @property
+    def held(self) -> History:
+        """What the step began with, under the forces after it; raises as `made_on`."""
+        if self.before is None:
+            raise InvalidTask('Shape.state: expected a shape that comes from a simulator')
+        return self.before.holding(self.left)
+
     def forgotten(self) -> 'State':
         """Return what is left of it where the Shape was changed by hand: its error estimate."""
         return State(estimate=self.estimate)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One equilibrium: from a gripper's pose and a discretization to a Shape with its proof."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -14,19 +14,18 @@ from dlo_planner.direct.far_hold import Limits, limits_of
 from dlo_planner.direct.hinge import pinned_newton
 from dlo_planner.direct.history import History
 from dlo_planner.direct.moments import balanced
-from dlo_planner.direct.part import Left, Part, Solved
+from dlo_planner.direct.part import Solved
+from dlo_planner.direct.proof import CONVERGED, proved, stored_after
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.state import State
-from dlo_planner.energy.effects import stored
 from dlo_planner.energy.potential import State as KernelState
 from dlo_planner.energy.potential import System, unknowns_of
 from dlo_planner.minimize.hanging import hang
-from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.minimize.methods import search
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.multipliers import constrained_newton
-from dlo_planner.minimize.newton import NEUTRAL, gradient_noise, newton
-from dlo_planner.model.arrays import Floats
+from dlo_planner.minimize.newton import NEUTRAL, newton
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import freeze
@@ -34,18 +33,10 @@ from dlo_planner.model.value import freeze
 Found: TypeAlias = tuple[Any, ...]  # what `minimize.hanging.hang` returns
 
 TOLERANCE = 1e-10  # of the residual; the last step of a quadratic method overshoots it
-CONVERGED = 1e-8   # what is promised
-_TOUCHING = 1e-7   # the same among obstacles, whose stiff springs multiply rounding errors
-_BLURRED = 1e-5    # a residual that rounding may make larger than this tells nothing
 EXACT = 1e-10      # of the length: violation of a constraint aimed at
-KEPT = 1e-6        # of the length: violation that still counts as converged
-_HELD = 1e-9       # of the length: the same of a held far end
-_SLACK = 1e-3      # of its slack: the same, as it pulls the tighter the less there is
 _ELSEWHERE = 0.1   # of the length: a shape in contact that moves so far is another one
 MAX_ITERATIONS = 1000
-_LEAST = 1e-10     # of the length: slack that is looked at
 _NO_PAST = np.zeros((0, 6))  # nothing has touched: where it was does not matter
-_IN_VAIN = 30      # Newton steps towards what is out of reach
 
 
 def equilibrium(discretization: Discretization, gripper: Pose, strains: Floats,
@@ -55,18 +46,15 @@ def equilibrium(discretization: Discretization, gripper: Pose, strains: Floats,
 
     Parameters
     ----------
-    discretization
-        Discretization.
-    gripper
-        Pose.
-    strains
-        (N, 3) of the elements, 1/m, where the descent starts.
-    method
+    discretization : Discretization
+    gripper : Pose
+    strains : ndarray, shape (N, 3)
+        Of the elements, 1/m, where the descent starts.
+    method : str, optional
         One of METHODS.
-    history
+    history : History or None, optional
         History on the same mesh. If None, no past.
-    far_end
-        FarEnd or None.
+    far_end : FarEnd or None, optional
     """
     if method == 'newton' and far_end is None and discretization.hangs:
         return hanging(discretization, gripper, strains)
@@ -86,14 +74,14 @@ def hanging(discretization: Discretization, gripper: Pose, strains: Floats,
 
     Parameters
     ----------
-    strains
+    strains : ndarray
         As in `equilibrium`.
-    near
+    near : Shape or None, optional
         Shape on the same mesh. Where it is left by more than `most` (rad, of a node in the
         gripper), the search is given up.
     """
     frames, before, nodes = NO_FRAMES, gripper.rotation, NO_NODES
-    if most < np.inf:
+    if near is not None and most < np.inf:
         frames, before, nodes = near.frames, near.gripper.rotation, discretization.sampled
     if strains.flags.writeable:  # another type for kernels
         strains = np.array(strains)
@@ -120,11 +108,11 @@ def hanging_shape(discretization: Discretization, gripper: Pose, found: Found, r
 
     Parameters
     ----------
-    found
+    found : tuple
         What `minimize.hanging.hang` returns.
-    rounding
+    rounding : float
         Rounding error of the residual, where it is larger than usual.
-    estimate
+    estimate : callable, optional
         Function that returns its error, m.
     """
     (strains, frames, positions, wrench, elastic, energy, residual, stability, iterations,
@@ -146,21 +134,21 @@ def _estimate_hanging(discretization: Discretization, gripper: Pose, strains: Fl
     return _estimate(discretization, gripper, strains, positions - gripper.position, None, None)
 
 
-NO_NODES = np.zeros(0, dtype=np.int64)  # of no Leash
+NO_NODES: Ints = np.zeros(0, dtype=np.int64)  # of no Leash
 NO_FRAMES = np.zeros((0, 3, 3))
 freeze(NO_FRAMES)
 
 
 def solve(discretization: Discretization, system: System, gripper: Pose, q: Floats,
-          history: History | None, most: float = MAX_ITERATIONS, check: bool = True,
+          history: History | None, most: int = MAX_ITERATIONS, check: bool = True,
           exact: float = EXACT, rounding: float = 0.0) -> Minimum:
     """Return the Minimum that is reached from q (m, 3) and the past `history` or None.
 
     Parameters
     ----------
-    exact
+    exact : float, optional
         Part of the length by which constraints may be violated.
-    rounding
+    rounding : float, optional
         Rounding error of the residual, where it is larger than usual.
     """
     before = _NO_PAST
@@ -183,9 +171,8 @@ def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, history: Histo
 
     Parameters
     ----------
-    found
-        Minimum.
-    rounding
+    found : Minimum
+    rounding : float, optional
         Rounding error of the residual, where it is larger than usual.
     """
     state, system = found.state, found.system
@@ -195,7 +182,7 @@ def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, history: Histo
     solved = Solved(mesh, system, state, gripper, far_end, history.left)
     positions = state.positions + gripper.position
     past = History.after(solved, positions, state.rotations[:, :, 0].copy())
-    elastic = _elastic(solved, past.left)
+    elastic = stored_after(solved, past.left)
     energy = (elastic + float(np.vdot(system.load.pull, state.positions))
               + float(mesh.load @ gripper.position))
     reports = {name: value for part in ACTING
@@ -206,57 +193,6 @@ def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, history: Histo
                  float(found.stability), int(found.iterations), proved(solved, found, rounding),
                  evaluations=found.evaluations, violation=float(found.violation), far_end=far_end,
                  state=State(mesh, past, history, estimate), **reports)
-
-
-def proved(solved: Solved, found: Minimum, rounding: float = 0.0) -> bool:
-    """Return whether a Minimum is a stable or neutral equilibrium that keeps all constraints.
-
-    Parameters
-    ----------
-    solved : Solved
-        The same as a step.
-    found : Minimum
-    rounding : float, optional
-        Rounding error of the residual, where it is larger than usual.
-    """
-    mesh, system = solved.mesh, solved.system
-    bound = [part for part in ACTING if part.constrains(system)]
-    neutral = HELD_NEUTRAL if bound or mesh.surroundings.pinned else NEUTRAL
-    return bool(_promised(solved, found.residual, rounding, bound)
-                and found.stability > -neutral
-                and all(part.kept(solved) for part in ACTING)
-                and found.violation <= KEPT * mesh.s[-1])
-
-
-def _promised(solved: Solved, residual: float, rounding: float, bound: Sequence[Part]) -> bool:
-    """Whether the residual is below what is promised, or where constrained, what rounding leaves.
-
-    Forces that rounding errors hide, of a DLO that is nearly taut, are no answer.
-    """
-    if not bound:
-        return residual < CONVERGED + 100 * rounding
-    noise = gradient_noise(solved.system, solved.state)
-    promised = max(part.residual for part in bound)
-    return residual < max(promised, noise) + 100 * rounding and noise < _BLURRED
-
-
-def _elastic(solved: Solved, left: Left) -> float:
-    """Return the energy in J that is stored in the DLO after a step."""
-    mesh, system, state = solved.mesh, solved.system, solved.state
-    if system.natural is mesh.natural and mesh.isometric and not mesh.stores:
-        return 0.5 * float(np.vdot(state.q, state.q))  # what the unknowns are scaled for
-    return elastic_energy(mesh, state.strains, left)
-
-
-def elastic_energy(mesh: Discretization, strains: Floats, left: Left) -> float:
-    """Return the energy in J that is stored at strains (N, 3), after what effects have left."""
-    system = mesh.static
-    if not mesh.stores:
-        bent = strains - system.natural
-        return 0.5 * float(np.sum(system.lengths[:, None] * system.stiffness * bent**2))
-    strains = strains.copy()
-    return sum((part.stored(mesh, left, strains) for part in mesh.stores),
-               stored(system.effects, system, strains))
 
 
 _NOTHING = np.zeros(6)

@@ -93,7 +93,7 @@ def save(path: str | PathLike[str], arrays: Mapping[str, Any], kind: str) -> Non
 
     Parameters
     ----------
-    kind
+    kind : str
         Name of the value that they hold, e.g. 'Plan'.
 
     Raises

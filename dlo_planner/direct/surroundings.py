@@ -5,14 +5,16 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.along import breaks_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, items, returned, vector
-from dlo_planner.model.obstacles import OBSTACLES, Sheet
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Sheet
 from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.profile import Profile, resolved
 from dlo_planner.model.rod import Rod
@@ -48,10 +50,10 @@ class Surroundings(Value):
     """
 
     rod: Rod
-    gravity: np.ndarray
-    load: np.ndarray | Callable | None = None
-    obstacles: tuple = ()
-    point_loads: tuple = ()
+    gravity: Floats
+    load: Floats | Callable[[float], ArrayLike] | None = None
+    obstacles: tuple[Obstacle, ...] = ()
+    point_loads: tuple[PointLoad, ...] = ()
     grip: str = 'clamped'
 
     def __post_init__(self) -> None:
@@ -78,8 +80,9 @@ class Surroundings(Value):
     @cached_property
     def load_profile(self) -> Profile:
         """Profile of a load that varies along the DLO."""
-        return resolved('load', lambda s: vector(f'load({s:g})', returned('load', self.load, s), 3),
-                        self.rod.length, breaks_of(self.load), InvalidTask)
+        load: Any = self.load
+        return resolved('load', lambda s: vector(f'load({s:g})', returned('load', load, s), 3),
+                        self.rod.length, breaks_of(load), InvalidTask)
 
     @cached_property
     def breaks(self) -> Floats:

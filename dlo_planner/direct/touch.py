@@ -164,9 +164,10 @@ def points_of(system: System, state: State, gripper: Pose, ended: bool = True) -
               'multiplier': contacts.multiplier, 'fraction': contacts.fraction,
               'anchor': contacts.anchor + gripper.position, 'normal': contacts.normal,
               'shear': contacts.shear.copy(), 'slid': np.zeros_like(contacts.anchor)}
+    forces = contacts.shear if state.attached is None else state.attached.force
     rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
     for c in np.flatnonzero(contacts.obstacle < 0):
-        points['shear'][c] = state.attached.force[c]
+        points['shear'][c] = forces[c]
         point_inside(system.lengths, state.strains, state.rotations, state.positions,
                      contacts.element[c], contacts.fraction[c], rotation, x)
         sticks = trial_force(contacts, c, x, trial) <= contacts.multiplier[c]

@@ -97,8 +97,8 @@ class Linearized:
 
     def __init__(self, shape: Shape, name: str = 'shape'):
         _check(shape, name)
-        self.shape, self.name, self._mesh = shape, name, shape.state.mesh
-        self._past = shape.state.before.holding(shape.state.history)
+        self.shape, self.name, self._mesh = shape, name, shape.state.made_on
+        self._past = shape.state.held
 
     @cached_property
     def vibration(self) -> Vibration:
@@ -170,7 +170,8 @@ def _state(system: System, q: Floats) -> State:
     state = new_state(system)
     state.q[:] = q
     evaluate(system, state)
-    return state
+    result: State = state
+    return result
 
 
 def _vibration(mesh: Discretization, system: System, q: Floats) -> Vibration:
@@ -236,7 +237,8 @@ def _rigid(positions: Floats) -> Floats:
 def _stiffness(system: System, hessian: Hessian) -> Floats:
     """Return the symmetric Hessian (3 m, 3 m), of one unknown after the other."""
     if system.basis.shape[1]:
-        return 0.5 * (hessian.dense + hessian.dense.T)
+        dense: Floats = 0.5 * (hessian.dense + hessian.dense.T)
+        return dense
     n = len(hessian.turning)
     product = (hessian.cross.reshape(3 * n, 6)
                @ hessian.turning.transpose(1, 0, 2).reshape(6, 3 * n)).reshape(n, 3, n, 3)
@@ -244,7 +246,8 @@ def _stiffness(system: System, hessian: Hessian) -> Floats:
     lower = product * earlier
     lower[np.arange(n), :, np.arange(n)] = 0.5 * hessian.diagonal
     lower = lower.reshape(3 * n, 3 * n)
-    return lower + lower.T
+    result: Floats = lower + lower.T
+    return result
 
 
 def _strains(system: System) -> Floats:
@@ -263,4 +266,5 @@ def _free(held: Floats) -> Floats | None:
         return None
     axes, triangle, _ = qr(held.T, pivoting=True)
     size = np.abs(np.diag(triangle))
-    return axes[:, int(np.sum(size > _DEPENDENT * size.max())):]
+    result: Floats | None = axes[:, int(np.sum(size > _DEPENDENT * size.max())):]
+    return result
