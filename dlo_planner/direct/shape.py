@@ -148,7 +148,8 @@ class Shape(OfDLO):
             put(self, parts=items('Shape.parts', self.parts, Shape, least=2))
 
     def __repr__(self) -> str:
-        cheap = not (self.contacts or self.far_end or self.rod is None or self.rod.yields)
+        mesh = self.state.mesh
+        cheap = not (self.contacts or self.far_end or mesh is None or mesh.stores)
         known = cheap or 'error_estimate' in self.__dict__
         return brief(self, f'{self.s[-1]:.4g} m', f'{len(self.element_strains)} elements',
                      'converged' if self.converged else 'not converged',
