@@ -46,7 +46,7 @@ class History(Value):
 
     def __post_init__(self) -> None:
         if not isinstance(self.left, FrozenDict):
-            put(self, left=FrozenDict(self.left))
+            put(self, left=FrozenDict({name: np.asarray(one) for name, one in self.left.items()}))
         freeze((self.s, self.left, self.positions, self.tangents))
 
     @classmethod
@@ -63,7 +63,7 @@ class History(Value):
 
     def leaving(self, **left: Any) -> History:
         """Return the same past with other arrays of some names in `left`."""
-        return replace(self, left=FrozenDict({**self.left, **left}))
+        return replace(self, left={**self.left, **left})
 
     def underway(self, solved: Solved) -> History:
         """Return the same past with the forces in the middle of a step."""

@@ -121,7 +121,7 @@ def hanging_shape(discretization: Discretization, gripper: Pose, found: Found, r
     return Shape(gripper, discretization.s, positions, frames, strains, energy, elastic, wrench,
                  residual, stability, iterations,
                  bool(hangs_still(residual - 100 * rounding, stability)), far_wrench=_NOTHING,
-                 state=State(discretization, past, past, estimate))
+                 state=State.made(discretization, past, past, estimate))
 
 
 def hangs_still(residual: Any, stability: Any) -> Any:
@@ -192,7 +192,7 @@ def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, history: Histo
                  elastic, _wrench(mesh, state), float(found.residual),
                  float(found.stability), int(found.iterations), proved(solved, found, rounding),
                  evaluations=found.evaluations, violation=float(found.violation), far_end=far_end,
-                 state=State(mesh, past, history, estimate), **reports)
+                 state=State.made(mesh, past, history, estimate), **reports)
 
 
 _NOTHING = np.zeros(6)
