@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from dlo_planner.direct.history import History
 from dlo_planner.energy.contact import Contact, Contacts
-from dlo_planner.energy.distance import Scene
 from dlo_planner.energy.effects import EFFECTS, Effects
 from dlo_planner.energy.hold import Hold, no_hold
 from dlo_planner.energy.inertia import no_anchor
 from dlo_planner.energy.loads import Load
+from dlo_planner.energy.scene import Scene
 from dlo_planner.energy.yielding import elastic_part
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.rod import Rod

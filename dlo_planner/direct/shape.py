@@ -17,6 +17,7 @@ from dlo_planner.direct.modes import Modes, modes_of
 from dlo_planner.direct.storage import load, pack, save, unpack
 from dlo_planner.direct.vibration import Linearized
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import (
     array,
     figure,
@@ -266,7 +267,7 @@ class Shape(Pictured):
         return rotation, position
 
     @cached_property
-    def for_kernels(self) -> tuple:
+    def for_kernels(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Lengths (N,), strains (N, 3), frames and positions of the nodes, for kernels alone.
 
         Copies: read-only arrays are another type for numba, and would compile everything again.

@@ -4,9 +4,9 @@
 
 import numpy as np
 
-from dlo_planner.energy.distance import NODE_FACE
 from dlo_planner.energy.outline import node_gap, nodes_of, stretch
 from dlo_planner.energy.rolling import nearest_inside
+from dlo_planner.energy.scene import NODE_FACE
 from dlo_planner.kernels import kernel
 
 

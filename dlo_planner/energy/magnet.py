@@ -11,9 +11,12 @@ is, unlike dead loads, and its second derivatives are springs between nodes and 
 the way to it: all that an effect on nodes can bring.
 """
 
+from typing import Any
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.kinematics import spring_at
 from dlo_planner.ritz.record import Record, makes
 
@@ -21,14 +24,19 @@ from dlo_planner.ritz.record import Record, makes
 class Magnet(Record):
     """A pole, and what it attracts.
 
-    Attributes:
-        pole: (3,) world, m; size: a, m
-        weight: (N + 1,) of the nodes, J m
+    Attributes
+    ----------
+    pole : ndarray, shape (3,)
+        Its place in the world, m.
+    size : float
+        a, m.
+    weight : ndarray, shape (N + 1,)
+        w of the nodes, J m.
     """
 
-    pole: np.ndarray
+    pole: Floats
     size: float
-    weight: np.ndarray
+    weight: Floats
 
 
 @makes(Magnet)
@@ -37,7 +45,7 @@ def _new_magnet(pole, size, weight):
     return Magnet(pole, size, weight)
 
 
-def needs(effect: Magnet) -> dict:
+def needs(effect: Magnet) -> dict[str, Any]:
     """Return what the solver has to provide for: springs on nodes, so displacements matter."""
     return {'displaced': True, 'attached': True, 'sprung': True}
 

@@ -11,9 +11,10 @@ solid between them, where a round bar or an edge could pass, the plane has to be
 
 import numpy as np
 
-from dlo_planner.energy.distance import AXIS, BOX, FACE, NODE_FACE, PLANE, SHEET, in_plane
+from dlo_planner.energy.distance import in_plane
 from dlo_planner.energy.outline import gap_at, node_gap, nodes_of, radius_at_node, stretch
 from dlo_planner.energy.rolling import nearest_inside
+from dlo_planner.energy.scene import AXIS, BOX, FACE, NODE_FACE, PLANE, SHEET
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import point_inside
 

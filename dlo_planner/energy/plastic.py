@@ -17,6 +17,7 @@ derivative the moment.
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.ritz.record import Record, makes
 
 SHARED = 3  # kind of springs that both curvatures strain; 0, 1, 2: one of the strains does
@@ -25,26 +26,34 @@ SHARED = 3  # kind of springs that both curvatures strain; 0, 1, 2: one of the s
 class Layers(Record):
     """How a section yields; J springs, none for an elastic DLO.
 
-    Attributes:
-        direction: (J, 3) unit vector, strain of the spring by torsion and curvatures; a spring is
-            strained by torsion or by curvatures
-        limit: (J,) strain at which it yields, 1/m
-        share: (J,) of the stiffness of its kind
-        kind: (J,) 0 torsion, 1 curvature about n, 2 about b, SHARED both
-        strength: (N, 4) stiffness of each kind, N m^2
-        ellipse: (2,) curvatures about n and b at which what is not firm yields, if no spring bears
-            bending, 1/m; else (0,)
-        set: (N, J) plastic strain of each spring in each element, 1/m; with an ellipse (N, J + 2),
-            the plastic curvature last
+    Attributes
+    ----------
+    direction : ndarray, shape (J, 3)
+        Unit vector: strain of the spring by torsion and curvatures. A spring is strained by torsion
+        or by curvatures.
+    limit : ndarray, shape (J,)
+        Strain at which it yields, 1/m.
+    share : ndarray, shape (J,)
+        Its part of the stiffness of its kind.
+    kind : ndarray of int, shape (J,)
+        0 torsion, 1 curvature about n, 2 about b, SHARED both.
+    strength : ndarray, shape (N, 4)
+        Stiffness of each kind, N m^2.
+    ellipse : ndarray, shape (2,)
+        Curvatures about n and b at which what is not firm yields, if no spring bears bending, 1/m;
+        else (0,).
+    set : ndarray, shape (N, J)
+        Plastic strain of each spring in each element, 1/m; with an ellipse (N, J + 2), the plastic
+        curvature last.
     """
 
-    direction: np.ndarray
-    limit: np.ndarray
-    share: np.ndarray
-    kind: np.ndarray
-    strength: np.ndarray
-    ellipse: np.ndarray
-    set: np.ndarray
+    direction: Floats
+    limit: Floats
+    share: Floats
+    kind: Ints
+    strength: Floats
+    ellipse: Floats
+    set: Floats
 
 
 @makes(Layers)

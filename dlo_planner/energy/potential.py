@@ -21,6 +21,7 @@ from dlo_planner.energy.effects import (
     with_hold,
 )
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arrays import copy
 from dlo_planner.ritz.kinematics import Attached, add_gradient, cleared, march, new_attached
 from dlo_planner.ritz.record import Record, makes
@@ -47,16 +48,16 @@ class System(Record):
             a device of the minimizer; (0, 3) without
     """
 
-    lengths: np.ndarray
-    natural: np.ndarray
-    stiffness: np.ndarray
-    scale: np.ndarray
-    basis: np.ndarray
-    base: np.ndarray
-    origin: np.ndarray
+    lengths: Floats
+    natural: Floats
+    stiffness: Floats
+    scale: Floats
+    basis: Floats
+    base: Floats
+    origin: Floats
     effects: Effects
     needs: Needs
-    near: np.ndarray
+    near: Floats
     tie: float
 
     def __getattr__(self, name: str) -> Any:
@@ -113,20 +114,20 @@ class State(Record):
         attached: what acts elsewhere than on the nodes; None: nothing
     """
 
-    q: np.ndarray
-    gradient: np.ndarray
-    strains: np.ndarray
-    rotations: np.ndarray
-    positions: np.ndarray
-    slope: np.ndarray
-    pull: np.ndarray
-    weight: np.ndarray
-    base_force: np.ndarray
-    base_moment: np.ndarray
+    q: Floats
+    gradient: Floats
+    strains: Floats
+    rotations: Floats
+    positions: Floats
+    slope: Floats
+    pull: Floats
+    weight: Floats
+    base_force: Floats
+    base_moment: Floats
     attached: Attached | None
 
 
-def tip_wrench(state: State) -> np.ndarray:
+def tip_wrench(state: State) -> Floats:
     """Return (6,) derivative of the potential by displacement and rotation of the free end."""
     attached = state.attached
     if attached is None:
@@ -297,9 +298,9 @@ def element_hessian(system, state, turning, cross, diagonal, base):
     add_stiffness(system.effects, system, state, diagonal)
 
 
-def placed(system, strains):
-    """Return the State of a System with element strains (N, 3)."""
-    state = new_state(system)
+def placed(system: System, strains: Floats) -> State:
+    """Return the State of a System with element strains (N, 3), 1/m."""
+    state: State = new_state(system)
     unknowns_of(system, strains, state.q)
     evaluate(system, state)
     return state

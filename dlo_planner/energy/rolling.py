@@ -9,8 +9,9 @@ pressed into it by the sag of the element beside.
 
 import numpy as np
 
-from dlo_planner.energy.distance import AXIS, NODE_FACE, signed_distance
+from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.outline import gap_at, nodes_of, radius_at, slope_along, taper
+from dlo_planner.energy.scene import AXIS, NODE_FACE
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.kinematics import point_inside
 

@@ -49,6 +49,7 @@ from dlo_planner.minimize.newton import (
 )
 from dlo_planner.minimize.saddle import kick, lean
 from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.model.arrays import Floats
 
 HELD_NEUTRAL = 1e-3  # as NEUTRAL, with constraints: a mesh splits what is neutral by about as much
 _GIVE = 1e-2      # of the length: how far a grip gives under the DLO's own forces, at most
@@ -65,7 +66,7 @@ _ROUGH = 1e-3     # tolerance of the residual, and of the length, on the way to 
 _PER_PART = 60    # Newton steps in a part of the way: more is no way
 
 
-def held_newton(system: System, q: np.ndarray, tolerance: float, exact: float,
+def held_newton(system: System, q: Floats, tolerance: float, exact: float,
                 max_iterations: int, check: bool) -> Minimum:
     """Descend from q (m, 3) to a minimum in the grip.
 
@@ -87,11 +88,12 @@ def held_newton(system: System, q: np.ndarray, tolerance: float, exact: float,
                    found.violation)
 
 
-def held_descent(system: System, q: np.ndarray, tolerance: float, exact: float,
+def held_descent(system: System, q: Floats, tolerance: float, exact: float,
                  max_iterations: int, check: bool) -> Descent:
     """Return `descend_held` by name."""
-    *descent, missed = descend_held(system, q, tolerance, exact, max_iterations, check)
-    return Descent(*descent, violation=missed)
+    state, residual, stability, iterations, mode, missed = descend_held(
+        system, q, tolerance, exact, max_iterations, check)
+    return Descent(state, residual, stability, iterations, mode, violation=missed)
 
 
 @kernel

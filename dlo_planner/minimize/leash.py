@@ -10,6 +10,7 @@ would be the way down to a shape that is not wanted.
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.ritz.matrix3 import put_matrix, times, times_transposed
 from dlo_planner.ritz.record import Record
 
@@ -17,14 +18,18 @@ from dlo_planner.ritz.record import Record
 class Leash(Record):
     """What a descent may not leave.
 
-    Attributes:
-        nodes: (k,) which are looked at; empty: it may go anywhere
-        frames: (k, 3, 3) of them before, in the gripper as it is now
-        most: rad, by which any of them may turn
+    Attributes
+    ----------
+    nodes : ndarray of int, shape (k,)
+        Which are looked at; empty: it may go anywhere.
+    frames : ndarray, shape (k, 3, 3)
+        Their frames before, in the gripper as it is now.
+    most : float
+        By how much any of them may turn, rad.
     """
 
-    nodes: np.ndarray
-    frames: np.ndarray
+    nodes: Ints
+    frames: Floats
     most: float
 
 

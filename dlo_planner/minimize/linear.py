@@ -21,30 +21,45 @@ from dlo_planner.minimize.riccati import (
     solve_turns,
     solve_twists,
 )
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.record import Record
 
 
 class Hessian(Record):
     """The Hessian at one state and its factorization (arrays, refilled in place).
 
-    Attributes:
-        turning: (N, w, 3), cross: (N, 3, w), diagonal: (N, 3, 3), see `ritz.kinematics`; w is 3
-            for rotations alone, 6 for twists
-        base: (3, 3) change of the moment on the gripper per rotation of it
-        gain: (N, 3, w), inverse: (N, 3, 3) of the Riccati sweep; empty for Ritz
-        dense, factor: (3 m, 3 m) for Ritz; (0, 0) for local
-        border: Border, what is held; None: nothing
-        displaced: whether w is 6; None: never
+    Attributes
+    ----------
+    turning : ndarray, shape (N, w, 3)
+        See `ritz.kinematics`; w is 3 for rotations alone, 6 for twists.
+    cross : ndarray, shape (N, 3, w)
+        Likewise.
+    diagonal : ndarray, shape (N, 3, 3)
+        Likewise.
+    base : ndarray, shape (3, 3)
+        Change of the moment on the gripper per rotation of it.
+    gain : ndarray, shape (N, 3, w)
+        Of the Riccati sweep; empty for Ritz.
+    inverse : ndarray, shape (N, 3, 3)
+        Of the Riccati sweep; empty for Ritz.
+    dense : ndarray, shape (3 m, 3 m)
+        The whole Hessian, for Ritz; (0, 0) for local.
+    factor : ndarray, shape (3 m, 3 m)
+        Its factorization.
+    border : Border or None
+        What is held; None: nothing.
+    displaced : bool or None
+        Whether w is 6; None: never.
     """
 
-    turning: np.ndarray
-    cross: np.ndarray
-    diagonal: np.ndarray
-    base: np.ndarray
-    gain: np.ndarray
-    inverse: np.ndarray
-    dense: np.ndarray
-    factor: np.ndarray
+    turning: Floats
+    cross: Floats
+    diagonal: Floats
+    base: Floats
+    gain: Floats
+    inverse: Floats
+    dense: Floats
+    factor: Floats
     border: Border | None
     displaced: bool | None
 

@@ -33,6 +33,7 @@ from dlo_planner.minimize.linear import (
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.saddle import kicked, lean
 from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arrays import put_sum, scaled_by
 from dlo_planner.ritz.kinematics import attached_forces
 
@@ -82,19 +83,26 @@ def gradient_noise(system, state):
             * np.sqrt(lever / (dot(state.q, state.q) + bend_energy(system))))
 
 
-def newton(system: System, q: np.ndarray, tolerance: float, max_iterations: int,
+def newton(system: System, q: Floats, tolerance: float, max_iterations: int,
            check: bool) -> Minimum:
-    """Descend from q (m, 3) to a minimum of the potential.
+    """Descend from q to a minimum of the potential.
 
-    Args:
-        system: System
-        q: start, scaled unknowns; not changed
-        tolerance: of the residual
-        max_iterations: Newton steps at most
-        check: whether to find the smallest eigenvalue at the end (and leave a saddle)
+    Parameters
+    ----------
+    system : System
+        The DLO.
+    q : ndarray, shape (m, 3)
+        Start, scaled unknowns; not changed.
+    tolerance : float
+        Largest residual at the end.
+    max_iterations : int
+        Newton steps at most.
+    check : bool
+        Whether to find the smallest eigenvalue at the end, and to leave a saddle.
     """
-    return Minimum(*leashed_newton(system, q, tolerance, max_iterations, check, no_leash()),
-                   system=system)
+    state, residual, stability, iterations, kicks = leashed_newton(
+        system, q, tolerance, max_iterations, check, no_leash())
+    return Minimum(state, residual, stability, iterations, kicks, system)
 
 
 @kernel(inline='always')
@@ -128,22 +136,28 @@ def leashed_newton(system, q, tolerance, max_iterations, check, leash):
 class Descent(NamedTuple):
     """Where a descent ended that stops at saddles, too.
 
-    Attributes:
-        state, residual, stability, iterations: as of a Minimum
-        mode: (m, 3) the lowest mode of the Hessian, where that was looked at
-        leant: whether it had to lean to a side; violation: by how much a constraint is violated, m
+    Attributes
+    ----------
+    state, residual, stability, iterations
+        As of a Minimum.
+    mode : ndarray, shape (m, 3)
+        Lowest mode of the Hessian, where that was looked at.
+    leant : bool
+        Whether it had to lean to a side.
+    violation : float
+        By how much a constraint is violated, m.
     """
 
     state: State
     residual: float
     stability: float
     iterations: int
-    mode: np.ndarray
+    mode: Floats
     leant: bool = False
     violation: float = 0.0
 
 
-def descend(system: System, q: np.ndarray, tolerance: float, max_iterations: int,
+def descend(system: System, q: Floats, tolerance: float, max_iterations: int,
             check: bool) -> Descent:
     """Descend from q (m, 3) to where the gradient vanishes, be it a minimum or a saddle.
 

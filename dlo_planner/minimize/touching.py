@@ -17,6 +17,7 @@ from dlo_planner.energy.potential import evaluate, new_state
 from dlo_planner.energy.rolling import watched
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.newton import residual_of
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.ritz.kinematics import point_inside
 from dlo_planner.ritz.record import Record
 
@@ -26,23 +27,37 @@ _INSIDE = 1.0 - 1e-14  # largest fraction of a point of friction that is not on 
 class Touching(Record):
     """The A contacts that bear at one state, on nodes and inside elements.
 
-    Attributes:
-        obstacle, element: (A,); fraction: (A,) of the element, 1 for a node, its end, only
-        inside: (A,) index among Contacts' points, -1 for a node
-        rubbing: (A,) index of its point of friction there, -1 without
-        gap: (A,) m; force: (A,) N; normal: (A, 3)
-        arm: (A, 3) m, of the force from the axis, beyond the radius of a round DLO
+    Attributes
+    ----------
+    obstacle : ndarray of int, shape (A,)
+        Index of the obstacle.
+    element : ndarray of int, shape (A,)
+        Index of the element.
+    fraction : ndarray, shape (A,)
+        Of the element; 1 for a node, its end, only.
+    inside : ndarray of int, shape (A,)
+        Index among Contacts' points, -1 for a node.
+    rubbing : ndarray of int, shape (A,)
+        Index of its point of friction there, -1 without.
+    gap : ndarray, shape (A,)
+        Gap in m.
+    force : ndarray, shape (A,)
+        Force in N.
+    normal : ndarray, shape (A, 3)
+        Normal of the obstacle.
+    arm : ndarray, shape (A, 3)
+        Of the force from the axis, m, beyond the radius of a round DLO.
     """
 
-    obstacle: np.ndarray
-    element: np.ndarray
-    fraction: np.ndarray
-    inside: np.ndarray
-    rubbing: np.ndarray
-    gap: np.ndarray
-    force: np.ndarray
-    normal: np.ndarray
-    arm: np.ndarray
+    obstacle: Ints
+    element: Ints
+    fraction: Floats
+    inside: Ints
+    rubbing: Ints
+    gap: Floats
+    force: Floats
+    normal: Floats
+    arm: Floats
 
 
 @kernel

@@ -11,7 +11,7 @@ contents may. Where kernels are plain Python, so is a Record.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar
 
 from dlo_planner.kernels import COMPILED
 
@@ -19,6 +19,8 @@ if COMPILED:
     from dlo_planner.ritz.boxed import Base, declare, read
 else:
     Base = object  # type: ignore[assignment, misc]
+
+_Kernel = TypeVar('_Kernel', bound=Callable[..., Any])
 
 
 class Record(Base):
@@ -66,12 +68,12 @@ class Record(Base):
         return type(self), tuple(getattr(self, name) for name in self.FIELDS)
 
 
-def makes(kind: type[Record]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def makes(kind: type[Record]) -> Callable[[_Kernel], _Kernel]:
     """Decorate the kernel that makes the Record `kind` of its fields for Python.
 
     Its parameters are written out: numba looks at the types in a tuple slowly.
     """
-    def take(kernel: Callable[..., Any]) -> Callable[..., Any]:
+    def take(kernel: _Kernel) -> _Kernel:
         kind._make = staticmethod(kernel)
         return kernel
     return take

@@ -10,11 +10,11 @@ from dlo_planner import Box, Capsule, CutOut, FarEnd, Plane, Pose, Rod, Sheet, S
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import Contacts
-from dlo_planner.energy.distance import EDGE, FACE, NODE_FACE
 from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.magnet import Magnet
 from dlo_planner.energy.potential import evaluate, new_state, tip_wrench, unknowns_of
+from dlo_planner.energy.scene import EDGE, FACE, NODE_FACE
 from dlo_planner.minimize.linear import assemble, multiply, new_hessian
 from dlo_planner.model.section import Section
 
