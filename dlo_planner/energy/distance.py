@@ -2,16 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """How far a point is from an obstacle: signed distance with its first and second derivatives."""
 
+from __future__ import annotations
+
 import numpy as np
 
-from dlo_planner.energy.scene import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
+from dlo_planner.energy.scene import BOX, CAPSULE, CYLINDER, PLANE, SPHERE, Scene
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 
 _CENTER = 1e-12  # of a radius: so near to the middle, no direction leads out
 
 
 @kernel
-def signed_distance(scene, o, x, normal, bend):
+def signed_distance(scene: Scene, o: int, x: Floats, normal: Floats, bend: Floats) -> float:
     """Return the distance in m of the world point x (3,) from obstacle `o`, negative inside.
 
     Fills normal (3,), its gradient, and bend (3, 3), its second derivative, in 1/m.

@@ -10,6 +10,8 @@ dead loads. Springs stand beside the multipliers. They vanish, with their gradie
 they change no equilibrium; they make the Hessian positive along what is held.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np
@@ -98,7 +100,7 @@ def fill_miss(hold, rotation, position, miss):
 
 
 @kernel
-def violation(hold, rotation, position):
+def violation(hold: Hold, rotation: Floats, position: Floats) -> float:
     """Return by how much the grip is missed, m: the size of c (K,)."""
     miss = np.empty(hold.multiplier.size)
     fill_miss(hold, rotation, position, miss)

@@ -14,6 +14,8 @@ W(u) is the energy stored plus the energy newly lost: its minimum is the step's 
 derivative the moment.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
@@ -139,7 +141,8 @@ def add_stiffness(effect, system, state, diagonal):
 
 
 @kernel
-def add_plastic(lengths, strains, natural, layers, gradient):
+def add_plastic(lengths: Floats, strains: Floats, natural: Floats, layers: Layers,
+                gradient: Floats) -> float:
     """Add dW/du (N, 3) to `gradient` and return W, stored and newly lost, in J.
 
     Args:
@@ -229,7 +232,8 @@ def _ellipse_stiffness(e, d1, d2, layers):
 
 
 @kernel
-def settled(lengths, strains, natural, layers):
+def settled(lengths: Floats, strains: Floats, natural: Floats,
+            layers: Layers) -> tuple[Floats, float]:
     """Return the set after the step to `strains`, as `layers.set`, and the energy lost in it, J."""
     direction, limit, share, kind = layers.direction, layers.limit, layers.share, layers.kind
     strength, known = layers.strength, layers.set
@@ -254,7 +258,7 @@ def settled(lengths, strains, natural, layers):
 
 
 @kernel
-def set_strains(stiffness, layers):
+def set_strains(stiffness: Floats, layers: Layers) -> Floats:
     """Return (N, 3) the strains since the natural ones at which no moment acts, 1/m.
 
     Args:

@@ -6,6 +6,8 @@ Unknowns q (m, 3): per component of strain the coefficients of an orthonormal ba
 value per element (local), scaled so that the elastic energy is |q|^2 / 2 (in J).
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np
@@ -75,7 +77,7 @@ class System(Record):
                 return effect
         raise AttributeError(f'{name}: nothing that acts on this System has it')
 
-    def _replace(self, **changes: Any) -> 'System':
+    def _replace(self, **changes: Any) -> System:
         """Return the same System with other values of some fields, effects, fields of effects."""
         fields = {name: changes.pop(name) for name in tuple(changes) if name in self.FIELDS}
         effects = {name: changes.pop(name) for name in tuple(changes) if name in EFFECTS}
@@ -159,13 +161,13 @@ def unknown_count(system):
 
 
 @kernel
-def hinged(system):
+def hinged(system: System) -> bool:
     """Return whether the first element is a hinge: so soft that its stiffness does not count."""
     return system.stiffness[0, 1] < _HINGE * system.stiffness[-1, 1]
 
 
 @kernel
-def bend_energy(system):
+def bend_energy(system: System) -> float:
     """Return twice the energy in J that bending the whole DLO evenly by 1 rad takes."""
     compliance = 0.0
     for e in range(system.lengths.size):
@@ -176,7 +178,7 @@ def bend_energy(system):
 
 
 @kernel
-def new_state(system):
+def new_state(system: System) -> State:
     """Return an empty State of the right sizes."""
     n = system.lengths.size
     m = unknown_count(system)
@@ -187,7 +189,7 @@ def new_state(system):
 
 
 @kernel
-def unknowns_of(system, strains, q):
+def unknowns_of(system: System, strains: Floats, q: Floats) -> None:
     """Fill q (m, 3) with the unknowns whose strains are nearest to `strains` (N, 3)."""
     natural, scale, lengths = system.natural, system.scale, system.lengths
     series = system.basis.shape[1] > 0
@@ -234,7 +236,7 @@ def at_element(basis, q, e, i):
 
 
 @kernel
-def evaluate(system, state):
+def evaluate(system: System, state: State) -> tuple[float, float]:
     """Refill `state` for its q; return the potential and the size of its rounding errors, in J."""
     lengths, scale, slope, pull = system.lengths, system.scale, state.slope, state.pull
     n = lengths.size

@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many DLOs that hang freely, each of another rod, from one compiled loop."""
 
+from __future__ import annotations
+
 import numpy as np
 
+from dlo_planner.energy.potential import System
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.hanging import hang
 from dlo_planner.model.arrays import Floats, Ints
@@ -48,8 +51,10 @@ def _new_rod_table(mesh, lengths, basis, natural, stiffness, scale, pull):
 
 
 @kernel
-def hang_rods(system, rods, bases, origins, tolerance, max_iterations, frames, nodes, strains,
-              rotations, positions, wrenches, energies, proofs, iterations):
+def hang_rods(system: System, rods: RodTable, bases: Floats, origins: Floats, tolerance: float,
+              max_iterations: int, frames: Floats, nodes: Ints, strains: Floats, rotations: Floats,
+              positions: Floats, wrenches: Floats, energies: Floats, proofs: Floats,
+              iterations: Ints) -> None:
     """Fill the equilibria that n DLOs fall into from their natural shapes, as `hang_many`.
 
     Args:

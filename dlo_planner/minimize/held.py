@@ -14,11 +14,14 @@ it so elsewhere. Three more guards:
   of the held DLO, not a way through shapes that the grip forbids.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.energy.effects import blocks, may_block
 from dlo_planner.energy.hold import fill_miss, moved_hold, violation
 from dlo_planner.energy.potential import (
+    State,
     System,
     at_element,
     bend_energy,
@@ -97,7 +100,8 @@ def held_descent(system: System, q: Floats, tolerance: float, exact: float,
 
 
 @kernel
-def led(system, q, bases, targets, axes, rows):
+def led(system: System, q: Floats, bases: Floats, targets: Floats, axes: Floats,
+        rows: Floats) -> tuple[Floats, int]:
     """Return unknowns (m, 3) where both grips have gone a way of n parts, and the parts gone.
 
     Args:
@@ -119,7 +123,8 @@ def led(system, q, bases, targets, axes, rows):
 
 
 @kernel
-def descend_held(system, q, tolerance, exact, max_iterations, check):
+def descend_held(system: System, q: Floats, tolerance: float, exact: float, max_iterations: int,
+                 check: bool | np.bool_) -> tuple[State, float, float, int, Floats, float]:
     """Descend from q (m, 3) to an equilibrium in the grip, be it a minimum or a saddle.
 
     The System's multipliers, of the grip, are where the search begins, and are moved.

@@ -7,6 +7,8 @@ is too long for the shape to follow is made again in parts; most of the work of 
 would be the way down to a shape that is not wanted.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
@@ -34,7 +36,7 @@ class Leash(Record):
 
 
 @kernel
-def no_leash():
+def no_leash() -> Leash:
     """Return a Leash that lets a descent go anywhere."""
     return Leash(np.empty(0, dtype=np.int64), np.empty((0, 3, 3)), np.inf)
 
@@ -63,7 +65,8 @@ def _of(m):
 
 
 @kernel
-def largest_turn_between(frames, others, base, other_base, nodes):
+def largest_turn_between(frames: Floats, others: Floats, base: Floats, other_base: Floats,
+                         nodes: Ints) -> float:
     """Return the largest rotation in rad, in the gripper, of a DLO's nodes between two shapes.
 
     Args:

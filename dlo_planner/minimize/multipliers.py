@@ -176,7 +176,7 @@ def firm(system: System, state: State) -> System:
 
 
 @kernel
-def _keep_forces(system, state, more):
+def _keep_forces(system: System, state: State, more: float) -> None:
     """Move the multipliers of what touches by what springs stiffer by `more` (N/m) would add.
 
     Those of friction get stiffer by the same part.

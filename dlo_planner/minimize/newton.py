@@ -13,6 +13,8 @@ step to step. So it leans, by little but far more than those, to the side that
 `spectrum.preferred` states, from where the descent is first found to be unstable.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +24,7 @@ from dlo_planner.energy.effects import noise as noise_of_effects
 from dlo_planner.energy.potential import State, System, bend_energy, evaluate, new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.border import dot
-from dlo_planner.minimize.leash import left, no_leash
+from dlo_planner.minimize.leash import Leash, left, no_leash
 from dlo_planner.minimize.linear import (
     assemble,
     factorize,
@@ -53,14 +55,14 @@ _WELL_STABLE = 0.01  # an eigenvalue that such a step cannot make doubtful
 
 
 @kernel
-def residual_of(system, state):
+def residual_of(system: System, state: State) -> float:
     """Return the gradient's size, relative to the elastic energy and that of a 1 rad bend."""
     return np.sqrt(dot(state.gradient, state.gradient)
                    / (dot(state.q, state.q) + bend_energy(system)))
 
 
 @kernel
-def gradient_noise(system, state):
+def gradient_noise(system: System, state: State) -> float:
     """Return how large rounding errors may make the residual: a bound, relative as that is.
 
     A moment is a sum of forces times arms, and the force of a spring has the error of its ends'
@@ -106,7 +108,8 @@ def newton(system: System, q: Floats, tolerance: float, max_iterations: int,
 
 
 @kernel(inline='always')
-def leashed_newton(system, q, tolerance, max_iterations, check, leash):
+def leashed_newton(system: System, q: Floats, tolerance: float, max_iterations: int, check: bool,
+                   leash: Leash) -> tuple[State, float, float, int, int]:
     """Do as `newton` does, but give up where the DLO leaves a Leash, or falls off a saddle on it.
 
     Then the residual is infinite, or the stability negative.
@@ -167,7 +170,8 @@ def descend(system: System, q: Floats, tolerance: float, max_iterations: int,
 
 
 @kernel
-def leashed_descent(system, q, tolerance, max_iterations, check, leash):
+def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations: int, check: bool,
+                    leash: Leash) -> tuple[State, float, float, int, Floats, bool]:
     """Return what is in the Descent of `descend`, as a tuple; arguments as `leashed_newton`."""
     state = new_state(system)
     trial = new_state(system)

@@ -48,7 +48,7 @@ def kick(system: System, state: State, mode: Floats) -> Floats | None:
 
 
 @kernel
-def kicked(system, state, mode, q):
+def kicked(system: System, state: State, mode: Floats, q: Floats) -> bool:
     """Fill q (m, 3) with what `kick` returns; return whether there is such a thing."""
     hessian, trial = new_hessian(system), new_state(system)
     assemble(system, state, hessian)

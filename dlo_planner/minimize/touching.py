@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a DLO touches, as a table, and by how much that breaks the laws of contact and friction."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.energy.contact import Contacts, next_touching
@@ -13,8 +15,9 @@ from dlo_planner.energy.outline import (
     node_gap,
     nodes_of,
 )
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import State, System, evaluate, new_state
 from dlo_planner.energy.rolling import watched
+from dlo_planner.energy.scene import Scene
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.newton import residual_of
 from dlo_planner.model.arrays import Floats, Ints
@@ -61,7 +64,7 @@ class Touching(Record):
 
 
 @kernel
-def touching(scene, contacts, lengths, state):
+def touching(scene: Scene, contacts: Contacts, lengths: Floats, state: State) -> Touching:
     """Return the Touching of a state."""
     k = contacts.stiffness
     last = lengths.size
@@ -132,7 +135,7 @@ def _friction_of(contacts, o, e, fraction):
 
 
 @kernel
-def truth(system, q):
+def truth(system: System, q: Floats) -> tuple[State, float, Touching, float]:
     """Return State, residual, Touching at q (m, 3), and the largest violation in m.
 
     The limits of friction are mu times the forces of this state, so that the residual is that of

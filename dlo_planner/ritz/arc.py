@@ -11,11 +11,14 @@ with c1 = (1 - cos a) / a^2, c2 = (a - sin a) / a^3, a = |phi|. J is the left Ja
 (Bullo and Murray 1995): a change of phi turns all that lies beyond by J dphi, in this frame.
 """
 
+from __future__ import annotations
+
 from math import factorial
 
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.ritz.matrix3 import Matrix, Vector
 
 # Below this angle^2 the closed forms lose digits (up to eight of them in the second derivatives);
 # ten terms of the power series in a^2 are exact to 1e-17 there, and need no sine.
@@ -85,7 +88,7 @@ def rotation_and_chord(x, y, z, h):
 
 
 @kernel
-def jacobians(x, y, z, h):
+def jacobians(x: float, y: float, z: float, h: float) -> tuple[Matrix, Matrix]:
     """Return J(phi) and d(h J(phi) e1) / dphi, 9 numbers each, for phi = (x, y, z)."""
     a2 = x * x + y * y + z * z
     c = coefficients(a2)
@@ -112,7 +115,7 @@ def jacobians_with(x, y, z, h, c, d):
 
 
 @kernel
-def slope(x, y, z, h, force, moment):
+def slope(x: float, y: float, z: float, h: float, force: Vector, moment: Vector) -> Vector:
     """Return (3 numbers) the derivative of a load's potential by phi = (x, y, z).
 
     That is J^T moment + (d(h J e1) / dphi)^T force, written out.

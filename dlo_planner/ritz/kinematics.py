@@ -96,7 +96,7 @@ class Attached(Record):
 
 
 @kernel
-def nothing_attached(nodes, element, beside=False):
+def nothing_attached(nodes: int, element: Ints, beside: bool = False) -> Attached:
     """Return an empty Attached for points in the given elements (C,).
 
     Args:
@@ -182,7 +182,8 @@ def sort_points(attached):
 
 
 @kernel
-def march(lengths, strains, base, rotations, positions):
+def march(lengths: Floats, strains: Floats, base: Floats, rotations: Floats,
+          positions: Floats) -> None:
     """Fill the frames and positions of all nodes from the strains, starting at the gripper.
 
     Args:
@@ -321,7 +322,8 @@ def part_of_element(h, fraction, strain, scale, rotation, twist, arm):
 
 
 @kernel
-def point_inside(lengths, strains, rotations, positions, element, fraction, rotation, position):
+def point_inside(lengths: Floats, strains: Floats, rotations: Floats, positions: Floats,
+                 element: int, fraction: float, rotation: Floats, position: Floats) -> None:
     """Fill rotation (3, 3) and position (3,) at `fraction` of `element`, on its exact arc."""
     h = fraction * lengths[element]
     u = strains[element]

@@ -2,9 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a DLO, or the straight line on which it would go on, is nearest to a point."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import dot
 from dlo_planner.ritz.kinematics import point_inside
 
@@ -12,7 +15,8 @@ _STEPS = 60  # at most: as many halvings find any place to rounding
 
 
 @kernel
-def nearest_place(s, lengths, strains, rotations, positions, point, after, place):
+def nearest_place(s: Floats, lengths: Floats, strains: Floats, rotations: Floats, positions: Floats,
+                  point: Floats, after: float, place: Floats) -> float:
     """Return the arc length of the DLO's nearest place to a point, m; beyond L if it only aims.
 
     Args:
