@@ -10,7 +10,8 @@ from dlo_planner.direct.history import NO_POINTS
 from dlo_planner.energy.contact import obstructed
 from dlo_planner.energy.friction import trial_force
 from dlo_planner.minimize.touching import touching
-from dlo_planner.model.checks import figure, integer, results
+from dlo_planner.model.checks import integer
+from dlo_planner.model.computed import figure, results
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.ritz.kinematics import point_inside
 

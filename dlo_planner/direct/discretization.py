@@ -14,8 +14,8 @@ from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.effects import needs_of
 from dlo_planner.energy.loads import node_forces, node_masses, node_moments
 from dlo_planner.energy.plastic import set_strains
-from dlo_planner.energy.potential import System
 from dlo_planner.energy.scene import build_scene
+from dlo_planner.energy.system import System
 from dlo_planner.energy.yielding import yielding_layers
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.surface import Surface

@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.energy.contact import without_hinge as without_hinge_of_contact
 from dlo_planner.energy.effects import EFFECTS
-from dlo_planner.energy.potential import bend_energy, evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import bending_energy, new_state
 from dlo_planner.minimize.multipliers import constrained_newton
 
 _LENGTH = 1e-13     # of the DLO's
@@ -38,7 +39,7 @@ def pinned_newton(system, q, tolerance, most, check, exact, previous):
 
 def with_hinge(system):
     """Return the System of a DLO with a hinge before its first element."""
-    length, bend = system.lengths.sum(), bend_energy(system)
+    length, bend = system.lengths.sum(), bending_energy(system)
     h = _LENGTH * length
     # a series' terms are orthonormal, the elements' lengths being their weights
     term = 1.0 / np.sqrt(h) if system.basis.shape[1] else 1.0
@@ -77,7 +78,7 @@ def own_unknowns(system, q):
 def turn_of(system, q):
     """Return (3, 3) the rotation of the hinge of unknowns q (m + 1, 3)."""
     turn = q[-1] if system.basis.shape[1] else q[0]
-    return Rotation.from_rotvec(turn / np.sqrt(bend_energy(system))).as_matrix()
+    return Rotation.from_rotvec(turn / np.sqrt(bending_energy(system))).as_matrix()
 
 
 def _basis(basis, term):

@@ -12,7 +12,8 @@ import numpy as np
 
 from dlo_planner.energy.elastic import with_couples
 from dlo_planner.energy.plastic import yields
-from dlo_planner.energy.potential import evaluate, new_state, placed
+from dlo_planner.energy.potential import evaluate, placed
+from dlo_planner.energy.system import new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.arc import jacobians
 from dlo_planner.ritz.matrix3 import matrix, plus, put_vector, transposed_applied, vector

@@ -20,7 +20,6 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import (
     array,
-    figure,
     flag,
     instance,
     integer,
@@ -30,6 +29,7 @@ from dlo_planner.model.checks import (
     shown,
     vector,
 )
+from dlo_planner.model.computed import figure
 from dlo_planner.model.far_end import FarEnd, distance, within_reach
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod

@@ -16,12 +16,14 @@ from dlo_planner.energy.effects import stored
 from dlo_planner.energy.hold import holds
 from dlo_planner.energy.hold import violation as hold_violation
 from dlo_planner.energy.plastic import add_plastic, settled, yields
-from dlo_planner.energy.potential import tip_wrench, unknowns_of
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.energy.system import tip_wrench
 from dlo_planner.minimize.hanging import hang
 from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.minimize.methods import search
 from dlo_planner.minimize.multipliers import constrained_newton
-from dlo_planner.minimize.newton import NEUTRAL, gradient_noise, newton
+from dlo_planner.minimize.newton import NEUTRAL, newton
+from dlo_planner.minimize.residual import gradient_noise
 from dlo_planner.model.far_end import distance, within_reach
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import freeze

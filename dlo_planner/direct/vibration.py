@@ -23,13 +23,14 @@ from scipy.linalg import qr
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.hinge import hinge_unknowns, pinned_newton, with_hinge
 from dlo_planner.direct.sensitivity import gripper_answers
-from dlo_planner.energy.elastic import elastic_alone
+from dlo_planner.energy.elastic import purely_elastic
 from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.loads import node_masses
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import new_state
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.multipliers import constrained_newton, firm
-from dlo_planner.minimize.newton import residual_of
+from dlo_planner.minimize.residual import residual_of
 
 if TYPE_CHECKING:  # it imports this module
     from dlo_planner.direct.shape import Shape
@@ -175,7 +176,7 @@ def _vibration(mesh, system, q):
     if mesh.surroundings.pinned:
         system, q, nodes = with_hinge(system), hinge_unknowns(system, q), slice(1, None)
     # what has yielded springs back: vibrations are elastic
-    system = system._replace(elastic=elastic_alone(), plastic=_without_springs(system.plastic))
+    system = system._replace(elastic=purely_elastic(), plastic=_without_springs(system.plastic))
     system = firm(system, _state(system, q))
     count = system.lengths.size + 1
     # springs of no strength, so that displacements are assembled too
@@ -202,7 +203,7 @@ def _without_springs(layers):
 
 def _jacobian(system, hessian, positions):
     """Return (N + 1, 3, 3 m): displacement of the nodes; positions (N + 1, 3) from the gripper."""
-    turning, basis = hessian.turning, system.basis
+    turning, basis = hessian.twist_jacobian, system.basis
     n = len(turning)
     if basis.shape[1]:
         twists = np.einsum('ej,eki->ekji', basis, turning)
@@ -232,9 +233,9 @@ def _stiffness(system, hessian):
     """Return the symmetric Hessian (3 m, 3 m), of one unknown after the other."""
     if system.basis.shape[1]:
         return 0.5 * (hessian.dense + hessian.dense.T)
-    n = len(hessian.turning)
+    n = len(hessian.twist_jacobian)
     product = (hessian.cross.reshape(3 * n, 6)
-               @ hessian.turning.transpose(1, 0, 2).reshape(6, 3 * n)).reshape(n, 3, n, 3)
+               @ hessian.twist_jacobian.transpose(1, 0, 2).reshape(6, 3 * n)).reshape(n, 3, n, 3)
     earlier = np.tri(n, k=-1)[:, None, :, None]  # cross_f turning_e holds for e < f
     lower = product * earlier
     lower[np.arange(n), :, np.arange(n)] = 0.5 * hessian.diagonal

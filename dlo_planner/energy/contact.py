@@ -33,7 +33,8 @@ from dlo_planner.energy.rolling import watched
 from dlo_planner.energy.scene import AXIS, Scene
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.ritz.kinematics import point_inside, sort_points
+from dlo_planner.ritz.attached import sort_points
+from dlo_planner.ritz.kinematics import point_inside
 from dlo_planner.ritz.record import Record, makes
 
 

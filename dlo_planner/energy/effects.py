@@ -35,7 +35,7 @@ import numpy as np
 from dlo_planner.energy import contact, elastic, hold, inertia, loads, magnet, plastic
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.kinematics import Attached, nothing_attached
+from dlo_planner.ritz.attached import Attached, nothing_attached
 from dlo_planner.ritz.record import Record, makes
 
 EFFECTS = {'elastic': elastic, 'plastic': plastic, 'load': loads, 'anchor': inertia,

@@ -33,7 +33,7 @@ def _new_elastic(part, couple):
     return Elastic(part, couple)
 
 
-def elastic_alone() -> Elastic:
+def purely_elastic() -> Elastic:
     """Return the Elastic of a DLO that never yields."""
     return Elastic(np.ones(3), np.zeros((0, 3)))
 

@@ -151,7 +151,7 @@ def add_plastic(lengths: Floats, strains: Floats, natural: Floats, layers: Layer
     """
     energy = 0.0
     direction, limit, share, kind = layers.direction, layers.limit, layers.share, layers.kind
-    strength, known = layers.strength, layers.set
+    strength, plastic_strain = layers.strength, layers.set
     for e in range(lengths.size):
         h = lengths[e]
         d0 = strains[e, 0] - natural[e, 0]
@@ -160,7 +160,7 @@ def add_plastic(lengths: Floats, strains: Floats, natural: Floats, layers: Layer
         m0 = m1 = m2 = density = 0.0
         for j in range(limit.size):
             a0, a1, a2 = direction[j]
-            away = a0 * d0 + a1 * d1 + a2 * d2 - known[e, j]
+            away = a0 * d0 + a1 * d1 + a2 * d2 - plastic_strain[e, j]
             elastic = _within(away, limit[j])
             moment = strength[e, kind[j]] * share[j] * elastic
             m0 += moment * a0
@@ -193,7 +193,7 @@ def _in_ellipse(e, d1, d2, layers):
 def add_plastic_stiffness(lengths, strains, natural, layers, scale, diagonal):
     """Add d2W by the scaled strains to diagonal (N, 3, 3), scale: (N, 3)."""
     direction, limit, share, kind = layers.direction, layers.limit, layers.share, layers.kind
-    strength, known = layers.strength, layers.set
+    strength, plastic_strain = layers.strength, layers.set
     for e in range(lengths.size):
         d0 = strains[e, 0] - natural[e, 0]
         d1 = strains[e, 1] - natural[e, 1]
@@ -201,7 +201,7 @@ def add_plastic_stiffness(lengths, strains, natural, layers, scale, diagonal):
         k00 = k11 = k22 = k12 = 0.0
         for j in range(limit.size):
             a0, a1, a2 = direction[j]
-            if abs(a0 * d0 + a1 * d1 + a2 * d2 - known[e, j]) <= limit[j]:
+            if abs(a0 * d0 + a1 * d1 + a2 * d2 - plastic_strain[e, j]) <= limit[j]:
                 k = strength[e, kind[j]] * share[j]
                 k00 += k * a0 * a0
                 k11 += k * a1 * a1
@@ -236,8 +236,8 @@ def settled(lengths: Floats, strains: Floats, natural: Floats,
             layers: Layers) -> tuple[Floats, float]:
     """Return the set after the step to `strains`, as `layers.set`, and the energy lost in it, J."""
     direction, limit, share, kind = layers.direction, layers.limit, layers.share, layers.kind
-    strength, known = layers.strength, layers.set
-    new = known.copy()
+    strength, plastic_strain = layers.strength, layers.set
+    new = plastic_strain.copy()
     lost = 0.0
     for e in range(lengths.size):
         d0 = strains[e, 0] - natural[e, 0]
@@ -245,7 +245,7 @@ def settled(lengths: Floats, strains: Floats, natural: Floats,
         d2 = strains[e, 2] - natural[e, 2]
         for j in range(limit.size):
             a0, a1, a2 = direction[j]
-            away = a0 * d0 + a1 * d1 + a2 * d2 - known[e, j]
+            away = a0 * d0 + a1 * d1 + a2 * d2 - plastic_strain[e, j]
             elastic = _within(away, limit[j])
             new[e, j] += away - elastic
             lost += lengths[e] * strength[e, kind[j]] * share[j] * elastic * (away - elastic)

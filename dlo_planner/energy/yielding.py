@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.energy.elastic import Elastic, elastic_alone
+from dlo_planner.energy.elastic import Elastic, purely_elastic
 from dlo_planner.energy.plastic import SHARED, Layers
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.fibers import fibers, layers
@@ -30,7 +30,7 @@ class _Springs(NamedTuple):
 def elastic_part(rod: Rod) -> Elastic:
     """Return the Elastic of a Rod."""
     if not rod.yields:
-        return elastic_alone()
+        return purely_elastic()
     return Elastic(np.full(3, float(rod.hardening)), np.zeros((0, 3)))
 
 

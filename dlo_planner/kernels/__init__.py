@@ -54,6 +54,6 @@ def kernel(function: Any = None, **options: Any) -> Any:
         return function
     # Python's lock is free while a kernel runs: threads work side by side, and a node sends its
     # commands on time while a shape is sought
-    made = numba.njit(function, **{'nogil': True} | options)
-    made._cache = KernelCache(made)
-    return made
+    dispatcher = numba.njit(function, **{'nogil': True} | options)
+    dispatcher._cache = KernelCache(dispatcher)
+    return dispatcher

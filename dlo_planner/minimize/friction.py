@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlo_planner.energy.contact import Contacts
-from dlo_planner.energy.potential import State, System
+from dlo_planner.energy.system import State, System
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import touching, with_contacts_of
 from dlo_planner.model.arrays import Floats

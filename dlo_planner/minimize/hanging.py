@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from dlo_planner.energy.effects import potential, stored
-from dlo_planner.energy.potential import System, turned_system, unknown_count, unknowns_of
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.energy.system import System, turned_system, unknown_count
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.leash import leash_on
 from dlo_planner.minimize.newton import leashed_newton
@@ -32,11 +33,20 @@ def hang(system: System, base: Floats, origin: Floats, strains: Floats, toleranc
         tolerance, max_iterations: as `newton`
         frames, before, nodes, most: of the Leash, see `leash_on`
 
-    Returns:
-        strains: (N, 3); rotations: (N + 1, 3, 3); positions: (N + 1, 3), world, m
-        wrench: (6,) force and moment of the gripper on the DLO
-        elastic, energy: J, what is stored in the DLO, and all with the dead loads' potential
-        residual, stability, iterations, kicks: as `newton`
+    Returns
+    -------
+    strains : ndarray, shape (N, 3)
+        Strains of the elements, 1/m.
+    rotations : ndarray, shape (N + 1, 3, 3)
+        Frames of the nodes.
+    positions : ndarray, shape (N + 1, 3)
+        Positions of the nodes, world, m.
+    wrench : ndarray, shape (6,)
+        Force and moment of the gripper on the DLO, N, N m.
+    elastic, energy : float
+        Energy that is stored in the DLO, and all with the dead loads' potential, J.
+    residual, stability, iterations, kicks
+        As of `newton.leashed_newton`.
     """
     turned = turned_system(system, base.copy(), origin.copy())
     q = np.empty((unknown_count(system), 3))

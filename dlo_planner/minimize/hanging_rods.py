@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlo_planner.energy.potential import System
+from dlo_planner.energy.system import System
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.hanging import hang
 from dlo_planner.model.arrays import Floats, Ints

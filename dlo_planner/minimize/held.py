@@ -20,15 +20,13 @@ import numpy as np
 
 from dlo_planner.energy.effects import blocks, may_block
 from dlo_planner.energy.hold import fill_miss, moved_hold, violation
-from dlo_planner.energy.potential import (
+from dlo_planner.energy.potential import at_element, evaluate, project
+from dlo_planner.energy.system import (
     State,
     System,
-    at_element,
-    bend_energy,
-    evaluate,
+    bending_energy,
     hinged,
     new_state,
-    project,
     regripped_system,
 )
 from dlo_planner.kernels import kernel
@@ -41,15 +39,8 @@ from dlo_planner.minimize.linear import (
     solve_held,
 )
 from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.minimize.newton import (
-    FALLING,
-    LARGEST_TURN,
-    Descent,
-    gradient_noise,
-    residual_of,
-    safe_shift,
-    without_traces,
-)
+from dlo_planner.minimize.newton import FALLING, LARGEST_TURN, Descent, safe_shift, without_traces
+from dlo_planner.minimize.residual import gradient_noise, residual_of
 from dlo_planner.minimize.saddle import kick, lean
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.model.arrays import Floats
@@ -129,12 +120,12 @@ def descend_held(system: System, q: Floats, tolerance: float, exact: float, max_
 
     The System's multipliers, of the grip, are where the search begins, and are moved.
 
-    Args:
-        exact: m, how far the grip may be missed
-        q, tolerance, max_iterations, check: as `newton.descend`
-
-    Returns:
-        state, residual, stability, iterations, mode: as `newton.descend`; then the miss in m
+    Returns
+    -------
+    state, residual, stability, iterations, mode
+        As of a Descent.
+    missed : float
+        By how much the grip is missed, m; `exact` at most where it has arrived.
     """
     hold, last, length = system.effects.hold, system.lengths.size, np.sum(system.lengths)
     state, trial, hessian = new_state(system), new_state(system), new_hessian(system)
@@ -145,7 +136,7 @@ def descend_held(system: System, q: Floats, tolerance: float, exact: float, max_
     without_traces(q, state.q)
     energy, noise = evaluate(system, state)
     most_give = _GIVE * length**2 / (np.sum(np.abs(system.effects.load.pull)) * length
-                                     + bend_energy(system))
+                                     + bending_energy(system))
     shift, stability = _PROXIMAL, np.nan
     iterations = obstructed = 0
     stalled = leans = False

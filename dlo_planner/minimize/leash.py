@@ -103,10 +103,10 @@ def left(leash, rotations):
         return False
     least = 1.0 + 2.0 * np.cos(leash.most)
     for k in range(leash.nodes.size):
-        here, total = rotations[leash.nodes[k]], 0.0
+        frame, total = rotations[leash.nodes[k]], 0.0
         for i in range(3):
             for j in range(3):
-                total += here[i, j] * leash.frames[k, i, j]
+                total += frame[i, j] * leash.frames[k, i, j]
         if total < least:
             return True
     return False

@@ -12,7 +12,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dlo_planner.energy.potential import State, System, bend_energy, evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import State, System, bending_energy, new_state
 from dlo_planner.minimize.dfp import dfp
 from dlo_planner.minimize.downhill_simplex import downhill_simplex
 from dlo_planner.minimize.minimum import Minimum
@@ -53,8 +54,8 @@ def search(system: System, q: Floats, method: str, tolerance: float) -> Minimum:
         q, kicks = kicked, kicks + 1
 
 
-def near(system: System, q: Floats, method: str, tolerance: float,
-         most: int) -> tuple[Floats, int]:
+def approximate(system: System, q: Floats, method: str, tolerance: float,
+                most: int) -> tuple[Floats, int]:
     """Return strains (N, 3) on the way from q to a minimum, and the work that it took.
 
     Nothing is said of them: they are where others begin.
@@ -94,13 +95,13 @@ def problem_of(system: System) -> Problem:
     def value_and_gradient(flat: Floats) -> tuple[float, Floats]:
         return value(flat), state.gradient.ravel().copy()
 
-    return Problem(value, value_and_gradient, np.sqrt(bend_energy(system)), rounding(system))
+    return Problem(value, value_and_gradient, np.sqrt(bending_energy(system)), rounding(system))
 
 
 def rounding(system: System) -> float:
     """Return the rounding errors of the potential in J, but for those in proportion to it."""
     weight = np.linalg.norm(system.load.pull, axis=1).sum()
-    return float(_EPS * (weight * system.lengths.sum() + bend_energy(system)))
+    return float(_EPS * (weight * system.lengths.sum() + bending_energy(system)))
 
 
 def judged(system: System, q: Floats, tolerance: float) -> Descent:

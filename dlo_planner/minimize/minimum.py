@@ -4,7 +4,7 @@
 
 from typing import NamedTuple
 
-from dlo_planner.energy.potential import State, System
+from dlo_planner.energy.system import State, System
 
 
 class Minimum(NamedTuple):

@@ -18,14 +18,15 @@ from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.hold import holds
 from dlo_planner.energy.hold import violation as hold_violation
 from dlo_planner.energy.outline import is_face, longest_stretch, node_gap, nodes_of
-from dlo_planner.energy.potential import State, System, hinged
 from dlo_planner.energy.rolling import watched
+from dlo_planner.energy.system import State, System, hinged
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import move_multipliers
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import HELD_NEUTRAL, held_descent, held_newton
 from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.minimize.newton import descend, gradient_noise, newton
+from dlo_planner.minimize.newton import descend, newton
+from dlo_planner.minimize.residual import gradient_noise
 from dlo_planner.minimize.saddle import kick
 from dlo_planner.minimize.touching import truth
 from dlo_planner.minimize.watching import watching

@@ -7,7 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from dlo_planner.energy.effects import blocks
-from dlo_planner.energy.potential import State, System, evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import State, System, new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, largest_turn, new_hessian
 from dlo_planner.minimize.spectrum import preferred

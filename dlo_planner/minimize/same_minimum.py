@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlo_planner.energy.potential import State, System, evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import State, System, new_state
 from dlo_planner.minimize.newton import newton
 from dlo_planner.model.arrays import Floats
 

@@ -15,11 +15,12 @@ from dlo_planner.energy.outline import (
     node_gap,
     nodes_of,
 )
-from dlo_planner.energy.potential import State, System, evaluate, new_state
+from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.rolling import watched
 from dlo_planner.energy.scene import Scene
+from dlo_planner.energy.system import State, System, new_state
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.newton import residual_of
+from dlo_planner.minimize.residual import residual_of
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.ritz.kinematics import point_inside
 from dlo_planner.ritz.record import Record

@@ -92,9 +92,9 @@ def _nearest_inside(lengths, strains, rotations, positions, element, low, point,
         return high
     fraction = high
     for _ in range(_STEPS):
-        bend = 1.0 + dot(place[0], place[2])
+        curvature = 1.0 + dot(place[0], place[2])
         last = fraction
-        fraction = fraction - slope / (bend * h) if bend > 0.0 else 0.5 * (low + high)
+        fraction = fraction - slope / (curvature * h) if curvature > 0.0 else 0.5 * (low + high)
         if not low < fraction < high:
             fraction = 0.5 * (low + high)
         slope = _put(lengths, strains, rotations, positions, element, fraction, point, place)

@@ -40,9 +40,9 @@ class Record(Base):
 
     def __new__(cls, *values: Any) -> Self:
         """Return the record of all fields in order."""
-        made = cls._make(*values) if COMPILED else super().__new__(cls)
-        made.__dict__.update(zip(cls.FIELDS, values, strict=True))
-        result: Self = made
+        record = cls._make(*values) if COMPILED else super().__new__(cls)
+        record.__dict__.update(zip(cls.FIELDS, values, strict=True))
+        result: Self = record
         return result
 
     def __getattr__(self, name: str) -> Any:
@@ -61,8 +61,8 @@ class Record(Base):
     def _replace(self, **changes: Any) -> Self:
         """Return the same record with other values of some fields."""
         getattr(self, self.FIELDS[0])  # all are read with the first one
-        known = {**self.__dict__, **changes}
-        return type(self)(*[known[name] for name in self.FIELDS])
+        fields = {**self.__dict__, **changes}
+        return type(self)(*[fields[name] for name in self.FIELDS])
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), tuple(getattr(self, name) for name in self.FIELDS)
