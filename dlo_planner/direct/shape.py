@@ -16,17 +16,8 @@ from dlo_planner.direct.state import UNKNOWN, State
 from dlo_planner.direct.storage import load, pack, save, unpack
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import (
-    array,
-    figure,
-    flag,
-    instance,
-    integer,
-    items,
-    row,
-    shown,
-    vector,
-)
+from dlo_planner.model.checks import array, flag, instance, integer, items, row, shown, vector
+from dlo_planner.model.computed import figure
 from dlo_planner.model.far_end import FarEnd, distance, within_reach
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, freeze, put
