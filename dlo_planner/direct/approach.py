@@ -15,9 +15,7 @@ from dlo_planner.direct.setting_down import set_down
 from dlo_planner.direct.statics import solve
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import placed
-from dlo_planner.minimize.bearing import carried
 from dlo_planner.model.pose import Pose
-from dlo_planner.ritz.rotation import turn_between
 
 _RELAXING = 12       # Newton steps between two parts of a motion
 _ROUGHLY = 1e-5      # of the length: how well obstacles are kept clear of on the way
@@ -69,10 +67,6 @@ def brought(discretization, previous, strains, gripper, far_end, history):
         return Brought(gripper, strains, history)
     if previous is None:
         return Brought(*set_down(discretization, gripper, strains, far_end, history))
-    if far_end is None:
-        bearing, followed = _bearing(discretization, previous, strains, gripper, history)
-        if bearing:
-            return Brought(gripper, followed, history)
     if not obstacles:
         return Brought(*lead(discretization, strains, (begin, gripper), (held, far_end), history,
                              parts))
@@ -105,22 +99,3 @@ def brought(discretization, previous, strains, gripper, far_end, history):
         history = replace(history, hold=system.hold.multiplier, node_force=system.contacts.node,
                           points=points_of(system, found.state, there, False))
     return Brought(gripper, strains, replace(past, hold=history.hold))
-
-
-def _bearing(discretization, previous, strains, gripper, history):
-    """Return whether a DLO that goes on bearing where it does is carried along, and its strains.
-
-    What has slid goes on sliding: it does not stick to where it is.
-    """
-    points = history.points
-    bears = history.node_force.any() or (points['multiplier'] > 0.0).any()
-    if not bears or discretization.surroundings.pinned:
-        return False, strains
-    sticks = ~points['slid'].any(axis=1)
-    stuck = replace(history, points={name: one[sticks] for name, one in points.items()})
-    begin = previous.gripper
-    twist = np.concatenate([turn_between(begin.rotation, gripper.rotation),
-                            gripper.position - begin.position])
-    return carried(discretization.system(begin.rotation, begin.position, stuck),
-                   discretization.system(gripper.rotation, gripper.position, history), strains,
-                   twist)

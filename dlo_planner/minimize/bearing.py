@@ -14,7 +14,14 @@ import numpy as np
 from dlo_planner.energy.contact import Contacts, next_touching
 from dlo_planner.energy.outline import is_face, longest_stretch, node_gap, nodes_of
 from dlo_planner.energy.passage import passes_through
-from dlo_planner.energy.potential import evaluate, new_state, project, unknowns_of
+from dlo_planner.energy.distance import moved_scene
+from dlo_planner.energy.potential import (
+    evaluate,
+    new_state,
+    project,
+    turned_system,
+    unknowns_of,
+)
 from dlo_planner.energy.rolling import watched
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import lawful, put_forces
@@ -27,6 +34,7 @@ from dlo_planner.minimize.linear import (
     solve,
 )
 from dlo_planner.minimize.touching import touching_system, truth
+from dlo_planner.ritz.arrays import put_sum
 
 _STEPS = 12
 _LARGEST_TURN = 0.3  # rad: of a node in the gripper, by a step; a longer one is a guess
@@ -35,42 +43,55 @@ _GRACE = 3           # first steps, in which it may do so
 
 
 @kernel
-def carried(system, there, strains, twist):
-    """Return whether a DLO that goes on bearing follows its gripper, and its strains (N, 3) there.
+def carried(system, base, slid, strains, twist):
+    """Return whether a DLO that goes on bearing follows its gripper, and its unknowns (m, 3) there.
 
     To first order, and if nothing is in the way.
 
     Args:
-        system: System at its equilibrium, before; there: System in the gripper after
-        strains: (N, 3) before
+        system: System in the gripper after, its contacts those before
+        base: (3, 3) the gripper's rotation before
+        slid: (C,) which of their points of friction go on sliding
+        strains: (N, 3) in equilibrium, before
         twist: (6,) rotation in rad about the gripper and displacement in m, world
     """
-    state, after = new_state(system), new_state(there)
+    before, lengths = _before(system, base, slid, twist), system.lengths
+    state, after = new_state(before), new_state(system)
     unknowns_of(system, strains, state.q)
-    evaluate(system, state)
-    hessian = new_hessian(system)
-    assemble(system, state, hessian)
-    if factorize(system, hessian, 0.0) > 0:
-        return False, strains
+    evaluate(before, state)
+    hessian = new_hessian(before)
+    assemble(before, state, hessian)
+    if factorize(before, hessian, 0.0) > 0:
+        return False, state.q
     loads, step, load = np.zeros_like(strains), np.empty_like(state.q), np.empty_like(state.q)
     for e in range(strains.shape[0]):
         for i in range(3):
             for column in range(hessian.cross.shape[2]):
                 loads[e, i] -= hessian.cross[e, i, column] * twist[column]
     project(system.basis, loads, load)
-    solve(system, hessian, load, step)
-    if not largest_turn(system, hessian, step) < _LARGEST_TURN:
-        return False, strains
-    for e in range(step.shape[0]):
-        for i in range(3):
-            after.q[e, i] = state.q[e, i] + step[e, i]
-    evaluate(there, after)
+    solve(before, hessian, load, step)
+    if not largest_turn(before, hessian, step) < _LARGEST_TURN:
+        return False, state.q
+    put_sum(state.q, 1.0, step, after.q)
+    evaluate(system, after)
     for k in range(state.positions.shape[0]):
         for i in range(3):
             state.positions[k, i] -= twist[3 + i]
-    met = passes_through(there.effects.contact.scene, there.lengths, state.strains,
-                         state.rotations, state.positions, after.rotations, after.positions)
-    return not met, after.strains
+    met = passes_through(system.effects.contact.scene, lengths, state.strains, state.rotations,
+                         state.positions, after.rotations, after.positions)
+    return not met, after.q
+
+
+@kernel
+def _before(system, base, slid, twist):
+    """Return the System before its gripper has moved by a twist; what slides does not stick."""
+    now, shift = system.effects.contact.contacts, twist[3:].copy()
+    kept = ~slid
+    contacts = Contacts(now.stiffness, now.node, now.element[kept], now.obstacle[kept],
+                        now.multiplier[kept], now.fraction[kept], now.anchor[kept] + shift,
+                        now.normal[kept], now.shear[kept], now.grip)
+    moved = touching_system(system, contacts, moved_scene(system.effects.contact.scene, -shift))
+    return turned_system(moved, base, system.origin - shift)
 
 
 @kernel
@@ -153,7 +174,8 @@ def _loaded(system, state, previous):
             gap, _, _ = watched(scene, contacts, c, lengths, state.strains, state.rotations,
                                 state.positions, normal, bend)
             contacts.multiplier[c] = _pushing(contacts.multiplier[c], k * gap)
-    return touching_system(system, _of_stiffness(contacts, k, contacts.node, contacts.multiplier))
+    return touching_system(system, _of_stiffness(contacts, k, contacts.node, contacts.multiplier),
+                           scene)
 
 
 @kernel

@@ -12,7 +12,7 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.held import held_newton
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.newton import newton
-from dlo_planner.minimize.settling import settle
+from dlo_planner.minimize.settling import bear_on, touch_down
 from dlo_planner.ritz.kinematics import point_inside
 
 _FIRM = 1e2      # times the stiffness of contacts' springs, where they are to hardly give
@@ -31,12 +31,27 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
         Minimum
     """
     if obstructed(system.contact):
-        *found, settled, violation = settle(system, q, _COARSER * tolerance, exact,
-                                            max_iterations, check, previous)
+        *found, settled, violation = touch_down(system, q, _COARSER * tolerance, exact,
+                                                max_iterations, check, previous)
         return Minimum(*found, system=settled, violation=violation)
     if holds(system.hold) or hinged(system):
         return held_newton(system, q, tolerance, exact, max_iterations, check)
     return newton(system, q, tolerance, max_iterations, check)
+
+
+def carried_newton(system, start, tolerance, max_iterations, exact, previous):
+    """Return the Minimum in which a DLO goes on bearing as its gripper moves, or None.
+
+    It is None where something is in its way, or where the points that bear do not go on bearing.
+
+    Args:
+        system: System in the gripper after the step, its contacts those before
+        start: base, slid, strains, twist of `bearing.carried`
+        tolerance, max_iterations, exact, previous: as of `constrained_newton`
+    """
+    goes_on, *found, settled, violation = bear_on(system, *start, _COARSER * tolerance, exact,
+                                                  max_iterations, previous)
+    return Minimum(*found, system=settled, violation=violation) if goes_on else None
 
 
 def firm(system, state):

@@ -7,8 +7,8 @@ what its constraint is violated by, repeat until nothing is violated. Between tw
 set of points that may touch is looked at anew, and the limits of friction follow from the forces
 found. What is judged is the residual with these limits: friction has no potential.
 
-Where the DLO bears already, shape and forces are sought at once first (`minimize.bearing`): what
-that finds is looked at like any other minimum, and is mostly the last.
+Where the DLO bears already, shape and forces are sought at once first (`minimize.bearing`). What
+that finds is judged like any other minimum, and is mostly the last.
 """
 
 import numpy as np
@@ -16,9 +16,9 @@ import numpy as np
 from dlo_planner.energy.contact import Contacts
 from dlo_planner.energy.effects import row_count
 from dlo_planner.energy.hold import violation as hold_violation
-from dlo_planner.energy.potential import hinged
+from dlo_planner.energy.potential import hinged, new_state
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.bearing import borne
+from dlo_planner.minimize.bearing import borne, carried
 from dlo_planner.minimize.contact_forces import move_multipliers
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import HELD_NEUTRAL, descend_held
@@ -44,6 +44,35 @@ _ON_A_WAY = 20      # steps: who allows no more wants no equilibrium
 
 
 @kernel
+def touch_down(system, q, tolerance, exact, max_iterations, check, previous):
+    """Do as `settle` does, but seek shape and forces at once before, where the DLO bears."""
+    steps = 0
+    if not is_held(system) and max_iterations > _ON_A_WAY:
+        _, q, system, steps = borne(system, q, tolerance, exact, previous)
+    state, residual, stability, iterations, kicks, system, violation = settle(
+        system, q, tolerance, exact, max_iterations, check, previous)
+    return state, residual, stability, iterations + steps, kicks, system, violation
+
+
+@kernel
+def bear_on(system, base, slid, strains, twist, tolerance, exact, max_iterations, previous):
+    """Return whether a DLO that bears goes on bearing, and what `settle` returns from there.
+
+    Args:
+        system, base, slid, strains, twist: as of `carried`; others as of `constrained_newton`
+    """
+    follows, q = carried(system, base, slid, strains, twist)
+    found, steps = False, 0
+    if follows:
+        found, q, system, steps = borne(system, q, tolerance, exact, previous)
+    if not found:
+        return False, new_state(system), np.inf, np.nan, steps, 0, system, np.inf
+    state, residual, stability, iterations, kicks, system, violation = settle(
+        system, q, tolerance, exact, max_iterations, found, previous)
+    return True, state, residual, stability, iterations + steps, kicks, system, violation
+
+
+@kernel
 def settle(system, q, tolerance, exact, max_iterations, check, previous):
     """Descend from q (m, 3) among obstacles; arguments as of `constrained_newton`.
 
@@ -54,8 +83,6 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous):
     best = before = np.inf
     stiffer, held = 1.0, is_held(system)
     stability, judged = np.nan, False
-    if not held and max_iterations > _ON_A_WAY:
-        _, q, system, iterations = borne(system, q, tolerance, exact, previous)
     for _ in range(_ROUNDS):
         state, left, made, contacts, new = _round(system, q, tolerance, exact,
                                                   min(_PATIENCE, max_iterations - iterations),
@@ -63,7 +90,7 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous):
         news = news + 1 if new or left > _SHORT * tolerance else 0
         iterations += made
         q = state.q
-        system = touching_system(system, contacts)
+        system = touching_system(system, contacts, system.effects.contact.scene)
         state, residual, table, violation = truth(system, q)
         violation = max(violation, _off_its_grip(system, state))
         enough = residual < max(tolerance * (_COARSER if made else _STALLED),
@@ -155,6 +182,6 @@ def _judged(system, state, tolerance, exact):
 def _stiffened(system):
     """Return the same System with stiffer springs at its contacts."""
     old = system.effects.contact.contacts
-    return touching_system(system, Contacts(
-        _STIFFER * old.stiffness, old.node, old.element, old.obstacle, old.multiplier,
-        old.fraction, old.anchor, old.normal, old.shear, old.grip))
+    contacts = Contacts(_STIFFER * old.stiffness, old.node, old.element, old.obstacle,
+                        old.multiplier, old.fraction, old.anchor, old.normal, old.shear, old.grip)
+    return touching_system(system, contacts, system.effects.contact.scene)

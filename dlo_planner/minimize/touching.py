@@ -169,12 +169,12 @@ def with_contacts_of(old, element, obstacle, multiplier, fraction, anchor, norma
 
 
 @kernel
-def touching_system(system, contacts):
-    """Return the same System with other Contacts."""
-    known, needs = system.effects.contact, system.needs
+def touching_system(system, contacts, scene):
+    """Return the same System with other Contacts with a Scene."""
+    needs = system.needs
     beside = needs.attached.moment.shape[0] + needs.attached.node_moment.shape[0] > 0
     attached = nothing_attached(needs.attached.sprung.size, contacts.element, beside)
     return System(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
                   system.base, system.origin,
-                  with_contact(system.effects, Contact(known.scene, contacts)),
+                  with_contact(system.effects, Contact(scene, contacts)),
                   Needs(needs.displaced, attached, needs.border), system.near, system.tie)
