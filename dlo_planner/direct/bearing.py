@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A step of a DLO that bears on obstacles, and goes on bearing where it does: most steps in contact.
+"""A step of a DLO that goes on bearing on obstacles where it does: most steps in contact.
 
 Then it gives way by what its contacts leave free (`minimize.bearing`), and the motion need not be
 made in small parts (`direct.approach`).

@@ -12,9 +12,9 @@ alone tells whether something else touches, and whether the shape falls.
 import numpy as np
 
 from dlo_planner.energy.contact import Contacts, next_touching
+from dlo_planner.energy.distance import moved_scene
 from dlo_planner.energy.outline import is_face, longest_stretch, node_gap, nodes_of
 from dlo_planner.energy.passage import passes_through
-from dlo_planner.energy.distance import moved_scene
 from dlo_planner.energy.potential import (
     evaluate,
     new_state,

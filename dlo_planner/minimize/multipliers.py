@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The way to a minimum that keeps all constraints, by what constrains the DLO."""
 
+import numpy as np
+
 from dlo_planner.energy.contact import next_touching, obstructed
 from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.hold import holds
