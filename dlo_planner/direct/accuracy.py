@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from dlo_planner.direct.approach import brought
-from dlo_planner.direct.bearing import bearing_on
+from dlo_planner.direct.bearing import bearing_on, corrected_by
 from dlo_planner.direct.described import described_equilibrium
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.indicator import (
@@ -30,6 +30,7 @@ _FARTHEST = 20  # times as many elements: as far as one shape tells what another
 _RESOLVED = 2e-4  # of the length: an error that is no more than that goes with the mesh
 _TURNED = 0.1  # rad: it is another equilibrium
 _ENOUGH, _MARGIN = 0.75, 0.5  # parts of the accuracy: what is good, and what is aimed at
+_CLEARLY = 0.7  # the same, where the error is known to first order: it surely is good
 
 
 def step(discretization, gripper, initial, history, far_end, method='newton',
@@ -136,6 +137,7 @@ def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_e
         if not shape.converged or surely_within(shape, accuracy) or not _mode_is_missed(
                 shape, accuracy) and (
                     like_before(shape, initial, accuracy) or like_coarser(shape, coarse, accuracy)
+                    or corrected_by(shape) <= _CLEARLY * accuracy
                     or shape.error_estimate <= _ENOUGH * accuracy):
             return shape, kicks
         better = _refined(discretization, fine, shape, accuracy)

@@ -9,12 +9,15 @@ from numpy.typing import NDArray
 
 from dlo_planner.direct.history import History
 from dlo_planner.energy.contact import Contact, Contacts
-from dlo_planner.energy.distance import Scene
+from dlo_planner.energy.distance import Scene, moved_scene
 from dlo_planner.energy.effects import EFFECTS, Effects
 from dlo_planner.energy.hold import Hold, no_hold
 from dlo_planner.energy.inertia import no_anchor
 from dlo_planner.energy.loads import Load
+from dlo_planner.energy.potential import turned_system
 from dlo_planner.energy.yielding import elastic_part
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.touching import touching_system
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.rod import Rod
 from dlo_planner.ritz.record import Record
@@ -50,6 +53,21 @@ def constraints(mesh: 'Discretization', scene: Scene, origin: NDArray[np.float64
 def free_end(mesh: 'Discretization') -> Hold:
     """Return the Hold of a free end."""
     return no_hold(mesh.hold_spring, mesh.hold_spring * mesh.lever**2)
+
+
+@kernel
+def standing(system, base, origin, spring, node, element, obstacle, multiplier, fraction, anchor,
+             normal, shear):
+    """Return a System with a free end in a gripper of rotation `base` (3, 3) at `origin` (3,).
+
+    Args:
+        spring: N/m; node ... shear: of its Contacts, read-only; anchors in the world
+    """
+    held = touching_system(system, Contacts(
+        spring, node.copy(), element.copy(), obstacle.copy(), multiplier.copy(), fraction.copy(),
+        anchor - origin, normal.copy(), shear.copy(), spring),
+        moved_scene(system.effects.contact.scene, origin))
+    return turned_system(held, base, origin)
 
 
 def _held_end(mesh, far_end, origin, history):

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dlo_planner.direct.acting import always, constraints, others
+from dlo_planner.direct.acting import always, constraints, others, standing
 from dlo_planner.direct.history import History, mapped
 from dlo_planner.direct.mesh import with_breaks
 from dlo_planner.direct.surroundings import Surroundings
@@ -27,6 +27,7 @@ from dlo_planner.ritz.series import orthonormal_basis
 _STIFF_CONTACT, _STIFF_HOLD = 1e5, 1e2
 SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length: where shapes are compared
 _LEVER = 0.1  # of the length
+_OF_POINTS = ('element', 'obstacle', 'multiplier', 'fraction', 'anchor', 'normal', 'shear')
 
 
 class Discretization(Value):
@@ -133,6 +134,10 @@ class Discretization(Value):
             fields['origin'] = origin = np.array(origin, dtype=float)
         if history is not None and self.yields:
             fields['plastic'] = system.plastic._replace(set=history.set.copy())
+        if origin is not None and self.obstructed and far_end is None and not self.yields:
+            past = self.start if history is None else history
+            return standing(system, fields['base'], origin, self.spring, past.node_force,
+                            *(past.points[name] for name in _OF_POINTS))
         if origin is not None and (self.obstructed or far_end is not None):
             fields |= constraints(self, self._scene._replace(origin=origin), origin, history,
                                   far_end)

@@ -29,6 +29,7 @@ from dlo_planner.minimize.touching import touching_system, truth
 from dlo_planner.minimize.watching import watching
 
 _ROUNDS = 100
+_FEW, _SOON = 12, 40  # rounds and steps in which a DLO that goes on bearing has to come to rest
 _SLOW = 0.3         # a violation that falls less than this in a round needs a stiffer spring
 _STIFFER = 10.0
 _MOST_STIFFER = 1e2
@@ -48,9 +49,16 @@ def touch_down(system, q, tolerance, exact, max_iterations, check, previous):
     """Do as `settle` does, but seek shape and forces at once before, where the DLO bears."""
     steps = 0
     if not is_held(system) and max_iterations > _ON_A_WAY:
-        _, q, system, steps = borne(system, q, tolerance, exact, previous)
+        found, start, there, steps = borne(system, q, tolerance, exact, previous)
+        if found:
+            state, residual, stability, iterations, kicks, there, violation = settle(
+                there, start, tolerance, exact, min(_SOON, max_iterations), check, previous, _FEW)
+            steps += iterations
+            if kicks == 0 and _rests(there, state, residual, stability, violation, tolerance,
+                                     exact):
+                return state, residual, stability, steps, kicks, there, violation
     state, residual, stability, iterations, kicks, system, violation = settle(
-        system, q, tolerance, exact, max_iterations, check, previous)
+        system, q, tolerance, exact, max_iterations, check, previous, _ROUNDS)
     return state, residual, stability, iterations + steps, kicks, system, violation
 
 
@@ -62,19 +70,29 @@ def bear_on(system, base, slid, strains, twist, tolerance, exact, max_iterations
         system, base, slid, strains, twist: as of `carried`; others as of `constrained_newton`
     """
     follows, q = carried(system, base, slid, strains, twist)
-    found, steps = False, 0
     if follows:
-        found, q, system, steps = borne(system, q, tolerance, exact, previous)
-    if not found:
-        return False, new_state(system), np.inf, np.nan, steps, 0, system, np.inf
-    state, residual, stability, iterations, kicks, system, violation = settle(
-        system, q, tolerance, exact, max_iterations, found, previous)
-    return True, state, residual, stability, iterations + steps, kicks, system, violation
+        found, q, there, steps = borne(system, q, tolerance, exact, previous)
+        if found:
+            state, residual, stability, iterations, kicks, there, violation = settle(
+                there, q, tolerance, exact, min(_SOON, max_iterations), found, previous, _FEW)
+            found = kicks == 0 and _rests(there, state, residual, stability, violation, tolerance,
+                                          exact)
+            return found, state, residual, stability, iterations + steps, kicks, there, violation
+    return False, new_state(system), np.inf, np.nan, 0, 0, system, np.inf
 
 
 @kernel
-def settle(system, q, tolerance, exact, max_iterations, check, previous):
-    """Descend from q (m, 3) among obstacles; arguments as of `constrained_newton`.
+def _rests(system, state, residual, stability, violation, tolerance, exact):
+    """Whether nothing is left to be done, and the shape stands; a stability of nan is not known."""
+    return (violation < exact and not stability <= -HELD_NEUTRAL
+            and residual < max(tolerance * _STALLED, gradient_noise(system, state)))
+
+
+@kernel
+def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds):
+    """Descend from q (m, 3) among obstacles, in so many rounds at most.
+
+    Other arguments as of `constrained_newton`.
 
     Returns:
         state, residual, stability, iterations, kicks, system, violation: as of a Minimum
@@ -83,7 +101,7 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous):
     best = before = np.inf
     stiffer, held = 1.0, is_held(system)
     stability, judged = np.nan, False
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         state, left, made, contacts, new = _round(system, q, tolerance, exact,
                                                   min(_PATIENCE, max_iterations - iterations),
                                                   previous)
