@@ -8,14 +8,12 @@ made in small parts (`direct.approach`).
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dlo_planner.direct.statics import EXACT, MAX_ITERATIONS, TOLERANCE, shape_of
-from dlo_planner.energy.potential import unknowns_of
-from dlo_planner.minimize.bearing import corrected
+from dlo_planner.minimize.bearing import correction
 from dlo_planner.minimize.multipliers import carried_newton
 from dlo_planner.ritz.rotation import turn_between
 
@@ -24,8 +22,6 @@ if TYPE_CHECKING:
     from dlo_planner.direct.history import History
     from dlo_planner.direct.shape import Shape
     from dlo_planner.model.pose import Pose
-
-_NOWHERE = np.zeros((0, 3))
 
 
 def bearing_on(discretization: Discretization, gripper: Pose, initial: Shape | None,
@@ -57,27 +53,28 @@ def bearing_on(discretization: Discretization, gripper: Pose, initial: Shape | N
     return None if found is None else (shape_of(discretization, gripper, found, past), found.kicks)
 
 
-def corrected_by(shape: Shape) -> float:
+def corrected_by(mesh: Discretization, shape: Shape, left: History) -> float:
     """Return how far, in m, the nodes are from the true rod's, by one step with halved elements.
 
     About what `Shape.error_estimate` says, which makes all steps and proves what it finds. Infinite
     where such a step tells nothing.
+
+    Parameters
+    ----------
+    mesh : Discretization
+    shape : Shape
+        Shape on this mesh.
+    left : History
+        What it leaves.
     """
-    mesh, past = shape._discretization, shape._before.holding(shape._history)
     around = mesh.surroundings
     if (not shape.contacts or shape.far_end is not None or mesh.yields or around.pinned
             or around.has_moments):
         return np.inf
-    finer = mesh.finer
-    past = replace(past, positions=_NOWHERE, tangents=_NOWHERE)  # what friction needs is in it
-    system = finer.system(shape.gripper.rotation, shape.gripper.position, finer.past(past))
-    q = np.empty((finer.n_unknowns, 3))
-    unknowns_of(system, np.repeat(shape.element_strains, 2, axis=0), q)
-    found, positions = corrected(system, q)
-    if not found:
-        return np.inf
-    moved = positions[::2] - (shape.positions - shape.gripper.position)
-    return float(4 / 3 * np.linalg.norm(moved, axis=1).max())
+    finer, gripper = mesh.finer, shape.gripper
+    system = finer.system(gripper.rotation, gripper.position, left.halved(finer.s))
+    return 4 / 3 * float(correction(system, np.array(shape.element_strains),
+                                    shape.positions - gripper.position))
 
 
 def _bears(past: History) -> bool:

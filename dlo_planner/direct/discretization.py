@@ -27,7 +27,6 @@ from dlo_planner.ritz.series import orthonormal_basis
 _STIFF_CONTACT, _STIFF_HOLD = 1e5, 1e2
 SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length: where shapes are compared
 _LEVER = 0.1  # of the length
-_OF_POINTS = ('element', 'obstacle', 'multiplier', 'fraction', 'anchor', 'normal', 'shear')
 
 
 class Discretization(Value):
@@ -135,9 +134,7 @@ class Discretization(Value):
         if history is not None and self.yields:
             fields['plastic'] = system.plastic._replace(set=history.set.copy())
         if origin is not None and self.obstructed and far_end is None and not self.yields:
-            past = self.start if history is None else history
-            return standing(system, fields['base'], origin, self.spring, past.node_force,
-                            *(past.points[name] for name in _OF_POINTS))
+            return standing(self, fields['base'], origin, history)
         if origin is not None and (self.obstructed or far_end is not None):
             fields |= constraints(self, self._scene._replace(origin=origin), origin, history,
                                   far_end)

@@ -11,12 +11,12 @@ alone tells whether something else touches, and whether the shape falls.
 
 import numpy as np
 
-from dlo_planner.energy.contact import Contacts, next_touching
-from dlo_planner.energy.distance import moved_scene
+from dlo_planner.energy.contact import Contacts, moved_scene, next_touching
 from dlo_planner.energy.effects import blocks
 from dlo_planner.energy.outline import is_face, longest_stretch, node_gap, nodes_of
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import (
+    at_elements,
     evaluate,
     new_state,
     project,
@@ -36,6 +36,7 @@ from dlo_planner.minimize.linear import (
 )
 from dlo_planner.minimize.touching import touching_system, truth
 from dlo_planner.ritz.arrays import put_sum
+from dlo_planner.ritz.kinematics import march
 
 _STEPS = 12
 _LARGEST_TURN = 0.3  # rad: of a node in the gripper, by a step; a longer one is a guess
@@ -110,7 +111,7 @@ def borne(system, q, tolerance, exact, previous):
         return False, q, system, 0
     begin = new_state(system)
     begin.q[:] = q
-    evaluate(system, begin)
+    _place(system, begin)
     state = begin
     for steps in range(_STEPS):
         there, deepest = _loaded(there, state, previous)
@@ -136,28 +137,51 @@ def borne(system, q, tolerance, exact, previous):
         put_forces(there, table, normal, shear)
         here += step
         state.q[:] = here
-        evaluate(there, state)
+        _place(there, state)
     return False, q, system, _STEPS
 
 
 @kernel
-def corrected(system, q):
-    """Return whether one step of `borne` from q (m, 3) can be made, and the positions after it.
+def correction(system, strains, positions):
+    """Return how far, in m, one step of `borne` moves the nodes of a DLO with halved elements.
 
-    Friction is that of the System's contacts.
+    Infinite where there is no such step. Friction is that of the System's contacts.
+
+    Args:
+        strains: (n, 3), positions: (n + 1, 3) from the gripper, m: of the DLO with n elements
     """
-    state = new_state(system)
-    state.q[:] = q
-    evaluate(system, state)
+    twice, state = np.empty((2 * strains.shape[0], 3)), new_state(system)
+    for e in range(twice.shape[0]):
+        twice[e] = strains[e // 2]
+    unknowns_of(system, twice, state.q)
+    _place(system, state)
     there, _ = _loaded(system, state, np.zeros((0, 6)))
-    state, _, table, _ = truth(there, q)
+    state, _, table, _ = truth(there, state.q)
     normal, shear = table.force.copy(), np.zeros((table.gap.size, 3))
-    step = np.zeros_like(q)
+    step = np.zeros_like(state.q)
     if table.gap.size == 0 or not lawful(there, state, table, normal, shear, step):
-        return False, state.positions
+        return np.inf
+    if not np.min(normal) > 0.0:
+        return np.inf
     state.q[:] += step
-    evaluate(there, state)
-    return np.min(normal) > 0.0, state.positions
+    _place(there, state)
+    farthest = 0.0
+    for k in range(positions.shape[0]):
+        away = 0.0
+        for i in range(3):
+            away += (state.positions[2 * k, i] - positions[k, i]) ** 2
+        farthest = max(farthest, away)
+    return np.sqrt(farthest)
+
+
+@kernel
+def _place(system, state):
+    """Refill strains, rotations and positions of `state` for its q, and nothing else."""
+    values = at_elements(system.basis, state.q)
+    for e in range(system.lengths.size):
+        for i in range(3):
+            state.strains[e, i] = system.natural[e, i] + system.scale[e, i] * values[e, i]
+    march(system.lengths, state.strains, system.base, state.rotations, state.positions)
 
 
 @kernel

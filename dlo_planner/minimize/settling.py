@@ -23,8 +23,10 @@ from dlo_planner.minimize.contact_forces import move_multipliers
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import HELD_NEUTRAL, descend_held
 from dlo_planner.minimize.leash import no_leash
-from dlo_planner.minimize.newton import gradient_noise, leashed_descent
+from dlo_planner.minimize.linear import assemble, new_hessian
+from dlo_planner.minimize.newton import gradient_noise, leashed_descent, safe_shift
 from dlo_planner.minimize.saddle import kicked
+from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.minimize.touching import touching_system, truth
 from dlo_planner.minimize.watching import watching
 
@@ -100,7 +102,7 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds)
     vain = news = kicks = iterations = 0
     best = before = np.inf
     stiffer, held = 1.0, is_held(system)
-    stability, judged = np.nan, False
+    stability, judged, final = np.nan, False, False
     for _ in range(rounds):
         state, left, made, contacts, new = _round(system, q, tolerance, exact,
                                                   min(_PATIENCE, max_iterations - iterations),
@@ -118,13 +120,13 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds)
             break
         if good:
             stability, mode = _judged(system, state, tolerance, exact)
-            judged = True
+            judged = final = True
             beside = np.empty_like(q)
             if (stability > -HELD_NEUTRAL or kicks >= _MOST_KICKS
                     or not kicked(system, state, mode, beside)):
                 break
             kicks += 1
-            q, before, judged = beside, np.inf, False
+            q, before, judged, final = beside, np.inf, False, False
             continue
         wrong = max(violation / exact, residual / tolerance)
         vain = 0 if wrong < _HELPS * best else vain + 1
@@ -139,8 +141,10 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds)
         before = violation if not solved and news == 0 else np.inf
     if check and not judged:
         stability, _ = _judged(system, state, tolerance, exact)
-    final, residual, _, inside = truth(system, state.q)
-    return final, residual, stability, iterations, kicks, system, max(violation, inside)
+    if not final:  # the multipliers have moved since
+        state, residual, _, inside = truth(system, state.q)
+        violation = max(violation, inside)
+    return state, residual, stability, iterations, kicks, system, violation
 
 
 @kernel
@@ -191,8 +195,10 @@ def _judged(system, state, tolerance, exact):
     if is_held(system):
         _, _, stability, _, mode, _ = descend_held(system, state.q, tolerance, exact, none, always)
     else:
-        _, _, stability, _, mode, _ = leashed_descent(system, state.q, tolerance, none, always,
-                                                      no_leash())
+        hessian = new_hessian(system)
+        assemble(system, state, hessian)
+        shift = safe_shift(system, hessian, 0.0)
+        stability, mode = lowest_mode(system, hessian, shift, 1e-4)
     return stability, mode
 
 
