@@ -50,7 +50,6 @@ def others(mesh: Discretization, left: Left) -> dict[str, Record | None]:
     return {part.name: part.record(mesh, left, Held()) for part in ACTING}
 
 
-def renewed(mesh: Discretization, left: Left, held: Held) -> dict[str, Record | None]:
-    """Return those that depend on what is `left` and how the DLO is held, by their names."""
-    return {part.name: part.record(mesh, left, held) for part in ACTING
-            if part.changes(mesh, held)}
+def changing(mesh: Discretization, held: Held) -> list[Part]:
+    """Return those that depend on what is left and how the DLO is held there."""
+    return [part for part in ACTING if part.changes(mesh, held)]

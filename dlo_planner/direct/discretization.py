@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.acting import ACTING, always, others, renewed
+from dlo_planner.direct.acting import ACTING, always, changing, others
 from dlo_planner.direct.history import History, past_on
 from dlo_planner.direct.mesh import mapped, with_breaks
 from dlo_planner.direct.part import Held, Part
@@ -132,11 +132,17 @@ class Discretization(Value):
         far_end : FarEnd or None, optional
         """
         system = self.static if far_end is None else self.full
-        fields = {'base': np.array(rotation, dtype=float, order='C')}
+        left = (self.start if history is None else history).left
+        base: Any = np.array(rotation, dtype=float, order='C')
+        fields = {'base': base}
         if origin is not None:
             fields['origin'] = origin = np.array(origin, dtype=float)
-        left = (self.start if history is None else history).left
-        return system._replace(**fields, **renewed(self, left, Held(origin, far_end)))
+        held = Held(origin, far_end)
+        parts = changing(self, held)
+        if len(parts) == 1 and (quick := parts[0].placed(self, base, left, held)) is not None:
+            return quick
+        return system._replace(**fields, **{part.name: part.record(self, left, held)
+                                            for part in parts})
 
     @cached_property
     def load(self) -> Floats:

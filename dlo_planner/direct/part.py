@@ -97,6 +97,14 @@ class Part:
         """Whether its Record depends on what is left and how the DLO is held there."""
         return False
 
+    def placed(self, mesh: Discretization, base: Floats, left: Left,
+               held: Held) -> System | None:
+        """Return the System in a gripper of rotation `base` (3, 3), if it alone changes; or None.
+
+        None where there is no quicker way to it than by `record`.
+        """
+        return None
+
     def none(self, mesh: Discretization, s: Floats) -> Left:
         """Return what it leaves where nothing has happened yet, on nodes `s` (N + 1,), m."""
         return {}

@@ -22,9 +22,9 @@ from dlo_planner.energy.potential import at_element, evaluate, project, unknowns
 from dlo_planner.energy.system import State, System, new_state, unknown_count
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.contact_forces import add_sliding
 from dlo_planner.minimize.linear import Hessian, assemble, factorize, new_hessian, solve_held
 from dlo_planner.minimize.multipliers import firm
+from dlo_planner.minimize.sliding import add_sliding
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import displaced
 from dlo_planner.model.rod import Rod

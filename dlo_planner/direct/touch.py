@@ -11,10 +11,12 @@ import numpy as np
 from dlo_planner.direct.contacts import contacts_of
 from dlo_planner.direct.part import Held, Left, Part, Solved
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.energy.contact import Contact, Contacts, obstructed
+from dlo_planner.energy.contact import Contact, Contacts, moved_scene, obstructed
 from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.scene import Scene, build_scene
-from dlo_planner.energy.system import State, System
+from dlo_planner.energy.system import State, System, turned_system
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.touching import touching_system
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.surface import Surface
@@ -27,6 +29,7 @@ if TYPE_CHECKING:  # it imports this file
 _SOFTER = 1e-2  # of contacts where both ends are held: tension multiplies what they round
 _SAME = 1e-12   # of the length: nodes of two meshes that are one
 _POINT = 'point_'
+_OF_CONTACTS = ('element', 'obstacle', 'multiplier', 'fraction', 'anchor', 'normal', 'shear')
 NO_POINTS = {'element': np.zeros(0, dtype=np.int64), 'obstacle': np.zeros(0, dtype=np.int64),
              'multiplier': np.zeros(0), 'fraction': np.zeros(0), 'anchor': np.zeros((0, 3)),
              'normal': np.zeros((0, 3)), 'shear': np.zeros((0, 3)), 'slid': np.zeros((0, 3))}
@@ -68,6 +71,14 @@ class Touch(Part):
     def changes(self, mesh: Discretization, held: Held) -> bool:
         """Whether there are obstacles around a gripper that is somewhere."""
         return held.origin is not None and mesh.obstructed
+
+    def placed(self, mesh: Discretization, base: Floats, left: Left, held: Held) -> System | None:
+        """Return the System by one kernel, where the far end is free."""
+        if held.far_end is not None:
+            return None
+        system: System = _standing(mesh.static, base, held.origin, mesh.spring, left['node_force'],
+                                   *(left[_POINT + name] for name in _OF_CONTACTS))
+        return system
 
     def none(self, mesh: Discretization, s: Floats) -> Left:
         """Return no forces."""
@@ -128,6 +139,32 @@ _NO_POINTS = _left(NO_POINTS)
 def _forces(solved: Solved, ended: bool) -> Left:
     points = points_of(solved.system, solved.state, solved.gripper, ended)
     return {'node_force': solved.system.contacts.node, **_left(points)}
+
+
+def halved_forces(left: Left, s: Floats) -> Left:
+    """Return what contacts leave to a mesh `s` (2 N + 1,) with halved elements.
+
+    What slid slides: its anchors are those of before.
+    """
+    points, node_force = _points(left), np.zeros((len(left['node_force']), s.size))
+    node_force[:, ::2] = left['node_force']
+    beyond = (points['obstacle'] < 0) & (points['fraction'] > 0.5)
+    fraction = np.where(points['obstacle'] < 0, 2 * points['fraction'] - beyond,
+                        points['fraction'])
+    points |= {'element': 2 * points['element'] + beyond, 'fraction': fraction,
+               'anchor': points['anchor'] - points['slid']}
+    return {'node_force': node_force, **_left(points)}
+
+
+@kernel
+def _standing(system, base, origin, spring, node, element, obstacle, multiplier, fraction, anchor,
+              normal, shear):
+    """Return the same System in another gripper, with Contacts of read-only arrays."""
+    held = touching_system(system, Contacts(
+        spring, node.copy(), element.copy(), obstacle.copy(), multiplier.copy(), fraction.copy(),
+        anchor - origin, normal.copy(), shear.copy(), spring),
+        moved_scene(system.effects.contact.scene, origin))
+    return turned_system(held, base, origin)
 
 
 def _points_on(left: Left, old: Floats, s: Floats) -> Left:

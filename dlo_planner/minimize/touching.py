@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlo_planner.energy.contact import Contacts, next_touching
+from dlo_planner.energy.contact import Contact, Contacts, next_touching
+from dlo_planner.energy.effects import Needs, with_contact
 from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.outline import (
     gap_at,
@@ -22,6 +23,7 @@ from dlo_planner.energy.system import State, System, new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.residual import residual_of
 from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.ritz.attached import nothing_attached
 from dlo_planner.ritz.kinematics import point_inside
 from dlo_planner.ritz.record import Record
 
@@ -167,14 +169,17 @@ def _slip_error(system, state, contacts, c):
     point_inside(system.lengths, state.strains, state.rotations, state.positions,
                  contacts.element[c], contacts.fraction[c], rotation, x)
     size = trial_force(contacts, c, x, trial)
-    sticks = size <= contacts.multiplier[c]
-    square = along = 0.0
+    along = 0.0  # of the way, against its friction
+    if size > contacts.multiplier[c]:
+        for i in range(3):
+            along += (trial[i] - contacts.shear[c, i]) * trial[i] / size
+        along = max(0.0, along)
+    square = 0.0
     for i in range(3):
         slid = trial[i] - contacts.shear[c, i]
+        if along > 0.0:
+            slid -= along * trial[i] / size
         square += slid * slid
-        along += slid * trial[i] / size if size > 0.0 else 0.0
-    if not sticks and along > 0.0:
-        square = max(0.0, square - along * along)
     return np.sqrt(square) / contacts.grip
 
 
@@ -184,3 +189,16 @@ def with_contacts_of(old, element, obstacle, multiplier, fraction, anchor, norma
     order = np.argsort(element, kind='mergesort')
     return Contacts(old.stiffness, old.node, element[order], obstacle[order], multiplier[order],
                     fraction[order], anchor[order], normal[order], shear[order], old.grip)
+
+
+@kernel
+def touching_system(system, contacts, scene):
+    """Return the same System with other Contacts with a Scene."""
+    needs = system.needs
+    beside = needs.attached.moment.shape[0] + needs.attached.node_moment.shape[0] > 0
+    attached = nothing_attached(needs.attached.sprung.size, contacts.element, beside)
+    return System(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
+                  system.base, system.origin,
+                  with_contact(system.effects, Contact(scene, contacts)),
+                  Needs(needs.displaced, attached, needs.border), system.proximal_point,
+                  system.proximal_weight)
