@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from dlo_planner.direct.accuracy import past_of
+from dlo_planner.direct.bearing import corrected_by
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.identify.correction import correct
@@ -82,6 +84,9 @@ def touching() -> None:
     shapes = direct.track([_LEVEL, Pose((0, 0, -0.05), (0, 0, 0, 1))])
     direct.simulate([_LEVEL] * 2, 0.01, shapes[0])
     Sensitivity(shapes[-1])
+    elastic = DirectSimulator(_ROD, n_elements=64, obstacles=[Plane((0, 0, -0.01), (0, 0, 1))])
+    shape = elastic.track([_LEVEL, Pose((0, 0, -0.005), (0, 0, 0, 1))])[-1]
+    assert corrected_by(elastic.mesh, shape, past_of(elastic.mesh, shape, None)) < 1
     direct.solve(_LEVEL, far_end=(0.8, 0, 0))
     AwayFrom((Plane((0, 0, -0.2), (0, 0, 1)),), 0.1).residuals(shapes[0])
     cell = Workspace(keep_out=[Plane((0, 0, -9), (0, 0, 1))])
