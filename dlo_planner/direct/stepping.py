@@ -14,16 +14,16 @@ import numpy as np
 
 from dlo_planner.direct.guide import Grips
 from dlo_planner.direct.integrator import Course, Scheme
+from dlo_planner.direct.leg import Limits, sampled, swung
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import (
     MAX_ITERATIONS,
     TOLERANCE,
-    hanging_shape,
     shape_of,
     solve,
     unknown,
 )
-from dlo_planner.direct.swinging import Coefficients, swing
+from dlo_planner.direct.swinging import Coefficients
 from dlo_planner.energy.elastic import with_couples
 from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.loads import node_masses
@@ -109,11 +109,16 @@ class Stepper:
         Time step in s, unit of `place`.
     method
         One of METHODS, by which steps are minimized; beginnings are by Newton's.
+    watched
+        (m,) nodes whose places are recorded after each step. If None, some.
     """
 
-    def __init__(self, discretization, grips: Grips, dt, method='newton'):
+    def __init__(self, discretization, grips: Grips, dt, method='newton', watched=None):
         self.discretization, self.grips, self.dt = discretization, grips, dt
         self.method = method
+        self.watched = sampled(discretization.s) if watched is None else watched
+        # whether steps are made by one kernel, many at once
+        self.swings = discretization.hangs and grips.far_end is None and method == 'newton'
         rod = discretization.rod
         self.masses = node_masses(rod, discretization.s)
         # of the rod: 0.56 of the period of its slowest vibration, without tip mass
@@ -144,9 +149,9 @@ class Stepper:
         return replace(self._step(calm, place, euler, patience), touched=True)
 
     def _step(self, before, place, scheme, patience):
-        gripper, far_end = self.grips.at(place)
-        if self.discretization.hangs and far_end is None and self.method == 'newton':
-            return self._swung(before, place, scheme, gripper, patience)
+        if self.swings:
+            leg = self.along(before, (), np.array([place]), scheme, Limits(patience))
+            return leg.last if leg.refused is None else leg.refused
         return self.step_from(before, place, scheme, self.guess(before, scheme.dt), patience)
 
     def guess(self, before, dt):
@@ -179,29 +184,34 @@ class Stepper:
             before, shape=shape, nodes=nodes, bends=bends, kinetic=self._kinetic(nodes.velocity),
             damping=self._damping(nodes.velocity, bends.velocity)))
 
-    def _swung(self, before, place, scheme, gripper, patience):
-        """Return the Instant of a DLO that hangs freely."""
-        mesh = self.discretization
-        rounding = self._rounding(scheme)
-        found, nodes, bends, kinetic, damping = swing(
-            mesh.static, gripper.rotation, gripper.position, self._coefficients(scheme),
-            before.nodes.arrays, before.bends.arrays, TOLERANCE + rounding, patience, True)
-        shape = hanging_shape(mesh, gripper, found, rounding)
-        return self._after(before, place, scheme, replace(
-            before, shape=shape, nodes=Course(shape.positions, *nodes),
-            bends=Course(shape.element_strains, *bends), kinetic=kinetic, damping=damping))
+    def along(self, now, past, places, scheme, limits):
+        """Return the Leg of steps that end at `places` (n,), each the end of one of a Scheme.
 
-    def _rounding(self, scheme):
+        Only where it `swings`.
+
+        Parameters
+        ----------
+        now : Instant
+            Where they begin.
+        past : sequence
+            The last but one and the last pair of a time and node positions before; empty: not
+            known, and no local errors.
+        limits : Limits
+            Until when to go on.
+        """
+        return swung(self, now, past, places, self.coefficients(scheme), limits)
+
+    def rounding(self, scheme):
         """Return how large a residual rounding errors may leave."""
         return min(_ROUNDING * scheme.stiffness * self._own_time**2, _ROUGHEST)
 
-    def _coefficients(self, scheme):
+    def coefficients(self, scheme):
         """Return the Coefficients of a Scheme."""
         known = self._known.get(scheme)
         if known is None:
             known = self._known[scheme] = Coefficients(
                 *(float(one) for one in (scheme.alpha_m, scheme.alpha_f, scheme.beta, scheme.gamma,
-                                         scheme.dt, scheme.stiffness, scheme.drag,
+                                         scheme.dt, scheme.stiffness, scheme.drag, scheme.third,
                                          *self.discretization.rod.damping)), self.masses)
         return known
 
@@ -209,7 +219,7 @@ class Stepper:
         """Return the Task of a step."""
         gripper, far_end = self.grips.at(place)
         system = self._moving(gripper, far_end, history, nodes, bends, scheme)
-        return Task(system, gripper, far_end, self._rounding(scheme))
+        return Task(system, gripper, far_end, self.rounding(scheme))
 
     def _is_clear(self, system, old, strains, gripper):
         """Whether nothing is run through by the Shape `old` as it is when the gripper goes on."""
@@ -324,7 +334,8 @@ class Stepper:
         system = self._moving(gripper, far_end, history, *moving, brief)
         q = np.empty((mesh.n_unknowns, 3))
         unknowns_of(system, strains.copy(), q)
-        return solve(mesh, system, gripper, q, history, exact=_AT_ONCE).state, gripper
+        return solve(mesh, system, gripper, q, history, exact=_AT_ONCE,
+                     rounding=self.rounding(brief)).state, gripper
 
     def _moving(self, gripper, far_end, history, nodes, bends, scheme):
         """Return the System of a step: the static one, with inertia and damping."""

@@ -134,6 +134,7 @@ class AheadStepper(Stepper):
 
     def __init__(self, rounds: Rounds, last: int, *more: Any) -> None:
         super().__init__(*more)
+        self.swings = False
         self._rounds, self._last, self._shared = rounds, last, Shared(Stepper(*more))
 
     def _step(self, before: Instant, place: float, scheme: Scheme, patience: int) -> Instant:

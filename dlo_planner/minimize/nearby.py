@@ -1,0 +1,73 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A minimum that is known to be near: Newton's method that keeps its factorization.
+
+A step of a motion begins so near to its end that the Hessian hardly changes on the way. So each
+further step uses the one there is as long as the gradient vanishes quickly (Kelley, Iterative
+Methods for Linear and Nonlinear Equations, ch. 5: the chord method). What is not quite so simple is
+left to `minimize.newton`, with all its guards.
+"""
+
+import numpy as np
+
+from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.linear import assemble, factorize, largest_turn, new_hessian, solve
+from dlo_planner.minimize.newton import residual_of, without_traces
+from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.ritz.arrays import put_sum
+
+_FEW = 8            # steps in which it has to be found
+_LESS = 0.5         # of the gradient that a step leaves at most
+_NEAR = 0.05        # rad, of any node: the first step of a search that is short
+_QUICK = 0.05       # what a chord has to leave of the gradient at most, or the Hessian is renewed
+_SAME = 1e-3        # rad, since the Hessian was factorized: it still tells whether it is stable
+_WELL_STABLE = 0.1  # an eigenvalue that so small a way cannot make doubtful
+_ROUGHLY = 1e-2     # relative error of that eigenvalue
+
+
+@kernel
+def nearby(system, q, tolerance):
+    """Return the minimum next to q (m, 3), if it is as near as a motion's step is.
+
+    Args:
+        system: System
+        q: start, scaled unknowns; not changed
+        tolerance: of the residual
+
+    Returns:
+        found: whether there is one, well stable; if not, only `steps` means anything
+        state: there
+        residual: scaled gradient
+        stability: smallest eigenvalue, to about 1 % of itself
+        steps: made
+    """
+    state, trial = new_state(system), new_state(system)
+    hessian = new_hessian(system)
+    step = np.empty_like(state.q)
+    without_traces(q, state.q)
+    evaluate(system, state)
+    residual = residual_of(system, state)
+    steps, turned, fresh = 0, np.inf, False
+    while residual >= tolerance:
+        if not fresh:
+            assemble(system, state, hessian)
+            if factorize(system, hessian, 0.0) > 0:
+                return False, state, residual, np.nan, steps
+            fresh, turned = True, 0.0
+        solve(system, hessian, state.gradient, step)
+        turned += largest_turn(system, hessian, step)
+        put_sum(state.q, -1.0, step, trial.q)
+        evaluate(system, trial)
+        steps += 1
+        before, residual = residual, residual_of(system, trial)
+        if not (turned < _NEAR and residual < _LESS * before) or steps == _FEW:
+            return False, state, residual, np.nan, steps
+        fresh = residual < max(_QUICK * before, tolerance)
+        state, trial = trial, state
+    if turned > _SAME:
+        assemble(system, state, hessian)
+        if factorize(system, hessian, 0.0) > 0:
+            return False, state, residual, np.nan, steps
+    stability, _ = lowest_mode(system, hessian, 0.0, _ROUGHLY)
+    return stability > _WELL_STABLE, state, residual, stability, steps
