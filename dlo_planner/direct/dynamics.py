@@ -143,7 +143,7 @@ class _Pace:
         last_try = level == HALVINGS or self._fixed
         scheme = plan.scheme(stepper.dt, level)
         now = self.now
-        if (self._steps[-1] if self._steps else 0) != level and not now.touched:
+        if self._steps and self._steps[-1] != level and not now.touched:
             now = stepper.renewed(now, scheme.dt)
         limits = Limits(
             MAX_ITERATIONS if last_try else _PATIENCE,

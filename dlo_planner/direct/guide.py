@@ -66,7 +66,7 @@ class Guide(Value):
         if not given.all():  # else they are not as the spline rounds them
             values, other = self._spline(places[~given]), ~given
             rotations[other], positions[other] = rotations_of(values[:, 3:]), values[:, :3]
-            twists[other] = self._twist(places[other])
+            twists[other] = self._twist(places[other], values)
         return rotations, positions, twists
 
     @cached_property
@@ -89,8 +89,8 @@ class Guide(Value):
         """(n, 6) at the poses: most of what is asked for, and quicker all at once."""
         return self._twist(np.arange(len(self.poses)))
 
-    def _twist(self, places):
-        quaternions = self._spline(places)[:, 3:]
+    def _twist(self, places, values=None):
+        quaternions = (self._spline(places) if values is None else values)[:, 3:]
         rates = self._spline(places, 1) / self.dt
         vectors, w = quaternions[:, :3], quaternions[:, 3:]
         turn = w * rates[:, 3:6] - rates[:, 6:] * vectors + np.cross(vectors, rates[:, 3:6])

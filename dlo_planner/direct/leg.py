@@ -20,7 +20,7 @@ from dlo_planner.direct.statics import (
     TOLERANCE,
     hanging_shape,
 )
-from dlo_planner.direct.swinging import PAST, Trail, entered, swing_along
+from dlo_planner.direct.swinging import PAST, Trail, entered, swing, swing_along
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.value import freeze
 
@@ -102,7 +102,16 @@ def swung(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], 
           scheme: Scheme, limits: Limits) -> Leg:
     """Return the Leg of a DLO that hangs freely, see `Stepper.along`."""
     rounding = stepper.rounding(scheme)
-    trail = _begun(stepper, now, past, places, scheme.dt)
+    trail = _trail(stepper, now.nodes, now.bends, np.append(now.place, places))
+    for one, known in zip((trail.bases, trail.origins, trail.twists),
+                          stepper.grips.gripper.along(np.append(now.place, places)), strict=True):
+        one[PAST:] = known
+    nodes = trail.nodes[0]
+    for row, (time, positions) in enumerate(past or [
+            (trail.times[PAST] - k * scheme.dt, now.nodes.position) for k in (2, 1)]):
+        trail.times[row], nodes[row] = time, positions
+    trail.energies[PAST] = (now.shape.elastic_energy, now.potential, now.kinetic, now.work,
+                            now.power, now.losses[0], now.damping)
     books = np.array([CONVERGED + 100 * rounding, limits.error, limits.part, limits.noise])
     last = swing_along(stepper.discretization.static, stepper.coefficients(scheme), trail,
                        limits.books, books, TOLERANCE + rounding, limits.patience)
@@ -113,33 +122,46 @@ def swung(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], 
             *([last + 1] if last + 1 < places.size else [])]
     made = dict(zip(rows, _instants(stepper, now, trail, rows, places[rows], rounding),
                     strict=True))
-    nodes = trail.nodes[0]
     return Leg(trail.proofs[PAST + 1:last + 1, 2], [made[row] for row in whole],
                made.get(last, now),
                [(float(trail.times[row]), nodes[row].copy()) for row in (last - 2, last - 1)],
                nodes[PAST + 1:last + 1, stepper.watched], made.get(last + 1))
 
 
-def _begun(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], places: Floats,
-           dt: float) -> Trail:
-    """Return a Trail that is filled up to `now`."""
-    rows, elements = PAST + 1 + places.size, len(now.bends.position)
-    times, grips = np.empty(rows), [np.zeros((rows, *size)) for size in ((3, 3), (3,), (6,))]
-    nodes, bends = np.empty((4, rows, elements + 1, 3)), np.empty((4, rows, elements, 3))
-    for one, known in zip(grips, stepper.grips.gripper.along(np.append(now.place, places)),
-                          strict=True):
-        one[PAST:] = known
-    times[PAST:] = stepper.dt * np.append(now.place, places)
-    for row, (time, positions) in enumerate(past or [
-            (times[PAST] - k * dt, now.nodes.position) for k in (2, 1)]):
-        times[row], nodes[0, row] = time, positions
-    for course, known in ((nodes, now.nodes), (bends, now.bends)):
+def swung_shortly(stepper: Stepper, nodes: Course, bends: Course, place: float, brief: Scheme,
+                  damping: tuple[float, float]) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return positions, strains and wrenches of both ends of a DLO that hangs freely, soon after.
+
+    Parameters
+    ----------
+    place
+        Time / dt, one step of the Scheme `brief` from now.
+    damping
+        (a, b) as of a Rod.
+    """
+    trail = _trail(stepper, nodes, bends, np.array([place - brief.dt / stepper.dt, place]))
+    gripper = stepper.grips.gripper.at(place)
+    trail.bases[PAST + 1], trail.origins[PAST + 1] = gripper.rotation, gripper.position
+    swing(stepper.discretization.static, stepper.coefficients(brief, damping), trail, PAST + 1,
+          TOLERANCE + stepper.rounding(brief), MAX_ITERATIONS)
+    return (trail.nodes[0, PAST + 1].copy(), trail.bends[0, PAST + 1].copy(),
+            trail.wrenches[PAST + 1].copy(), np.zeros(6))
+
+
+def _trail(stepper: Stepper, nodes: Course, bends: Course, places: Floats) -> Trail:
+    """Return a Trail at `places` (n,), of which the first is now, with how it moves now.
+
+    The grips are not filled in.
+    """
+    rows, elements = PAST + places.size, len(bends.position)
+    times, grips = np.empty(rows), [np.empty((rows, *size)) for size in ((3, 3), (3,), (6,))]
+    times[PAST:] = stepper.dt * places
+    courses = [np.empty((4, rows, *one.position.shape)) for one in (nodes, bends)]
+    for course, known in zip(courses, (nodes, bends), strict=True):
         course[:, PAST] = known.arrays
-    energies = np.empty((rows, 7))
-    energies[PAST] = (now.shape.elastic_energy, now.potential, now.kinetic, now.work, now.power,
-                      now.losses[0], now.damping)
-    return Trail(times, *grips, nodes, bends, np.empty((rows, elements + 1, 3, 3)),
-                 np.empty((rows, 6)), np.empty((rows, 3)), np.empty(rows, dtype=np.int64), energies)
+    return Trail(times, *grips, *courses, np.empty((rows, elements + 1, 3, 3)),
+                 np.empty((rows, 6)), np.empty((rows, 3)), np.empty(rows, dtype=np.int64),
+                 np.empty((rows, 7)))
 
 
 def _instants(stepper: Stepper, now: Instant, trail: Trail, rows: list[int], places: Floats,

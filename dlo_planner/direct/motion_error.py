@@ -86,7 +86,7 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
     for level, steps in groupby(plan.steps):
         left, size = 2 * len(list(steps)), 1 << (HALVINGS - level)
         scheme = plan.scheme(stepper.dt, level + 1)
-        if not now.touched:
+        if made and not now.touched:
             now = finer.renewed(now, scheme.dt)
         while left:
             places = (at + size * np.arange(1, min(left, MOST) + 1)) / (2 << HALVINGS)

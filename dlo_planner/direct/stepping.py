@@ -14,7 +14,7 @@ import numpy as np
 
 from dlo_planner.direct.guide import Grips
 from dlo_planner.direct.integrator import Course, Scheme
-from dlo_planner.direct.leg import Limits, sampled, swung
+from dlo_planner.direct.leg import Limits, sampled, swung, swung_shortly
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import (
     MAX_ITERATIONS,
@@ -34,6 +34,7 @@ from dlo_planner.minimize.methods import search
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 
+_AT_FIRST = 0.1      # of a step: it may be halved yet
 _BRIEF = 1e-1, 1e-3  # of a step, of the DLO's own time: how long it is watched at the beginning
 _BRIEFEST = 3e-5     # of that time: of what is watched for less rounding errors would count
 _ROUNDING = 1e-17    # of the residual, per inertia's strength relative to elasticity's
@@ -86,6 +87,23 @@ class Instant:
     def balance(self) -> float:
         """Energy that is there, less what was put in, plus what was taken out, J."""
         return self.kinetic + self.potential - self.work + self.losses.sum()
+
+
+class There(NamedTuple):
+    """What was found a very short time later.
+
+    Attributes
+    ----------
+    positions, strains : ndarray, shape (N + 1, 3), (N, 3)
+        Of the nodes, world, m; of the elements, 1/m.
+    wrench, far_wrench : ndarray, shape (6,)
+        Of the gripper and of the far end on the DLO.
+    """
+
+    positions: np.ndarray
+    strains: np.ndarray
+    wrench: np.ndarray
+    far_wrench: np.ndarray
 
 
 class Task(NamedTuple):
@@ -205,21 +223,23 @@ class Stepper:
         """Return how large a residual rounding errors may leave."""
         return min(_ROUNDING * scheme.stiffness * self._own_time**2, _ROUGHEST)
 
-    def coefficients(self, scheme):
-        """Return the Coefficients of a Scheme."""
-        known = self._known.get(scheme)
+    def coefficients(self, scheme, damping=None):
+        """Return the Coefficients of a Scheme; `damping` if it is not the rod's."""
+        damping = self.discretization.rod.damping if damping is None else damping
+        known = self._known.get((scheme, damping))
         if known is None:
-            known = self._known[scheme] = Coefficients(
+            known = self._known[scheme, damping] = Coefficients(
                 *(float(one) for one in (scheme.alpha_m, scheme.alpha_f, scheme.beta, scheme.gamma,
                                          scheme.dt, scheme.stiffness, scheme.drag, scheme.third,
-                                         *self.discretization.rod.damping)), self.masses)
+                                         *damping)), self.masses)
         return known
 
     def moving(self, nodes, bends, history, place, scheme):
         """Return the Task of a step."""
-        gripper, far_end = self.grips.at(place)
-        system = self._moving(gripper, far_end, history, nodes, bends, scheme)
-        return Task(system, gripper, far_end, self.rounding(scheme))
+        grips = self.grips.at(place)
+        system = self._moving(grips, history, nodes, bends, scheme,
+                              self.discretization.rod.damping)
+        return Task(system, *grips, self.rounding(scheme))
 
     def _is_clear(self, system, old, strains, gripper):
         """Whether nothing is run through by the Shape `old` as it is when the gripper goes on."""
@@ -258,7 +278,7 @@ class Stepper:
             (N + 1, 3) of the nodes, m/s. If None, at rest.
         """
         mesh = self.discretization
-        brief = self._brief(self.dt)
+        brief = self._brief(_AT_FIRST * self.dt)
         strains = np.array(shape.element_strains)
         here = placed(mesh.system(shape.gripper.rotation), strains)
         positions = here.positions + shape.gripper.position
@@ -267,10 +287,10 @@ class Stepper:
                         zip((positions, here.strains), rest, strict=True))
         if velocity is not None:
             nodes, bends = self._set_going(nodes, bends, shape._history, velocity, brief, 0.0)
-        nodes, bends, state = self._accelerated(nodes, bends, shape._history, brief, 0.0)
+        nodes, bends, there = self._accelerated(nodes, bends, shape._history, brief, 0.0)
         begun = Instant(0.0, replace(shape, _estimate=unknown), nodes, bends, 0.0, shape.energy,
                         0.0, 0.0, np.zeros(3), 0.0)
-        return self._with(begun, nodes, bends, state)
+        return self._with(begun, nodes, bends, there)
 
     def renewed(self, instant, dt):
         """Return an Instant with the velocities and accelerations that its grips and forces allow.
@@ -282,30 +302,27 @@ class Stepper:
         time, history, brief = instant.place * self.dt, instant.shape._history, self._brief(dt)
         nodes, bends = self._set_going(instant.nodes.uniform(), instant.bends.uniform(), history,
                                        instant.nodes.velocity, brief, time)
-        nodes, bends, state = self._accelerated(nodes, bends, history, brief, time)
-        return self._with(instant, nodes, bends, state)
+        nodes, bends, there = self._accelerated(nodes, bends, history, brief, time)
+        return self._with(instant, nodes, bends, there)
 
     def _brief(self, dt):
         """Return the Scheme by which the DLO is watched before steps of dt (s)."""
         short = max(_BRIEF[0] * dt, _BRIEFEST * self._own_time)
         return Scheme.named('paper', min(short, _BRIEF[1] * self._own_time))
 
-    def _with(self, instant, nodes, bends, state):
-        """Return an Instant with other Courses; the State has the forces of the grips."""
-        power = self.grips.power(instant.place,
-                                 np.concatenate([state.base_force, state.base_moment]),
-                                 -tip_wrench(state), nodes.position[-1])
+    def _with(self, instant, nodes, bends, there):
+        """Return an Instant with other Courses; `there` are the forces of the grips."""
+        power = self.grips.power(instant.place, there.wrench, there.far_wrench,
+                                 nodes.position[-1])
         return replace(instant, nodes=nodes, bends=bends, power=power,
                        kinetic=self._kinetic(nodes.velocity),
                        damping=self._damping(nodes.velocity, bends.velocity))
 
     def _accelerated(self, nodes, bends, history, brief, time):
-        """Return the Courses with their accelerations, and the kernels' State very soon after."""
-        state, gripper = self._shortly((nodes, bends), bends.position, history, brief,
-                                       time + brief.dt)
-        return (*(Course.begun(one.position, one.velocity, brief.after(one, there).acceleration)
-                  for one, there in ((nodes, state.positions + gripper.position),
-                                     (bends, state.strains))), state)
+        """Return the Courses with their accelerations, and what is There very soon after."""
+        there = self._shortly(nodes, bends, history, brief, time + brief.dt)
+        return (*(Course.begun(one.position, one.velocity, brief.after(one, ahead).acceleration)
+                  for one, ahead in zip((nodes, bends), there, strict=False)), there)
 
     def _set_going(self, nodes, bends, history, velocity, brief, time):
         """Return Courses with the velocities nearest to `velocity` that the grips allow."""
@@ -313,34 +330,29 @@ class Stepper:
         for sign in (1.0, -1.0):
             pushed = replace(nodes, velocity=sign * velocity)
             # what damps acts against either way: it would not cancel
-            state, gripper = self._shortly((pushed, None), bends.position, history, brief,
-                                           time + sign * brief.dt)
-            found.append((state.positions + gripper.position, state.strains))
+            found.append(self._shortly(pushed, bends.uniform(), history, brief,
+                                       time + sign * brief.dt, (0.0, 0.0))[:2])
         rates = [(ahead - back) / (2 * brief.dt) for ahead, back in zip(*found, strict=True)]
         return replace(nodes, velocity=rates[0]), replace(bends, velocity=rates[1])
 
-    def _shortly(self, moving, strains, history, brief, time):
-        """Return the kernels' State and the gripper's Pose a very short time later (or before).
-
-        Parameters
-        ----------
-        moving
-            Course of the nodes and that of the strains; instead of this None: nothing is damped.
-        strains
-            (N, 3) with which the search begins.
-        """
+    def _shortly(self, nodes, bends, history, brief, time, damping=None):
+        """Return what is There a very short time later (or before); `damping` if not the rod's."""
+        damping = self.discretization.rod.damping if damping is None else damping
+        if self.swings:
+            return There(*swung_shortly(self, nodes, bends, time / self.dt, brief, damping))
         mesh = self.discretization
-        gripper, far_end = self.grips.at(time / self.dt)
-        system = self._moving(gripper, far_end, history, *moving, brief)
+        grips = gripper, _ = self.grips.at(time / self.dt)
+        system = self._moving(grips, history, nodes, bends, brief, damping)
         q = np.empty((mesh.n_unknowns, 3))
-        unknowns_of(system, strains.copy(), q)
-        return solve(mesh, system, gripper, q, history, exact=_AT_ONCE,
-                     rounding=self.rounding(brief)).state, gripper
+        unknowns_of(system, bends.position.copy(), q)
+        state = solve(mesh, system, gripper, q, history, exact=_AT_ONCE,
+                      rounding=self.rounding(brief)).state
+        return There(state.positions + gripper.position, state.strains,
+                     np.concatenate([state.base_force, state.base_moment]), -tip_wrench(state))
 
-    def _moving(self, gripper, far_end, history, nodes, bends, scheme):
+    def _moving(self, grips, history, nodes, bends, scheme, damping):
         """Return the System of a step: the static one, with inertia and damping."""
-        mesh = self.discretization
-        drag, viscosity = mesh.rod.damping if bends is not None else (0.0, 0.0)
+        mesh, (gripper, far_end), (drag, viscosity) = self.discretization, grips, damping
         where, velocity = scheme.anchor(nodes)
         strength = scheme.stiffness + drag * scheme.drag
         anchor = where - drag * velocity / strength - gripper.position

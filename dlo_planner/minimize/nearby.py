@@ -21,8 +21,10 @@ _FEW = 8            # steps in which it has to be found
 _LESS = 0.5         # of the gradient that a step leaves at most
 _NEAR = 0.05        # rad, of any node: the first step of a search that is short
 _QUICK = 0.05       # what a chord has to leave of the gradient at most, or the Hessian is renewed
-_SAME = 1e-3        # rad, since the Hessian was factorized: it still tells whether it is stable
-_WELL_STABLE = 0.1  # an eigenvalue that so small a way cannot make doubtful
+_ROUNDED = 10.0     # tolerances: what a step does not make less there is rounding
+_STABLE = 0.01      # the smallest eigenvalue at least, or `newton` looks closely
+_PER_TURN = 100.0   # change of an eigenvalue per rad since the Hessian was factorized, at most
+_DOUBT = 0.5         # of the eigenvalue: with more it is looked at again at once
 _ROUGHLY = 1e-2     # relative error of that eigenvalue
 
 
@@ -61,13 +63,19 @@ def nearby(system, q, tolerance):
         evaluate(system, trial)
         steps += 1
         before, residual = residual, residual_of(system, trial)
+        if not residual < _LESS * before and before < _ROUNDED * tolerance:
+            residual = before
+            break
         if not (turned < _NEAR and residual < _LESS * before) or steps == _FEW:
             return False, state, residual, np.nan, steps
         fresh = residual < max(_QUICK * before, tolerance)
         state, trial = trial, state
-    if turned > _SAME:
+    stability, doubt = -np.inf, _PER_TURN * turned
+    if doubt < _DOUBT:  # the Hessian is of where it was factorized last
+        stability, _ = lowest_mode(system, hessian, 0.0, _ROUGHLY)
+    if not stability > _STABLE + doubt:
         assemble(system, state, hessian)
         if factorize(system, hessian, 0.0) > 0:
             return False, state, residual, np.nan, steps
-    stability, _ = lowest_mode(system, hessian, 0.0, _ROUGHLY)
-    return stability > _WELL_STABLE, state, residual, stability, steps
+        stability, _ = lowest_mode(system, hessian, 0.0, _ROUGHLY)
+    return stability > _STABLE, state, residual, stability, steps
