@@ -122,17 +122,17 @@ def _finer_start(mesh: Discretization, begun: Begun) -> Shape:
     strains = _at_rest_on(begun.initial or start, mesh)
     if strains is None:
         strains = np.repeat(start.element_strains, 2, axis=0)
-    return replace(start, element_strains=strains, _discretization=mesh,
-                   _history=mesh.past(start.history))
+    state = replace(start.state, mesh=mesh, history=mesh.past(start.state.history))
+    return replace(start, element_strains=strains, state=state)
 
 
 def _at_rest_on(shape: Shape, mesh: Discretization) -> Floats | None:
     """Return the strains (N, 3) on a mesh with which a Shape rests; None: it does not rest."""
-    own = shape.mesh
+    own = shape.state.mesh
     if own is None:
         return None
     coarse, fine = (
-        equilibrium(each, shape.gripper, strains, 'newton', each.past(shape.history),
+        equilibrium(each, shape.gripper, strains, 'newton', each.past(shape.state.history),
                     shape.far_end)[0]
         for each, strains in ((own, np.array(shape.element_strains)),
                               (own.finer, np.repeat(shape.element_strains, 2, axis=0))))

@@ -182,7 +182,7 @@ class Stepper:
 
     def step_from(self, before, place, scheme, guess, patience=MAX_ITERATIONS):
         """Return the Instant at `place`, for which the search begins with strains (N, 3)."""
-        mesh, history, clear = self.discretization, before.shape._history, True
+        mesh, history, clear = self.discretization, before.shape.state.history, True
         system, gripper, far_end, rounding = self.moving(before.nodes, before.bends, history,
                                                          place, scheme)
         if mesh.surroundings.obstacles:
@@ -195,7 +195,8 @@ class Stepper:
         else:
             found = search(system, q, self.method, TOLERANCE + rounding)
         shape = shape_of(mesh, gripper, found, history, far_end, rounding)
-        shape = replace(shape, _estimate=unknown, converged=shape.converged and clear)
+        shape = replace(shape, state=shape.state.estimating(unknown),
+                        converged=shape.converged and clear)
         nodes = scheme.after(before.nodes, shape.positions)
         bends = scheme.after(before.bends, shape.element_strains)
         return self._after(before, place, scheme, replace(
@@ -286,10 +287,10 @@ class Stepper:
         nodes, bends = (Course.begun(where, still, still) for where, still in
                         zip((positions, here.strains), rest, strict=True))
         if velocity is not None:
-            nodes, bends = self._set_going(nodes, bends, shape._history, velocity, brief, 0.0)
-        nodes, bends, there = self._accelerated(nodes, bends, shape._history, brief, 0.0)
-        begun = Instant(0.0, replace(shape, _estimate=unknown), nodes, bends, 0.0, shape.energy,
-                        0.0, 0.0, np.zeros(3), 0.0)
+            nodes, bends = self._set_going(nodes, bends, shape.state.history, velocity, brief, 0.0)
+        nodes, bends, there = self._accelerated(nodes, bends, shape.state.history, brief, 0.0)
+        begun = Instant(0.0, replace(shape, state=shape.state.estimating(unknown)), nodes, bends,
+                        0.0, shape.energy, 0.0, 0.0, np.zeros(3), 0.0)
         return self._with(begun, nodes, bends, there)
 
     def renewed(self, instant, dt):
@@ -299,7 +300,7 @@ class Stepper:
         do not: harmless as long as the steps stay the same, not where they change. What that
         makes wrong is of second order in the steps of dt (s) that follow, as the scheme is.
         """
-        time, history, brief = instant.place * self.dt, instant.shape._history, self._brief(dt)
+        time, history, brief = instant.place * self.dt, instant.shape.state.history, self._brief(dt)
         nodes, bends = self._set_going(instant.nodes.uniform(), instant.bends.uniform(), history,
                                        instant.nodes.velocity, brief, time)
         nodes, bends, there = self._accelerated(nodes, bends, history, brief, time)
