@@ -9,11 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from dlo_planner.direct.beginning import check_velocity
+from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.leg import MOST, Limits, leg_of
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.motion_error import HALVINGS, Begun, Recipe, Trace, error_of
+from dlo_planner.direct.setting_off import begin, renewed
 from dlo_planner.direct.statics import MAX_ITERATIONS
-from dlo_planner.direct.stepping import Instant
 from dlo_planner.model.arrays import Floats
 
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
@@ -66,7 +67,7 @@ def simulate(stepper, start, velocity, instants, integrator, tolerance, progress
     initial
         Shape of which `start` was made, or None: it is an equilibrium.
     """
-    first = stepper.begin(start, velocity)
+    first = begin(stepper, start, velocity)
     if velocity is not None:
         check_velocity(stepper.masses, velocity, first.nodes.velocity)
     if not start.converged:
@@ -144,7 +145,7 @@ class _Pace:
         scheme = plan.scheme(stepper.dt, level)
         now = self.now
         if self._steps and self._steps[-1] != level and not now.touched:
-            now = stepper.renewed(now, scheme.dt)
+            now = renewed(stepper, now, scheme.dt)
         limits = Limits(
             MAX_ITERATIONS if last_try else _PATIENCE,
             np.inf if last_try else _PART * plan.tolerance, _GAIN,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from dlo_planner.direct.instant import Instant, There
 from dlo_planner.direct.integrator import Course, Scheme
 from dlo_planner.direct.statics import (
     CONVERGED,
@@ -20,12 +21,13 @@ from dlo_planner.direct.statics import (
     TOLERANCE,
     hanging_shape,
 )
-from dlo_planner.direct.swinging import PAST, Trail, entered, swing, swing_along
+from dlo_planner.direct.swinging import entered, swing, swing_along
+from dlo_planner.direct.trail import PAST, Trail
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.value import freeze
 
 if TYPE_CHECKING:  # it imports this module
-    from dlo_planner.direct.stepping import Instant, Stepper
+    from dlo_planner.direct.stepping import Stepper
 
 MOST = 64  # steps of a leg: after them a deadline is looked at
 
@@ -128,24 +130,26 @@ def swung(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], 
                nodes[PAST + 1:last + 1, stepper.watched], made.get(last + 1))
 
 
-def swung_shortly(stepper: Stepper, nodes: Course, bends: Course, place: float, brief: Scheme,
-                  damping: tuple[float, float]) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return positions, strains and wrenches of both ends of a DLO that hangs freely, soon after.
+def swung_shortly(stepper: Stepper, courses: tuple[Course, Course], place: float, brief: Scheme,
+                  damping: tuple[float, float]) -> There:
+    """Return what is There at the end of a very short step of a DLO that hangs freely.
 
     Parameters
     ----------
+    courses
+        Of the nodes and of the strains.
     place
         Time / dt, one step of the Scheme `brief` from now.
     damping
         (a, b) as of a Rod.
     """
-    trail = _trail(stepper, nodes, bends, np.array([place - brief.dt / stepper.dt, place]))
+    trail = _trail(stepper, *courses, np.array([place - brief.dt / stepper.dt, place]))
     gripper = stepper.grips.gripper.at(place)
     trail.bases[PAST + 1], trail.origins[PAST + 1] = gripper.rotation, gripper.position
     swing(stepper.discretization.static, stepper.coefficients(brief, damping), trail, PAST + 1,
           TOLERANCE + stepper.rounding(brief), MAX_ITERATIONS)
-    return (trail.nodes[0, PAST + 1].copy(), trail.bends[0, PAST + 1].copy(),
-            trail.wrenches[PAST + 1].copy(), np.zeros(6))
+    return There(trail.nodes[0, PAST + 1].copy(), trail.bends[0, PAST + 1].copy(),
+                 trail.wrenches[PAST + 1].copy(), np.zeros(6))
 
 
 def _trail(stepper: Stepper, nodes: Course, bends: Course, places: Floats) -> Trail:
@@ -180,8 +184,8 @@ def _instants(stepper: Stepper, now: Instant, trail: Trail, rows: list[int], pla
             int(trail.iterations[row]), 0), rounding)
         losses = now.losses.copy()
         losses[0] = lost
-        found.append(type(now)(place, shape, Course(*nodes[:, k]), Course(*bends[:, k]), kinetic,
-                               energy, work, power, losses, damping))
+        found.append(Instant(place, shape, Course(*nodes[:, k]), Course(*bends[:, k]), kinetic,
+                             energy, work, power, losses, damping))
     return found
 
 

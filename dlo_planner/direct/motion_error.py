@@ -12,6 +12,7 @@ import numpy as np
 
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.leg import MOST, Limits, leg_of
+from dlo_planner.direct.setting_off import begin, renewed
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.stepping import Stepper
 from dlo_planner.model.arrays import Floats
@@ -79,7 +80,7 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
     velocity = begun.velocity
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, coarse.s, one) for one in velocity.T])
-    now = finer.begin(_finer_start(mesh, begun), velocity)
+    now = begin(finer, _finer_start(mesh, begun), velocity)
     found = np.full(len(trace.places), np.inf)
     found[0] = worst = _apart(now.nodes.position[::2], trace.positions[0])
     made = at = 0  # steps, and time in the shortest ones
@@ -87,7 +88,7 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
         left, size = 2 * len(list(steps)), 1 << (HALVINGS - level)
         scheme = plan.scheme(stepper.dt, level + 1)
         if made and not now.touched:
-            now = finer.renewed(now, scheme.dt)
+            now = renewed(finer, now, scheme.dt)
         while left:
             places = (at + size * np.arange(1, min(left, MOST) + 1)) / (2 << HALVINGS)
             leg = leg_of(finer, now, (), places, scheme, Limits())

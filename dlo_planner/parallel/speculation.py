@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.accuracy import past_of
 from dlo_planner.direct.continuation import LONGEST_TURN, fell
 from dlo_planner.direct.grips import poses
+from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.moving import Prescribed, motion_by
@@ -34,7 +35,7 @@ from dlo_planner.direct.setup import made_by
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.stepping import Instant, Stepper
+from dlo_planner.direct.stepping import Stepper
 from dlo_planner.energy.potential import System, unknowns_of
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.same_minimum import leads_to, lower
