@@ -11,8 +11,6 @@ EXCEPTIONS = {
         'dlo_planner/direct/accuracy.py:step': 8,
         'dlo_planner/direct/accuracy.py:accurate_equilibrium': 8,
         'dlo_planner/direct/dynamics.py:simulate': 8,
-        'dlo_planner/direct/dynamics.py:_step': 7,
-        'dlo_planner/direct/dynamics.py:_error': 7,
         'dlo_planner/direct/hinge.py:pinned_newton': 7,
         'dlo_planner/direct/simulator.py:DirectSimulator.__init__': 12,
         'dlo_planner/direct/simulator.py:DirectSimulator.simulate': 9,
@@ -61,7 +59,6 @@ EXCEPTIONS = {
     },
     'file': {
         'dlo_planner/direct/discretization.py': 310,
-        'dlo_planner/direct/stepping.py': 380,
         'dlo_planner/identify/smoothing.py': 310,
         'dlo_planner/identify/steering.py': 320,
         'dlo_planner/inverse/shorthands.py': 400,

@@ -8,8 +8,9 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.far_end import FarEnd
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, rotations_of
 from dlo_planner.model.value import Value, put
 
 
@@ -53,6 +54,27 @@ class Guide(Value):
         values = self._spline(place)
         return Pose(values[:3], values[3:])
 
+    def along(self, places: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return rotations (k, 3, 3), positions (k, 3), `twist`s (k, 6) at `places` (k,)."""
+        if self._spline is None:
+            first, many = self.poses[0], (len(places), 1)
+            return (np.tile(first.rotation, (*many, 1)), np.tile(first.position, many),
+                    np.zeros((len(places), 6)))
+        nearest = np.rint(places).astype(int)
+        given = (places == nearest) & (nearest >= 0) & (nearest < len(self.poses))
+        rotations, positions, twists = (one[np.where(given, nearest, 0)] for one in self._given)
+        if not given.all():  # else they are not as the spline rounds them
+            values, other = self._spline(places[~given]), ~given
+            rotations[other], positions[other] = rotations_of(values[:, 3:]), values[:, :3]
+            twists[other] = self._twist(places[other], values)
+        return rotations, positions, twists
+
+    @cached_property
+    def _given(self) -> tuple[Floats, Floats, Floats]:
+        """What `along` returns for the poses."""
+        return (np.array([pose.rotation for pose in self.poses]),
+                np.array([pose.position for pose in self.poses]), self._twists)
+
     def twist(self, place: float) -> np.ndarray:
         """Return (6,) velocity (m/s) and angular velocity (rad/s) at `place` = time / dt, world."""
         if self._spline is None:
@@ -67,8 +89,8 @@ class Guide(Value):
         """(n, 6) at the poses: most of what is asked for, and quicker all at once."""
         return self._twist(np.arange(len(self.poses)))
 
-    def _twist(self, places):
-        quaternions = self._spline(places)[:, 3:]
+    def _twist(self, places, values=None):
+        quaternions = (self._spline(places) if values is None else values)[:, 3:]
         rates = self._spline(places, 1) / self.dt
         vectors, w = quaternions[:, :3], quaternions[:, 3:]
         turn = w * rates[:, 3:6] - rates[:, 6:] * vectors + np.cross(vectors, rates[:, 3:6])

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dlo_planner.model.value import freeze
+from dlo_planner.direct.swinging import third_difference
 
 INTEGRATORS = ('generalized_alpha', 'paper')
 
@@ -92,22 +92,16 @@ class Scheme:
         positions
             4 arrays (N + 1, 3) at these times, m.
         """
-        third = _divided(times, positions)
-        part = 6 * abs(1 / 6 - self.beta - 0.5 * (self.alpha_f - self.alpha_m)) * self.dt**3
-        return part * float(np.sqrt(np.max(np.sum(third**2, axis=1))))
+        return self.third * third_difference(np.array(times), np.array(positions), 3)
+
+    @property
+    def third(self):
+        """Local error per divided difference of four places, s^3, see `error`."""
+        return 6 * abs(1 / 6 - self.beta - 0.5 * (self.alpha_f - self.alpha_m)) * self.dt**3
 
     def _mean_acceleration(self, before, acceleration):
         return ((1 - self.alpha_f) * acceleration + self.alpha_f * before.acceleration
                 - self.alpha_m * before.mean) / (1 - self.alpha_m)
-
-
-def _divided(times, values):
-    """Return the divided difference (an array) of all `values` (arrays) at `times`."""
-    values = list(values)
-    for order in range(1, len(times)):
-        values = [(later - earlier) / (times[k + order] - times[k])
-                  for k, (earlier, later) in enumerate(zip(values, values[1:], strict=False))]
-    return values[0]
 
 
 @dataclass(frozen=True)
@@ -132,7 +126,8 @@ class Course:
     mean: np.ndarray
 
     def __post_init__(self):
-        freeze([self.position, self.velocity, self.acceleration, self.mean])
+        for one in self.arrays:  # not `freeze`: there are thousands
+            one.flags.writeable = False
 
     @property
     def arrays(self):

@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.accuracy import past_of
 from dlo_planner.direct.continuation import LONGEST_TURN, fell
 from dlo_planner.direct.grips import poses
+from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.moving import Prescribed, motion_by
@@ -34,7 +35,7 @@ from dlo_planner.direct.setup import made_by
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.stepping import Instant, Stepper
+from dlo_planner.direct.stepping import Stepper
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.energy.system import System
 from dlo_planner.errors import InvalidTask
@@ -137,6 +138,7 @@ class AheadStepper(Stepper):
 
     def __init__(self, rounds: Rounds, last: int, *more: Any) -> None:
         super().__init__(*more)
+        self.swings = False
         self._rounds, self._last, self._shared = rounds, last, Shared(Stepper(*more))
 
     def _step(self, before: Instant, place: float, scheme: Scheme, patience: int) -> Instant:

@@ -24,11 +24,13 @@ from dlo_planner.direct.continuation import between
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.dynamics import run
 from dlo_planner.direct.guide import Grips, Guide
+from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.mesh import with_breaks
+from dlo_planner.direct.setting_off import begin
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.stepping import Instant, Stepper
+from dlo_planner.direct.stepping import Stepper
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.far_end import FarEnd
@@ -251,7 +253,7 @@ def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Sh
     first = first_shape(mesh, guide.at(0), FarEnd(end, 'sleeve'), cut, None)
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, cut.s, one) for one in velocity.T])
-    return stepper, stepper.begin(first, velocity)
+    return stepper, begin(stepper, first, velocity)
 
 
 def _aside(pose: Pose, one: Pose, other: Pose, part: float) -> Pose:
