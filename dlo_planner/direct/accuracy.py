@@ -114,7 +114,7 @@ def accurate_equilibrium(first, fine, accuracy, gripper, initial, history, far_e
     most
         As in `step`.
     """
-    discretization = _to_begin_with(first, fine, accuracy, initial, history)
+    discretization = mesh_to_begin_with(first, fine, accuracy, initial, history)
     around, kicks = first.surroundings, 0
     if far_end is not None and around.obstacles and initial is None:
         discretization = _fine_enough(discretization, fine)
@@ -179,7 +179,7 @@ def first_mesh(surroundings, basis):
     return Discretization(surroundings, s, basis, _FIRST_TERMS)
 
 
-def _to_begin_with(first, fine, accuracy, initial, history):
+def mesh_to_begin_with(first, fine, accuracy, initial, history):
     """Return the Discretization to begin with: in these surroundings, on the mesh of `initial`.
 
     A permanent set stays on its mesh: on another one it would be averaged.

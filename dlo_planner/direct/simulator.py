@@ -15,6 +15,7 @@ from dlo_planner.direct.accuracy import (
     accurate_equilibrium,
     first_mesh,
     held_by,
+    mesh_to_begin_with,
     step,
     within,
 )
@@ -446,6 +447,20 @@ class DirectSimulator(Value):
                 and within(shape, self.accuracy)):
             return shape._discretization
         return self._equilibrium(gripper, shape, None)[0]._discretization
+
+    def mesh_after(self, shape: Shape | None) -> Discretization:
+        """Return the Discretization on which this simulator looks for what follows a Shape first.
+
+        Parameters
+        ----------
+        shape : Shape or None
+            Shape before, None if there is none.
+        """
+        instance('shape', shape, Shape, optional=True)
+        if self.accuracy is None:
+            return self._discretization
+        return mesh_to_begin_with(self._discretization, self._fine, self.accuracy, shape,
+                                  self._history)
 
     def _equilibrium(self, gripper, initial, far_end, most=np.inf):
         """Return (Shape, kicks); `most` as in `accuracy.step`."""
