@@ -184,6 +184,8 @@ def mesh_to_begin_with(first, fine, accuracy, initial, history):
 
     A permanent set stays on its mesh: on another one it would be averaged.
     """
+    if accuracy is None:
+        return first
     around, known = first.surroundings, None if initial is None else initial._discretization
     if history is not None and (known is None or not same(known.rod, around.rod)):
         initial = known = None  # the set is the simulator's

@@ -449,18 +449,9 @@ class DirectSimulator(Value):
         return self._equilibrium(gripper, shape, None)[0]._discretization
 
     def mesh_after(self, shape: Shape | None) -> Discretization:
-        """Return the Discretization on which this simulator looks for what follows a Shape first.
-
-        Parameters
-        ----------
-        shape : Shape or None
-            Shape before, None if there is none.
-        """
-        instance('shape', shape, Shape, optional=True)
-        if self.accuracy is None:
-            return self._discretization
-        return mesh_to_begin_with(self._discretization, self._fine, self.accuracy, shape,
-                                  self._history)
+        """Return the Discretization on which what follows a Shape, or None, is sought first."""
+        return mesh_to_begin_with(self._discretization, self._fine, self.accuracy,
+                                  instance('shape', shape, Shape, optional=True), self._history)
 
     def _equilibrium(self, gripper, initial, far_end, most=np.inf):
         """Return (Shape, kicks); `most` as in `accuracy.step`."""
