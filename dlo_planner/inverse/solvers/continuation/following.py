@@ -137,7 +137,7 @@ def as_replayed(simulator, task, last, here, depth):
     here
         Passing at `depth` (m).
     """
-    if simulator.mesh_after(last) is here.shape._discretization:
+    if simulator.mesh_after(last) is here.shape.mesh:
         return here
     replayed = simulator.track([here.shape.gripper], initial=last)[0]
     if not replayed.converged or replayed.jumped:
