@@ -9,7 +9,7 @@ import pickle
 
 import numpy as np
 import pytest
-from chain_recordings import by_chain, save
+from benchmarks.deform_chain import by_chain, save
 
 from benchmarks import deform
 from benchmarks.deform_data import DT, Recording, arc_lengths, load, recordings
