@@ -20,7 +20,7 @@ from dlo_planner import Rod
 from dlo_planner.cell.chain import Chain, add_chain, add_gripper, chain_of, set_springs
 from dlo_planner.cell.truth import Truth
 
-_STEP = 2.5e-4                # s
+_STEP = 5e-4                  # s
 _SETTLING, _CALM = 3.0, 5.0   # s, in which it comes to rest under a drag of so many 1/s
 _HEAVY, _WIDE = 2.0, 0.03     # kg and m: mass of a gripper and radius of its gyration
 _FIRM = 300.0                 # rad/s: natural frequency of what draws it along
