@@ -50,7 +50,7 @@ def _long_run(series: Sequence[Floats]) -> Floats:
     width = min(_andrews(series), shortest - 1.0)
     out = sum((one.T @ one for one in series), np.zeros((series[0].shape[1],) * 2))
     for lag in range(1, int(np.ceil(width)) + 1):
-        between = sum(one[lag:].T @ one[:-lag] for one in series)
+        between = sum((one[lag:].T @ one[:-lag] for one in series), np.zeros_like(out))
         out += max(1.0 - lag / (width + 1.0), 0.0) * (between + between.T)
     # at the minimum all pulls add up to nothing, which takes that from the estimate on the average
     share = (width + 1.0) / instants
