@@ -4,7 +4,8 @@
 
 A chain of rigid pieces (`dlo_planner.cell.chain`, which shares no code with the simulators); its
 first and last piece are as heavy as grippers, and springs with dampers draw them along. Recorded is
-where they are, not where they are wanted, so that springs that give way do no harm.
+where they are, not where they are wanted, so that springs that give way do no harm. The far end may
+turn about its axis.
 """
 
 from collections.abc import Callable
@@ -70,6 +71,7 @@ def _built(rod: Rod, cells: int) -> _Scene:
     for body, along in ((first, 0.0), (last, 0.5 * chain.cell)):
         body.gravcomp, body.mass, body.ipos = 1, _HEAVY, (along, 0, 0)
         body.inertia = np.full(3, _HEAVY * _WIDE**2)
+    last.inertia = (chain.inertias[-1, 0], *last.inertia[1:])
     model = spec.compile()
     model.dof_damping[6:] = rod.damping[1] * set_springs(model, chain)
     ends = (model.body('gripper').id, model.body(f'piece {cells - 1}').id)
@@ -121,6 +123,9 @@ def _advance(scene: _Scene, wanted: list[tuple[Array, Rotation]], drag: float) -
         speed = np.concatenate([velocities[body], data.cvel[body, :3]])
         pull = _FIRM**2 * off - 2 * _FIRM * speed
         pull[3:] *= _WIDE**2
+        if body == scene.grippers[1]:
+            axis = data.xmat[body].reshape(3, 3)[:, 0]
+            pull[3:] -= (pull[3:] @ axis) * axis
         data.xfrc_applied[body] = _HEAVY * pull
     mujoco.mj_step(model, data)
 

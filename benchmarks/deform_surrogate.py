@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Five cables of other engines: identified from recordings, then predicted for 5 s.
 
-python -m benchmarks.deform_surrogate [--cables 1 2 3 4 5] [--noise 0.001] [--output FOLDER]
+python -m benchmarks.deform_surrogate [--cables 1 2 3 4 5] [--noise 0.001] [--known]
+                                      [--output FOLDER]
 
 They stand for the DEFORM data set where it is not at hand: its layout, rate, number of markers and
 length of recordings, its measure of error. Two engines make them that share nothing with the
@@ -75,15 +76,16 @@ def recording(made: Made, seed: int, frames: int) -> Array:
     return by_mujoco(rod, held, made.markers)[_BEFORE:]
 
 
-def recorded(number: int, noise: float, effort: deform.Effort
+def recorded(number: int, noise: float, effort: deform.Effort, trained: bool
              ) -> tuple[list[Recording], list[Recording]]:
-    """Return the Recordings of a cable for training and for evaluation, markers with noise (m)."""
-    made, rng = CABLES[number], np.random.default_rng(number)
-    found = []
-    for k in range(_TRAINING + _EVALUATED):
-        clean = recording(made, 100 * number + k, effort.window if k < _TRAINING else _FRAMES)
-        found.append(Recording(str(k), clean + noise * rng.standard_normal(clean.shape)))
-    return found[:_TRAINING], found[_TRAINING:]
+    """Return the Recordings of a cable for training, if any, and for evaluation; noise in m."""
+    found: tuple[list[Recording], list[Recording]] = [], []
+    for k in range(0 if trained else _TRAINING, _TRAINING + _EVALUATED):
+        seed, part = 100 * number + k, int(k >= _TRAINING)
+        clean = recording(CABLES[number], seed, _FRAMES if part else effort.window)
+        rng = np.random.default_rng(seed)
+        found[part].append(Recording(str(k), clean + noise * rng.standard_normal(clean.shape)))
+    return found
 
 
 HEADS = ['cable', 'engine', 'w L^3 / EI', 'found', 'damping a, b', 'found', 'covered',
@@ -121,26 +123,43 @@ def line(number: int, cable: deform.Cable, score: deform.Score) -> list[str]:
             f'{np.median(score.seconds):.1f}']
 
 
+def known(number: int, effort: deform.Effort) -> deform.Cable:
+    """Return a Cable as it was made."""
+    made = CABLES[number]
+    return deform.Cable(made.rod, np.linspace(0, made.length, made.markers - 2), None, effort, 0.0)
+
+
+def said(number: int, score: deform.Score) -> str:
+    """Return a line that tells a Score."""
+    return (f'cable {number}: error {1e3 * np.nanmean(score.errors):.2f} mm, of free markers '
+            f'{1e3 * np.nanmean(score.free):.2f} mm, {score.failed} of {len(score.names)} not '
+            f'predicted, {np.median(score.seconds):.1f} s each')
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run it; return 0 if every recording could be predicted."""
     parser = argparse.ArgumentParser(prog='python -m benchmarks.deform_surrogate',
                                      description=__doc__.splitlines()[0])
     parser.add_argument('--cables', type=int, nargs='+', default=list(CABLES), choices=CABLES)
     parser.add_argument('--noise', type=float, default=1e-3, help='of the markers, m')
+    parser.add_argument('--known', action='store_true', help='predict only, as they were made')
     parser.add_argument('--output', type=Path, help='folder for tables')
     given = parser.parse_args(arguments)
     effort = replace(deform.Effort(), motions=_TRAINING)
     lines, data, failed = [], {}, 0
     for number in given.cables:
-        training, evaluated = recorded(number, given.noise, effort)
-        cable = deform.identified(training, effort)
+        training, evaluated = recorded(number, given.noise, effort, not given.known)
+        cable = known(number, effort) if given.known else deform.identified(training, effort)
         score = deform.scored(cable, evaluated)
         failed += score.failed
+        print(said(number, score), flush=True)
+        if given.known:
+            continue
         lines.append(line(number, cable, score))
         data[str(number)] = {**deform.as_json(cable, score), 'softness': CABLES[number].softness,
                              'off_deviations': covered(CABLES[number], cable)[1].tolist()}
         print(' | '.join(lines[-1]), flush=True)
-    if given.output:
+    if given.output and lines:
         report.write(given.output, 'deform_surrogate', '# Cables of other engines',
                      report.markdown(HEADS, lines), data)
     return 1 if failed else 0

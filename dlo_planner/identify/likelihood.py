@@ -18,6 +18,7 @@ from dlo_planner.model.arrays import Floats
 _SMALL = 1e-10  # relative change of the sum of squares, or of the unknowns, that ends a search
 _EVALUATIONS = 60
 _GAIN = 1e-3  # of the cost of one residual: a step that gains less moves by 1/30 of a deviation
+_STEP = 1e-4  # of the unknowns: differences of motions tell no shorter step
 _ROUNDS, _SETTLED = 30, 1e-3  # of the noise
 _FIRST_NOISE, _NO_NOISE = 1e-2, 1e-10  # of the length: taken at first; what rounding leaves
 _MEDIAN = 0.6744897501960817  # of the size of a standard normal number
@@ -100,9 +101,11 @@ class Errors:
         # what the derivatives cannot tell, or is far less than the errors, is not sought: motions
         # are costly
         small = max(_SMALL, self._observed.precision**2)
-        gain = _GAIN / self._observed.at(x).counts.sum() if self._observed.motions else small
+        step, gain = small, small
+        if self._observed.motions:
+            step, gain = _STEP, _GAIN / self._observed.at(x).counts.sum()
         return least_squares(lambda x: self._residuals(x, size), x,
-                             lambda x: self._slopes(x, size), x_scale='jac', xtol=small,
+                             lambda x: self._slopes(x, size), x_scale='jac', xtol=step,
                              ftol=gain, gtol=1e-12, max_nfev=_EVALUATIONS,
                              bounds=self._observed.bounds)
 
