@@ -120,3 +120,27 @@ def refusal_for_step(simulator, draft, before, found):
         return draft.refusal('continuity', too_far, 'the gripper would have to turn or move too '
                              'far since the waypoint before; closer waypoints may help')
     return refusal_for_leap(simulator, draft, found.shape)
+
+
+def as_replayed(simulator, task, last, here, depth):
+    """Return a Passing as a motion from the waypoint before finds it, on the mesh of that motion.
+
+    Which mesh keeps the accuracy depends on the way: the search for a plan takes smaller steps than
+    the gripper, some backwards. On another mesh the DLO would miss by as much as the accuracy.
+
+    Parameters
+    ----------
+    task
+        Task.
+    last
+        Shape before, or None: it begins in its natural shape.
+    here
+        Passing at `depth` (m).
+    """
+    if simulator.mesh_after(last) is here.shape.mesh:
+        return here
+    replayed = simulator.track([here.shape.gripper], initial=last)[0]
+    if not replayed.converged or replayed.jumped:
+        return here
+    found = task.at(here._replace(shape=replayed), depth, 0.0, True)
+    return here if found is None else found

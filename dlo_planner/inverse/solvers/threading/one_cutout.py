@@ -8,7 +8,7 @@ import numpy as np
 
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.solvers.continuation.even_rolls import EvenRolls, even_rolls
-from dlo_planner.inverse.solvers.continuation.following import follow, refusal_for_step
+from dlo_planner.inverse.solvers.continuation.following import as_replayed, follow, refusal_for_step
 from dlo_planner.inverse.solvers.continuation.quick import (
     gets_there,
     grid_nodes,
@@ -228,7 +228,7 @@ def _thread_from(simulator, asked, begin, route, method):
             found = None
         if found is None:
             raise refusal
-        here, depth = found, wanted
+        here, depth = as_replayed(simulator, task, draft.last, found, wanted), wanted
         passings.append(here)
         draft.add(waypoint_of(here.shape, cutout.center, length - wanted,
                               cutout.normal).with_clearances(

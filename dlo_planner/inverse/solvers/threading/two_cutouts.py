@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.solvers.continuation.following import follow, refusal_for_step
+from dlo_planner.inverse.solvers.continuation.following import as_replayed, follow, refusal_for_step
 from dlo_planner.inverse.solvers.continuation.quick import grid_nodes, quick_simulator, thinned
 from dlo_planner.inverse.solvers.hanging.sphere import hanging_shapes
 from dlo_planner.inverse.solvers.points.one_point import Aligned
@@ -170,11 +170,10 @@ def _thread_through(simulator, asked, change):
     along = float(direction @ asked.first.normal)
     if along <= 0 and depths[0] < change.depth:  # it is passed along `direction` from the beginning
         raise _direction_refusal(PlanBuilder(depths, asked.brief), 'first', along)
-    found = {}
+    found, tasks = {}, (Aligned(simulator, direction), TwoPoints(simulator, asked.way))
     for task, route, order in (
-            (Aligned(simulator, direction), change.back,
-             np.flatnonzero(depths < change.depth)[::-1]),
-            (TwoPoints(simulator, asked.way), change.on, np.flatnonzero(depths >= change.depth))):
+            (tasks[0], change.back, np.flatnonzero(depths < change.depth)[::-1]),
+            (tasks[1], change.on, np.flatnonzero(depths >= change.depth))):
         here, depth = change.passing, change.depth
         for index in order:
             asked.brief.progress.check()
@@ -184,7 +183,7 @@ def _thread_through(simulator, asked, change):
                 break
         if len(found) < np.sum(depths < change.depth):
             break  # it is refused before the change
-    return _judged(simulator, asked, change, found)
+    return _judged(simulator, asked, change, tasks, found)
 
 
 def _against(asked, here, depth):
@@ -205,11 +204,13 @@ def _direction_refusal(draft, name, along):
                          'direction')
 
 
-def _judged(simulator, asked, change, found):
+def _judged(simulator, asked, change, tasks, found):
     """Return the Plan of all waypoints, or raise Infeasible at the first impossible one.
 
     Parameters
     ----------
+    tasks
+        Task before the change, and after it.
     found
         dict of index -> (Passing or None, depth that was reached, m, leap in m).
     """
@@ -223,6 +224,7 @@ def _judged(simulator, asked, change, found):
         refusal = _refusal(simulator, asked, draft, before, here, abs(depth - reached), too_far)
         if refusal is not None:
             raise refusal
+        here = as_replayed(simulator, tasks[int(depth >= change.depth)], draft.last, here, depth)
         second = here.second if depth >= change.depth else None
         waypoint = waypoint_of(here.shape, asked.first.center, length - depth, None)
         if second is not None:
