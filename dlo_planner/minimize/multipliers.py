@@ -43,9 +43,8 @@ def constrained_newton(system: System, q: Floats, tolerance: float, max_iteratio
         from which friction counts. (0, 6) if there is no step before.
     """
     if obstructed(system.contact):
-        *found, settled, violation = touch_down(system, q, _COARSER * tolerance, exact,
-                                                max_iterations, check, previous)
-        return Minimum(*found, system=settled, violation=violation)
+        found = touch_down(system, q, _COARSER * tolerance, exact, max_iterations, check, previous)
+        return Minimum(*found)
     if holds(system.hold) or hinged(system):
         return held_newton(system, q, tolerance, exact, max_iterations, check)
     return newton(system, q, tolerance, max_iterations, check)
@@ -66,9 +65,9 @@ def carried_newton(system: System, start: tuple[Floats, Bools, Floats, Floats], 
     tolerance, max_iterations, exact, previous
         As of `constrained_newton`.
     """
-    goes_on, *found, settled, violation = bear_on(system, *start, _COARSER * tolerance, exact,
-                                                  max_iterations, previous)
-    return Minimum(*found, system=settled, violation=violation) if goes_on else None
+    goes_on, *found = bear_on(system, *start, _COARSER * tolerance, exact, max_iterations,
+                              previous)
+    return Minimum(*found) if goes_on else None
 
 
 def firm(system: System, state: State) -> System:
