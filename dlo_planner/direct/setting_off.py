@@ -6,6 +6,7 @@ They come from very short steps, ahead and back.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -86,7 +87,8 @@ class _Watch:
     def accelerated(self, instant: Instant, nodes: Course, bends: Course) -> Instant:
         """Return an Instant with these Courses of positions and velocities, and accelerations."""
         stepper, brief = self._stepper, self._brief
-        there = self._shortly(nodes, bends, 1.0, stepper.discretization.rod.damping)
+        damping: Any = stepper.discretization.rod.damping
+        there = self._shortly(nodes, bends, 1.0, damping)
         nodes, bends = (
             Course.begun(one.position, one.velocity, brief.after(one, ahead).acceleration)
             for one, ahead in ((nodes, there.positions), (bends, there.strains)))
