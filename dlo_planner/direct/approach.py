@@ -13,7 +13,7 @@ from dlo_planner.direct.leading import grip_at, grip_before, lead, parts_between
 from dlo_planner.direct.part import Solved
 from dlo_planner.direct.setting_down import set_down
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import solve
+from dlo_planner.direct.statics import Search, solve
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import placed
 from dlo_planner.model.arrays import Floats
@@ -95,7 +95,8 @@ def brought(discretization: Discretization, previous: Shape | None, strains: Flo
         step = min(2 * step, 1.0 / parts)
         if done == 1.0:
             break  # what is left is the step itself
-        found = solve(discretization, system, there, new.q, history, _RELAXING, False, _ROUGHLY)
+        found = solve(discretization, system, there, new.q, history,
+                      Search(_RELAXING, False, _ROUGHLY))
         strains, system = found.state.strains, found.system
         if discretization.surroundings.pinned:  # it has turned
             there, begin, gripper = (Pose.from_rotation(pose.position, system.base)

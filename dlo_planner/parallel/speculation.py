@@ -24,13 +24,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.accuracy import past_of
 from dlo_planner.direct.continuation import LONGEST_TURN, fell
 from dlo_planner.direct.grips import poses
 from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.moving import Prescribed, motion_by
+from dlo_planner.direct.one_step import past_of
 from dlo_planner.direct.setup import made_by
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator

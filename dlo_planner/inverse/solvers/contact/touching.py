@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlo_planner.direct.accuracy import step
+from dlo_planner.direct.one_step import step
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.solvers.contact.family import STABLE, ContactFamily
 from dlo_planner.inverse.solvers.contact.intervals import intervals
@@ -139,7 +139,7 @@ class Contacting:
             least = min(family.shape(force).violation for force in family.known)
             return draft.refusal('contact', least, f'{looked}: with each of them it would be in an '
                                  f'obstacle, by {least:.3g} m at least')
-        found, _ = step(best.state.mesh, best.gripper, best, None, None)
+        found, _ = step(best.state.made_on, best.gripper, best)
         return self.left(draft, best, found, f'{looked} in a stable shape: the best one has a '
                          f'stability of {best.stability:.3g}')
 
