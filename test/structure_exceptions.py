@@ -53,7 +53,6 @@ EXCEPTIONS = {
         'dlo_planner/plan/path.py:Leg.at': 4,
     },
     'file': {
-        'dlo_planner/direct/discretization.py': 310,
         'dlo_planner/identify/fitting.py': 310,
         'dlo_planner/identify/smoothing.py': 310,
         'dlo_planner/identify/steering.py': 320,
@@ -68,7 +67,6 @@ EXCEPTIONS = {
         'dlo_planner/verify/replay.py': 320,
     },
     'function': {
-        'dlo_planner/direct/approach.py:brought': 70,
         'dlo_planner/identify/fitting.py:fit_rod': 90,
         'dlo_planner/inverse/solvers/points/aligned.py:aligned_newton': 90,
         'dlo_planner/inverse/solvers/points/coupled.py:two_points_hanging': 100,

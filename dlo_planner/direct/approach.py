@@ -75,7 +75,22 @@ def brought(discretization: Discretization, previous: Shape | None, strains: Flo
     if not obstacles and held is not None and far_end is not None:
         return Brought(*lead(discretization, strains, (begin, gripper), (held, far_end), history,
                              parts))
-    done, step = 0.0, 1.0 / parts
+    return _in_parts(discretization, strains, (begin, gripper), (held, far_end), history,
+                     1.0 / parts)
+
+
+def _in_parts(discretization: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
+              far_ends: tuple[FarEnd | None, FarEnd | None], history: History,
+              longest: float) -> Brought:
+    """Return where the search begins after a way in parts, around obstacles where it can.
+
+    Parameters
+    ----------
+    longest : float
+        The longest part of the way.
+    """
+    (begin, gripper), (held, far_end) = grippers, far_ends
+    done, step = 0.0, longest
     where, past = begin, history
     while done < 1.0:
         old = placed(discretization.system(where.rotation), strains)
@@ -92,7 +107,7 @@ def brought(discretization: Discretization, previous: Shape | None, strains: Flo
                 return Brought(gripper, strains, past, False)
             continue
         done, where = target, there
-        step = min(2 * step, 1.0 / parts)
+        step = min(2 * step, longest)
         if done == 1.0:
             break  # what is left is the step itself
         found = solve(discretization, system, there, new.q, history,
