@@ -6,7 +6,8 @@ The model: an observed point is a point of the DLO plus noise, independent and a
 the gripper's pose is known but for a normal error, another one at each observation; what is sought
 may be known beforehand, within a normal error too. The most likely values are found by least
 squares, the noise (unless it is known) from what is left, by the number of residuals that nothing
-was fitted to. To first order, deviations are then those of repeated experiments.
+was fitted to. To first order, deviations are then those of repeated experiments. In a motion, what
+the model does not know lasts: there, residuals that go together widen them (`identify.together`).
 """
 
 from __future__ import annotations
