@@ -311,4 +311,3 @@ def _at_rest(simulator: DirectSimulator, plan: Plan, shapes: Sequence[Shape],
 
 def _worst(values: Iterable[float]) -> float:
     return float(max(values, default=np.nan))
-
