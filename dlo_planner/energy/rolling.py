@@ -100,7 +100,7 @@ def nearest_inside(scene, o, e, lengths, strains, rotations, positions, normal, 
         if iteration == 0 and curve > 0.0 and not 0.0 < target < 1.0:
             target = 0.0 if target <= 0.0 else 1.0  # look at the end itself
         elif not (low < target < high and abs(step) < 0.5 * last):
-            # (where the curvature jumps, as at an obstacle's edge, Newton's steps may go to and fro)
+            # (where the curvature jumps, as at an obstacle's edge, Newton's steps go to and fro)
             target = 0.5 * (low + high)
         last = abs(target - fraction)
         fraction = target
