@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from dlo_planner.direct.approach import brought
+from dlo_planner.direct.bearing import bearing_on
 from dlo_planner.direct.described import described_equilibrium
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.indicator import (
@@ -50,6 +51,10 @@ def step(discretization, gripper, initial, history, far_end, method='newton',
     if far_end is None and method == 'newton' and discretization.hangs:
         return _hanging(discretization, gripper, initial, most)
     past = past_of(discretization, initial, history)
+    if far_end is None and method == 'newton' and unknowns == 'components':
+        found = bearing_on(discretization, gripper, initial, past)
+        if found is not None:
+            return found
     if initial is None:
         strains = discretization.stress_free(past)
     else:

@@ -180,6 +180,6 @@ def _replacing(name: str) -> Callable[..., Any]:
     return _written(f'with_{name}', 'effects, effect', [f'return Effects({values})'])
 
 
-with_anchor, with_hold = _replacing('anchor'), _replacing('hold')
+with_anchor, with_hold, with_contact = (_replacing(name) for name in ('anchor', 'hold', 'contact'))
 makes(Effects)(_written('_new_effects', ', '.join(EFFECTS),
                         [f'return Effects({", ".join(EFFECTS)})']))

@@ -36,8 +36,22 @@ def move_multipliers(system, state, table, share):
     for a in range(table.gap.size):
         if table.rubbing[a] >= 0:
             shear[a] = state.attached.force[table.rubbing[a]]
-    used = (share > 0.0 and table.gap.size > 0
-            and _solved(system, state, table, share, normal, shear))
+    used = share > 0.0 and table.gap.size > 0
+    if used:
+        wanted, across = normal.copy(), shear.copy()
+        used = lawful(system, state, table, wanted, across, np.empty_like(state.q))
+        if used:
+            for a in range(table.gap.size):
+                normal[a] += share * (wanted[a] - normal[a])
+                for i in range(3):
+                    shear[a, i] += share * (across[a, i] - shear[a, i])
+    put_forces(system, table, normal, shear)
+    return used
+
+
+@kernel
+def put_forces(system, table, normal, shear):
+    """Make forces, normal (A,) and across (A, 3), the multipliers of `system`, in place."""
     contacts, friction = system.effects.contact.contacts, system.effects.contact.scene.friction
     contacts.node[:] = 0.0
     for c in range(contacts.element.size):
@@ -56,12 +70,19 @@ def move_multipliers(system, state, table, share):
             size = max(limit, np.sqrt(np.sum(shear[a] ** 2)))
             for i in range(3):
                 contacts.shear[c, i] = shear[a, i] * limit / size if size > 0.0 else 0.0
-    return used
 
 
 @kernel
-def _solved(system, state, table, share, normal, shear):
-    """Move normal (A,) and shear (A, 3) towards the linearized laws' forces; return if done."""
+def lawful(system, state, table, normal, shear, step):
+    """Fill the forces that satisfy the linearized laws, and the step to where they do.
+
+    Args:
+        normal: (A,), shear: (A, 3) the forces as they are; filled where it can be trusted
+        step: (m, 3) filled
+
+    Returns:
+        whether it can
+    """
     hessian, contacts = new_hessian(system), system.effects.contact.contacts
     assemble(system, state, hessian)
     if factorize(system, hessian, 0.0) > 0:
@@ -92,15 +113,37 @@ def _solved(system, state, table, share, normal, shear):
     for i in range(size):
         if not abs(free[i] - np.sum(reaction[i] * change)) < farthest:
             return False
-    k = system.effects.contact.contacts.stiffness
     for a in range(count):
         i = first[a]
-        normal[a] += share * (k * table.gap[a] + change[i])
+        normal[a] += contacts.stiffness * table.gap[a] + change[i]
         if table.rubbing[a] >= 0:
-            wanted = (contacts.shear[table.rubbing[a]] + change[i + 1] * axes[i + 1]
-                      + change[i + 2] * axes[i + 2])
-            shear[a] += share * (wanted - shear[a])
+            for j in range(3):
+                shear[a, j] = (contacts.shear[table.rubbing[a], j] + change[i + 1] * axes[i + 1, j]
+                               + change[i + 2] * axes[i + 2, j])
+    solve(system, hessian, state.gradient, step)
+    _add_answers(table, first, laws, shift, change, answers, step)
     return True
+
+
+@kernel
+def _add_answers(table, first, laws, shift, change, answers, step):
+    """Complete the step (m, 3), negated so far, by what the changes of the multipliers do."""
+    part = shift.copy()
+    for a in range(table.gap.size):
+        i = first[a]
+        part[i] -= change[i]
+        if table.rubbing[a] >= 0:
+            if laws[i + 1, 0] > 0.0:
+                part[i + 1] += laws[i + 1, 2] * change[i]
+            else:
+                part[i + 1] += change[i + 1]
+            part[i + 2] += laws[i + 1, 1] * change[i + 2]
+    for e in range(step.shape[0]):
+        for j in range(3):
+            total = -step[e, j]
+            for i in range(part.size):
+                total -= part[i] * answers[i, 3 * e + j]
+            step[e, j] = total
 
 
 @kernel

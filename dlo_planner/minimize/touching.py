@@ -4,7 +4,8 @@
 
 import numpy as np
 
-from dlo_planner.energy.contact import Contacts, next_touching
+from dlo_planner.energy.contact import Contact, Contacts, next_touching
+from dlo_planner.energy.effects import Needs, with_contact
 from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.outline import (
     gap_at,
@@ -13,11 +14,11 @@ from dlo_planner.energy.outline import (
     node_gap,
     nodes_of,
 )
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import System, evaluate, new_state
 from dlo_planner.energy.rolling import watched
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.newton import residual_of
-from dlo_planner.ritz.kinematics import point_inside
+from dlo_planner.ritz.kinematics import nothing_attached, point_inside
 from dlo_planner.ritz.record import Record
 
 _INSIDE = 1.0 - 1e-14  # largest fraction of a point of friction that is not on a node
@@ -165,3 +166,15 @@ def with_contacts_of(old, element, obstacle, multiplier, fraction, anchor, norma
     order = np.argsort(element, kind='mergesort')
     return Contacts(old.stiffness, old.node, element[order], obstacle[order], multiplier[order],
                     fraction[order], anchor[order], normal[order], shear[order], old.grip)
+
+
+@kernel
+def touching_system(system, contacts, scene):
+    """Return the same System with other Contacts with a Scene."""
+    needs = system.needs
+    beside = needs.attached.moment.shape[0] + needs.attached.node_moment.shape[0] > 0
+    attached = nothing_attached(needs.attached.sprung.size, contacts.element, beside)
+    return System(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
+                  system.base, system.origin,
+                  with_contact(system.effects, Contact(scene, contacts)),
+                  Needs(needs.displaced, attached, needs.border), system.near, system.tie)
