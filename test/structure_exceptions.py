@@ -33,7 +33,6 @@ EXCEPTIONS = {
         'dlo_planner/inverse/solvers/threading/one_cutout.py:_rolled': 7,
         'dlo_planner/inverse/solvers/threading/two_cutouts.py:_refusal': 7,
         'dlo_planner/minimize/multipliers.py:constrained_newton': 7,
-        'dlo_planner/minimize/multipliers.py:_touching_newton': 7,
         'dlo_planner/model/checks.py:number': 7,
         'dlo_planner/model/rod.py:Rod.circular': 7,
         'dlo_planner/model/rod.py:Rod.tube': 8,

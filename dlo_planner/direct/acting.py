@@ -8,13 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlo_planner.direct.history import History
-from dlo_planner.energy.contact import Contact, Contacts
+from dlo_planner.energy.contact import Contact, Contacts, moved_scene
 from dlo_planner.energy.distance import Scene
 from dlo_planner.energy.effects import EFFECTS, Effects
 from dlo_planner.energy.hold import Hold, no_hold
 from dlo_planner.energy.inertia import no_anchor
 from dlo_planner.energy.loads import Load
+from dlo_planner.energy.potential import System, turned_system
 from dlo_planner.energy.yielding import elastic_part
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.touching import touching_system
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.rod import Rod
 from dlo_planner.ritz.record import Record
@@ -50,6 +53,28 @@ def constraints(mesh: 'Discretization', scene: Scene, origin: NDArray[np.float64
 def free_end(mesh: 'Discretization') -> Hold:
     """Return the Hold of a free end."""
     return no_hold(mesh.hold_spring, mesh.hold_spring * mesh.lever**2)
+
+
+def standing(mesh: 'Discretization', base: NDArray[np.float64], origin: NDArray[np.float64],
+             history: History | None) -> System:
+    """Return the System of a DLO with a free end that does not yield, its forces of `history`."""
+    past = mesh.start if history is None else history
+    return _standing(mesh.static, base, origin, mesh.spring, past.node_force,
+                     *(past.points[name] for name in _OF_POINTS))
+
+
+_OF_POINTS = ('element', 'obstacle', 'multiplier', 'fraction', 'anchor', 'normal', 'shear')
+
+
+@kernel
+def _standing(system, base, origin, spring, node, element, obstacle, multiplier, fraction, anchor,
+              normal, shear):
+    """Return the same System in another gripper, with Contacts of read-only arrays."""
+    held = touching_system(system, Contacts(
+        spring, node.copy(), element.copy(), obstacle.copy(), multiplier.copy(), fraction.copy(),
+        anchor - origin, normal.copy(), shear.copy(), spring),
+        moved_scene(system.effects.contact.scene, origin))
+    return turned_system(held, base, origin)
 
 
 def _held_end(mesh, far_end, origin, history):

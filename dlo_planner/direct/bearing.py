@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dlo_planner.direct.statics import EXACT, MAX_ITERATIONS, TOLERANCE, shape_of
+from dlo_planner.minimize.bearing import correction
 from dlo_planner.minimize.multipliers import carried_newton
 from dlo_planner.ritz.rotation import turn_between
 
@@ -50,6 +51,30 @@ def bearing_on(discretization: Discretization, gripper: Pose, initial: Shape | N
     found = carried_newton(system, start, TOLERANCE, MAX_ITERATIONS,
                            EXACT * discretization.s[-1], before)
     return None if found is None else (shape_of(discretization, gripper, found, past), found.kicks)
+
+
+def corrected_by(mesh: Discretization, shape: Shape, left: History) -> float:
+    """Return how far, in m, the nodes are from the true rod's, by one step with halved elements.
+
+    About what `Shape.error_estimate` says, which makes all steps and proves what it finds. Infinite
+    where such a step tells nothing.
+
+    Parameters
+    ----------
+    mesh : Discretization
+    shape : Shape
+        Shape on this mesh.
+    left : History
+        What it leaves.
+    """
+    around = mesh.surroundings
+    if (not shape.contacts or shape.far_end is not None or mesh.yields or around.pinned
+            or around.has_moments):
+        return np.inf
+    finer, gripper = mesh.finer, shape.gripper
+    system = finer.system(gripper.rotation, gripper.position, left.halved(finer.s))
+    return 4 / 3 * float(correction(system, np.array(shape.element_strains),
+                                    shape.positions - gripper.position))
 
 
 def _bears(past: History) -> bool:

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dlo_planner.direct.acting import always, constraints, others
+from dlo_planner.direct.acting import always, constraints, others, standing
 from dlo_planner.direct.history import History, mapped
 from dlo_planner.direct.mesh import with_breaks
 from dlo_planner.direct.surroundings import Surroundings
@@ -133,6 +133,8 @@ class Discretization(Value):
             fields['origin'] = origin = np.array(origin, dtype=float)
         if history is not None and self.yields:
             fields['plastic'] = system.plastic._replace(set=history.set.copy())
+        if origin is not None and self.obstructed and far_end is None and not self.yields:
+            return standing(self, fields['base'], origin, history)
         if origin is not None and (self.obstructed or far_end is not None):
             fields |= constraints(self, self._scene._replace(origin=origin), origin, history,
                                   far_end)

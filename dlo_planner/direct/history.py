@@ -11,6 +11,7 @@ from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.model.value import Value, freeze
 
 _SAME = 1e-12  # of the length: nodes of two meshes that are one
+_NOWHERE = np.zeros((0, 3))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -93,6 +94,21 @@ class History(Value):
         fraction = np.where(inside, self.points['fraction'], fraction)  # fixed, or 0: it rolls
         return self.points | {'element': element, 'fraction': fraction}
 
+    def halved(self, s):
+        """Return what contacts leave to a mesh `s` (2 N + 1,) with halved elements, and no way.
+
+        What slid slides: its anchors are those of before.
+        """
+        points, node_force = self.points, np.zeros((len(self.node_force), s.size))
+        node_force[:, ::2] = self.node_force
+        beyond = (points['obstacle'] < 0) & (points['fraction'] > 0.5)
+        fraction = np.where(points['obstacle'] < 0, 2 * points['fraction'] - beyond,
+                            points['fraction'])
+        points = points | {'element': 2 * points['element'] + beyond, 'fraction': fraction,
+                           'anchor': points['anchor'] - points['slid']}
+        return replace(self, s=s, set=np.repeat(self.set, 2, axis=0), node_force=node_force,
+                       points=points, positions=_NOWHERE, tangents=_NOWHERE)
+
     def holding(self, later):
         """Return the same past with the forces of contacts and grips after the step.
 
@@ -108,9 +124,8 @@ class History(Value):
 
     def set_alone(self, obstacles):
         """Return the permanent set without contacts, grips and the way so far."""
-        none = np.zeros((0, 3))
-        return replace(self.without_contacts(obstacles), hold=np.zeros(0), positions=none,
-                       tangents=none)
+        return replace(self.without_contacts(obstacles), hold=np.zeros(0), positions=_NOWHERE,
+                       tangents=_NOWHERE)
 
 
 NO_POINTS = {'element': np.zeros(0, dtype=np.int64), 'obstacle': np.zeros(0, dtype=np.int64),

@@ -23,9 +23,9 @@ from dlo_planner.energy.potential import (
 )
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.contact_forces import add_sliding
 from dlo_planner.minimize.linear import assemble, factorize, new_hessian, solve_held
 from dlo_planner.minimize.multipliers import firm
+from dlo_planner.minimize.sliding import add_sliding
 from dlo_planner.model.pose import displaced
 from dlo_planner.ritz.kinematics import march, part_of_element
 

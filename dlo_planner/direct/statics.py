@@ -188,8 +188,8 @@ def shape_of(discretization, gripper, found, history=None, far_end=None, roundin
     new_set, lost = history.set, 0.0
     if yields(system.plastic):
         new_set, lost = settled(system.lengths, state.strains, system.natural, system.plastic)
-    if (system.natural is discretization.natural and discretization.isometric
-            and not yields(system.plastic)):
+    if (discretization.isometric and not yields(system.plastic)
+            and np.array_equal(system.natural, discretization.natural)):
         elastic = 0.5 * float(np.vdot(state.q, state.q))  # what the unknowns are scaled for
     else:
         elastic = elastic_energy(discretization, state.strains, new_set)

@@ -90,6 +90,15 @@ def _new_contact(scene, contacts):
     return Contact(scene, contacts)
 
 
+@kernel
+def moved_scene(scene, shift):
+    """Return the same Scene for a gripper displaced by shift (3,), m."""
+    return Scene(scene.source, scene.kind, scene.axes, scene.center, scene.size, scene.friction,
+                 scene.hole_of, scene.hole_center, scene.hole_axis, scene.hole_size, scene.radius,
+                 scene.origin + shift, scene.feature, scene.offset, scene.rounding, scene.span,
+                 scene.radii)
+
+
 def obstructed(effect: Contact | None) -> bool:
     """Whether there are obstacles."""
     return effect is not None and effect.scene.kind.size > 0

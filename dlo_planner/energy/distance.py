@@ -78,15 +78,6 @@ def _new_scene(source, kind, axes, center, size, friction, hole_of, hole_center,
                  hole_size, radius, origin, feature, offset, rounding, span, radii)
 
 
-@kernel
-def moved_scene(scene, shift):
-    """Return the same Scene for a gripper displaced by shift (3,), m."""
-    return Scene(scene.source, scene.kind, scene.axes, scene.center, scene.size, scene.friction,
-                 scene.hole_of, scene.hole_center, scene.hole_axis, scene.hole_size, scene.radius,
-                 scene.origin + shift, scene.feature, scene.offset, scene.rounding, scene.span,
-                 scene.radii)
-
-
 def build_scene(obstacles, surface, s=None, *, sharp=False):
     """Return the Scene of a sequence of obstacles for a DLO.
 

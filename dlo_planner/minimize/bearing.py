@@ -11,11 +11,12 @@ alone tells whether something else touches, and whether the shape falls.
 
 import numpy as np
 
-from dlo_planner.energy.contact import Contacts, next_touching
-from dlo_planner.energy.distance import moved_scene
+from dlo_planner.energy.contact import Contacts, moved_scene, next_touching
+from dlo_planner.energy.effects import blocks
 from dlo_planner.energy.outline import is_face, longest_stretch, node_gap, nodes_of
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import (
+    at_elements,
     evaluate,
     new_state,
     project,
@@ -35,9 +36,11 @@ from dlo_planner.minimize.linear import (
 )
 from dlo_planner.minimize.touching import touching_system, truth
 from dlo_planner.ritz.arrays import put_sum
+from dlo_planner.ritz.kinematics import march
 
 _STEPS = 12
 _LARGEST_TURN = 0.3  # rad: of a node in the gripper, by a step; a longer one is a guess
+_DEEP = 2e-3         # of the length: what is deeper in an obstacle has not been carried along it
 _FALLS = 0.5         # of the error before: what falls less does not converge
 _GRACE = 3           # first steps, in which it may do so
 
@@ -106,11 +109,12 @@ def borne(system, q, tolerance, exact, previous):
     there, here, before = system, q.copy(), np.inf
     if not _bears(system.effects.contact.contacts):
         return False, q, system, 0
-    state = new_state(system)
+    begin = new_state(system)
+    begin.q[:] = q
+    _place(system, begin)
+    state = begin
     for steps in range(_STEPS):
-        state.q[:] = here
-        evaluate(there, state)
-        there = _loaded(there, state, previous)
+        there, deepest = _loaded(there, state, previous)
         state, residual, table, violation = truth(there, here)
         if table.gap.size == 0:
             break
@@ -120,7 +124,9 @@ def borne(system, q, tolerance, exact, previous):
                 shear[a] = state.attached.force[table.rubbing[a]]
         if residual < tolerance and violation < exact:
             put_forces(there, table, normal, shear)
-            return True, here, there, steps
+            outside = (deepest > -_DEEP * np.sum(system.lengths)
+                       and not blocks(system.effects, system, begin, state))
+            return outside, here, there, steps
         wrong = max(residual / tolerance, violation / exact)
         if steps >= _GRACE and not wrong < _FALLS * before:
             break
@@ -130,7 +136,52 @@ def borne(system, q, tolerance, exact, previous):
             break
         put_forces(there, table, normal, shear)
         here += step
+        state.q[:] = here
+        _place(there, state)
     return False, q, system, _STEPS
+
+
+@kernel
+def correction(system, strains, positions):
+    """Return how far, in m, one step of `borne` moves the nodes of a DLO with halved elements.
+
+    Infinite where there is no such step. Friction is that of the System's contacts.
+
+    Args:
+        strains: (n, 3), positions: (n + 1, 3) from the gripper, m: of the DLO with n elements
+    """
+    twice, state = np.empty((2 * strains.shape[0], 3)), new_state(system)
+    for e in range(twice.shape[0]):
+        twice[e] = strains[e // 2]
+    unknowns_of(system, twice, state.q)
+    _place(system, state)
+    there, _ = _loaded(system, state, np.zeros((0, 6)))
+    state, _, table, _ = truth(there, state.q)
+    normal, shear = table.force.copy(), np.zeros((table.gap.size, 3))
+    step = np.zeros_like(state.q)
+    if table.gap.size == 0 or not lawful(there, state, table, normal, shear, step):
+        return np.inf
+    if not np.min(normal) > 0.0:
+        return np.inf
+    state.q[:] += step
+    _place(there, state)
+    farthest = 0.0
+    for k in range(positions.shape[0]):
+        away = 0.0
+        for i in range(3):
+            away += (state.positions[2 * k, i] - positions[k, i]) ** 2
+        farthest = max(farthest, away)
+    return np.sqrt(farthest)
+
+
+@kernel
+def _place(system, state):
+    """Refill strains, rotations and positions of `state` for its q, and nothing else."""
+    values = at_elements(system.basis, state.q)
+    for e in range(system.lengths.size):
+        for i in range(3):
+            state.strains[e, i] = system.natural[e, i] + system.scale[e, i] * values[e, i]
+    march(system.lengths, state.strains, system.base, state.rotations, state.positions)
 
 
 @kernel
@@ -150,7 +201,8 @@ def _bears(contacts):
 def _loaded(system, state, previous):
     """Return the System whose contacts, at `state`, push with the forces that are its multipliers.
 
-    What has none does not push, however deep it is. Friction is that of the contacts there.
+    What has none does not push, however deep it is. Friction is that of the contacts there. Also
+    returned is the least gap, m, of the nodes that do not push.
     """
     known = system.effects.contact.contacts
     contacts = _of_stiffness(known, 0.0, known.node.copy(), known.multiplier.copy())
@@ -158,6 +210,7 @@ def _loaded(system, state, previous):
         contacts = with_friction(system, contacts, state, previous)
     scene, k, lengths = system.effects.contact.scene, known.stiffness, system.lengths
     x, normal, bend, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
+    deepest = np.inf
     for o in range(scene.kind.size):
         if is_face(scene, o):
             continue
@@ -167,6 +220,8 @@ def _loaded(system, state, previous):
         while node <= end:
             gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
                            bend)
+            if contacts.node[o, node] <= 0.0:
+                deepest = min(deepest, gap)
             contacts.node[o, node] = _pushing(contacts.node[o, node], k * gap)
             node = next_touching(lengths, contacts.node[o], node, gap * longest)
     for c in range(contacts.element.size):
@@ -174,8 +229,8 @@ def _loaded(system, state, previous):
             gap, _, _ = watched(scene, contacts, c, lengths, state.strains, state.rotations,
                                 state.positions, normal, bend)
             contacts.multiplier[c] = _pushing(contacts.multiplier[c], k * gap)
-    return touching_system(system, _of_stiffness(contacts, k, contacts.node, contacts.multiplier),
-                           scene)
+    contacts = _of_stiffness(contacts, k, contacts.node, contacts.multiplier)
+    return touching_system(system, contacts, scene), deepest
 
 
 @kernel
@@ -188,5 +243,5 @@ def _pushing(force, yielded):
 def _of_stiffness(contacts, stiffness, node, multiplier):
     """Return the same Contacts with springs of another stiffness, and other multipliers."""
     return Contacts(stiffness, node, contacts.element, contacts.obstacle, multiplier,
-                    contacts.fraction, contacts.anchor, contacts.normal, contacts.shear,
+                    contacts.fraction, contacts.anchor, contacts.normal, contacts.shear.copy(),
                     contacts.grip)

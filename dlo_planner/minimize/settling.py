@@ -23,12 +23,15 @@ from dlo_planner.minimize.contact_forces import move_multipliers
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import HELD_NEUTRAL, descend_held
 from dlo_planner.minimize.leash import no_leash
-from dlo_planner.minimize.newton import gradient_noise, leashed_descent
+from dlo_planner.minimize.linear import assemble, new_hessian
+from dlo_planner.minimize.newton import gradient_noise, leashed_descent, safe_shift
 from dlo_planner.minimize.saddle import kicked
+from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.minimize.touching import touching_system, truth
 from dlo_planner.minimize.watching import watching
 
 _ROUNDS = 100
+_FEW, _SOON = 12, 40  # rounds and steps in which a DLO that goes on bearing has to come to rest
 _SLOW = 0.3         # a violation that falls less than this in a round needs a stiffer spring
 _STIFFER = 10.0
 _MOST_STIFFER = 1e2
@@ -48,9 +51,16 @@ def touch_down(system, q, tolerance, exact, max_iterations, check, previous):
     """Do as `settle` does, but seek shape and forces at once before, where the DLO bears."""
     steps = 0
     if not is_held(system) and max_iterations > _ON_A_WAY:
-        _, q, system, steps = borne(system, q, tolerance, exact, previous)
+        found, start, there, steps = borne(system, q, tolerance, exact, previous)
+        if found:
+            state, residual, stability, iterations, kicks, there, violation = settle(
+                there, start, tolerance, exact, min(_SOON, max_iterations), check, previous, _FEW)
+            steps += iterations
+            if kicks == 0 and _rests(there, state, residual, stability, violation, tolerance,
+                                     exact):
+                return state, residual, stability, steps, kicks, there, violation
     state, residual, stability, iterations, kicks, system, violation = settle(
-        system, q, tolerance, exact, max_iterations, check, previous)
+        system, q, tolerance, exact, max_iterations, check, previous, _ROUNDS)
     return state, residual, stability, iterations + steps, kicks, system, violation
 
 
@@ -62,19 +72,29 @@ def bear_on(system, base, slid, strains, twist, tolerance, exact, max_iterations
         system, base, slid, strains, twist: as of `carried`; others as of `constrained_newton`
     """
     follows, q = carried(system, base, slid, strains, twist)
-    found, steps = False, 0
     if follows:
-        found, q, system, steps = borne(system, q, tolerance, exact, previous)
-    if not found:
-        return False, new_state(system), np.inf, np.nan, steps, 0, system, np.inf
-    state, residual, stability, iterations, kicks, system, violation = settle(
-        system, q, tolerance, exact, max_iterations, found, previous)
-    return True, state, residual, stability, iterations + steps, kicks, system, violation
+        found, q, there, steps = borne(system, q, tolerance, exact, previous)
+        if found:
+            state, residual, stability, iterations, kicks, there, violation = settle(
+                there, q, tolerance, exact, min(_SOON, max_iterations), found, previous, _FEW)
+            found = kicks == 0 and _rests(there, state, residual, stability, violation, tolerance,
+                                          exact)
+            return found, state, residual, stability, iterations + steps, kicks, there, violation
+    return False, new_state(system), np.inf, np.nan, 0, 0, system, np.inf
 
 
 @kernel
-def settle(system, q, tolerance, exact, max_iterations, check, previous):
-    """Descend from q (m, 3) among obstacles; arguments as of `constrained_newton`.
+def _rests(system, state, residual, stability, violation, tolerance, exact):
+    """Whether nothing is left to be done, and the shape stands; a stability of nan is not known."""
+    return (violation < exact and not stability <= -HELD_NEUTRAL
+            and residual < max(tolerance * _STALLED, gradient_noise(system, state)))
+
+
+@kernel
+def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds):
+    """Descend from q (m, 3) among obstacles, in so many rounds at most.
+
+    Other arguments as of `constrained_newton`.
 
     Returns:
         state, residual, stability, iterations, kicks, system, violation: as of a Minimum
@@ -82,8 +102,8 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous):
     vain = news = kicks = iterations = 0
     best = before = np.inf
     stiffer, held = 1.0, is_held(system)
-    stability, judged = np.nan, False
-    for _ in range(_ROUNDS):
+    stability, judged, final = np.nan, False, False
+    for _ in range(rounds):
         state, left, made, contacts, new = _round(system, q, tolerance, exact,
                                                   min(_PATIENCE, max_iterations - iterations),
                                                   previous)
@@ -100,13 +120,13 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous):
             break
         if good:
             stability, mode = _judged(system, state, tolerance, exact)
-            judged = True
+            judged = final = True
             beside = np.empty_like(q)
             if (stability > -HELD_NEUTRAL or kicks >= _MOST_KICKS
                     or not kicked(system, state, mode, beside)):
                 break
             kicks += 1
-            q, before, judged = beside, np.inf, False
+            q, before, judged, final = beside, np.inf, False, False
             continue
         wrong = max(violation / exact, residual / tolerance)
         vain = 0 if wrong < _HELPS * best else vain + 1
@@ -121,8 +141,10 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous):
         before = violation if not solved and news == 0 else np.inf
     if check and not judged:
         stability, _ = _judged(system, state, tolerance, exact)
-    final, residual, _, inside = truth(system, state.q)
-    return final, residual, stability, iterations, kicks, system, max(violation, inside)
+    if not final:  # the multipliers have moved since
+        state, residual, _, inside = truth(system, state.q)
+        violation = max(violation, inside)
+    return state, residual, stability, iterations, kicks, system, violation
 
 
 @kernel
@@ -173,8 +195,10 @@ def _judged(system, state, tolerance, exact):
     if is_held(system):
         _, _, stability, _, mode, _ = descend_held(system, state.q, tolerance, exact, none, always)
     else:
-        _, _, stability, _, mode, _ = leashed_descent(system, state.q, tolerance, none, always,
-                                                      no_leash())
+        hessian = new_hessian(system)
+        assemble(system, state, hessian)
+        shift = safe_shift(system, hessian, 0.0)
+        stability, mode = lowest_mode(system, hessian, shift, 1e-4)
     return stability, mode
 
 

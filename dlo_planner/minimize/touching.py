@@ -149,14 +149,17 @@ def _slip_error(system, state, contacts, c):
     point_inside(system.lengths, state.strains, state.rotations, state.positions,
                  contacts.element[c], contacts.fraction[c], rotation, x)
     size = trial_force(contacts, c, x, trial)
-    sticks = size <= contacts.multiplier[c]
-    square = along = 0.0
+    along = 0.0  # of the way, against its friction
+    if size > contacts.multiplier[c]:
+        for i in range(3):
+            along += (trial[i] - contacts.shear[c, i]) * trial[i] / size
+        along = max(0.0, along)
+    square = 0.0
     for i in range(3):
         slid = trial[i] - contacts.shear[c, i]
+        if along > 0.0:
+            slid -= along * trial[i] / size
         square += slid * slid
-        along += slid * trial[i] / size if size > 0.0 else 0.0
-    if not sticks and along > 0.0:
-        square = max(0.0, square - along * along)
     return np.sqrt(square) / contacts.grip
 
 
