@@ -18,7 +18,8 @@ from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.kinematics import point_inside
 
-_END = 1e-12  # of an element: nearer to its end a point is the end
+_END = 1e-12    # of an element: nearer to its end a point is the end
+_LEAST = 1e-15  # the same: a step that is no step any more
 
 
 @kernel
@@ -75,7 +76,7 @@ def nearest_inside(scene, o, e, lengths, strains, rotations, positions, normal, 
     rotation, x = np.empty((3, 3)), np.empty(3)
     offset, point = np.zeros(2), np.empty(3)
     axial, grows = scene.feature[o] == AXIS, taper(scene, o, e) / lengths[e]
-    low, high, fraction = 0.0, 1.0, 0.5
+    low, high, fraction, last = 0.0, 1.0, 0.5, 1.0
     if scene.feature[o] == NODE_FACE:
         low = fraction = 1.0
     for iteration in range(60):
@@ -96,13 +97,16 @@ def nearest_inside(scene, o, e, lengths, strains, rotations, positions, normal, 
             low = fraction
         if high - low < 1e-15:
             break
-        target = fraction - slope / (curve * lengths[e]) if curve > 0.0 else -1.0
+        step = -slope / (curve * lengths[e]) if curve > 0.0 else np.inf
+        if abs(step) < _LEAST or 0.5 * last <= abs(step) < _END:
+            break  # rounding errors alone are left; to halve the bracket would lead away from here
+        target = fraction + step
         if iteration == 0 and curve > 0.0 and not 0.0 < target < 1.0:
             target = 0.0 if target <= 0.0 else 1.0  # look at the end itself
-        elif not low < target < high:
+        elif not (low < target < high and abs(step) < 0.5 * last):
+            # (where the curvature jumps, as at an obstacle's edge, Newton's steps go to and fro)
             target = 0.5 * (low + high)
-        if abs(target - fraction) < 1e-15:
-            break
+        last = abs(target - fraction)
         fraction = target
     if fraction < _END or fraction > 1.0 - _END:
         fraction = 0.0 if fraction < _END else 1.0
