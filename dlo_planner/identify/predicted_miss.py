@@ -131,7 +131,7 @@ def judged_plan(estimate: Estimate, plan: Plan) -> Plan:
     """Return a Plan of the estimated DLO; raise InvalidTask if it is none."""
     length = estimate.uncertain.simulator.rod.length
     for shape in instance('plan', plan, Plan).shapes:
-        if shape._discretization is None or abs(shape.s[-1] / length - 1) > _OTHER:
+        if shape.state.mesh is None or abs(shape.s[-1] / length - 1) > _OTHER:
             raise InvalidTask('plan: expected shapes of the whole DLO that is estimated')
     return plan
 

@@ -29,7 +29,7 @@ def straight(node=(0, 0, 0, 0, 0), element=(), obstacle=(), multiplier=(), fract
                         np.tile([0.0, 0.0, 1.0], (c, 1)), np.zeros((c, 3)), GRIP)
     direct = DirectSimulator(ROD, basis='local', n_elements=4, gravity=(0, 0, 0),
                              obstacles=obstacles)
-    system = direct._discretization.system(np.eye(3), (0, 0, height))
+    system = direct.mesh.system(np.eye(3), (0, 0, height))
     return system._replace(contacts=contacts)
 
 

@@ -157,7 +157,7 @@ def test_a_saddle_is_left(stiffness, options):
 
 
 def test_every_newton_step_lowers_the_energy(wire_with_load):
-    discretization = DirectSimulator(wire_with_load)._discretization
+    discretization = DirectSimulator(wire_with_load).mesh
     system = discretization.system(TILTED.rotation)
     start = np.zeros((discretization.n_unknowns, 3))
     energies = []

@@ -18,7 +18,7 @@ HEAVY = Rod(1.0, 20 / 9.81, (1.0, 3.0), 0.75)  # falls over about n first
 
 def system_of(rod, gripper, basis, n_elements=24, **more):
     direct = DirectSimulator(rod, basis=basis, n_elements=n_elements, **more)
-    return direct._discretization.system(gripper.rotation)
+    return direct.mesh.system(gripper.rotation)
 
 
 def start_of(system):
