@@ -54,7 +54,8 @@ from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.hanging import hang
 from dlo_planner.minimize.hanging_rods import hang_rods
 from dlo_planner.minimize.held import descend_held, led
-from dlo_planner.minimize.newton import gradient_noise, leashed_descent
+from dlo_planner.minimize.newton import leashed_descent
+from dlo_planner.minimize.residual import gradient_noise
 from dlo_planner.minimize.touching import touching, truth
 from dlo_planner.minimize.watching import watching
 from dlo_planner.plan import between, workspace

@@ -12,7 +12,8 @@ import numpy as np
 from dlo_planner.energy.contact import obstructed
 from dlo_planner.energy.potential import State, System
 from dlo_planner.minimize.touching import touching
-from dlo_planner.model.checks import figure, integer, results
+from dlo_planner.model.checks import integer
+from dlo_planner.model.computed import figure, results
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.ritz.kinematics import point_inside

@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.energy.contact import without_hinge as without_hinge_of_contact
 from dlo_planner.energy.effects import EFFECTS
-from dlo_planner.energy.potential import System, bend_energy, evaluate, new_state
+from dlo_planner.energy.potential import System, evaluate, new_state
+from dlo_planner.energy.system import bending_energy
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.multipliers import constrained_newton
 from dlo_planner.model.arrays import Floats
@@ -42,7 +43,7 @@ def pinned_newton(system: System, q: Floats, tolerance: float, most: int, check:
 
 def with_hinge(system: System) -> System:
     """Return the System of a DLO with a hinge before its first element."""
-    length, bend = system.lengths.sum(), bend_energy(system)
+    length, bend = system.lengths.sum(), bending_energy(system)
     h = _LENGTH * length
     # a series' terms are orthonormal, the elements' lengths being their weights
     term = 1.0 / np.sqrt(h) if system.basis.shape[1] else 1.0
@@ -81,7 +82,7 @@ def own_unknowns(system: System, q: Floats) -> Floats:
 def turn_of(system: System, q: Floats) -> Floats:
     """Return (3, 3) the rotation of the hinge of unknowns q (m + 1, 3)."""
     turn = q[-1] if system.basis.shape[1] else q[0]
-    result: Floats = Rotation.from_rotvec(turn / np.sqrt(bend_energy(system))).as_matrix()
+    result: Floats = Rotation.from_rotvec(turn / np.sqrt(bending_energy(system))).as_matrix()
     return result
 
 

@@ -20,7 +20,8 @@ from dlo_planner.direct.vibration import Linearized, Vibration
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.checks import integer, results, shown
+from dlo_planner.model.checks import integer, shown
+from dlo_planner.model.computed import results
 from dlo_planner.model.value import Constant, Value, brief, freeze, put
 
 if TYPE_CHECKING:  # it imports this module

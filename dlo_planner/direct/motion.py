@@ -14,7 +14,8 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.storage import load, pack, save, unpack
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, figure, items, results, shown
+from dlo_planner.model.checks import choice, items, shown
+from dlo_planner.model.computed import figure, results
 from dlo_planner.model.value import Constant, brief, freeze, put
 from dlo_planner.pictured import Filmed
 

@@ -12,7 +12,8 @@ from dlo_planner.direct.part import Left, Part, Solved
 from dlo_planner.energy.effects import stored
 from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.minimize.newton import NEUTRAL, gradient_noise
+from dlo_planner.minimize.newton import NEUTRAL
+from dlo_planner.minimize.residual import gradient_noise
 from dlo_planner.model.arrays import Floats
 
 CONVERGED = 1e-8   # residual that is promised

@@ -25,9 +25,9 @@ from dlo_planner.energy.potential import (
     evaluate,
     new_state,
     project,
-    unknown_count,
     unknowns_of,
 )
+from dlo_planner.energy.system import unknown_count
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import add_sliding
@@ -36,7 +36,7 @@ from dlo_planner.minimize.multipliers import firm
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import displaced
 from dlo_planner.model.rod import Rod
-from dlo_planner.ritz.kinematics import march, part_of_element
+from dlo_planner.ritz.kinematics import forward_kinematics, part_of_element
 
 if TYPE_CHECKING:  # it imports this file
     from dlo_planner.direct.shape import Shape
@@ -150,7 +150,8 @@ class Sensitivity:
         gripper = displaced(shape.gripper, twist)
         strains = shape.element_strains + self.strains @ twist
         rotations, positions = np.empty_like(shape.frames), np.empty_like(shape.positions)
-        march(self._system.lengths, strains, np.array(gripper.rotation), rotations, positions)
+        forward_kinematics(self._system.lengths, strains, np.array(gripper.rotation), rotations,
+                           positions)
         return replace(shape, gripper=gripper, frames=rotations, element_strains=strains,
                        positions=positions + gripper.position)
 

@@ -18,7 +18,6 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import (
     array,
-    figure,
     flag,
     instance,
     integer,
@@ -27,6 +26,7 @@ from dlo_planner.model.checks import (
     shown,
     vector,
 )
+from dlo_planner.model.computed import figure
 from dlo_planner.model.far_end import FarEnd, distance, within_reach
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, freeze, put

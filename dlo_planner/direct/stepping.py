@@ -29,7 +29,8 @@ from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.plastic import yields
-from dlo_planner.energy.potential import System, placed, tip_wrench, unknowns_of
+from dlo_planner.energy.potential import placed, unknowns_of
+from dlo_planner.energy.system import System, tip_wrench
 from dlo_planner.minimize.methods import search
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose

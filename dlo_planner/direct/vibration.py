@@ -25,7 +25,7 @@ from scipy.linalg import qr
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.hinge import hinge_unknowns, pinned_newton, with_hinge
 from dlo_planner.direct.sensitivity import gripper_answers
-from dlo_planner.energy.elastic import elastic_alone
+from dlo_planner.energy.elastic import purely_elastic
 from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.plastic import Layers
@@ -181,7 +181,7 @@ def _vibration(mesh: Discretization, system: System, q: Floats) -> Vibration:
     if mesh.surroundings.pinned:
         system, q, nodes = with_hinge(system), hinge_unknowns(system, q), slice(1, None)
     # what has yielded springs back: vibrations are elastic
-    system = system._replace(elastic=elastic_alone(), plastic=_without_springs(system.plastic))
+    system = system._replace(elastic=purely_elastic(), plastic=_without_springs(system.plastic))
     system = firm(system, _state(system, q))
     count = system.lengths.size + 1
     # springs of no strength, so that displacements are assembled too
@@ -208,7 +208,7 @@ def _without_springs(layers: Layers | None) -> Layers | None:
 
 def _jacobian(system: System, hessian: Hessian, positions: Floats) -> Floats:
     """Return (N + 1, 3, 3 m): displacement of the nodes; positions (N + 1, 3) from the gripper."""
-    turning, basis = hessian.turning, system.basis
+    turning, basis = hessian.twist_jacobian, system.basis
     n = len(turning)
     if basis.shape[1]:
         twists = np.einsum('ej,eki->ekji', basis, turning)
@@ -239,9 +239,9 @@ def _stiffness(system: System, hessian: Hessian) -> Floats:
     if system.basis.shape[1]:
         dense: Floats = 0.5 * (hessian.dense + hessian.dense.T)
         return dense
-    n = len(hessian.turning)
+    n = len(hessian.twist_jacobian)
     product = (hessian.cross.reshape(3 * n, 6)
-               @ hessian.turning.transpose(1, 0, 2).reshape(6, 3 * n)).reshape(n, 3, n, 3)
+               @ hessian.twist_jacobian.transpose(1, 0, 2).reshape(6, 3 * n)).reshape(n, 3, n, 3)
     earlier = np.tri(n, k=-1)[:, None, :, None]  # cross_f turning_e holds for e < f
     lower = product * earlier
     lower[np.arange(n), :, np.arange(n)] = 0.5 * hessian.diagonal

@@ -9,6 +9,8 @@ touch is looked at anew, and the limits of friction follow from the forces found
 the residual with these limits: friction has no potential.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.energy.contact import next_touching, obstructed
@@ -16,17 +18,19 @@ from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.hold import holds
 from dlo_planner.energy.hold import violation as hold_violation
 from dlo_planner.energy.outline import is_face, longest_stretch, node_gap, nodes_of
-from dlo_planner.energy.potential import hinged
 from dlo_planner.energy.rolling import watched
+from dlo_planner.energy.system import State, System, hinged
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import move_multipliers
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import HELD_NEUTRAL, held_descent, held_newton
 from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.minimize.newton import descend, gradient_noise, newton
+from dlo_planner.minimize.newton import descend, newton
+from dlo_planner.minimize.residual import gradient_noise
 from dlo_planner.minimize.saddle import kick
 from dlo_planner.minimize.touching import truth
 from dlo_planner.minimize.watching import watching
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.kinematics import point_inside
 
 _ROUNDS = 100
@@ -44,16 +48,23 @@ _PATIENCE = 80      # Newton steps in a round, before it is looked at what touch
 _NEWS = 3           # rounds in a row that go without multipliers, because of what has just touched
 
 
-def constrained_newton(system, q, tolerance, max_iterations, check, exact, previous):
-    """Descend from q (m, 3) to a minimum that keeps all constraints; see `newton`.
+def constrained_newton(system: System, q: Floats, tolerance: float, max_iterations: int,
+                       check: bool, exact: float, previous: Floats) -> Minimum:
+    """Descend from q to a minimum that keeps all constraints.
 
-    Args:
-        exact: m, how far a constraint may be violated at the end
-        previous: (N + 1, 6) positions, relative to the gripper of this step, and tangents of the
-            nodes before it, from which friction counts; (0, 6) if there is no step before
-
-    Returns:
-        Minimum
+    Parameters
+    ----------
+    system : System
+        The DLO; the multipliers of its constraints are where the search begins.
+    q : ndarray, shape (m, 3)
+        Start, scaled unknowns.
+    tolerance, max_iterations, check
+        As of `newton.newton`.
+    exact : float
+        How far a constraint may be violated at the end, m.
+    previous : ndarray, shape (N + 1, 6)
+        Positions, m, relative to the gripper of this step, and tangents of the nodes before it,
+        from which friction counts. (0, 6) if there is no step before.
     """
     if obstructed(system.contact):
         return _touching_newton(system, q, _COARSER * tolerance, max_iterations, check, exact,
@@ -63,7 +74,8 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
     return newton(system, q, tolerance, max_iterations, check)
 
 
-def _touching_newton(system, q, tolerance, max_iterations, check, exact, previous):
+def _touching_newton(system: System, q: Floats, tolerance: float, max_iterations: int,
+                     check: bool, exact: float, previous: Floats) -> Minimum:
     """Do the same among obstacles."""
     vain = news = iterations = kicks = 0
     best = before = np.inf
@@ -119,12 +131,13 @@ def _touching_newton(system, q, tolerance, max_iterations, check, exact, previou
     return Minimum(final, residual, stability, iterations, kicks, system, max(violation, inside))
 
 
-def _is_held(system):
+def _is_held(system: System) -> bool:
     """Whether a far end's grip, or a hinge at the gripper, has a say."""
-    return holds(system.hold) or hinged(system)
+    return holds(system.hold) or bool(hinged(system))
 
 
-def _descended(system, q, tolerance, exact, most):
+def _descended(system: System, q: Floats, tolerance: float, exact: float,
+               most: int) -> tuple[State, float, int]:
     """Return State, residual and steps of a descent with the contacts' multipliers as they are."""
     if _is_held(system):
         found = held_newton(system, q, tolerance, exact, most, False)
@@ -133,14 +146,16 @@ def _descended(system, q, tolerance, exact, most):
     return found.state, found.residual, found.iterations
 
 
-def _off_its_grip(system, state):
+def _off_its_grip(system: System, state: State) -> float:
     """Return how far, in m, the far end is from where it is held."""
     if not holds(system.hold):
         return 0.0
-    return hold_violation(system.hold, state.rotations[-1].copy(), state.positions[-1].copy())
+    return float(hold_violation(system.hold, state.rotations[-1].copy(),
+                                state.positions[-1].copy()))
 
 
-def _judged(system, state, tolerance, exact):
+def _judged(system: System, state: State, tolerance: float,
+            exact: float) -> tuple[float, Floats]:
     """Return the smallest eigenvalue, on what a grip leaves free, and its mode."""
     if _is_held(system):
         found = held_descent(system, state.q, tolerance, exact, 0, True)
@@ -149,7 +164,7 @@ def _judged(system, state, tolerance, exact):
     return found.stability, found.mode
 
 
-def firm(system, state):
+def firm(system: System, state: State) -> System:
     """Return the System with contacts so stiff that they hardly give, their forces the same."""
     if not obstructed(system.contact):
         return system
@@ -162,7 +177,7 @@ def firm(system, state):
 
 
 @kernel
-def _keep_forces(system, state, more):
+def _keep_forces(system: System, state: State, more: float) -> None:
     """Move the multipliers of what touches by what springs stiffer by `more` (N/m) would add.
 
     Those of friction get stiffer by the same part.

@@ -35,7 +35,8 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.stepping import Instant, Stepper
-from dlo_planner.energy.potential import System, unknowns_of
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.energy.system import System
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.same_minimum import leads_to, lower
 from dlo_planner.model.arrays import Floats
@@ -118,7 +119,7 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
 
 
 def _work(shape: Shape) -> int:
-    """Return the work that a Shape took, as `minimize.methods.near` counts it."""
+    """Return the work that a Shape took, as `minimize.methods.approximate` counts it."""
     return shape.evaluations or shape.iterations
 
 

@@ -8,7 +8,8 @@ import pytest
 from dlo_planner import DirectSimulator, FarEnd, Plane, Pose, Rod, Sphere
 from dlo_planner.direct.contacts import contacts_of
 from dlo_planner.direct.storage import pack
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import new_state
 
 RADIUS = 0.01
 ROD = Rod(1.0, 0.0, 1.0, 0.7, radius=RADIUS)

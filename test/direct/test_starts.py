@@ -24,7 +24,8 @@ from dlo_planner import (
     Sphere,
 )
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.energy.distance import build_scene, signed_distance
+from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.scene import build_scene
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
 TILTED = Pose((0.1, 0.05, 0.9), Rotation.from_rotvec([0.2, 0.1, -0.15]).as_quat())

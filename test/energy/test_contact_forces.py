@@ -8,8 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, Plane, Rod, Sphere
 from dlo_planner.energy.contact import Contacts
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.rolling import nearest_inside
+from dlo_planner.energy.system import new_state
 from dlo_planner.minimize.linear import assemble, multiply, new_hessian
 
 RADIUS, HEIGHT, STIFF, GRIP = 0.01, 0.3, 50.0, 20.0

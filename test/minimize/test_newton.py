@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from dlo_planner import DirectSimulator, Pose, Rod
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import new_state
 from dlo_planner.minimize.linear import factorize, new_hessian
-from dlo_planner.minimize.newton import descend, newton, residual_of
+from dlo_planner.minimize.newton import descend, newton
+from dlo_planner.minimize.residual import residual_of
 from dlo_planner.minimize.saddle import KICK_TURN, kick
 from dlo_planner.minimize.spectrum import lowest_mode
 

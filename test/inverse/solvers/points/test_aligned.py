@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, Pose, Rod
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import new_state
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
 from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric, least_turn
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton, free_axis
