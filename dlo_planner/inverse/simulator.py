@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inverse simulator: from a task to gripper poses."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from dlo_planner.deprecated import renamed, renamed_arguments
@@ -10,7 +11,7 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.shorthands import Shorthands
-from dlo_planner.inverse.solvers.search import PenaltyResult
+from dlo_planner.inverse.solvers.search import Penalty, PenaltyResult
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks import Minimize
 from dlo_planner.model.checks import flag, instance
@@ -49,12 +50,11 @@ class InverseSimulator(Shorthands):
 
     PARTS = ('simulator', 'requirements', '_given')
 
-    simulator: DirectSimulator
-    workspace: Workspace | None
+    _given: DirectSimulator
 
     @renamed_arguments(may_yield='allow_plastic')
     def __init__(self, simulator: DirectSimulator, *, workspace: Workspace | None = None,
-                 allow_plastic: bool = True):
+                 allow_plastic: bool = True) -> None:
         clamping('simulator', simulator)
         instance('workspace', workspace, Workspace, optional=True)
         if simulator.method != 'newton':
@@ -71,7 +71,7 @@ class InverseSimulator(Shorthands):
         """Where the gripper may be, if the requirements of a plan do not say otherwise."""
         return self.requirements.workspace
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, repr(self.simulator), '' if self.workspace is None else
                      repr(self.workspace))
 
@@ -111,8 +111,9 @@ class InverseSimulator(Shorthands):
 
     minimise_penalty = renamed('minimise_penalty', 'minimize_penalty')
 
-    def minimize_penalty(self, penalties: object, start: Pose, *, initial: Shape | None = None,
-                         max_iterations: int = 200, progress: OnProgress = None,
+    def minimize_penalty(self, penalties: Penalty | Sequence[Penalty], start: Pose, *,
+                         initial: Shape | None = None, max_iterations: int = 200,
+                         progress: OnProgress = None,
                          deadline: float | None = None) -> PenaltyResult:
         """Return what `minimize_penalty` finds for this simulator (paper, section 5.1).
 

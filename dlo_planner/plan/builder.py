@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
@@ -139,7 +140,7 @@ class PlanBuilder:
 
     Parameters
     ----------
-    depths : ndarray, shape (n,)
+    depths : array_like, shape (n,)
         Depths of the waypoints wanted, m.
     brief : PlanRequirements
         PlanRequirements.
@@ -151,11 +152,12 @@ class PlanBuilder:
         Indices of waypoints at which the gripper stops.
     """
 
-    def __init__(self, depths: Floats, brief: PlanRequirements, what: str = 'waypoint',
+    def __init__(self, depths: ArrayLike, brief: PlanRequirements, what: str = 'waypoint',
                  initial: Shape | None = None, stops: Iterable[int] = ()) -> None:
         self.waypoints: list[Waypoint] = []
         self._initial, self._stops = initial, stops
-        self._depths, self._brief, self._what = depths, brief, what
+        self._depths: Floats = np.asarray(depths, dtype=float)
+        self._brief, self._what = brief, what
 
     @property
     def last(self) -> Shape | None:

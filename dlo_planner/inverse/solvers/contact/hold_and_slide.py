@@ -8,12 +8,25 @@ poses and shapes (`inverse.solvers.contact.family`), whose admissible parts are 
 confirms what is chosen (`inverse.solvers.contact.touching`).
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.solvers.contact.intervals import best_first, minima
 from dlo_planner.inverse.solvers.contact.touching import HARDLY_STABLE, Contacting
-from dlo_planner.plan.builder import PlanBuilder
+from dlo_planner.model.pose import Pose
+from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.continuity import gripper_motion
+from dlo_planner.plan.plan import Plan
+
+if TYPE_CHECKING:
+    from dlo_planner.inverse.tasks.hold_contact import HoldContact
+    from dlo_planner.inverse.tasks.slide_contact import SlideContact
 
 CONDITIONS = ('least_energy', 'least_force', 'least_motion', 'largest_clearance')
 _FOUND = 1e-3   # relative: the last force that is confirmed
@@ -24,7 +37,8 @@ _MOST_HALVINGS = 7
 _BESIDE = (1.0, 0.9, 1.1, 0.75, 1.33)  # of a force: where else a way may lead
 
 
-def hold_contact(simulator, asked, start, brief):
+def hold_contact(simulator: DirectSimulator, asked: HoldContact, start: Pose | None,
+                 brief: PlanRequirements) -> Plan:
     """Return the Plan of a HoldContact task; see `InverseSimulator.hold_contact`."""
     s, forces, condition = asked.s, asked.forces, asked.condition
     draft = PlanBuilder([simulator.rod.length - s], brief)
@@ -39,8 +53,8 @@ def hold_contact(simulator, asked, start, brief):
         part = next(part for part in parts if part[0] <= calm <= part[-1])
         shapes = _motion(task, part)
     else:
-        shapes = [task.confirmed(force) for part in parts for force in part]
-        shapes = [shape for shape in shapes if shape is not None]
+        confirmed = (task.confirmed(force) for part in parts for force in part)
+        shapes = [shape for shape in confirmed if shape is not None]
     if not shapes:
         raise task.unconfirmed(draft, parts)
     draft = PlanBuilder([simulator.rod.length - s] * len(shapes), brief)
@@ -49,34 +63,36 @@ def hold_contact(simulator, asked, start, brief):
     return draft.finished()
 
 
-def slide_contact(simulator, asked, start, brief):
+def slide_contact(simulator: DirectSimulator, asked: SlideContact, start: Pose | None,
+                  brief: PlanRequirements) -> Plan:
     """Return the Plan of an aligned SlideContact; see `InverseSimulator.slide_contact`."""
     lengths, forces, condition = asked.lengths, asked.forces, asked.condition
     draft = PlanBuilder([simulator.rod.length - s for s in lengths], brief)
-    task = force = None
+    before = None
     for s in lengths:
-        before, task = (task, force), Contacting.at(simulator, asked.contact, s, brief)
+        task = Contacting.at(simulator, asked.contact, s, brief)
         parts = task.parts(forces, draft)
-        if not draft.waypoints:
+        if before is None:
             force, shape = first_choice(task, parts, condition, start, draft)
         else:
             force, shape = _continued(task, parts, condition, before, draft)
         draft.add(task.waypoint(shape))
+        before = task, force
     return draft.finished()
 
 
-def _cost_of(task, condition, start):
+def _cost_of(task: Contacting, condition: str, start: Pose | None) -> Callable[[float], float]:
     """Return the function of the force that a condition of CONDITIONS makes least.
 
     Parameters
     ----------
-    start
+    start : Pose or None
         Pose from which a motion counts, or None.
     """
     family = task.family
     if condition == 'least_force':
         return lambda force: force
-    if condition == 'least_motion':
+    if condition == 'least_motion' and start is not None:
         return lambda force: _away(family.shape(force), start)
     others = any(k != family.obstacle for k in range(len(task.simulator.obstacles)))
     if condition == 'largest_clearance' and others:
@@ -84,19 +100,22 @@ def _cost_of(task, condition, start):
     return lambda force: family.shape(force).elastic_energy
 
 
-def _minima_of(task, parts, condition, start):
+def _minima_of(task: Contacting, parts: list[list[float]], condition: str,
+               start: Pose | None) -> list[tuple[float, float]]:
     """Return [(cost, force)], best first, of the local minima in all `parts`."""
     cost = _cost_of(task, condition, start)
     return best_first([found for part in parts for found in minima(cost, task.merit, part)])
 
 
-def first_choice(task, parts, condition, start, draft):
+def first_choice(task: Contacting, parts: list[list[float]], condition: str, start: Pose | None,
+                 draft: PlanBuilder) -> tuple[float, Shape]:
     """Return force and confirmed Shape with which a slide begins; raise Infeasible."""
     how = 'least_energy' if condition == 'least_motion' and start is None else condition
     return _chosen(task, parts, how, start, draft)
 
 
-def _chosen(task, parts, condition, start, draft):
+def _chosen(task: Contacting, parts: list[list[float]], condition: str, start: Pose | None,
+            draft: PlanBuilder) -> tuple[float, Shape]:
     """Return force and confirmed Shape that a condition prefers; raise Infeasible."""
     cost, moved = _cost_of(task, condition, start), []
     for _, force in _minima_of(task, parts, condition, start):
@@ -110,7 +129,8 @@ def _chosen(task, parts, condition, start, draft):
     return min(moved, key=lambda one: one[0])[1:]
 
 
-def _confirmed(task, parts, force):
+def _confirmed(task: Contacting, parts: list[list[float]],
+               force: float) -> tuple[float, Shape] | None:
     """Return a force of `parts` with its confirmed Shape, or the nearest such pair, or None."""
     shape = task.confirmed(force)
     if shape is not None:
@@ -119,15 +139,15 @@ def _confirmed(task, parts, force):
     return _nearest_confirmed(task, part, force)
 
 
-def _nearest_confirmed(task, part, force):
+def _nearest_confirmed(task: Contacting, part: list[float],
+                       force: float) -> tuple[float, Shape] | None:
     """Return the confirmed (force, Shape) of an interval next to a force that is not, or None."""
-    good, shape = None, None
     some = part[::max(1, len(part) // _TRIED)]
     for good in sorted(some, key=lambda one: abs(np.log(one / force))):
         shape = task.confirmed(good)
         if shape is not None:
             break
-    if shape is None:
+    else:
         return None
     while abs(good - force) > _FOUND * good:
         middle = float(np.sqrt(good * force))
@@ -139,46 +159,48 @@ def _nearest_confirmed(task, part, force):
     return good, shape
 
 
-def _motion(task, part):
+def _motion(task: Contacting, part: list[float]) -> list[Shape]:
     """Return confirmed Shapes through an interval, ascending, each gripper near the one before."""
-    family, last = task.family, part[-1]
+    family, most = task.family, part[-1]
     forces = [part[0]]
-    while forces[-1] < last:
-        target = last
+    while forces[-1] < most:
+        target = most
         while (_step(family.shape(forces[-1]), family.shape(target)) > _PACE
-               and target - forces[-1] > 1e-6 * last):
+               and target - forces[-1] > 1e-6 * most):
             target = 0.5 * (target + forces[-1])
         forces.append(target)
     found = [task.confirmed(force) for force in forces]
-    good = [k for k, shape in enumerate(found) if shape is not None]
-    if not good:
+    stability = {k: shape.stability for k, shape in enumerate(found) if shape is not None}
+    if not stability:
         return []
-    middle = max(good, key=lambda k: found[k].stability)
-    first = last = middle
-    while first and found[first - 1] is not None:
+    first = last = max(stability, key=stability.__getitem__)
+    while first - 1 in stability:
         first -= 1
-    while last + 1 < len(found) and found[last + 1] is not None:
+    while last + 1 in stability:
         last += 1
 
-    def end(inside, outside):
+    def end(inside: int, outside: int) -> list[Shape]:
         """Return [the confirmed Shape that is nearest to what is not], [] where nothing is."""
         if not 0 <= outside < len(found):
             return []
         nearest = _nearest_confirmed(task, [forces[inside]], forces[outside])
         return [] if nearest is None else [nearest[1]]
 
-    return [*end(first, first - 1), *found[first:last + 1], *end(last, last + 1)]
+    inside = [shape for shape in found[first:last + 1] if shape is not None]
+    return [*end(first, first - 1), *inside, *end(last, last + 1)]
 
 
-def _continued(task, parts, condition, before, draft):
+def _continued(task: Contacting, parts: list[list[float]], condition: str,
+               before: tuple[Contacting, float], draft: PlanBuilder) -> tuple[float, Shape]:
     """Return force and confirmed Shape that continue a task (Contacting, force) `before`.
 
     The nearest of the local minima; the gripper must not leap to it.
     """
-    start = draft.last.gripper
+    last = draft.waypoints[-1].shape
+    start = last.gripper
     found = _minima_of(task, parts, condition, start)
     found.sort(key=lambda one: _away(task.family.shape(one[1]), start))
-    best = None
+    best: float | None = None
     for _, force in found:
         leap = _leap(before, (task, force))
         if best is None or leap < best:
@@ -190,12 +212,13 @@ def _continued(task, parts, condition, before, draft):
             return confirmed
     if not best:
         raise task.unconfirmed(draft, parts)
-    raise draft.refusal('continuity', best * draft.last.s[-1], f'the gripper would leap by '
+    raise draft.refusal('continuity', best * last.s[-1], f'the gripper would leap by '
                         f'{best:.3g} (rad, and parts of the length) from the waypoint before, '
                         'however slowly the DLO is drawn')
 
 
-def _leap(one, other, halvings=_MOST_HALVINGS):
+def _leap(one: tuple[Contacting, float], other: tuple[Contacting, float],
+          halvings: int = _MOST_HALVINGS) -> float:
     """Return 0 if a way of admissible shapes leads from a (Contacting, force) to another.
 
     Else how far, in rad and parts of the length, the gripper leaps, or where no shape is
@@ -207,22 +230,22 @@ def _leap(one, other, halvings=_MOST_HALVINGS):
         return 0.0
     if not halvings:
         return apart
-    middle = Contacting.at(task.simulator, task.contact, 0.5 * (task.s + last.s), task.brief)
-    middle.family.stable = HARDLY_STABLE  # the way may lead along the very end of an interval
+    halfway = Contacting.at(task.simulator, task.contact, 0.5 * (task.s + last.s), task.brief)
+    halfway.family.stable = HARDLY_STABLE  # the way may lead along the very end of an interval
     forces = (float(np.sqrt(force * its)) * part for part in _BESIDE)
-    between = next((one for one in forces if middle.family.merit(one) > 0), None)
+    between = next((one for one in forces if halfway.family.merit(one) > 0), None)
     if between is None:
         return apart
-    middle = (middle, between)
+    middle = (halfway, between)
     return _leap(one, middle, halvings - 1) or _leap(middle, other, halvings - 1)
 
 
-def _step(one, other):
+def _step(one: Shape, other: Shape) -> float:
     """Return the gripper's motion between two Shapes, see `gripper_motion`."""
     return gripper_motion(one.gripper, other.gripper, one.s[-1])
 
 
-def _away(shape, before):
+def _away(shape: Shape, before: Pose) -> float:
     """Return the square of a motion from the Pose `before`, in parts of the length and a turn."""
     shift = (shape.gripper.position - before.position) / shape.s[-1]
     turn = 1 - 0.25 * (1 + np.trace(shape.gripper.rotation @ before.rotation.T))

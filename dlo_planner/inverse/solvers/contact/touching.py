@@ -7,17 +7,21 @@ its confirmation by the direct simulation.
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from dlo_planner.direct.accuracy import step
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.solvers.contact.family import STABLE, ContactFamily
 from dlo_planner.inverse.solvers.contact.intervals import intervals
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.builder import PlanRequirements
+from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.continuity import apart
-from dlo_planner.plan.waypoint import waypoint_at
+from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 
 LEAST, MOST = 1e-3, 30.0  # forces looked at, as parts of the natural ones
 _ELEMENTS = 64            # of the mesh on which a force is chosen
@@ -45,7 +49,8 @@ class Contacting:
     brief: PlanRequirements
 
     @classmethod
-    def at(cls, simulator, contact, s, brief):
+    def at(cls, simulator: DirectSimulator, contact: Pose, s: float,
+           brief: PlanRequirements) -> Self:
         """Return the task of keeping `contact` at `s`."""
         own = simulator._discretization
         elements = min(max(own.s.size - 1, 8), 2 * _ELEMENTS)
@@ -53,11 +58,11 @@ class Contacting:
                    contact, brief)
 
     @property
-    def s(self):
+    def s(self) -> float:
         """Arc length of the contact, m."""
         return self.family.s
 
-    def merit(self, force):
+    def merit(self, force: float) -> float:
         """Return a number that is positive where this force keeps everything."""
         merit = self.family.merit(force)
         if merit <= 0:
@@ -65,17 +70,17 @@ class Contacting:
         broken = self.brief.violation(self.waypoint(self.family.shape(force)))
         return merit if broken is None else -broken[1]
 
-    def waypoint(self, shape):
+    def waypoint(self, shape: Shape) -> Waypoint:
         """Return the Waypoint of a Shape."""
         return waypoint_at(shape, self.family.place, self.s, self.family.frame[:, 0])
 
-    def parts(self, forces, draft):
+    def parts(self, forces: Floats | None, draft: PlanBuilder) -> list[list[float]]:
         """Return the admissible intervals as lists of forces, ascending; raise Infeasible if none.
 
         Parameters
         ----------
-        forces
-            (n,) forces to be examined, N, each an interval of its own. If None, all.
+        forces : ndarray, shape (n,) or None
+            Forces to be examined, N, each an interval of its own. If None, all.
         """
         family = self.family
         for _ in range(2):
@@ -92,7 +97,7 @@ class Contacting:
             raise self._refusal(draft)
         return found
 
-    def confirmed(self, force):
+    def confirmed(self, force: float) -> Shape | None:
         """Return the Shape that the direct simulator finds with this force, None if another."""
         guess = self._guess(force)
         shape = self.simulator.solve(guess.gripper, guess)
@@ -103,7 +108,7 @@ class Contacting:
         same = abs(found - force) <= _SAME_FORCE * force and off <= _SAME_PLACE * length
         return shape if shape.converged and same else None
 
-    def _guess(self, force):
+    def _guess(self, force: float) -> Shape:
         """Return the Shape with this force on a mesh that is as good as the simulator's."""
         own, accuracy = self.simulator._discretization, self.simulator.accuracy
         shape = self.family.shape(force)
@@ -123,13 +128,15 @@ class Contacting:
             if accuracy is not None and moved < 0.2 * accuracy:
                 return shape
 
-    def _refusal(self, draft):
+    def _refusal(self, draft: PlanBuilder) -> Infeasible:
         """Return Infeasible: what is wrong with the best of the shapes that were looked at."""
         family = self.family
         good = [force for force in family.known if family.merit(force) > 0]
         if good:
-            broken = [self.brief.violation(self.waypoint(family.shape(force))) for force in good]
-            constraint, amount, why = min(broken, key=lambda what: what[1])
+            violations = (self.brief.violation(self.waypoint(family.shape(force)))
+                          for force in good)
+            constraint, amount, why = min((one for one in violations if one is not None),
+                                          key=lambda one: one[1])
             return draft.refusal(constraint, amount, f'none of {len(good)} contact forces will '
                                  f'do; with the best of them, {why}')
         looked = (f'no contact force of {min(family.known):.3g} to {max(family.known):.3g} N keeps '
@@ -143,7 +150,7 @@ class Contacting:
         return self.left(draft, best, found, f'{looked} in a stable shape: the best one has a '
                          f'stability of {best.stability:.3g}')
 
-    def unconfirmed(self, draft, parts):
+    def unconfirmed(self, draft: PlanBuilder, parts: list[list[float]]) -> Infeasible:
         """Return Infeasible because the direct simulation confirms no force of these intervals."""
         best = max((self.family.shape(force) for part in parts for force in part),
                    key=lambda shape: shape.stability)
@@ -151,7 +158,7 @@ class Contacting:
                          'the direct simulation with its own discretization confirms none of the '
                          'contact forces that should do; a finer one may')
 
-    def left(self, draft, shape, found, why):
+    def left(self, draft: PlanBuilder, shape: Shape, found: Shape, why: str) -> Infeasible:
         """Return Infeasible because the DLO is `found` elsewhere; the amount is how far, in m."""
         amount = apart(found, shape)
         return draft.refusal('contact', amount, f'{why}; the DLO would be off by {amount:.3g} m')

@@ -6,11 +6,14 @@ import numpy as np
 
 from dlo_planner.direct.continuation import fell
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import TOLERANCE, found_hanging
 from dlo_planner.inverse.solvers.continuation.following import Passing
-from dlo_planner.inverse.solvers.hanging.sphere import crossings
+from dlo_planner.inverse.solvers.hanging.sphere import Crossings, HangingShapes, crossings
 from dlo_planner.inverse.solvers.points.aligned import free_axis
 from dlo_planner.inverse.solvers.points.coupled import two_points_hanging
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import freeze
 
@@ -33,36 +36,39 @@ class TwoPoints:
         (3,) from the first center to the second, m.
     """
 
-    def __init__(self, simulator, way):
+    def __init__(self, simulator: DirectSimulator, way: Floats) -> None:
         self.simulator, self.way = simulator, way
         self._apart = float(np.linalg.norm(way))
 
-    def axis(self, shape):
+    def axis(self, shape: Shape) -> Floats:
         """Return the axis (3,) of the free roll: the mean of the gripper's and the way."""
         return free_axis(shape.gripper.rotation, self.way / self._apart)
 
-    def at(self, before, depth, roll=0.0, final=False):
+    def at(self, before: Passing, depth: float, roll: float = 0.0,
+           final: bool = False) -> Passing | None:
         """Return the Passing at `depth`; see `following.Task`."""
         del final
+        assert before.second is not None  # every Passing of this task has it
         found = self._solved(before.shape, self.simulator.rod.length - depth, before.second,
                              'second', roll)
         return None if found is None else found[0]
 
-    def from_end(self, guess, depth):
+    def from_end(self, guess: Shape, depth: float) -> tuple[Passing, float] | None:
         """Return the Passing whose free end is at the second center, and its depth, m, or None.
 
         Parameters
         ----------
-        guess
+        guess : Shape
             Shape near it, in equilibrium.
-        depth
+        depth : float
             Approximate depth, m.
         """
         length = self.simulator.rod.length
         found = self._solved(guess, length - depth, length, 'first')
         return None if found is None else (found[0], length - found[1])
 
-    def _solved(self, shape, s1, s2, free, roll=0.0):
+    def _solved(self, shape: Shape, s1: float, s2: float, free: str,
+                roll: float = 0.0) -> tuple[Passing, float] | None:
         """Return the Passing and its s1, or None."""
         found = two_points(self.simulator, shape, self.way, (s1, s2), free, roll)
         if found is None:
@@ -70,7 +76,7 @@ class TwoPoints:
         shape, s1, s2 = found
         return Passing(shape, shape.gripper.position - shape.frame_at(s1)[1], s2), s1
 
-    def crossings(self, shapes, depth):
+    def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
         """Return where the shapes at `depth` cross the grid of HangingShapes."""
         s1 = self.simulator.rod.length - depth
         begin, _ = shapes.at(s1)
@@ -79,7 +85,7 @@ class TwoPoints:
         s2 = _first_above(shapes.s, away, self._apart)
         return self._between(shapes, s1, s2)
 
-    def last_crossings(self, shapes):
+    def last_crossings(self, shapes: HangingShapes) -> tuple[Crossings, Floats]:
         """Return where the shapes whose free end is at the second center cross the grid.
 
         And the depth (m,) of each in the first.
@@ -90,7 +96,7 @@ class TwoPoints:
         a, b = found.pairs.T
         return found, shapes.s[-1] - ((1 - found.shares) * s1[a] + found.shares * s1[b])
 
-    def least_miss(self, shapes):
+    def least_miss(self, shapes: HangingShapes) -> float:
         """Return the least distance (m) of a stable shape's free end from the second center.
 
         The shape passes the first center somewhere; its turn about the vertical is free.
@@ -99,11 +105,11 @@ class TwoPoints:
         chords = shapes.positions[stable, -1:] - shapes.positions[stable]
         height = chords @ shapes.up
         aside = np.sqrt(np.maximum((chords**2).sum(axis=2) - height**2, 0.0))
-        up = self.way @ shapes.up
+        up = float(self.way @ shapes.up)
         off = np.hypot(aside - np.sqrt(max(self._apart**2 - up**2, 0.0)), height - up)
         return float(off.min(initial=self._apart))
 
-    def _between(self, shapes, s1, s2):
+    def _between(self, shapes: HangingShapes, s1: float | Floats, s2: Floats) -> Crossings:
         missing = ~np.isfinite(s1 + s2)
         s1, s2 = (np.where(missing, shapes.s[-1], s) for s in (s1, s2))
         chords = shapes.at(s2)[0] - shapes.at(s1)[0]
@@ -111,7 +117,7 @@ class TwoPoints:
         return crossings(shapes, chords, self.way, s1)
 
 
-def _first_above(s, away, apart):
+def _first_above(s: Floats, away: Floats, apart: float) -> Floats:
     """Return (n,) where rows of `away` (n, N + 1), given at `s`, first exceed `apart`; else nan."""
     k = np.argmax(away >= apart, axis=1)
     rows = np.arange(len(away))
@@ -121,19 +127,21 @@ def _first_above(s, away, apart):
     return np.where(found, s[k - 1] + share * (s[k] - s[k - 1]), np.nan)
 
 
-def two_points(simulator, shape, way, s, free, roll=0.0):
+def two_points(simulator: DirectSimulator, shape: Shape, way: Floats, s: tuple[float, float],
+               free: str, roll: float = 0.0) -> tuple[Shape, float, float] | None:
     """Find the gripper's rotation and an arc length such that x(s2) - x(s1) = `way`.
 
     A step after which the DLO falls into another shape ends it.
 
     Parameters
     ----------
-    s
+    s : tuple[float, float]
         Arc lengths s1 and s2, m.
-    free
+    free : str
         'first' or 'second': which of them is sought.
-    roll
-        Rotation in rad about the axis that the task leaves free, solved together with the rest.
+    roll : float, optional
+        Rotation in rad about the axis that the task leaves free, solved together with the
+        rest.
 
     Returns
     -------
@@ -162,7 +170,8 @@ def two_points(simulator, shape, way, s, free, roll=0.0):
     return shape, *reached
 
 
-def _step_by_step(simulator, shape, way, s, free, roll):
+def _step_by_step(simulator: DirectSimulator, shape: Shape, way: Floats, s: tuple[float, float],
+                  free: str, roll: float) -> tuple[Shape, float, float] | None:
     """Return what `two_points` does, of any DLO, an equilibrium at a time.
 
     Newton's method with the sensitivities of the equilibrium, which also predict the shape after
@@ -185,9 +194,9 @@ def _step_by_step(simulator, shape, way, s, free, roll):
             step = np.linalg.solve(rows, np.append(-miss, missing))
         except np.linalg.LinAlgError:
             return None
-        step *= min(1.0, _LARGEST_TURN / max(np.linalg.norm(step[:3]), 1e-300),
+        step *= min(1.0, _LARGEST_TURN / max(float(np.linalg.norm(step[:3])), 1e-300),
                     0.1 * length / max(abs(step[3]), 1e-300))
-        missing -= axis @ step[:3]
+        missing -= float(axis @ step[:3])
         if free == 'first':
             s1 = s1 + step[3]
         else:

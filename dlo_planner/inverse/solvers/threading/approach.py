@@ -11,16 +11,29 @@ poses. The shortest way back that allows that is taken; from farther than its le
 reach the sheet at all.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
 import numpy as np
 
 from dlo_planner.direct.continuation import between
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.solvers.continuation.quick import quick_simulator
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.builder import PlanBuilder
+from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import apart, same
+from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint
+
+if TYPE_CHECKING:
+    from dlo_planner.inverse.tasks.approach import Approach
 
 _MARGIN = 0.02        # of the length
 _LONGEST = 0.1        # of the length, and
@@ -29,21 +42,33 @@ _SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way back that is safe in any cas
 _STRAIGHT = None      # instead of a way back: translation and rotation at once
 
 
-def approach(simulator, task, start, initial, brief):
+# A pose of the gripper, and how far (m) the DLO has to be behind the sheet there.
+_Station: TypeAlias = tuple[Pose, float]
+
+
+class _Asked(NamedTuple):
+    """An approach: cut-out, Pose of the gripper now, standoff in m, Shape now or None."""
+
+    cutout: CutOut
+    start: Pose
+    standoff: float
+    initial: Shape | None
+
+
+def approach(simulator: DirectSimulator, task: Approach, start: Pose, initial: Shape | None,
+             brief: PlanRequirements) -> Plan:
     """Return the Plan from `start` to the Shape `first` of an Approach, where a threading begins.
 
     Parameters
     ----------
-    simulator
-        DirectSimulator.
-    task
+    simulator : DirectSimulator
+    task : Approach
         Approach: cutout, first, standoff.
-    start
+    start : Pose
         Pose of the gripper.
-    initial
+    initial : Shape or None
         Shape at `start`. If None, the natural shape set down there.
-    brief
-        PlanRequirements.
+    brief : PlanRequirements
     """
     cutout, first, standoff = task.cutout, task.first, task.standoff
     behind = float((cutout.center - start.position) @ cutout.normal)
@@ -52,8 +77,8 @@ def approach(simulator, task, start, initial, brief):
     own = quick is simulator
     brief = brief.made_with(simulator)
     end = first if own else quick.solve(first.gripper, first)
-    refused = None
-    asked = cutout, start, standoff, initial
+    refused: Infeasible | None = None
+    asked = _Asked(cutout, start, standoff, initial)
     for share in (_STRAIGHT, *(_SHARES if back else (0.0,))):
         away = share if share is _STRAIGHT else share * back
         try:
@@ -63,15 +88,17 @@ def approach(simulator, task, start, initial, brief):
                 refused = error
             continue
         return plan if own else _from_behind(simulator, first, asked, brief, away)
+    assert refused is not None  # a way is tried at least
     raise refused
 
 
-def _from_behind(simulator, first, asked, brief, back):
+def _from_behind(simulator: DirectSimulator, first: Shape, asked: _Asked, brief: PlanRequirements,
+                 back: float | None) -> Plan:
     """Return the Plan to the Shape `first` that goes `back` (m) before it turns, or _STRAIGHT.
 
     Parameters
     ----------
-    asked
+    asked : _Asked
         The cut-out, start, standoff and initial shape of `approach`.
     """
     cutout, start, standoff, initial = asked
@@ -98,8 +125,8 @@ def _from_behind(simulator, first, asked, brief, back):
             raise draft.refusal('equilibrium', _way_left(way[len(draft.waypoints):]),
                                 'no stable shape is found')
         if initial.jumped and draft.waypoints:
-            raise draft.refusal('continuity', apart(initial, draft.last), 'the DLO would fall into '
-                                'another shape on the way there')
+            raise draft.refusal('continuity', apart(initial, draft.waypoints[-1].shape),
+                                'the DLO would fall into another shape on the way there')
         room = float(((cutout.center - initial.positions) @ normal).min()) - brief.surface.bound
         if room < wanted:
             raise draft.refusal('clearance', wanted - room, 'the DLO is not behind the sheet' if
@@ -112,19 +139,21 @@ def _from_behind(simulator, first, asked, brief, back):
     return draft.finished()
 
 
-def _entering(first, normal, standoff, length):
+def _entering(first: Pose, normal: Floats, standoff: float, length: float) -> list[Pose]:
     """Return the Poses from where the free end is `standoff` before the center to `first`."""
     before = Pose.from_rotation(first.position - standoff * normal, first.rotation)
     return [before, *_way(before, first, length)]
 
 
-def _blended(start, before, standoff, radius, length):
+def _blended(start: Pose, before: Pose, standoff: float, radius: float,
+             length: float) -> list[_Station]:
     """Return [(Pose, least distance of the DLO from the sheet, m)] of the straight way."""
     margin = min(_MARGIN * length, 0.5 * max(standoff - radius, 0.0))
     return [(pose, margin) for pose in _way(start, before, length)]
 
 
-def _cornered(cutout, start, before, radius, length, back):
+def _cornered(cutout: CutOut, start: Pose, before: Pose, radius: float, length: float,
+              back: float) -> list[_Station]:
     """Return the same of a way back along the normal by `back` (m), a turn, and a way there."""
     safe = (cutout.center - start.position) @ cutout.normal + back >= length + radius
     away = start.position - back * cutout.normal
@@ -135,15 +164,15 @@ def _cornered(cutout, start, before, radius, length, back):
             + [(pose, 0.0) for pose in _way(turned, before, length)])
 
 
-def _way_left(stations):
+def _way_left(stations: Sequence[_Station]) -> float:
     """Return how far (m) the gripper has still to go through stations [(Pose, room)]."""
     positions = np.array([pose.position for pose, _ in stations])
     return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
 
 
-def _way(one, other, length):
+def _way(one: Pose, other: Pose, length: float) -> list[Pose]:
     """Return Poses from `one`, which is left out, to `other`; none where they are the same."""
     shift = np.linalg.norm(other.position - one.position)
     turn = angle_between(one.rotation, other.rotation)
-    parts = int(np.ceil(max(shift / (_LONGEST * length), turn / _SHARPEST) - 1e-9))
+    parts = int(np.ceil(max(float(shift) / (_LONGEST * length), turn / _SHARPEST) - 1e-9))
     return [between(one, other, k / parts) for k in range(1, parts + 1)]

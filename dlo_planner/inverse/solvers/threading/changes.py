@@ -2,16 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a threading through two cut-outs may reach the second one, among all hanging shapes."""
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.solvers.continuation.following import Passing
-from dlo_planner.inverse.solvers.continuation.quick import gets_there
+from dlo_planner.inverse.solvers.continuation.quick import gets_there, thinned
 from dlo_planner.inverse.solvers.continuation.route import Route, motion, picked, sweep
+from dlo_planner.inverse.solvers.hanging.sphere import Crossings, HangingShapes
 from dlo_planner.inverse.solvers.hanging.start_candidates import with_free_end
 from dlo_planner.inverse.solvers.points.one_point import Aligned
 from dlo_planner.inverse.solvers.points.two_points import TwoPoints
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.builder import PlanRequirements
@@ -60,17 +66,24 @@ class Pair:
 
     first: CutOut
     second: CutOut
-    depths: np.ndarray
+    depths: Floats
     start: Pose | None
     brief: PlanRequirements
 
+    def at_most(self, most: int) -> Pair:
+        """Return the same at `most` of its depths, its steps unreported; itself if that is all."""
+        if len(self.depths) <= most:
+            return self
+        return replace(self, depths=thinned(self.depths, most), brief=self.brief.silent())
+
     @property
-    def way(self):
+    def way(self) -> Floats:
         """(3,) from the first center to the second, m."""
         return self.second.center - self.first.center
 
 
-def other_changes(simulator, asked, shapes):
+def other_changes(simulator: DirectSimulator, asked: Pair,
+                  shapes: HangingShapes) -> Iterator[Change]:
     """Yield Changes with their Routes, found among all HangingShapes, the best first."""
     task = TwoPoints(simulator, asked.way)
     changes, depths, along = at_the_second(simulator, asked, shapes)
@@ -87,7 +100,8 @@ def other_changes(simulator, asked, shapes):
             yield Change(*found, back, ways_on[k][1])
 
 
-def at_the_second(simulator, asked, shapes):
+def at_the_second(simulator: DirectSimulator, asked: Pair,
+                  shapes: HangingShapes) -> tuple[Crossings, Floats, Floats]:
     """Return all Crossings whose free end is at the second center, in the right directions.
 
     And their depths (m,) and directions (m, 3) in the first one.
@@ -98,7 +112,7 @@ def at_the_second(simulator, asked, shapes):
     return changes.chosen(right), depths[right], along[right]
 
 
-def _directions(shapes, changes, s):
+def _directions(shapes: HangingShapes, changes: Crossings, s: Floats) -> Floats:
     """Return the tangents (m, 3) of Crossings at arc lengths s (m,), about."""
     a = changes.pairs[:, 0]
     turns = changes.grippers @ np.swapaxes(shapes.frames[a, 0], 1, 2)
@@ -106,18 +120,19 @@ def _directions(shapes, changes, s):
                      for turn, k, at in zip(turns, a, s, strict=True)]).reshape(-1, 3)
 
 
-def _unlike(changes, costs):
+def _unlike(changes: Crossings, costs: Floats) -> Iterator[int]:
     """Yield indices of changes, the cheapest first, without those like one before."""
-    taken = []
+    taken: list[int] = []
     for k in np.argsort(costs):
         if not np.isfinite(costs[k]) or len(taken) == _CHANGES:
             return
         if all(angle_between(changes.grippers[k], changes.grippers[j]) > _UNLIKE for j in taken):
-            taken.append(k)
-            yield k
+            taken.append(int(k))
+            yield int(k)
 
 
-def _ways_on(task, shapes, changes, depths, asked):
+def _ways_on(task: TwoPoints, shapes: HangingShapes, changes: Crossings, depths: Floats,
+             asked: Pair) -> list[tuple[float, Route | None]]:
     """Return [(cost, Route or None)] of going on from each change to the deepest waypoint."""
     length, deepest = shapes.s[-1], asked.depths[-1]
     if not len(changes):
@@ -127,7 +142,7 @@ def _ways_on(task, shapes, changes, depths, asked):
         return [(0.0, None)] * len(changes)
     layers = [task.crossings(shapes, depth) for depth in grid[::-1]]
     costs, ways = sweep(layers, np.zeros(len(layers[0])), length)
-    found = []
+    found: list[tuple[float, Route | None]] = []
     for k, depth in enumerate(depths):
         later = grid[::-1] > depth
         if not later.any():
@@ -151,7 +166,8 @@ def _ways_on(task, shapes, changes, depths, asked):
     return found
 
 
-def _way_back(simulator, shapes, change, depth, direction, asked):
+def _way_back(simulator: DirectSimulator, shapes: HangingShapes, change: Crossings, depth: float,
+              direction: Floats, asked: Pair) -> Route | None:
     """Return the Route from a change (Crossings of one) to where the DLO begins, or None."""
     length, first = simulator.rod.length, asked.depths[0]
     if first >= depth:

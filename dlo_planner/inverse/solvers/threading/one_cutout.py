@@ -2,34 +2,47 @@
 # SPDX-License-Identifier: Apache-2.0
 """Threading through one cut-out: at every depth the DLO passes the center along the normal."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.solvers.continuation.even_rolls import EvenRolls, even_rolls
-from dlo_planner.inverse.solvers.continuation.following import follow, refusal_for_step
+from dlo_planner.inverse.solvers.continuation.following import (
+    Passing,
+    Rolls,
+    Step,
+    follow,
+    refusal_for_step,
+)
 from dlo_planner.inverse.solvers.continuation.quick import (
     gets_there,
     grid_nodes,
     quick_simulator,
     thinned,
 )
-from dlo_planner.inverse.solvers.continuation.route import find_route
-from dlo_planner.inverse.solvers.hanging.sphere import hanging_shapes
+from dlo_planner.inverse.solvers.continuation.route import Route, find_route
+from dlo_planner.inverse.solvers.hanging.sphere import Crossings, HangingShapes, hanging_shapes
 from dlo_planner.inverse.solvers.hanging.start_candidates import (
+    Candidate,
     is_axisymmetric,
     start_candidates,
     with_free_end,
 )
 from dlo_planner.inverse.solvers.points.one_point import Aligned
 from dlo_planner.minimize.newton import NEUTRAL
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import largest_turn
-from dlo_planner.plan.plan import PlanStatus, truncate
+from dlo_planner.plan.plan import Plan, PlanStatus, truncate
 from dlo_planner.plan.waypoint import waypoint_of
 
 _ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
@@ -54,19 +67,26 @@ class Threading:
         Depths in m.
     start : Pose or None
         Pose whose roll is kept as far as possible.
-    initial : object
-        Shape before, or None.
+    initial : Shape or None
+        Shape before.
     brief : PlanRequirements
     """
 
     cutout: CutOut
-    depths: np.ndarray
+    depths: Floats
     start: Pose | None
-    initial: object
+    initial: Shape | None
     brief: PlanRequirements
 
+    def at_most(self, most: int) -> Threading:
+        """Return the same at `most` of its depths, its steps unreported; itself if that is all."""
+        if len(self.depths) <= most:
+            return self
+        return replace(self, depths=thinned(self.depths, most), brief=self.brief.silent())
 
-def thread(simulator, cutout, depths, start, initial, method, brief):
+
+def thread(simulator: DirectSimulator, cutout: CutOut, depths: Floats, start: Pose | None,
+           initial: Shape | None, method: str, brief: PlanRequirements) -> Plan:
     """Return the Plan; see `InverseSimulator.thread` for what the arguments mean.
 
     Which roll of the DLO the threading begins with is free, and how it rolls on the way. The plan
@@ -85,22 +105,24 @@ def thread(simulator, cutout, depths, start, initial, method, brief):
     return _thread_from(simulator, asked, begin, route, method)
 
 
-def first_choice(simulator, asked):
+def first_choice(simulator: DirectSimulator, asked: Threading) -> Plan:
     """Return the Plan of a Threading that begins with the first choice and is followed as it is."""
     return _thread_from(simulator, asked, next(start_candidates(simulator, asked.cutout,
                                                                 asked.start)),
                         None, 'coupled')
 
 
-def _search(simulator, asked, method):
+def _search(simulator: DirectSimulator, asked: Threading,
+            method: str) -> tuple[Plan, Candidate | None, Rolls | None]:
     """Return a Plan, what it begins with (None: the first choice), and its Route or None."""
     begins = start_candidates(simulator, asked.cutout, asked.start)
     try:
         return _thread_from(simulator, asked, next(begins), None, method), None, None
     except Infeasible as error:
         refused = error
-    few = thinned(asked, _FEW)
-    best = _depth(asked, refused), None, None
+    few = asked.at_most(_FEW)
+    deepest = _depth(asked, refused)
+    best: tuple[Candidate, Route | None] | None = None
     for begin, route in _other_ways(simulator, asked, begins, refused):
         asked.brief.progress.check()
         try:
@@ -109,19 +131,21 @@ def _search(simulator, asked, method):
             return _thread_from(simulator, asked, begin, route, method), begin, route
         except Infeasible as error:
             depth = _depth(few if few is not asked else asked, error)
-            if depth > best[0]:
-                best, refused = (depth, begin, route), error
-    if few is not asked and best[1] is not None:  # the same at all depths, as evidence
-        return _thread_from(simulator, asked, *best[1:], method), *best[1:]
+            if depth > deepest:
+                deepest, best, refused = depth, (begin, route), error
+    if few is not asked and best is not None:  # the same at all depths, as evidence
+        begin, route = best
+        return _thread_from(simulator, asked, begin, route, method), begin, route
     raise refused
 
 
-def _other_ways(simulator, asked, begins, refused):
+def _other_ways(simulator: DirectSimulator, asked: Threading, begins: Iterator[Candidate],
+                refused: Infeasible) -> Iterator[tuple[Candidate, Route | None]]:
     """Yield what else a threading may begin with, and a Route or None, after a refusal."""
     if refused.constraint not in NO_WAY:  # a demand: another roll may keep it
         yield from ((begin, None) for begin in begins)
         return
-    if is_axisymmetric(simulator):
+    if is_axisymmetric(simulator.rod):
         return
     shapes = hanging_shapes(simulator.surroundings, grid_nodes(simulator))
     if shapes is None:
@@ -130,7 +154,7 @@ def _other_ways(simulator, asked, begins, refused):
     route = _route(simulator, shapes, asked)
     if route is not None:
         guess = with_free_end(simulator, route.end)
-        begin = guess, guess.gripper.rotation, route.depths[0]
+        begin = Candidate(guess, guess.gripper.rotation, float(route.depths[0]))
         yield begin, route
         if route.complete:  # rolls that are averaged may miss a narrow way, or leap on a rough one
             yield from ((begin, replace(route, ahead=ahead)) for ahead in _AHEAD)
@@ -140,7 +164,7 @@ def _other_ways(simulator, asked, begins, refused):
         yield from ((begin, None) for begin in begins)
 
 
-def _route(simulator, shapes, asked):
+def _route(simulator: DirectSimulator, shapes: HangingShapes, asked: Threading) -> Route | None:
     """Return the Route through the curves of all depths, or of some where there are many."""
     task = Aligned(simulator, asked.cutout.normal)
     depths = np.unique(np.linspace(asked.depths[0], asked.depths[-1], _CURVES))
@@ -148,7 +172,7 @@ def _route(simulator, shapes, asked):
     return find_route(layers, depths, _starts(simulator, layers[0], asked), simulator.rod.length)
 
 
-def _starts(simulator, curve, asked):
+def _starts(simulator: DirectSimulator, curve: Crossings, asked: Threading) -> Floats:
     """Return the cost (m,) of beginning at each of the Crossings; infinite where it cannot.
 
     The DLO has to come into the shape by itself; of those it does, the gripper prefers the one in
@@ -165,17 +189,17 @@ def _starts(simulator, curve, asked):
     return cost
 
 
-def _depth(asked, refused):
+def _depth(asked: Threading, refused: Infeasible) -> tuple[float, bool]:
     """Return a number by which refusals compare: how far they come."""
     return asked.depths[refused.waypoint], refused.constraint == 'start'
 
 
-def trim_to_clearance(plan, cutout, wanted, may_end):
+def trim_to_clearance(plan: Plan, cutout: CutOut, wanted: float, may_end: bool) -> Plan:
     """Return the part of a Plan in which the gripper is `wanted` m before the sheet.
 
     Parameters
     ----------
-    may_end
+    may_end : bool
         Whether the plan may end earlier than it does.
 
     Raises
@@ -196,37 +220,39 @@ def trim_to_clearance(plan, cutout, wanted, may_end):
                      truncate(plan, index, PlanStatus.PARTIAL))
 
 
-def _thread_from(simulator, asked, begin, route, method):
+def _thread_from(simulator: DirectSimulator, asked: Threading, begin: Candidate,
+                 route: Rolls | None, method: str) -> Plan:
     """Return the Plan that continues a beginning through all depths.
 
     Parameters
     ----------
-    begin
+    begin : Candidate
         Shape, reference (3, 3) for its roll, and its depth, m.
-    route
+    route : Rolls or None
         Route that gives the rolls, or None.
     """
     length, cutout, brief = simulator.rod.length, asked.cutout, asked.brief
     draft = PlanBuilder(asked.depths, brief, initial=asked.initial)
     sheet = sheet_of(cutout, length, brief.obstacles)
     task = Aligned(simulator, cutout.normal, method)
-    alike = is_axisymmetric(simulator)
+    alike = is_axisymmetric(simulator.rod)
     guess, reference, depth = begin
-    here, passings, jerks = task.from_guess(guess, depth, reference), [], False
+    here, jerks = task.from_guess(guess, depth, reference), False
+    passings: list[Passing] = []
     for wanted in asked.depths:
         brief.progress.check()
-        found, reached, too_far = (None, depth, 0.0) if here is None else follow(
+        found, reached, too_far = Step(None, depth, 0.0) if here is None else follow(
             task, here, depth, wanted, route)
         before = here if draft.waypoints else None
         refusal = _refusal(simulator, draft, before, found, wanted, reached, too_far)
-        doubtful = refusal is not None or found.shape.stability < _DOUBTFUL
-        if doubtful and draft.waypoints and not alike and not isinstance(route, EvenRolls):
-            jerks = True
-            found = _rolled(simulator, draft, task, here, depth, wanted,
-                            found if refusal is None else None)
-        elif refusal is not None:
+        if refusal is not None:
             found = None
+        if before is not None and not alike and not isinstance(route, EvenRolls) and (
+                found is None or found.shape.stability < _DOUBTFUL):
+            jerks = True
+            found = _rolled(simulator, draft, task, before, depth, wanted, found)
         if found is None:
+            assert refusal is not None  # else it was found
             raise refusal
         here, depth = found, wanted
         passings.append(here)
@@ -237,12 +263,13 @@ def _thread_from(simulator, asked, begin, route, method):
     return _evenly(simulator, asked, begin, method, plan, passings) if jerks else plan
 
 
-def _evenly(simulator, asked, begin, method, plan, passings):
+def _evenly(simulator: DirectSimulator, asked: Threading, begin: Candidate, method: str, plan: Plan,
+            passings: Sequence[Passing]) -> Plan:
     """Return a Plan that rolls as a whole like `plan` but evenly; that one if none will do.
 
     Parameters
     ----------
-    passings
+    passings : sequence of Passing
         Passings of its n waypoints.
     """
     silent = replace(asked, brief=asked.brief.silent())
@@ -257,16 +284,18 @@ def _evenly(simulator, asked, begin, method, plan, passings):
     return plan
 
 
-def _refusal(simulator, draft, before, found, wanted, reached, too_far):
+def _refusal(simulator: DirectSimulator, draft: PlanBuilder, before: Passing | None,
+             found: Passing | None, wanted: float, reached: float,
+             too_far: float) -> Infeasible | None:
     """Return why a Passing, or None, cannot be the next waypoint, or None.
 
     Parameters
     ----------
-    before
+    before : Passing or None
         Passing of the waypoint before, None at the first.
-    wanted, reached
+    wanted, reached : float
         Depth of the waypoint, and how far the DLO could be followed, m.
-    too_far
+    too_far : float
         Distance in m that the gripper would have to leap there.
     """
     if found is None and too_far:
@@ -282,14 +311,15 @@ def _refusal(simulator, draft, before, found, wanted, reached, too_far):
     return refusal_for_step(simulator, draft, before, found)
 
 
-def _rolled(simulator, draft, task, here, depth, wanted, best):
+def _rolled(simulator: DirectSimulator, draft: PlanBuilder, task: Aligned, here: Passing,
+            depth: float, wanted: float, best: Passing | None) -> Passing | None:
     """Return a Passing that is stable enough, the gripper rolled as little as that takes.
 
     If there is none, the most stable one, or `best`.
 
     Parameters
     ----------
-    here
+    here : Passing
         Passing of the waypoint before, at `depth`, m.
     """
     most = largest_turn((wanted - depth) / simulator.rod.length)

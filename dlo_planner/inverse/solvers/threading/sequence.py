@@ -8,21 +8,28 @@ minimized, by the search for any task. What is ahead counts smoothly more as the
 near, so that the gripper's way is continuous: the DLO, extended straight on, aims at it.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
-from dlo_planner.inverse.penalties import DirectionAt, PositionAt, Through
-from dlo_planner.inverse.solvers.continuation.quick import quick_simulator
+from dlo_planner.inverse.penalties import DirectionAt, PositionAt, Residuals, Through
+from dlo_planner.inverse.solvers.continuation.quick import quick_simulator, thinned
 from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric
 from dlo_planner.inverse.solvers.points.nearest import nearest_within
 from dlo_planner.inverse.solvers.threading.one_cutout import thread
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import largest_shift, largest_turn, refusal_for_leap
+from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import waypoint_at
 from dlo_planner.ritz.rotation import turn_between
 
@@ -43,10 +50,10 @@ class Sequence:
 
     Attributes
     ----------
-    cutouts : list
+    cutouts : tuple of CutOut
         The k cut-outs.
-    weights : list
-        (k,) weights of their distances.
+    weights : ndarray, shape (k,)
+        Weights of their distances.
     depths : ndarray, shape (n,)
         Depths in the first one, m.
     start : Pose or None
@@ -54,25 +61,26 @@ class Sequence:
     brief : PlanRequirements
     """
 
-    cutouts: list
-    weights: list
-    depths: np.ndarray
+    cutouts: tuple[CutOut, ...]
+    weights: Floats
+    depths: Floats
     start: Pose | None
     brief: PlanRequirements
 
     @cached_property
-    def centers(self):
+    def centers(self) -> Floats:
         """(k, 3) m."""
         return np.array([cutout.center for cutout in self.cutouts])
 
     @cached_property
-    def apart(self):
+    def apart(self) -> Floats:
         """(k,) how deep a straight DLO is as its free end reaches each center, m."""
         legs = np.linalg.norm(np.diff(self.centers, axis=0), axis=1)
         return np.concatenate([[0.0], legs.cumsum()])
 
 
-def thread_sequence(simulator, cutouts, weights, depths, start, brief):
+def thread_sequence(simulator: DirectSimulator, cutouts: tuple[CutOut, ...], weights: Floats,
+                    depths: Floats, start: Pose | None, brief: PlanRequirements) -> Plan:
     """Return the Plan; see `InverseSimulator.thread_sequence` for what the arguments mean.
 
     Of several rolls to begin with, the one is taken that misses least; they are compared with a
@@ -80,9 +88,9 @@ def thread_sequence(simulator, cutouts, weights, depths, start, brief):
     """
     asked = Sequence(cutouts, weights, depths, start, brief)
     quick = quick_simulator(simulator)
-    few = replace(asked, depths=depths[np.unique(np.linspace(
-        0, len(depths) - 1, _COMPARED).astype(int))], brief=brief.silent(quick))
-    best, refused = (np.inf, None), None
+    few = replace(asked, depths=thinned(depths, _COMPARED), brief=brief.silent(quick))
+    best: Sequence | None = None
+    least, refused = np.inf, None
     for begin in _rolled(simulator, asked):
         brief.progress.check()
         try:
@@ -92,21 +100,22 @@ def thread_sequence(simulator, cutouts, weights, depths, start, brief):
             continue
         missed = sum((weight * miss) ** 2 for misses in plan.position_errors
                      for weight, miss in zip(weights, misses, strict=False))
-        if missed < _BETTER * best[0]:
-            best = missed, replace(asked, start=begin)
+        if missed < _BETTER * least:
+            least, best = missed, replace(asked, start=begin)
         if missed <= (_HIT * simulator.rod.length) ** 2 * max(weights) ** 2:
             break
-    if best[1] is None:
+    if best is None:
         if quick is simulator and len(few.depths) < len(depths):
             return _thread(simulator, asked)  # closer waypoints may do, or tell more
+        assert refused is not None  # one roll is tried at least
         raise refused
-    return _thread(simulator, best[1])
+    return _thread(simulator, best)
 
 
-def _rolled(simulator, asked):
+def _rolled(simulator: DirectSimulator, asked: Sequence) -> Iterator[Pose | None]:
     """Yield Poses, or None, against whose roll the DLO is turned least: first as it is wanted."""
     yield asked.start
-    if is_axisymmetric(simulator):
+    if is_axisymmetric(simulator.rod):
         return
     first = asked.cutouts[0]
     upright = (Pose.looking_along((0.0, 0.0, 0.0), first.normal) if asked.start is None
@@ -116,7 +125,7 @@ def _rolled(simulator, asked):
         yield Pose.from_rotation(upright.position, turn @ upright.rotation)
 
 
-def _thread(simulator, asked):
+def _thread(simulator: DirectSimulator, asked: Sequence) -> Plan:
     """Return the Plan that begins with the roll of `asked.start`."""
     length, brief, centers = simulator.rod.length, asked.brief, asked.centers
     sheets = [sheet_of(cutout, length, brief.obstacles) for cutout in asked.cutouts]
@@ -148,12 +157,12 @@ def _thread(simulator, asked):
     return draft.finished()
 
 
-def _tasks(asked, depth, length):
+def _tasks(asked: Sequence, depth: float, length: float) -> list[Residuals]:
     """Return the penalties at a depth, m."""
     cutouts, weights = asked.cutouts, asked.weights
     share = np.clip((depth - asked.apart) / (_BLEND * length) + 1, 0, 1)
     share = share**2 * (3 - 2 * share)
-    tasks = [PositionAt(length - depth, cutouts[0].center, weights[0])]
+    tasks: list[Residuals] = [PositionAt(length - depth, cutouts[0].center, weights[0])]
     if share[1] < 1:
         tasks.append(DirectionAt(length - depth, cutouts[0].normal,
                                  _FREE * (1 - share[1]) * length))
@@ -175,21 +184,22 @@ class _NotRolled:
     before: Pose
     weight: float
 
-    def residuals(self, shape):
+    def residuals(self, shape: Shape) -> Floats:
         turn = turn_between(self.before.rotation, shape.gripper.rotation)
         return self.weight * np.array([turn @ self.before.direction])
 
-    def slopes(self, shape, sensitivity):
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
         del shape, sensitivity  # to first order about the pose before
         return self.weight * np.append(self.before.direction, np.zeros(3))[None]
 
 
-def _follow(simulator, asked, shape, depth, wanted):
+def _follow(simulator: DirectSimulator, asked: Sequence, shape: Shape, depth: float,
+            wanted: float) -> tuple[Shape, float]:
     """Return the Shape nearest to the centers at the depth `wanted`, and how far it came, m.
 
     Parameters
     ----------
-    shape
+    shape : Shape
         Shape at `depth`, m.
     """
     length = simulator.rod.length
@@ -209,7 +219,8 @@ def _follow(simulator, asked, shape, depth, wanted):
     return shape, depth
 
 
-def _nearest(simulator, tasks, shape, step):
+def _nearest(simulator: DirectSimulator, tasks: list[Residuals], shape: Shape,
+             step: float) -> Shape | None:
     """Return the Shape that follows `shape` after a step in depth (m), or None.
 
     The nearest one may be far from where the DLO is: then it goes as far towards it as a step may.

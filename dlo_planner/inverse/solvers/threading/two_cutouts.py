@@ -9,24 +9,35 @@ its rotation and one arc length are solved for, x(s2) - x(s1) = P2 - P1, and it 
 Each cut-out is passed in its direction, possibly obliquely.
 """
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.solvers.continuation.following import follow, refusal_for_step
-from dlo_planner.inverse.solvers.continuation.quick import grid_nodes, quick_simulator, thinned
-from dlo_planner.inverse.solvers.hanging.sphere import hanging_shapes
+from dlo_planner.inverse.solvers.continuation.following import (
+    Passing,
+    Step,
+    Task,
+    follow,
+    refusal_for_step,
+)
+from dlo_planner.inverse.solvers.continuation.quick import grid_nodes, quick_simulator
+from dlo_planner.inverse.solvers.continuation.route import Route
+from dlo_planner.inverse.solvers.hanging.sphere import HangingShapes, hanging_shapes
 from dlo_planner.inverse.solvers.points.one_point import Aligned
 from dlo_planner.inverse.solvers.points.two_points import TwoPoints
 from dlo_planner.inverse.solvers.threading.changes import Change, Pair, at_the_second, other_changes
 from dlo_planner.inverse.solvers.threading.one_cutout import NO_WAY, Threading, first_choice
 from dlo_planner.minimize.newton import NEUTRAL
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.clearance import sheet_of
+from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import waypoint_of
 
 _GUESSES = 9
@@ -34,7 +45,8 @@ _DEMANDED = 4  # changes that are tried where a demand refuses them
 _FEW = 16  # waypoints at most where a way is only looked for
 
 
-def thread_two(simulator, first, second, depths, start, brief):
+def thread_two(simulator: DirectSimulator, first: CutOut, second: CutOut, depths: Floats,
+               start: Pose | None, brief: PlanRequirements) -> Plan:
     """Return the Plan; see `InverseSimulator.thread_two` for what the arguments mean.
 
     As in `thread`, a way is looked for with a quick simulator, first by following one shape, then
@@ -54,9 +66,8 @@ def thread_two(simulator, first, second, depths, start, brief):
     return _thread_through(simulator, asked, refined)
 
 
-def _search(simulator, asked):
+def _search(simulator: DirectSimulator, asked: Pair) -> tuple[Plan, Change]:
     """Return a Plan and the Change that it makes."""
-    refused = None
     # all hanging shapes take a while: they are made once, and only if they are needed
     shapes = cache(lambda: hanging_shapes(simulator.surroundings, grid_nodes(simulator)))
     few, best = asked, None
@@ -74,7 +85,7 @@ def _search(simulator, asked):
             depth = tried.depths[error.waypoint]
             if best is None or depth > best[0]:
                 best = depth, change, tried, error
-        few = thinned(asked, _FEW)
+        few = asked.at_most(_FEW)
     if best is None:
         raise _unreached(simulator, asked, shapes())
     _, change, tried, refused = best
@@ -83,22 +94,25 @@ def _search(simulator, asked):
     raise refused
 
 
-def _changes(simulator, asked, shapes):
+def _changes(simulator: DirectSimulator, asked: Pair,
+             shapes: Callable[[], HangingShapes | None]) -> Iterator[Change]:
     """Yield Changes: first the one that following a single shape finds, if it does.
 
     Parameters
     ----------
-    shapes
+    shapes : callable
         Function () -> HangingShapes, or None where there is no such sphere.
     """
     change = _straight_there(simulator, asked)
     if change is not None:
         yield change
-    if shapes() is not None:
-        yield from other_changes(simulator, asked, shapes())
+    sphere = shapes()
+    if sphere is not None:
+        yield from other_changes(simulator, asked, sphere)
 
 
-def _unreached(simulator, asked, shapes=None):
+def _unreached(simulator: DirectSimulator, asked: Pair,
+               shapes: HangingShapes | None = None) -> Infeasible:
     """Return Infeasible: both centers cannot be passed at once."""
     apart = float(np.linalg.norm(asked.way))
     missing = max(apart - simulator.rod.length, 0.0)
@@ -115,7 +129,8 @@ def _unreached(simulator, asked, shapes=None):
                       missing, PlanBuilder(asked.depths, asked.brief).partial())
 
 
-def _no_beginning(simulator, asked, shapes):
+def _no_beginning(simulator: DirectSimulator, asked: Pair,
+                  shapes: HangingShapes) -> Infeasible | None:
     """Return why the DLO cannot begin along any direction that leads through both; None if it can.
 
     That is the Infeasible of the direction that is nearest to it: of those that fall, if any does.
@@ -134,7 +149,7 @@ def _no_beginning(simulator, asked, shapes):
     return min(refusals, default=None, key=lambda one: (one.constraint != 'start', one.amount))
 
 
-def _straight_there(simulator, asked):
+def _straight_there(simulator: DirectSimulator, asked: Pair) -> Change | None:
     """Return the Change found from a threading along the way to the second center, or None."""
     length, apart = simulator.rod.length, float(np.linalg.norm(asked.way))
     along = CutOut(Pose.looking_along(asked.first.center, asked.way))
@@ -154,7 +169,7 @@ def _straight_there(simulator, asked):
     return None
 
 
-def _refined(simulator, asked, change):
+def _refined(simulator: DirectSimulator, asked: Pair, change: Change) -> Change | None:
     """Return the same Change, found with another simulator, or None."""
     shape = simulator.solve(change.passing.shape.gripper, change.passing.shape)
     if not shape.converged:
@@ -163,31 +178,31 @@ def _refined(simulator, asked, change):
     return None if found is None else replace(change, passing=found[0], depth=found[1])
 
 
-def _thread_through(simulator, asked, change):
+def _thread_through(simulator: DirectSimulator, asked: Pair, change: Change) -> Plan:
     """Return the Plan that goes through a Change, before and after it."""
     length, depths = simulator.rod.length, asked.depths
     direction = change.passing.shape.frame_at(length - change.depth)[0][:, 0]
     along = float(direction @ asked.first.normal)
     if along <= 0 and depths[0] < change.depth:  # it is passed along `direction` from the beginning
         raise _direction_refusal(PlanBuilder(depths, asked.brief), 'first', along)
-    found = {}
-    for task, route, order in (
-            (Aligned(simulator, direction), change.back,
-             np.flatnonzero(depths < change.depth)[::-1]),
-            (TwoPoints(simulator, asked.way), change.on, np.flatnonzero(depths >= change.depth))):
+    found: dict[int, Step] = {}
+    parts: tuple[tuple[Task, Route | None, Ints], ...] = (
+        (Aligned(simulator, direction), change.back, np.flatnonzero(depths < change.depth)[::-1]),
+        (TwoPoints(simulator, asked.way), change.on, np.flatnonzero(depths >= change.depth)))
+    for task, route, order in parts:
         here, depth = change.passing, change.depth
         for index in order:
             asked.brief.progress.check()
-            here, depth, too_far = follow(task, here, depth, depths[index], route)
-            found[index] = here, depth, too_far
-            if here is None or _against(asked, here, depth) is not None:
+            step = found[int(index)] = follow(task, here, depth, depths[index], route)
+            if step.passing is None or _against(asked, step.passing, step.depth) is not None:
                 break
+            here, depth = step.passing, step.depth
         if len(found) < np.sum(depths < change.depth):
             break  # it is refused before the change
     return _judged(simulator, asked, change, found)
 
 
-def _against(asked, here, depth):
+def _against(asked: Pair, here: Passing, depth: float) -> tuple[str, float] | None:
     """Return the name of a cut-out that a Passing passes against its direction, and its cosine."""
     length = here.shape.s[-1]
     passes = [('first', asked.first, length - depth)]
@@ -200,17 +215,18 @@ def _against(asked, here, depth):
     return None
 
 
-def _direction_refusal(draft, name, along):
+def _direction_refusal(draft: PlanBuilder, name: str, along: float) -> Infeasible:
     return draft.refusal('direction', -along, f'the DLO would pass the {name} cut-out against its '
                          'direction')
 
 
-def _judged(simulator, asked, change, found):
+def _judged(simulator: DirectSimulator, asked: Pair, change: Change,
+            found: dict[int, Step]) -> Plan:
     """Return the Plan of all waypoints, or raise Infeasible at the first impossible one.
 
     Parameters
     ----------
-    found
+    found : dict[int, Step]
         dict of index -> (Passing or None, depth that was reached, m, leap in m).
     """
     length, draft = simulator.rod.length, PlanBuilder(asked.depths, asked.brief)
@@ -218,10 +234,11 @@ def _judged(simulator, asked, change, found):
     sheets = [sheet_of(cutout, length, asked.brief.obstacles) for cutout in cutouts]
     before = None
     for index, depth in enumerate(asked.depths):
-        missing = None, change.depth, 0.0  # the way back to it ended before it
+        missing = Step(None, change.depth, 0.0)  # the way back to it ended before it
         here, reached, too_far = found.get(index, missing)
         refusal = _refusal(simulator, asked, draft, before, here, abs(depth - reached), too_far)
-        if refusal is not None:
+        if refusal is not None or here is None:
+            assert refusal is not None
             raise refusal
         second = here.second if depth >= change.depth else None
         waypoint = waypoint_of(here.shape, asked.first.center, length - depth, None)
@@ -232,16 +249,17 @@ def _judged(simulator, asked, change, found):
     return draft.finished()
 
 
-def _refusal(simulator, asked, draft, before, here, missing, too_far):
+def _refusal(simulator: DirectSimulator, asked: Pair, draft: PlanBuilder, before: Passing | None,
+             here: Passing | None, missing: float, too_far: float) -> Infeasible | None:
     """Return why a Passing, or None, cannot be the next waypoint, or None.
 
     Parameters
     ----------
-    before
+    before : Passing or None
         Passing of the waypoint before, or None.
-    missing
+    missing : float
         Depth in m over which the DLO could not be followed.
-    too_far
+    too_far : float
         Distance in m that the gripper would have to leap.
     """
     if here is None and too_far:
