@@ -29,8 +29,8 @@ from dlo_planner import (
     PositionAt,
     Rod,
     Sheet,
-    Spread,
     Through,
+    Uncertainty,
     Workspace,
     correct,
     fit_rod,
@@ -104,7 +104,7 @@ def use_everything():
     for options in ({}, {'accuracy': 1e-4}):
         InverseSimulator(DirectSimulator(rod, **options)).thread_two(
             goal, CutOut(Pose.looking_along((0.3, 0, 0.97), (1, 0, 0))), depths=[0, 0.2, 0.4])
-    spread = Spread(0.05, 0.05, 0.05, 1e-3, 0.05, 1e-3, 1e-3, 0.05)
+    spread = Uncertainty(0.05, 0.05, 0.05, 1e-3, 0.05, 1e-3, 1e-3, 0.05)
     for options in ({}, {'basis': 'local', 'n_elements': 48}):
         observer = Observer(DirectSimulator(rod, **options), spread, bias=1e-3)
         estimate = observer.begin()

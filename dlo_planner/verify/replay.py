@@ -41,7 +41,7 @@ _MAY_BE_LEFT_OUT = ('position_error', 'misalignment', 'clearance', 'max_tracking
 
 @renamed_fields(miss='position_error', dynamic_miss='max_tracking_error')
 @dataclass(frozen=True, eq=False, repr=False)
-class Report(Reported):
+class ValidationReport(Reported):
     """Result of a direct simulation of a plan: worst values over all waypoints, or in motion.
 
     A figure that was not computed is nan, and `not_looked_at` names it.
@@ -53,7 +53,7 @@ class Report(Reported):
     converged : bool
         Every pose has an equilibrium that continues the one before, and it is the one of the plan:
         its `deviation` is below 1 % of the length.
-    miss : float
+    position_error : float
         Distance of the DLO from a center that it should pass, m.
     misalignment : float
         Angle between the DLO and a normal along which it should pass, rad.
@@ -69,9 +69,9 @@ class Report(Reported):
         Clearance in m to the sized cut-outs of the plan and the obstacles given.
     deviation : float
         Largest distance between the shapes found and those of the plan, m.
-    dynamic_miss : float
-        `InMotion.miss`, m; here and below the worse of two motions: with the rod's damping, and
-        without any.
+    max_tracking_error : float
+        `InMotion.position_error`, m; here and below the worse of two motions: with the rod's
+        damping, and without any.
     dynamic_clearance : float
         `InMotion.clearance`, m.
     dynamic_contact_force : float
@@ -125,12 +125,13 @@ class Report(Reported):
     not_looked_at: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        put(self, converged=flag('Report.converged', self.converged),
-            **{item.name: figure(f'Report.{item.name}', getattr(self, item.name))
+        put(self, converged=flag('ValidationReport.converged', self.converged),
+            **{item.name: figure(f'ValidationReport.{item.name}', getattr(self, item.name))
                for item in fields(self) if item.type == 'float'},
-            trajectory=instance('Report.trajectory', self.trajectory, Trajectory, optional=True),
-            reason=instance('Report.reason', self.reason, str),
-            not_looked_at=items('Report.not_looked_at', self.not_looked_at, str))
+            trajectory=instance('ValidationReport.trajectory', self.trajectory, Trajectory,
+                                optional=True),
+            reason=instance('ValidationReport.reason', self.reason, str),
+            not_looked_at=items('ValidationReport.not_looked_at', self.not_looked_at, str))
 
     def __repr__(self) -> str:
         said = {'position_error': 'm', 'stability': '', 'clearance': 'm', 'deviation': 'm',
@@ -141,18 +142,19 @@ class Report(Reported):
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the report and its trajectory, as npz or JSON (see `Plan.save`)."""
-        save(path, report_arrays(self), 'Report')
+        save(path, report_arrays(self), 'ValidationReport')
 
     @classmethod
-    def load(cls, path: str | PathLike[str]) -> Report:
-        """Return the Report saved at `path`.
+    def load(cls, path: str | PathLike[str]) -> ValidationReport:
+        """Return the ValidationReport saved at `path`.
 
         Raises
         ------
         InvalidTask
             Not such a file; the message names it.
         """
-        result: Report = load(path, lambda arrays: cls(**report_contents(arrays)), 'Report')
+        result: ValidationReport = load(path, lambda arrays: cls(**report_contents(arrays)),
+                                        'ValidationReport')
         return result
 
     @property
@@ -165,8 +167,8 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
            limits: Limits | None = None, tolerance: float | None = None,
            trajectory: Trajectory | None = None, workspace: Workspace | None = None,
            initial: Shape | None = None, progress: OnProgress = None,
-           deadline: float | None = None) -> Report:
-    """Simulate a Plan, and return the Report.
+           deadline: float | None = None) -> ValidationReport:
+    """Simulate a Plan, and return the ValidationReport.
 
     If a motion cannot be made calm, the report is of the motion within limits alone, not `safe`.
 
@@ -246,7 +248,7 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
                     **{name: getattr(motion, name) for name in (
                         'swing', 'arrival', 'departure', 'duration', 'step')}}
         figures['reason'] = _reason(figures, motion, plan)
-    return Report(**figures, not_looked_at=tuple(
+    return ValidationReport(**figures, not_looked_at=tuple(
         name for name in _MAY_BE_LEFT_OUT if np.isnan(figures.get(name, np.nan))))
 
 

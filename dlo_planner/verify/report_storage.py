@@ -19,16 +19,16 @@ from dlo_planner.plan.motion.trajectory import Trajectory, restored
 from dlo_planner.plan.path import GripperPath, Leg
 
 if TYPE_CHECKING:
-    from dlo_planner.verify.replay import Report
+    from dlo_planner.verify.replay import ValidationReport
 
 _LEG, _LAW = ('knots', 'positions', 'rotations'), ('parameters', 'rates', 'windows')
 _SHIFT = ('knots', 'coefficients')
 _RENAMED = {'miss': 'position_error', 'dynamic_miss': 'max_tracking_error'}  # in older files
-_OTHERS = ('trajectory', 'not_looked_at')  # fields of a Report that are no numbers or texts
+_OTHERS = ('trajectory', 'not_looked_at')  # fields that are no numbers or texts
 
 
-def report_arrays(report: Report) -> dict[str, NDArray[Any]]:
-    """Return a dict of arrays that hold all of a Report."""
+def report_arrays(report: ValidationReport) -> dict[str, NDArray[Any]]:
+    """Return a dict of arrays that hold all of a ValidationReport."""
     arrays = {item.name: getattr(report, item.name) for item in fields(report)
               if item.name not in _OTHERS}
     arrays['not_looked_at'] = np.array(report.not_looked_at, dtype=str)
@@ -39,7 +39,7 @@ def report_arrays(report: Report) -> dict[str, NDArray[Any]]:
 
 
 def report_contents(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a dict of what a Report is made of, from the arrays of `report_arrays`."""
+    """Return a dict of what a ValidationReport is made of, from the arrays of `report_arrays`."""
     own = {_RENAMED.get(name, name): array for name, array in arrays.items() if '/' not in name}
     contents = {name: array.item() for name, array in own.items() if name not in _OTHERS}
     contents['not_looked_at'] = tuple(_RENAMED.get(name, name)
