@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.penalties import judged
+from dlo_planner.inverse.penalty import judged
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import direction, number
 from dlo_planner.model.value import Value, put

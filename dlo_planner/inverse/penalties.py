@@ -10,7 +10,7 @@ rotation (rad) and displacement (m) of the gripper, with the `Sensitivity` of th
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,55 +18,15 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.energy.distance import Scene, build_scene
-from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.penalty import cross_matrix, judged, length_of, weight_of
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import direction, instance, items, number, vector
+from dlo_planner.model.checks import direction, instance, items, vector
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.clearance import nearest
 from dlo_planner.ritz.nearest_place import nearest_place
 from dlo_planner.ritz.rotation import turn_between
-
-
-class _Weighted(Protocol):
-    """A penalty with a weight."""
-
-    @property
-    def weight(self) -> float:
-        """Its weight."""
-
-
-class Residuals(Protocol):
-    """A penalty: the sum of the squares of its residuals."""
-
-    def residuals(self, shape: Shape) -> Floats:
-        """Return (k,)."""
-
-    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
-        """Return (k, 6), derivatives by rotation (rad) and displacement (m) of the gripper."""
-
-
-def _length(penalty: Value, name: str) -> float:
-    return number(f'{type(penalty).__name__}.{name}', getattr(penalty, name), minimum=0)
-
-
-def _weight(penalty: _Weighted) -> float:
-    return number(f'{type(penalty).__name__}.weight', penalty.weight, above=0)
-
-
-def judged(shape: Shape, *sensitivity: Sensitivity) -> None:
-    """Raise InvalidTask for what is no Shape, or a Sensitivity of another one."""
-    instance('shape', shape, Shape)
-    for one in sensitivity:
-        if instance('sensitivity', one, Sensitivity).shape.s.size != shape.s.size:
-            raise InvalidTask(f'shape = {shape!r}: expected the one of the sensitivity')
-
-
-def _across(v: Floats) -> Floats:
-    """Return the matrix (3, 3) that makes the change of a vector (3,) of a rotation: turn x v."""
-    x, y, z = v.tolist()
-    return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -83,8 +43,8 @@ class PositionAt(Value):
         def __init__(self, s: float, target: ArrayLike, weight: float = 1.0) -> None: ...
 
     def __post_init__(self) -> None:
-        put(self, s=_length(self, 's'), target=vector('PositionAt.target', self.target, 3),
-            weight=_weight(self))
+        put(self, s=length_of(self, 's'), target=vector('PositionAt.target', self.target, 3),
+            weight=weight_of(self))
         super().__post_init__()
 
     def residuals(self, shape: Shape) -> Floats:
@@ -114,7 +74,7 @@ class DirectionAt(Value):
                      weight: float = 1.0) -> None: ...
 
     def __post_init__(self) -> None:
-        put(self, s=_length(self, 's'), weight=_weight(self),
+        put(self, s=length_of(self, 's'), weight=weight_of(self),
             direction=direction('DirectionAt.direction', self.direction))
         super().__post_init__()
 
@@ -127,7 +87,7 @@ class DirectionAt(Value):
         """Return (3, 6)."""
         judged(shape, sensitivity)
         tangent = shape.frame_at(self.s)[0][:, 0]
-        slopes: Floats = self.weight * (_across(tangent) @ sensitivity.at(self.s)[:3])
+        slopes: Floats = self.weight * (cross_matrix(tangent) @ sensitivity.at(self.s)[:3])
         return slopes
 
 
@@ -147,7 +107,7 @@ class GripperNear(Value):
 
     def __post_init__(self) -> None:
         instance('GripperNear.pose', self.pose, Pose)
-        put(self, weight=_weight(self))
+        put(self, weight=weight_of(self))
         super().__post_init__()
 
     def residuals(self, shape: Shape) -> Floats:
@@ -188,8 +148,8 @@ class Through(Value):
                      weight: float = 1.0) -> None: ...
 
     def __post_init__(self) -> None:
-        put(self, point=vector('Through.point', self.point, 3), after=_length(self, 'after'),
-            weight=_weight(self))
+        put(self, point=vector('Through.point', self.point, 3), after=length_of(self, 'after'),
+            weight=weight_of(self))
         super().__post_init__()
 
     def passage(self, shape: Shape) -> float:
@@ -209,7 +169,7 @@ class Through(Value):
         s, (off, tangent, turn) = self._nearest(shape)
         beyond = max(s - float(shape.s[-1]), 0.0)
         by_twist = sensitivity.at(s - beyond)
-        turned = _across(tangent) @ by_twist[:3]        # change of the tangent, (3, 6)
+        turned = cross_matrix(tangent) @ by_twist[:3]        # change of the tangent, (3, 6)
         moved = by_twist[3:] + beyond * turned
         if self.after < s:
             along = (tangent @ moved + off @ turned) / (1 + off @ turn)
@@ -251,8 +211,8 @@ class AwayFrom(Value):
 
     def __post_init__(self) -> None:
         put(self, obstacles=items('AwayFrom.obstacles', self.obstacles, OBSTACLES, least=1),
-            distance=_length(self, 'distance'), radius=_length(self, 'radius'),
-            weight=_weight(self))
+            distance=length_of(self, 'distance'), radius=length_of(self, 'radius'),
+            weight=weight_of(self))
         super().__post_init__()
 
     @cached_property
@@ -290,7 +250,7 @@ class BentAtMost(Value):
     weight: float = 1.0
 
     def __post_init__(self) -> None:
-        put(self, curvature=_length(self, 'curvature'), weight=_weight(self))
+        put(self, curvature=length_of(self, 'curvature'), weight=weight_of(self))
         super().__post_init__()
 
     def residuals(self, shape: Shape) -> Floats:

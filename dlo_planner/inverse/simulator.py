@@ -11,7 +11,8 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.shorthands import Shorthands
-from dlo_planner.inverse.solvers.search import Penalty, PenaltyResult
+from dlo_planner.inverse.solvers.penalty_function import Penalty
+from dlo_planner.inverse.solvers.search import PenaltyResult
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks import Minimize
 from dlo_planner.model.checks import flag, instance

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlo_planner.kernels import kernel
-from dlo_planner.ritz.arc import rotation_and_chord
+from dlo_planner.ritz.arc import jacobians, rotation_and_chord
 from dlo_planner.ritz.matrix3 import put_matrix, times, times_transposed
 
 
@@ -55,3 +55,9 @@ def partway(one, other, fraction):
 def turn_between(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the rotation vector (3,), rad, in world axes, from one frame (3, 3) to another."""
     return np.array(rotation_vector(tuple((other @ one.T).ravel().tolist())))
+
+
+def left_jacobian(v: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (3, 3) the turn of exp(v) per change of v (3,), rad (Bullo and Murray 1995)."""
+    turning, _ = jacobians(float(v[0]), float(v[1]), float(v[2]), 1.0)
+    return np.reshape(turning, (3, 3))

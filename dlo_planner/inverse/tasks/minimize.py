@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 from dlo_planner.errors import NotConverged
 from dlo_planner.inverse.context import PlanContext
+from dlo_planner.inverse.solvers.penalty_function import Penalty
 from dlo_planner.inverse.solvers.search import (
-    Penalty,
     PenaltyResult,
     judged_penalties,
     least_penalty,

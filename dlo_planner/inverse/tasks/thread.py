@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.solvers.threading.deepest import deepest
 from dlo_planner.inverse.solvers.threading.one_cutout import thread, trim_to_clearance
+from dlo_planner.inverse.solvers.threading.through_depths import Threading
 from dlo_planner.inverse.task import Task, depths_on, depths_or_none
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, flag, instance, number
@@ -65,8 +66,8 @@ class Thread(Task):
         depths, demands = depths_on(context.rod.length, self.depths), context.demands
 
         def planned(wanted: Floats) -> Plan:
-            return thread(context.without_obstacles, self.cutout, wanted, context.start,
-                          context.initial, self.method, demands)
+            return thread(context.without_obstacles, Threading(
+                self.cutout, wanted, context.start, context.initial, demands, self.method))
 
         plan = deepest(planned, depths) if self.as_deep_as_possible else planned(depths)
         if self.gripper_clearance is None:

@@ -18,7 +18,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.solvers.contact.family import ContactFamily
 from dlo_planner.inverse.solvers.contact.hold_and_slide import first_choice
-from dlo_planner.inverse.solvers.contact.touching import Contacting
+from dlo_planner.inverse.solvers.contact.touching import ContactProblem
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.continuity import apart
@@ -35,21 +35,22 @@ _LONGEST = 0.03   # of the length: a step of the arc length that touches
 _SAME = 1e-10     # of the way: places that are one
 
 
-def slide_straight(simulator: DirectSimulator, asked: SlideContact, start: Pose | None,
-                   brief: PlanRequirements) -> Plan:
+def slide_straight(simulator: DirectSimulator, task: SlideContact, start: Pose | None,
+                   demands: PlanRequirements) -> Plan:
     """Return the Plan of a straight SlideContact; see `InverseSimulator.slide_contact`."""
-    lengths = asked.lengths
-    draft = PlanBuilder([simulator.rod.length - s for s in lengths], brief)
-    task = Contacting.at(simulator, asked.contact, lengths[0], brief)
-    _, shape = first_choice(task, task.parts(asked.forces, draft), asked.condition, start, draft)
-    draft.add(task.waypoint(shape))
-    slide = _Slide(simulator, task.family, shape, brief.progress.check)
+    lengths = task.lengths
+    builder = PlanBuilder([simulator.rod.length - s for s in lengths], demands)
+    problem = ContactProblem.at(simulator, task.contact, lengths[0], demands)
+    parts = problem.parts(task.forces, builder)
+    _, shape = first_choice(problem, parts, task.condition, start, builder)
+    builder.add(problem.waypoint(shape))
+    slide = _Slide(simulator, problem.family, shape, demands.progress.check)
     gone = 0.0
     for s in lengths[1:]:
-        shape, gone = slide.to(s, shape, gone, draft)
-        draft.add(waypoint_at(shape, task.family.place, slide.touches_at(shape, s),
-                              task.family.frame[:, 0]))
-    return draft.finished()
+        shape, gone = slide.to(s, shape, gone, builder)
+        builder.add(waypoint_at(shape, problem.family.place, slide.touches_at(shape, s),
+                                problem.family.frame[:, 0]))
+    return builder.finished()
 
 
 class _Trial(NamedTuple):
@@ -79,7 +80,7 @@ class _Slide:
         self._from, self._way = first.gripper, family.place - first.gripper.position
         self._length = simulator.rod.length
 
-    def to(self, s: float, shape: Shape, gone: float, draft: PlanBuilder) -> tuple[Shape, float]:
+    def to(self, s: float, shape: Shape, gone: float, builder: PlanBuilder) -> tuple[Shape, float]:
         """Return the Shape that touches at the arc length `s`, m, and how far the gripper has gone.
 
         Parameters
@@ -96,7 +97,7 @@ class _Slide:
         """
         here, longest = self.touches_at(shape, s), _LONGEST * self._length
         for target in np.linspace(here, s, int(np.ceil(abs(s - here) / longest)) + 1)[1:]:
-            shape, gone = self._step(target, shape, gone, here, draft)
+            shape, gone = self._step(target, shape, gone, here, builder)
             here = self.touches_at(shape, target)
         return shape, gone
 
@@ -111,7 +112,7 @@ class _Slide:
         return self._simulator.track([gripper], initial=before)[0]
 
     def _step(self, target: float, before: Shape, gone: float, here: float,
-              draft: PlanBuilder) -> tuple[Shape, float]:
+              builder: PlanBuilder) -> tuple[Shape, float]:
         """Return the Shape that touches at `target`, m, and how far the gripper has gone.
 
         The less of the DLO is left the nearer the gripper is: a root is bracketed and found. All
@@ -135,10 +136,10 @@ class _Slide:
             trial = _next(near, far, before_that)
             if far is not None and abs(far.gone - near.gone) < _SAME:
                 break
-        return self._hopped(near, far, target, draft)
+        return self._hopped(near, far, target, builder)
 
     def _hopped(self, near: _Trial, far: _Trial | None, target: float,
-                draft: PlanBuilder) -> tuple[Shape, float]:
+                builder: PlanBuilder) -> tuple[Shape, float]:
         """Return what comes next to `target` where no Shape touches there; raise Infeasible."""
         known = [one for one in (near, far) if one is not None and not np.isnan(one.left)]
         gone, left, shape = min(known, key=lambda one: abs(one.left))
@@ -146,10 +147,10 @@ class _Slide:
             return shape, gone  # from one side of a node to the other
         if far is not None and np.isnan(far.left) and not np.isnan(
                 self.touches_at(far.shape, target)):
-            raise draft.refusal('continuity', apart(far.shape, near.shape), 'the DLO would '
-                                f'fall into another shape before it touches at s = {target:.4g} m')
-        raise draft.refusal('contact', abs(left), 'the DLO does not come to touch at s = '
-                            f'{target:.4g} m on the straight way, at best {abs(left):.3g} m off')
+            raise builder.refusal('continuity', apart(far.shape, near.shape), 'the DLO would fall '
+                                  f'into another shape before it touches at s = {target:.4g} m')
+        raise builder.refusal('contact', abs(left), 'the DLO does not come to touch at s = '
+                              f'{target:.4g} m on the straight way, at best {abs(left):.3g} m off')
 
     def _follows(self, shape: Shape) -> bool:
         return shape.converged and not shape.jumped

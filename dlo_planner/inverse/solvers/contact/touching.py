@@ -32,7 +32,7 @@ _NEAR = 0.02              # of the length: contacts that are counted as the one
 
 
 @dataclass(frozen=True)
-class Contacting:
+class ContactProblem:
     """One contact task at one arc length.
 
     Attributes
@@ -40,22 +40,25 @@ class Contacting:
     simulator : DirectSimulator
     family : ContactFamily
         A quick one, on a coarse mesh.
-    brief : PlanRequirements
+    contact : Pose
+        Pose on the obstacle's surface: x axis along the DLO, z axis outwards.
+    demands : PlanRequirements
+        What the plan has to keep.
     """
 
     simulator: DirectSimulator
     family: ContactFamily
     contact: Pose
-    brief: PlanRequirements
+    demands: PlanRequirements
 
     @classmethod
     def at(cls, simulator: DirectSimulator, contact: Pose, s: float,
-           brief: PlanRequirements) -> Self:
-        """Return the task of keeping `contact` at `s`."""
+           demands: PlanRequirements) -> Self:
+        """Return the problem of keeping `contact` at the arc length `s`, m."""
         own = simulator._discretization
         elements = min(max(own.s.size - 1, 8), 2 * _ELEMENTS)
-        return cls(simulator, ContactFamily(simulator, contact, s, brief.progress.check, elements),
-                   contact, brief)
+        family = ContactFamily(simulator, contact, s, demands.progress.check, elements)
+        return cls(simulator, family, contact, demands)
 
     @property
     def s(self) -> float:
@@ -67,14 +70,14 @@ class Contacting:
         merit = self.family.merit(force)
         if merit <= 0:
             return merit
-        broken = self.brief.violation(self.waypoint(self.family.shape(force)))
+        broken = self.demands.violation(self.waypoint(self.family.shape(force)))
         return merit if broken is None else -broken[1]
 
     def waypoint(self, shape: Shape) -> Waypoint:
         """Return the Waypoint of a Shape."""
         return waypoint_at(shape, self.family.place, self.s, self.family.frame[:, 0])
 
-    def parts(self, forces: Floats | None, draft: PlanBuilder) -> list[list[float]]:
+    def parts(self, forces: Floats | None, builder: PlanBuilder) -> list[list[float]]:
         """Return the admissible intervals as lists of forces, ascending; raise Infeasible if none.
 
         Parameters
@@ -94,7 +97,7 @@ class Contacting:
                 break
             family.stable = 0.5 * best.stability
         if not found:
-            raise self._refusal(draft)
+            raise self._refusal(builder)
         return found
 
     def confirmed(self, force: float) -> Shape | None:
@@ -121,44 +124,44 @@ class Contacting:
             if wanted == elements:
                 return shape
             family = ContactFamily(self.simulator, self.contact, self.s,
-                                   self.brief.progress.check, wanted)
+                                   self.demands.progress.check, wanted)
             finer = family.shape(force)
             moved = np.abs(finer.positions_at(samples) - shape.positions_at(samples)).max()
             shape, elements = finer, wanted
             if accuracy is not None and moved < 0.2 * accuracy:
                 return shape
 
-    def _refusal(self, draft: PlanBuilder) -> Infeasible:
+    def _refusal(self, builder: PlanBuilder) -> Infeasible:
         """Return Infeasible: what is wrong with the best of the shapes that were looked at."""
         family = self.family
         good = [force for force in family.known if family.merit(force) > 0]
         if good:
-            violations = (self.brief.violation(self.waypoint(family.shape(force)))
+            violations = (self.demands.violation(self.waypoint(family.shape(force)))
                           for force in good)
             constraint, amount, why = min((one for one in violations if one is not None),
                                           key=lambda one: one[1])
-            return draft.refusal(constraint, amount, f'none of {len(good)} contact forces will '
-                                 f'do; with the best of them, {why}')
+            return builder.refusal(constraint, amount, f'none of {len(good)} contact forces will '
+                                   f'do; with the best of them, {why}')
         looked = (f'no contact force of {min(family.known):.3g} to {max(family.known):.3g} N keeps '
                   f'the DLO touching at s = {self.s:g} m')
         best = family.most_stable()
         if best is None:
             least = min(family.shape(force).violation for force in family.known)
-            return draft.refusal('contact', least, f'{looked}: with each of them it would be in an '
-                                 f'obstacle, by {least:.3g} m at least')
+            return builder.refusal('contact', least, f'{looked}: with each of them it would be in '
+                                   f'an obstacle, by {least:.3g} m at least')
         found, _ = step(best._discretization, best.gripper, best, None, None)
-        return self.left(draft, best, found, f'{looked} in a stable shape: the best one has a '
+        return self.left(builder, best, found, f'{looked} in a stable shape: the best one has a '
                          f'stability of {best.stability:.3g}')
 
-    def unconfirmed(self, draft: PlanBuilder, parts: list[list[float]]) -> Infeasible:
+    def unconfirmed(self, builder: PlanBuilder, parts: list[list[float]]) -> Infeasible:
         """Return Infeasible because the direct simulation confirms no force of these intervals."""
         best = max((self.family.shape(force) for part in parts for force in part),
                    key=lambda shape: shape.stability)
-        return self.left(draft, best, self.simulator.solve(best.gripper, best),
+        return self.left(builder, best, self.simulator.solve(best.gripper, best),
                          'the direct simulation with its own discretization confirms none of the '
                          'contact forces that should do; a finer one may')
 
-    def left(self, draft: PlanBuilder, shape: Shape, found: Shape, why: str) -> Infeasible:
+    def left(self, builder: PlanBuilder, shape: Shape, found: Shape, why: str) -> Infeasible:
         """Return Infeasible because the DLO is `found` elsewhere; the amount is how far, in m."""
         amount = apart(found, shape)
-        return draft.refusal('contact', amount, f'{why}; the DLO would be off by {amount:.3g} m')
+        return builder.refusal('contact', amount, f'{why}; the DLO would be off by {amount:.3g} m')

@@ -48,7 +48,7 @@ class Passing(NamedTuple):
         return self.shape.gripper.rotation, self.place
 
 
-class Task(Protocol):
+class Condition(Protocol):
     """What the shapes at a depth have to do."""
 
     def axis(self, shape: Shape) -> Floats:
@@ -70,7 +70,7 @@ class Task(Protocol):
 class Rolls(Protocol):
     """How the gripper rolls on its way from one depth to another."""
 
-    def roll(self, task: Task, here: Passing, depth: float, target: float) -> float:
+    def roll(self, condition: Condition, here: Passing, depth: float, target: float) -> float:
         """Return the roll (rad) to make on the way from `depth` to `target`, m."""
 
 
@@ -92,13 +92,13 @@ class Step(NamedTuple):
     leap: float
 
 
-def follow(task: Task, here: Passing, depth: float, wanted: float,
+def follow(condition: Condition, here: Passing, depth: float, wanted: float,
            route: Rolls | None = None) -> Step:
     """Continue a Passing from one depth to another, in steps that do not leap.
 
     Parameters
     ----------
-    task : Task
+    condition : Condition
     here : Passing
         Passing at `depth`.
     depth : float
@@ -112,9 +112,9 @@ def follow(task: Task, here: Passing, depth: float, wanted: float,
     step = longest = _LONGEST_STEP * length
     while True:
         target = depth + float(np.clip(wanted - depth, -step, step))
-        roll = 0.0 if route is None else route.roll(task, here, depth, target)
+        roll = 0.0 if route is None else route.roll(condition, here, depth, target)
         for share in _SHARES if roll else (1.0,):  # what cannot be rolled at once, is rolled later
-            found = task.at(here, target, share * roll, target == wanted)
+            found = condition.at(here, target, share * roll, target == wanted)
             too_far = 0.0 if found is None else excess(
                 here.gripper, found.gripper, (target - depth) / length, length)
             if found is not None and not too_far:
@@ -130,7 +130,7 @@ def follow(task: Task, here: Passing, depth: float, wanted: float,
         step /= 2
 
 
-def refusal_for_step(simulator: DirectSimulator, draft: PlanBuilder, before: Passing | None,
+def refusal_for_step(simulator: DirectSimulator, builder: PlanBuilder, before: Passing | None,
                      found: Passing) -> Infeasible | None:
     """Return Infeasible if gripper or DLO have to leap to the next waypoint, or None.
 
@@ -143,8 +143,8 @@ def refusal_for_step(simulator: DirectSimulator, draft: PlanBuilder, before: Pas
     """
     length = found.shape.s[-1]
     too_far = 0.0 if before is None else excess(before.gripper, found.gripper,
-                                                draft.step / length, length)
+                                                builder.step / length, length)
     if too_far:
-        return draft.refusal('continuity', too_far, 'the gripper would have to turn or move too '
-                             'far since the waypoint before; closer waypoints may help')
-    return refusal_for_leap(simulator, draft, found.shape)
+        return builder.refusal('continuity', too_far, 'the gripper would have to turn or move too '
+                               'far since the waypoint before; closer waypoints may help')
+    return refusal_for_leap(simulator, builder, found.shape)

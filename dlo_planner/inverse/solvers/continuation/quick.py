@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A way is looked for with a simulator that is quick, whatever the accuracy asked for.
+"""Searches use a quick simulator, whatever the accuracy of the plan.
 
-A refusal costs the same at any accuracy then; only the plan itself is made as accurate as asked.
+A refusal then costs the same at any accuracy; only the plan itself has the accuracy of its
+simulator.
 """
 
 

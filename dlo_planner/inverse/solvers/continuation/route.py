@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from dlo_planner.inverse.solvers.continuation.following import Passing, Task
+from dlo_planner.inverse.solvers.continuation.following import Condition, Passing
 from dlo_planner.inverse.solvers.hanging.sphere import Crossings
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.plan.continuity import largest_turn
@@ -45,7 +45,7 @@ class Route:
     complete: bool
     ahead: float = _AHEAD
 
-    def roll(self, task: Task, here: Passing, depth: float, target: float) -> float:
+    def roll(self, condition: Condition, here: Passing, depth: float, target: float) -> float:
         """Return the roll (rad) to make on the way from one depth to another, m.
 
         It leads towards the route a little ahead: the grid's roughness averages out.
@@ -56,7 +56,7 @@ class Route:
         step = abs(target - depth)
         part = 1.0 if ahead + step == 0 else min(1.0, 2 * step / (ahead + step))
         most = 0.5 * largest_turn(step / self.length)
-        return float(np.clip(part * (away @ task.axis(shape)), -most, most))
+        return float(np.clip(part * (away @ condition.axis(shape)), -most, most))
 
     def _gripper(self, depth: float) -> Floats:
         if len(self.depths) == 1:

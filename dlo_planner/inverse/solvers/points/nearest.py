@@ -14,7 +14,7 @@ import numpy as np
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.inverse.penalties import Residuals
+from dlo_planner.inverse.penalty import Residuals
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import displaced
 

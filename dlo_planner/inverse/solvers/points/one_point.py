@@ -46,7 +46,7 @@ class Aligned:
 
     def at(self, before: Passing, depth: float, roll: float = 0.0,
            final: bool = False) -> Passing | None:
-        """Return the Passing at `depth`; see `following.Task`."""
+        """Return the Passing at `depth`; see `following.Condition`."""
         reference = before.shape.gripper.rotation
         if roll:
             reference = Rotation.from_rotvec(
@@ -102,11 +102,11 @@ def aligned_on(discretization: Discretization, guess: Shape, s: float, normal: F
     element = min(int(np.searchsorted(discretization.s, s, side='right')) - 1,
                   discretization.s.size - 2)
     fraction = (s - discretization.s[element]) / discretization.static.lengths[element]
-    asked = (element, fraction, np.array(normal), np.array(reference, order='C'),
-             free_axis(reference, normal), TOLERANCE, _MAX_ITERATIONS)
+    goal = (element, fraction, np.array(normal), np.array(reference, order='C'),
+            free_axis(reference, normal), TOLERANCE, _MAX_ITERATIONS)
     if discretization.hangs:
         found, base, converged = aligned_hanging(discretization.static, guess.gripper.rotation,
-                                                 discretization.start_from(guess), *asked)
+                                                 discretization.start_from(guess), *goal)
         if not converged:
             return None
         hanging: Shape = found_hanging(discretization, Pose.from_rotation(_ORIGIN, base), found)
@@ -114,7 +114,7 @@ def aligned_on(discretization: Discretization, guess: Shape, s: float, normal: F
     system = discretization.system(guess.gripper.rotation)
     q = np.empty((discretization.n_unknowns, 3))
     unknowns_of(system, discretization.strains_from(guess.s, guess.element_strains), q)
-    state, base, residual, _, stability, iterations, converged = aligned_newton(system, q, *asked)
+    state, base, residual, _, stability, iterations, converged = aligned_newton(system, q, *goal)
     if not converged:
         return None
     shape: Shape = shape_of(discretization, Pose.from_rotation(_ORIGIN, base),

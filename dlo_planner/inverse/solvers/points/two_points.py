@@ -46,7 +46,7 @@ class TwoPoints:
 
     def at(self, before: Passing, depth: float, roll: float = 0.0,
            final: bool = False) -> Passing | None:
-        """Return the Passing at `depth`; see `following.Task`."""
+        """Return the Passing at `depth`; see `following.Condition`."""
         del final
         assert before.second is not None  # every Passing of this task has it
         found = self._solved(before.shape, self.simulator.rod.length - depth, before.second,

@@ -46,7 +46,7 @@ _STRAIGHT = None      # instead of a way back: translation and rotation at once
 _Station: TypeAlias = tuple[Pose, float]
 
 
-class _Asked(NamedTuple):
+class _Request(NamedTuple):
     """An approach: cut-out, Pose of the gripper now, standoff in m, Shape now or None."""
 
     cutout: CutOut
@@ -56,7 +56,7 @@ class _Asked(NamedTuple):
 
 
 def approach(simulator: DirectSimulator, task: Approach, start: Pose, initial: Shape | None,
-             brief: PlanRequirements) -> Plan:
+             demands: PlanRequirements) -> Plan:
     """Return the Plan from `start` to the Shape `first` of an Approach, where a threading begins.
 
     Parameters
@@ -68,41 +68,42 @@ def approach(simulator: DirectSimulator, task: Approach, start: Pose, initial: S
         Pose of the gripper.
     initial : Shape or None
         Shape at `start`. If None, the natural shape set down there.
-    brief : PlanRequirements
+    demands : PlanRequirements
     """
     cutout, first, standoff = task.cutout, task.first, task.standoff
     behind = float((cutout.center - start.position) @ cutout.normal)
-    back = max(0.0, (1 + _MARGIN) * simulator.rod.length + brief.surface.bound - behind)
+    back = max(0.0, (1 + _MARGIN) * simulator.rod.length + demands.surface.bound - behind)
     quick = quick_simulator(simulator)
     own = quick is simulator
-    brief = brief.made_with(simulator)
+    demands = demands.made_with(simulator)
     end = first if own else quick.solve(first.gripper, first)
     refused: Infeasible | None = None
-    asked = _Asked(cutout, start, standoff, initial)
+    trial = demands if own else demands.silent(quick)
+    request = _Request(cutout, start, standoff, initial)
     for share in (_STRAIGHT, *(_SHARES if back else (0.0,))):
         away = share if share is _STRAIGHT else share * back
         try:
-            plan = _from_behind(quick, end, asked, brief if own else brief.silent(quick), away)
+            plan = _from_behind(quick, end, request, trial, away)
         except Infeasible as error:
             if refused is None or error.waypoint >= refused.waypoint:
                 refused = error
             continue
-        return plan if own else _from_behind(simulator, first, asked, brief, away)
+        return plan if own else _from_behind(simulator, first, request, demands, away)
     assert refused is not None  # a way is tried at least
     raise refused
 
 
-def _from_behind(simulator: DirectSimulator, first: Shape, asked: _Asked, brief: PlanRequirements,
-                 back: float | None) -> Plan:
+def _from_behind(simulator: DirectSimulator, first: Shape, request: _Request,
+                 demands: PlanRequirements, back: float | None) -> Plan:
     """Return the Plan to the Shape `first` that goes `back` (m) before it turns, or _STRAIGHT.
 
     Parameters
     ----------
-    asked : _Asked
+    request : _Request
         The cut-out, start, standoff and initial shape of `approach`.
     """
-    cutout, start, standoff, initial = asked
-    normal, length, radius = cutout.normal, simulator.rod.length, brief.surface.bound
+    cutout, start, standoff, initial = request
+    normal, length, radius = cutout.normal, simulator.rod.length, demands.surface.bound
     entering = _entering(first.gripper, normal, standoff, length)
     before = entering[0]
     coming = (_blended(start, before, standoff, radius, length) if back is _STRAIGHT else
@@ -115,28 +116,28 @@ def _from_behind(simulator: DirectSimulator, first: Shape, asked: _Asked, brief:
         way[-1] = (way[-1][0], hole)
     way += [(pose, 0.0) for pose in entering[1:]]
     way[-1] = (way[-1][0], hole)
-    draft = PlanBuilder(np.zeros(len(way)), brief, 'start phase, waypoint', stops=(stop,))
-    sheet = sheet_of(cutout, length, brief.obstacles)
+    builder = PlanBuilder(np.zeros(len(way)), demands, 'start phase, waypoint', stops=(stop,))
+    sheet = sheet_of(cutout, length, demands.obstacles)
     sheets = () if sheet is None else ((sheet, normal),)
     for gripper, wanted in way:
-        brief.progress.check()
+        demands.progress.check()
         initial = simulator.track([gripper], initial=initial)[0]
         if not initial.converged:
-            raise draft.refusal('equilibrium', _way_left(way[len(draft.waypoints):]),
-                                'no stable shape is found')
-        if initial.jumped and draft.waypoints:
-            raise draft.refusal('continuity', apart(initial, draft.waypoints[-1].shape),
-                                'the DLO would fall into another shape on the way there')
-        room = float(((cutout.center - initial.positions) @ normal).min()) - brief.surface.bound
+            raise builder.refusal('equilibrium', _way_left(way[len(builder.waypoints):]),
+                                  'no stable shape is found')
+        if initial.jumped and builder.waypoints:
+            raise builder.refusal('continuity', apart(initial, builder.waypoints[-1].shape),
+                                  'the DLO would fall into another shape on the way there')
+        room = float(((cutout.center - initial.positions) @ normal).min()) - demands.surface.bound
         if room < wanted:
-            raise draft.refusal('clearance', wanted - room, 'the DLO is not behind the sheet' if
-                                room < 0 else f'the DLO would turn {room:.3g} m behind the sheet')
-        if len(draft.waypoints) == len(way) - 1 and not same(initial, first):
-            raise draft.refusal('start', apart(initial, first), 'the DLO does not come into '
-                                'the shape in which the threading begins')
+            raise builder.refusal('clearance', wanted - room, 'the DLO is not behind the sheet' if
+                                  room < 0 else f'the DLO would turn {room:.3g} m behind the sheet')
+        if len(builder.waypoints) == len(way) - 1 and not same(initial, first):
+            raise builder.refusal('start', apart(initial, first), 'the DLO does not come into '
+                                  'the shape in which the threading begins')
         behind = room if wanted >= 0 else np.inf  # else it is in the hole
-        draft.add(Waypoint(initial, clearances=((np.inf, behind, np.inf),), sheets=sheets))
-    return draft.finished()
+        builder.add(Waypoint(initial, clearances=((np.inf, behind, np.inf),), sheets=sheets))
+    return builder.finished()
 
 
 def _entering(first: Pose, normal: Floats, standoff: float, length: float) -> list[Pose]:

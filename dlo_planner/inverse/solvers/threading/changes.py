@@ -51,7 +51,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Pair:
-    """What is asked of a threading through two cut-outs.
+    """A threading through two cut-outs.
 
     Attributes
     ----------
@@ -61,20 +61,20 @@ class Pair:
         Depths in the first one, m.
     start : Pose or None
         Pose whose roll is kept as far as possible.
-    brief : PlanRequirements
+    demands : PlanRequirements
     """
 
     first: CutOut
     second: CutOut
     depths: Floats
     start: Pose | None
-    brief: PlanRequirements
+    demands: PlanRequirements
 
     def at_most(self, most: int) -> Pair:
         """Return the same at `most` of its depths, its steps unreported; itself if that is all."""
         if len(self.depths) <= most:
             return self
-        return replace(self, depths=thinned(self.depths, most), brief=self.brief.silent())
+        return replace(self, depths=thinned(self.depths, most), demands=self.demands.silent())
 
     @property
     def way(self) -> Floats:
@@ -82,33 +82,33 @@ class Pair:
         return self.second.center - self.first.center
 
 
-def other_changes(simulator: DirectSimulator, asked: Pair,
+def other_changes(simulator: DirectSimulator, task: Pair,
                   shapes: HangingShapes) -> Iterator[Change]:
     """Yield Changes with their Routes, found among all HangingShapes, the best first."""
-    task = TwoPoints(simulator, asked.way)
-    changes, depths, along = at_the_second(simulator, asked, shapes)
-    ways_on = _ways_on(task, shapes, changes, depths, asked)
+    condition = TwoPoints(simulator, task.way)
+    changes, depths, along = at_the_second(simulator, task, shapes)
+    ways_on = _ways_on(condition, shapes, changes, depths, task)
     for k in _unlike(changes, np.array([cost for cost, _ in ways_on])):
-        asked.brief.progress.check()
-        back = _way_back(simulator, shapes, changes.chosen([k]), depths[k], along[k], asked)
+        task.demands.progress.check()
+        back = _way_back(simulator, shapes, changes.chosen([k]), depths[k], along[k], task)
         if back is None:
             continue
         guess = with_free_end(simulator, changes.ends[k])
         shape = simulator.solve(guess.gripper, guess)
-        found = task.from_end(shape, depths[k]) if shape.converged else None
+        found = condition.from_end(shape, depths[k]) if shape.converged else None
         if found is not None:
             yield Change(*found, back, ways_on[k][1])
 
 
-def at_the_second(simulator: DirectSimulator, asked: Pair,
+def at_the_second(simulator: DirectSimulator, task: Pair,
                   shapes: HangingShapes) -> tuple[Crossings, Floats, Floats]:
     """Return all Crossings whose free end is at the second center, in the right directions.
 
     And their depths (m,) and directions (m, 3) in the first one.
     """
-    changes, depths = TwoPoints(simulator, asked.way).last_crossings(shapes)
+    changes, depths = TwoPoints(simulator, task.way).last_crossings(shapes)
     along = _directions(shapes, changes, simulator.rod.length - depths)
-    right = (along @ asked.first.normal > 0) & (changes.ends[:, :, 0] @ asked.second.normal > 0)
+    right = (along @ task.first.normal > 0) & (changes.ends[:, :, 0] @ task.second.normal > 0)
     return changes.chosen(right), depths[right], along[right]
 
 
@@ -131,16 +131,16 @@ def _unlike(changes: Crossings, costs: Floats) -> Iterator[int]:
             yield int(k)
 
 
-def _ways_on(task: TwoPoints, shapes: HangingShapes, changes: Crossings, depths: Floats,
-             asked: Pair) -> list[tuple[float, Route | None]]:
+def _ways_on(condition: TwoPoints, shapes: HangingShapes, changes: Crossings, depths: Floats,
+             task: Pair) -> list[tuple[float, Route | None]]:
     """Return [(cost, Route or None)] of going on from each change to the deepest waypoint."""
-    length, deepest = shapes.s[-1], asked.depths[-1]
+    length, deepest = shapes.s[-1], task.depths[-1]
     if not len(changes):
         return []
     grid = np.linspace(depths.min(), deepest, _CURVES)[1:]
     if deepest <= depths.min():
         return [(0.0, None)] * len(changes)
-    layers = [task.crossings(shapes, depth) for depth in grid[::-1]]
+    layers = [condition.crossings(shapes, depth) for depth in grid[::-1]]
     costs, ways = sweep(layers, np.zeros(len(layers[0])), length)
     found: list[tuple[float, Route | None]] = []
     for k, depth in enumerate(depths):
@@ -167,14 +167,14 @@ def _ways_on(task: TwoPoints, shapes: HangingShapes, changes: Crossings, depths:
 
 
 def _way_back(simulator: DirectSimulator, shapes: HangingShapes, change: Crossings, depth: float,
-              direction: Floats, asked: Pair) -> Route | None:
+              direction: Floats, task: Pair) -> Route | None:
     """Return the Route from a change (Crossings of one) to where the DLO begins, or None."""
-    length, first = simulator.rod.length, asked.depths[0]
+    length, first = simulator.rod.length, task.depths[0]
     if first >= depth:
         return Route(np.array([depth]), change.grippers, change.ends[0], length, True)
-    task = Aligned(simulator, direction)
+    condition = Aligned(simulator, direction)
     grid = np.linspace(depth, first, _CURVES)
-    layers = [change, *(task.crossings(shapes, one) for one in grid[1:])]
+    layers = [change, *(condition.crossings(shapes, one) for one in grid[1:])]
     costs, ways = sweep(layers, np.zeros(1), length)
     if len(costs) < len(layers):
         return None

@@ -47,13 +47,13 @@ _AT_END = 1e-12   # of the length
 
 
 def insert(simulator: DirectSimulator, bore: CutOut, depths: Floats, start: Pose | None,
-           brief: PlanRequirements) -> Plan:
+           demands: PlanRequirements) -> Plan:
     """Return the Plan; see `InverseSimulator.insert`."""
     refused: Infeasible | None = None
     for first, *_ in start_candidates(simulator, bore, start):
-        brief.progress.check()
+        demands.progress.check()
         try:
-            return _Insertion(simulator, bore, first.frames[-1], brief).plan(depths)
+            return _Insertion(simulator, bore, first.frames[-1], demands).plan(depths)
         except Infeasible as error:
             if refused is None or error.waypoint > refused.waypoint:
                 refused = error
@@ -72,25 +72,25 @@ class _Insertion:
     """The insertion of a DLO that has the frame `end` (3, 3) at the mouth."""
 
     def __init__(self, simulator: DirectSimulator, bore: CutOut, end: Floats,
-                 brief: PlanRequirements) -> None:
-        self.simulator, self.bore, self.brief = simulator, bore, brief
+                 demands: PlanRequirements) -> None:
+        self.simulator, self.bore, self.demands = simulator, bore, demands
         self.end = np.array(end, order='C')
-        self.sheet = sheet_of(bore, simulator.rod.length, brief.obstacles)
+        self.sheet = sheet_of(bore, simulator.rod.length, demands.obstacles)
 
     def plan(self, depths: Floats) -> Plan:
         """Return the Plan; raise Infeasible."""
         first = _Stop(float(depths[0]), 0.0)
-        shape = self._shape(first, PlanBuilder(depths, self.brief),
+        shape = self._shape(first, PlanBuilder(depths, self.demands),
                             0.0)  # before anything else is done
         stops = self._stops(depths)
-        draft = PlanBuilder(np.array([depth for depth, _ in stops]), self.brief)
+        builder = PlanBuilder(np.array([depth for depth, _ in stops]), self.demands)
         for index, stop in enumerate(stops):
             if index:
-                shape = self._shape(stop, draft, stops[index - 1][0])
-                self._check_step(stops[index - 1], stop, shape, draft)
+                shape = self._shape(stop, builder, stops[index - 1][0])
+                self._check_step(stops[index - 1], stop, shape, builder)
             waypoint = waypoint_at(shape, self.bore.center, shape.s[-1], self.bore.normal)
-            draft.add(waypoint.with_clearances([self.bore], [self.sheet], self.brief.surface))
-        return draft.finished()
+            builder.add(waypoint.with_clearances([self.bore], [self.sheet], self.demands.surface))
+        return builder.finished()
 
     def _stops(self, depths: Floats) -> list[_Stop]:
         """Return all stops on the way through `depths` (n,)."""
@@ -133,14 +133,14 @@ class _Insertion:
 
     def _gripper(self, stop: _Stop) -> Pose:
         """Return about the gripper's Pose at a stop: one march from the mouth."""
-        self.brief.progress.check()
+        self.demands.progress.check()
         rod = self._rod(stop)
         mesh = Discretization(replace(self.simulator.surroundings, rod=rod),
                               np.linspace(0, rod.length, _ELEMENTS + 1), 'local', 0)
         state, base = hanging(mesh.system(self.end), self.end)
         return Pose.from_rotation(self.bore.center - state.positions[-1], base)
 
-    def _shape(self, stop: _Stop, draft: PlanBuilder, reached: float) -> Shape:
+    def _shape(self, stop: _Stop, builder: PlanBuilder, reached: float) -> Shape:
         """Return the Shape at a stop, confirmed with its end at the mouth; raise Infeasible."""
         depth, carried = stop
         outside = self.simulator.with_rod(self._rod(stop))
@@ -148,8 +148,8 @@ class _Insertion:
         shape = aligned_shape(outside, guess, outside.rod.length, self.bore.normal,
                               guess.gripper.rotation)
         if shape is None:
-            raise draft.refusal('equilibrium', depth - reached,
-                                'no equilibrium is free of force at the mouth')
+            raise builder.refusal('equilibrium', depth - reached,
+                                  'no equilibrium is free of force at the mouth')
         shape = shape.moved(self.bore.center - shape.positions[-1])
         if depth or carried:
             # the bore holds the end, which makes it more stable; without a mass at the mouth that
@@ -161,20 +161,20 @@ class _Insertion:
                 shape = replace(shape, _discretization=None, _history=None)
             shape = outside.solve(shape.gripper, shape, far_end=mouth)
         if not shape.converged:
-            raise _unconverged(draft, shape, depth - reached)
-        refusal = refusal_for_leap(outside, draft, shape) if not draft.waypoints and not (
+            raise _unconverged(builder, shape, depth - reached)
+        refusal = refusal_for_leap(outside, builder, shape) if not builder.waypoints and not (
             depth or carried) else None
         if refusal is not None:
             raise refusal
         return shape
 
-    def _check_step(self, one: _Stop, other: _Stop, shape: Shape, draft: PlanBuilder) -> None:
+    def _check_step(self, one: _Stop, other: _Stop, shape: Shape, builder: PlanBuilder) -> None:
         """Raise Infeasible if the gripper has to leap from a stop to another with `shape`.
 
         It leaps if the longer half of a step, halved again and again, does not get shorter.
         """
         length = self.simulator.rod.length
-        if gripper_motion(draft.waypoints[-1].shape.gripper, shape.gripper, length) < _PACE:
+        if gripper_motion(builder.waypoints[-1].shape.gripper, shape.gripper, length) < _PACE:
             return
         (low, carried), (high, _) = one, other
         near, far = self._gripper(one), self._gripper(other)
@@ -188,15 +188,16 @@ class _Insertion:
             if gripper_motion(near, far, length) < _NOTHING:
                 return
         turn = angle_between(near.rotation, far.rotation)
-        raise draft.refusal('continuity', turn * shape.s[-1], 'the gripper would have to turn by '
-                            f'{turn:.3g} rad at once at depth {high:g} m; closer waypoints do not '
-                            'help')
+        raise builder.refusal('continuity', turn * shape.s[-1], 'the gripper would have to turn by '
+                              f'{turn:.3g} rad at once at depth {high:g} m; closer waypoints do '
+                              'not help')
 
 
-def _unconverged(draft: PlanBuilder, shape: Shape, missing: float) -> Infeasible:
+def _unconverged(builder: PlanBuilder, shape: Shape, missing: float) -> Infeasible:
     """Return Infeasible: why a Shape that was looked for is not one that the DLO stays in."""
     if shape.stability < -NEUTRAL:
-        return draft.refusal('stability', -shape.stability, 'the DLO would not stay in the shape; '
-                             f'stability {shape.stability:.3g}')
-    return draft.refusal('equilibrium', missing, 'the equilibrium was not found exactly: residual '
-                         f'{shape.residual:.3g}, off the mouth by {shape.violation:.3g} m')
+        return builder.refusal('stability', -shape.stability, 'the DLO would not stay in the '
+                               f'shape; stability {shape.stability:.3g}')
+    return builder.refusal('equilibrium', missing, 'the equilibrium was not found exactly: '
+                           f'residual {shape.residual:.3g}, off the mouth by '
+                           f'{shape.violation:.3g} m')
