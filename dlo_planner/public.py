@@ -58,12 +58,14 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.section import Section
 from dlo_planner.parallel.mapping import solve_many
 from dlo_planner.parallel.shapes import Shapes
+from dlo_planner.plan.assembly import concatenate
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
-from dlo_planner.plan.plan import Plan, PlanStatus, concatenate
+from dlo_planner.plan.plan import Plan, PlanStatus
 from dlo_planner.plan.requirements import Requirements
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.verify.replay import ValidationReport, replay
+from dlo_planner.verify.replay import replay
+from dlo_planner.verify.report import ValidationReport
 from dlo_planner.verify.robustness import Robustness, robustness
 from dlo_planner.verify.uncertainty import Uncertainty
 

@@ -27,9 +27,10 @@ from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.stamped import gripper_at
 from dlo_planner.identify.steering import Steered
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.assembly import concatenate, truncate
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
-from dlo_planner.plan.plan import PlanStatus, concatenate, truncate
+from dlo_planner.plan.plan import PlanStatus
 from dlo_planner.verify.uncertainty import Uncertainty
 
 _STAMPS = 0.1       # s after an arrival whose images are left out: their stamps may be wrong

@@ -18,7 +18,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.extras import extra
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
-from dlo_planner.verify.replay import ValidationReport
+from dlo_planner.verify.report import ValidationReport
 from dlo_planner.view.summaries import rows_of
 
 PICTURES, FILMS, VALUES = ('.png', '.svg', '.pdf'), ('.gif', '.mp4'), ('.npz', '.json')

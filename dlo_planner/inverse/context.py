@@ -73,14 +73,14 @@ class PlanContext:
     @cached_property
     def demands(self) -> PlanRequirements:
         """The requirements as a PlanBuilder judges them, for this DLO and this computation."""
-        wanted, rod = self.requirements, self.simulator.rod
-        speeds = (checked_speed('linear_speed', wanted.limits.linear_speed, rod.length),
-                  checked_speed('angular_speed', wanted.limits.angular_speed))
+        required, rod = self.requirements, self.simulator.rod
+        speeds = (checked_speed('linear_speed', required.limits.linear_speed, rod.length),
+                  checked_speed('angular_speed', required.limits.angular_speed))
         touched = self.touching
         return PlanRequirements(
-            speeds, self.progress, wanted.workspace, () if touched else self.simulator.obstacles,
-            Surface.of(rod), None if wanted.allow_plastic else _yield_limits(self.given.rod),
-            None if touched else self.simulator.without_obstacles(), wanted.tolerance)
+            speeds, self.progress, required.workspace, () if touched else self.simulator.obstacles,
+            Surface.of(rod), None if required.allow_plastic else _yield_limits(self.given.rod),
+            None if touched else self.simulator.without_obstacles(), required.tolerance)
 
     def builder(self, depths: ArrayLike) -> PlanBuilder:
         """Return a PlanBuilder: it takes one Waypoint per depth, in order, and judges each.

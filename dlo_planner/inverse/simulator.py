@@ -130,9 +130,9 @@ class InverseSimulator(Shorthands):
         task = Minimize(penalties, max_iterations)
         context = self._context(task, instance('start', start, Pose), initial,
                                 replace(self.requirements, deadline=deadline), progress)
-        found = task.result(context)
-        context.builder([0.0]).add(Waypoint(found.shape))
-        return found
+        result = task.result(context)
+        context.builder([0.0]).add(Waypoint(result.shape))
+        return result
 
     def check(self, plan: Plan, *, progress: OnProgress = None,
               deadline: float | None = None) -> Plan:

@@ -13,7 +13,7 @@ from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.proving import ProcessLost
 from dlo_planner.ros.scene import Scene
-from dlo_planner.verify.replay import ValidationReport
+from dlo_planner.verify.report import ValidationReport
 
 DONE = ('held', 'refused')  # states of a proof that has no step left
 _CHECKED = 'the plan is still being checked: ask again'

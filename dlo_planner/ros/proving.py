@@ -18,7 +18,8 @@ from time import monotonic, sleep
 from typing import Any
 
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError
-from dlo_planner.verify.replay import ValidationReport, replay
+from dlo_planner.verify.replay import replay
+from dlo_planner.verify.report import ValidationReport
 
 _LOOK = 0.1      # s between looks whether an answer is still wanted
 _WATCH = 0.5     # s between looks whether the node still runs

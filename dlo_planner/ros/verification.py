@@ -18,7 +18,7 @@ from dlo_planner.ros.proof import Proof, proofs
 from dlo_planner.ros.proving import Prover
 from dlo_planner.ros.qos import LATCHED
 from dlo_planner.ros.state import State
-from dlo_planner.verify.replay import ValidationReport
+from dlo_planner.verify.report import ValidationReport
 from msg_helpers.trajectories import timed_trajectory
 
 _LOOK = 0.1   # s between looks whether there is a plan to be proved

@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dlo_planner.plan.leg import Leg
 from dlo_planner.plan.motion.in_motion import InMotion
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.shift import Shift
 from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.motion.trajectory import Trajectory, restored
-from dlo_planner.plan.path import GripperPath, Leg
+from dlo_planner.plan.path import GripperPath
 
 if TYPE_CHECKING:
-    from dlo_planner.verify.replay import ValidationReport
+    from dlo_planner.verify.report import ValidationReport
 
 _LEG, _LAW = ('knots', 'positions', 'rotations'), ('parameters', 'rates', 'windows')
 _SHIFT = ('knots', 'coefficients')
@@ -48,13 +49,14 @@ def report_contents(arrays: Mapping[str, Any]) -> dict[str, Any]:
     return contents | {'trajectory': _trajectory(inside) if inside else None}
 
 
-def _trajectory_arrays(way: Trajectory) -> dict[str, Any]:
-    arrays = {'times': way.path.times, 'limits': way.limits.sizes, 'tolerance': way.tolerance,
-              'mode_margin': way.mode_margin, 'legs': len(way.laws)}
-    if way.motion is not None:
-        arrays |= {f'motion/{item.name}': getattr(way.motion, item.name)
+def _trajectory_arrays(trajectory: Trajectory) -> dict[str, Any]:
+    arrays = {'times': trajectory.path.times, 'limits': trajectory.limits.sizes,
+              'tolerance': trajectory.tolerance, 'mode_margin': trajectory.mode_margin,
+              'legs': len(trajectory.laws)}
+    if trajectory.motion is not None:
+        arrays |= {f'motion/{item.name}': getattr(trajectory.motion, item.name)
                    for item in fields(InMotion)}
-    for k, (leg, law) in enumerate(zip(way.path.legs, way.laws, strict=True)):
+    for k, (leg, law) in enumerate(zip(trajectory.path.legs, trajectory.laws, strict=True)):
         arrays |= {f'{k}/leg/{name}': getattr(leg, name) for name in _LEG}
         if law is not None:
             arrays |= {f'{k}/law/{name}': getattr(law, name) for name in _LAW}

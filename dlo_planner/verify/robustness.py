@@ -175,10 +175,10 @@ def _acts_alike(shape: Shape, simulator: DirectSimulator) -> bool:
 
     So may the parameters of yielding: nothing yields here.
     """
-    here = shape._discretization
-    return here is not None and same(*(replace(around, obstacles=(), rod=replace(
+    mesh = shape._discretization
+    return mesh is not None and same(*(replace(around, obstacles=(), rod=replace(
         around.rod, yield_curvature=None, yield_torsion=None, section_model='ideal', hardening=0.0))
-        for around in (here.surroundings, simulator.surroundings)))
+        for around in (mesh.surroundings, simulator.surroundings)))
 
 
 def _first_order(rod: Rod, plan: Plan, uncertainty: Uncertainty, progress: Progress) -> Floats:
@@ -218,11 +218,11 @@ def _sampled(work: _Work) -> Floats:
             gripper = displaced(shape.gripper, twist(shape.gripper, uncertainty, draw))
             # it starts where the plan does, and then goes its own way
             start = _stretched(shape, rod.length) if initial is None else initial
-            found = drawn.track([gripper], initial=start)[0]
-            initial = found if found.converged else initial
-            out[i, k] = max((np.linalg.norm(_off(found, center, s))
+            reached = drawn.track([gripper], initial=start)[0]
+            initial = reached if reached.converged else initial
+            out[i, k] = max((np.linalg.norm(_off(reached, center, s))
                              for center, s, _ in passes[k]), default=0.0)
-            if not found.converged:
+            if not reached.converged:
                 out[i, k] = np.inf
     return out
 

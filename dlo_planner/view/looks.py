@@ -16,7 +16,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DloPlannerError, MissingExtra
 from dlo_planner.extras import extra
 from dlo_planner.plan.plan import Plan
-from dlo_planner.verify.replay import ValidationReport
+from dlo_planner.verify.report import ValidationReport
 from dlo_planner.view.axes import Frame
 from dlo_planner.view.films import film
 from dlo_planner.view.plots import plot_motion, plot_plan, plot_shape

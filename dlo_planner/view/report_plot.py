@@ -8,7 +8,7 @@ import numpy as np
 
 from dlo_planner.extras import extra
 from dlo_planner.plan.motion.trajectory import Trajectory
-from dlo_planner.verify.replay import ValidationReport
+from dlo_planner.verify.report import ValidationReport
 from dlo_planner.view.axes import Frame
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.arrays import Floats
 from dlo_planner.plan.plan import Plan
-from dlo_planner.verify.replay import ValidationReport
+from dlo_planner.verify.report import ValidationReport
 
 Row = tuple[str, str, str]  # quantity, value, unit
 _UNITS = {

@@ -86,8 +86,8 @@ class PenaltyFunction:
 
     def change(self, x: Floats) -> float:
         """Return how much the penalty changes per step of the gripper, by predicted shapes."""
-        sensitivity, here = Sensitivity(self.shape_at(x)), self.value(x)
-        changes = [abs(_total(self.penalties, sensitivity.moved(step)) - here)
+        sensitivity, value = Sensitivity(self.shape_at(x)), self.value(x)
+        changes = [abs(_total(self.penalties, sensitivity.moved(step)) - value)
                    for step in _STEP * np.vstack([np.diag(self.scale), -np.diag(self.scale)])]
         return float(np.max(changes, initial=0.0, where=np.isfinite(changes))) / _STEP
 

@@ -180,11 +180,11 @@ def _least_squares(function: PenaltyFunction, most: int) -> PenaltyResult:
     scale, begin = function.scale, np.zeros(6)
     unit = function.size_of_slopes(begin) or 1.0
     function.worse = _WORSE * (unit + float(np.linalg.norm(function.residuals(begin))))
-    found = least_squares(lambda y: function.residuals(y * scale) / unit, begin,
-                          lambda y: function.jacobian(y * scale) * scale / unit,
-                          xtol=1e-11, ftol=1e-11, gtol=1e-12, max_nfev=most)
-    x, size = found.x * scale, np.sqrt(2 * found.cost) * unit
-    slope, typical = float(np.linalg.norm(found.grad)) * unit**2, function.size_of_slopes(x)
+    optimum = least_squares(lambda y: function.residuals(y * scale) / unit, begin,
+                            lambda y: function.jacobian(y * scale) * scale / unit,
+                            xtol=1e-11, ftol=1e-11, gtol=1e-12, max_nfev=most)
+    x, size = optimum.x * scale, np.sqrt(2 * optimum.cost) * unit
+    slope, typical = float(np.linalg.norm(optimum.grad)) * unit**2, function.size_of_slopes(x)
     # SciPy also ends where it can step no farther, e.g. at the edge of what is stable
     enough = _STILL * typical * (size + _STILL * typical)
     return _result(function, x, size**2, slope, slope <= enough)
@@ -195,11 +195,11 @@ def _least_number(function: PenaltyFunction, most: int) -> PenaltyResult:
     scale, begin = function.scale, np.zeros(6)
     unit = function.change(begin) or 1.0
     function.worse = _WORSE * (unit + abs(function.value(begin)))
-    found = minimize(lambda y: function.value(y * scale) / unit, begin, method='BFGS',
-                     jac=lambda y: function.gradient(y * scale) * scale / unit,
-                     options={'gtol': 1e-9, 'maxiter': most})
-    x, slope = found.x * scale, 0.5 * unit * float(np.linalg.norm(found.jac))
-    return _result(function, x, found.fun * unit, slope, slope <= _FLAT * function.change(x))
+    optimum = minimize(lambda y: function.value(y * scale) / unit, begin, method='BFGS',
+                       jac=lambda y: function.gradient(y * scale) * scale / unit,
+                       options={'gtol': 1e-9, 'maxiter': most})
+    x, slope = optimum.x * scale, 0.5 * unit * float(np.linalg.norm(optimum.jac))
+    return _result(function, x, optimum.fun * unit, slope, slope <= _FLAT * function.change(x))
 
 
 def _result(function: PenaltyFunction, x: Floats, penalty: float, slope: float,

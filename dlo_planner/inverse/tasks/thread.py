@@ -65,9 +65,9 @@ class Thread(Task):
         instance('context', context, PlanContext)
         depths, demands = depths_on(context.rod.length, self.depths), context.demands
 
-        def planned(wanted: Floats) -> Plan:
+        def planned(depths: Floats) -> Plan:
             return thread(context.without_obstacles, Threading(
-                self.cutout, wanted, context.start, context.initial, demands, self.method))
+                self.cutout, depths, context.start, context.initial, demands, self.method))
 
         plan = deepest(planned, depths) if self.as_deep_as_possible else planned(depths)
         if self.gripper_clearance is None:

@@ -118,9 +118,9 @@ class ContactFamily:
         gripper = Pose.from_rotation(self.place - state.positions[self._node], base)
         touching = self._mesh.system(base, gripper.position)
         touching.contacts.node[self._body, self._node] = force
-        found = Minimum(state, residual_of(system, state),
-                        self._stability(state.strains, base, force), 0, 0, touching)
-        shape = shape_of(self._mesh, gripper, found)
+        minimum = Minimum(state, residual_of(system, state),
+                          self._stability(state.strains, base, force), 0, 0, touching)
+        shape = shape_of(self._mesh, gripper, minimum)
         touching_there: Shape = replace(shape, violation=max(0.0, -self.gap(shape), self._inside))
         return touching_there
 

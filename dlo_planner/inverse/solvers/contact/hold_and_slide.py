@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from dlo_planner.inverse.tasks.slide_contact import SlideContact
 
 CONDITIONS = ('least_energy', 'least_force', 'least_motion', 'largest_clearance')
-_FOUND = 1e-3   # relative: the last force that is confirmed
+_FORCE_ERROR = 1e-3   # relative: the last force that is confirmed
 _TRIED = 8      # forces of an interval, before none of it counts as confirmed
 _PACE = 0.12    # rad plus part of the length: of one step through a family
 _NEAR = 0.06    # the same: a step that is no leap
@@ -105,7 +105,7 @@ def _minima_of(problem: ContactProblem, parts: list[list[float]], condition: str
                start: Pose | None) -> list[tuple[float, float]]:
     """Return [(cost, force)], best first, of the local minima in all `parts`."""
     cost = _cost_of(problem, condition, start)
-    return best_first([found for part in parts for found in minima(cost, problem.merit, part)])
+    return best_first([minimum for part in parts for minimum in minima(cost, problem.merit, part)])
 
 
 def first_choice(problem: ContactProblem, parts: list[list[float]], condition: str,
@@ -118,16 +118,16 @@ def first_choice(problem: ContactProblem, parts: list[list[float]], condition: s
 def _chosen(problem: ContactProblem, parts: list[list[float]], condition: str, start: Pose | None,
             builder: PlanBuilder) -> tuple[float, Shape]:
     """Return force and confirmed Shape that a condition prefers; raise Infeasible."""
-    cost, moved = _cost_of(problem, condition, start), []
+    cost, choices = _cost_of(problem, condition, start), []
     for _, force in _minima_of(problem, parts, condition, start):
-        found = _confirmed(problem, parts, force)
-        if found is not None:
-            moved.append((cost(found[0]), *found))
-            if found[0] == force:
+        choice = _confirmed(problem, parts, force)
+        if choice is not None:
+            choices.append((cost(choice[0]), *choice))
+            if choice[0] == force:
                 break
-    if not moved:
+    if not choices:
         raise problem.unconfirmed(builder, parts)
-    return min(moved, key=lambda one: one[0])[1:]
+    return min(choices, key=lambda one: one[0])[1:]
 
 
 def _confirmed(problem: ContactProblem, parts: list[list[float]],
@@ -150,13 +150,13 @@ def _nearest_confirmed(problem: ContactProblem, part: list[float],
             break
     else:
         return None
-    while abs(good - force) > _FOUND * good:
+    while abs(good - force) > _FORCE_ERROR * good:
         middle = float(np.sqrt(good * force))
-        found = problem.confirmed(middle) if problem.merit(middle) > 0 else None
-        if found is None:
+        trial = problem.confirmed(middle) if problem.merit(middle) > 0 else None
+        if trial is None:
             force = middle
         else:
-            good, shape = middle, found
+            good, shape = middle, trial
     return good, shape
 
 
@@ -170,8 +170,8 @@ def _motion(problem: ContactProblem, part: list[float]) -> list[Shape]:
                and target - forces[-1] > 1e-6 * most):
             target = 0.5 * (target + forces[-1])
         forces.append(target)
-    found = [problem.confirmed(force) for force in forces]
-    stability = {k: shape.stability for k, shape in enumerate(found) if shape is not None}
+    shapes = [problem.confirmed(force) for force in forces]
+    stability = {k: shape.stability for k, shape in enumerate(shapes) if shape is not None}
     if not stability:
         return []
     first = last = max(stability, key=stability.__getitem__)
@@ -182,12 +182,12 @@ def _motion(problem: ContactProblem, part: list[float]) -> list[Shape]:
 
     def end(inside: int, outside: int) -> list[Shape]:
         """Return [the confirmed Shape that is nearest to what is not], [] where nothing is."""
-        if not 0 <= outside < len(found):
+        if not 0 <= outside < len(shapes):
             return []
         nearest = _nearest_confirmed(problem, [forces[inside]], forces[outside])
         return [] if nearest is None else [nearest[1]]
 
-    inside = [shape for shape in found[first:last + 1] if shape is not None]
+    inside = [shape for shape in shapes[first:last + 1] if shape is not None]
     return [*end(first, first - 1), *inside, *end(last, last + 1)]
 
 
@@ -199,10 +199,10 @@ def _continued(problem: ContactProblem, parts: list[list[float]], condition: str
     """
     last = builder.waypoints[-1].shape
     start = last.gripper
-    found = _minima_of(problem, parts, condition, start)
-    found.sort(key=lambda one: _away(problem.family.shape(one[1]), start))
+    candidates = _minima_of(problem, parts, condition, start)
+    candidates.sort(key=lambda one: _away(problem.family.shape(one[1]), start))
     best: float | None = None
-    for _, force in found:
+    for _, force in candidates:
         leap = _leap(before, (problem, force))
         if best is None or leap < best:
             best = leap

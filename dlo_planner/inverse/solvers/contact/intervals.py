@@ -37,7 +37,7 @@ def intervals(merit: Callable[[float], float], least: float, most: float) -> lis
     xs = [float(x) for x in np.geomspace(least, most, number)]
     xs = sorted({*xs, *_hidden(merit, xs)})
     good = [merit(x) > 0 for x in xs]
-    found, k = [], 0
+    intervals_found, k = [], 0
     while k < len(xs):
         if not good[k]:
             k += 1
@@ -47,9 +47,9 @@ def intervals(merit: Callable[[float], float], least: float, most: float) -> lis
             k += 1
         ends = ([_end(merit, xs[first], xs[first - 1])] if first else [],
                 [_end(merit, xs[k], xs[k + 1])] if k + 1 < len(xs) else [])
-        found.append(_filled(sorted({*ends[0], *xs[first:k + 1], *ends[1]})))
+        intervals_found.append(_filled(sorted({*ends[0], *xs[first:k + 1], *ends[1]})))
         k += 1
-    return found
+    return intervals_found
 
 
 def _hidden(merit: Callable[[float], float], xs: list[float]) -> list[float]:
@@ -57,13 +57,13 @@ def _hidden(merit: Callable[[float], float], xs: list[float]) -> list[float]:
     values = [merit(x) for x in xs]
     tops = [k for k in range(1, len(xs) - 1)
             if 0 >= values[k] >= max(values[k - 1], values[k + 1]) > -np.inf]
-    found = []
+    points = []
     for k in sorted(tops, key=lambda k: -values[k])[:_LOOKED_CLOSER]:
         best = minimize_scalar(lambda log: -_finite(merit(float(np.exp(log)))), method='bounded',
                                bounds=np.log([xs[k - 1], xs[k + 1]]), options={'maxiter': 20})
         if best.fun < 0:
-            found.append(float(np.exp(best.x)))
-    return found
+            points.append(float(np.exp(best.x)))
+    return points
 
 
 def _end(merit: Callable[[float], float], good: float, bad: float) -> float:
@@ -108,21 +108,21 @@ def minima(cost: Callable[[float], float], merit: Callable[[float], float],
 
     values = [cost(x) for x in xs]
     worst = max(values) + 1.0
-    found = []
+    pairs = []
     for k, x in enumerate(xs):
         around = xs[max(k - 1, 0):k + 2]
         if values[k] > min(values[max(k - 1, 0):k + 2]):
             continue
-        found.append((values[k], x))
+        pairs.append((values[k], x))
         if len(around) > 1:
             best = minimize_scalar(judged, method='bounded', bounds=np.log([around[0], around[-1]]),
                                    options={'xatol': _CLOSE})
             if best.fun < values[k]:
-                found[-1] = (float(best.fun), float(np.exp(best.x)))
-    return best_first(found)
+                pairs[-1] = (float(best.fun), float(np.exp(best.x)))
+    return best_first(pairs)
 
 
-def best_first(found: list[tuple[float, float]]) -> list[tuple[float, float]]:
+def best_first(pairs: list[tuple[float, float]]) -> list[tuple[float, float]]:
     """Return pairs (cost, x) by cost, those that rounding errors alone tell apart by x."""
-    unit = _ALIKE * max((abs(cost) for cost, _ in found), default=0.0) or 1.0
-    return sorted(found, key=lambda one: (round(one[0] / unit), one[1]))
+    unit = _ALIKE * max((abs(cost) for cost, _ in pairs), default=0.0) or 1.0
+    return sorted(pairs, key=lambda one: (round(one[0] / unit), one[1]))

@@ -28,7 +28,7 @@ from dlo_planner.plan.waypoint import waypoint_at
 if TYPE_CHECKING:
     from dlo_planner.inverse.tasks.slide_contact import SlideContact
 
-_FOUND = 1e-6     # of the length: how exactly an arc length touches
+_ARC_ERROR = 1e-6     # of the length: how exactly an arc length touches
 _HOP = 5e-3       # of the length: so far a contact may hop where it passes a node
 _TRIALS = 60
 _LONGEST = 0.03   # of the length: a step of the arc length that touches
@@ -77,7 +77,7 @@ class _Slide:
     def __init__(self, simulator: DirectSimulator, family: ContactFamily, first: Shape,
                  check: Callable[[], None]) -> None:
         self._simulator, self._obstacle, self._check = simulator, family.obstacle, check
-        self._from, self._way = first.gripper, family.place - first.gripper.position
+        self._first, self._displacement = first.gripper, family.place - first.gripper.position
         self._length = simulator.rod.length
 
     def to(self, s: float, shape: Shape, gone: float, builder: PlanBuilder) -> tuple[Shape, float]:
@@ -95,44 +95,45 @@ class _Slide:
         Infeasible
             There is no such shape on the way.
         """
-        here, longest = self.touches_at(shape, s), _LONGEST * self._length
-        for target in np.linspace(here, s, int(np.ceil(abs(s - here) / longest)) + 1)[1:]:
-            shape, gone = self._step(target, shape, gone, here, builder)
-            here = self.touches_at(shape, target)
+        touching, longest = self.touches_at(shape, s), _LONGEST * self._length
+        for target in np.linspace(touching, s, int(np.ceil(abs(s - touching) / longest)) + 1)[1:]:
+            shape, gone = self._step(target, shape, gone, touching, builder)
+            touching = self.touches_at(shape, target)
         return shape, gone
 
     def touches_at(self, shape: Shape, s: float) -> float:
         """Return the arc length in m, nearest to `s`, at which a Shape touches; nan: nowhere."""
-        found = [one.s for one in shape.contacts if one.obstacle == self._obstacle]
-        return float(min(found, key=lambda one: abs(one - s), default=np.nan))
+        touching = [one.s for one in shape.contacts if one.obstacle == self._obstacle]
+        return float(min(touching, key=lambda one: abs(one - s), default=np.nan))
 
     def _at(self, gone: float, before: Shape) -> Shape:
         """Return the Shape that follows the Shape `before` when the gripper has `gone` so far."""
-        gripper = Pose.from_rotation(self._from.position + gone * self._way, self._from.rotation)
+        gripper = Pose.from_rotation(self._first.position + gone * self._displacement,
+                                     self._first.rotation)
         return self._simulator.track([gripper], initial=before)[0]
 
-    def _step(self, target: float, before: Shape, gone: float, here: float,
+    def _step(self, target: float, before: Shape, gone: float, touching: float,
               builder: PlanBuilder) -> tuple[Shape, float]:
         """Return the Shape that touches at `target`, m, and how far the gripper has gone.
 
-        The less of the DLO is left the nearer the gripper is: a root is bracketed and found. All
-        trials go on from the Shape `before`, which touches at `here`, because friction remembers.
+        The nearer the gripper is, the less of the DLO is left: a root is bracketed and found. All
+        trials go on from the Shape `before`, which touches at `touching` (m): friction remembers.
         """
-        sign = np.sign(here - target)
-        near: _Trial = _Trial(gone, float(abs(here - target)), before)
+        sign = np.sign(touching - target)
+        near: _Trial = _Trial(gone, float(abs(touching - target)), before)
         far: _Trial | None = None
-        trial = 1 - (1 - gone) * target / here
+        trial = 1 - (1 - gone) * target / touching
         for _ in range(_TRIALS):
             self._check()
             shape = self._at(trial, before)
             left = sign * (self.touches_at(shape, target) - target)
-            found = _Trial(trial, left if self._follows(shape) else np.nan, shape)
-            if abs(found.left) <= _FOUND * self._length:
+            tested = _Trial(trial, left if self._follows(shape) else np.nan, shape)
+            if abs(tested.left) <= _ARC_ERROR * self._length:
                 return shape, trial
-            if found.left > 0:
-                near, before_that = found, near
+            if tested.left > 0:
+                near, before_that = tested, near
             else:
-                far, before_that = found, near
+                far, before_that = tested, near
             trial = _next(near, far, before_that)
             if far is not None and abs(far.gone - near.gone) < _SAME:
                 break

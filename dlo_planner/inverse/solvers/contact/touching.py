@@ -88,27 +88,27 @@ class ContactProblem:
         family = self.family
         for _ in range(2):
             if forces is not None:
-                found = [[float(force)] for force in forces if self.merit(float(force)) > 0]
+                admissible = [[float(force)] for force in forces if self.merit(float(force)) > 0]
             else:
                 least, most = LEAST * family.scale[0], MOST * family.scale[1]
-                found = intervals(self.merit, least, most)
+                admissible = intervals(self.merit, least, most)
             best = family.most_stable()
-            if found or best is None or not HARDLY_STABLE < best.stability <= STABLE:
+            if admissible or best is None or not HARDLY_STABLE < best.stability <= STABLE:
                 break
             family.stable = 0.5 * best.stability
-        if not found:
+        if not admissible:
             raise self._refusal(builder)
-        return found
+        return admissible
 
     def confirmed(self, force: float) -> Shape | None:
         """Return the Shape that the direct simulator finds with this force, None if another."""
         guess = self._guess(force)
         shape = self.simulator.solve(guess.gripper, guess)
         length = shape.s[-1]
-        found = sum(one.force for one in shape.contacts if one.obstacle == self.family.obstacle
-                    and abs(one.s - self.s) < _NEAR * length)
+        reached = sum(one.force for one in shape.contacts if one.obstacle == self.family.obstacle
+                      and abs(one.s - self.s) < _NEAR * length)
         off = np.linalg.norm(shape.frame_at(self.s)[1] - self.family.place)
-        same = abs(found - force) <= _SAME_FORCE * force and off <= _SAME_PLACE * length
+        same = abs(reached - force) <= _SAME_FORCE * force and off <= _SAME_PLACE * length
         return shape if shape.converged and same else None
 
     def _guess(self, force: float) -> Shape:
@@ -116,18 +116,18 @@ class ContactProblem:
         own, accuracy = self.simulator._discretization, self.simulator.accuracy
         shape = self.family.shape(force)
         elements = shape.s.size - 1
-        wanted = own.s.size - 1
+        finer_elements = own.s.size - 1
         samples = np.linspace(0, shape.s[-1], 9)
         while True:
             if accuracy is not None:
-                wanted = min(2 * elements, _MOST_ELEMENTS)
-            if wanted == elements:
+                finer_elements = min(2 * elements, _MOST_ELEMENTS)
+            if finer_elements == elements:
                 return shape
             family = ContactFamily(self.simulator, self.contact, self.s,
-                                   self.demands.progress.check, wanted)
+                                   self.demands.progress.check, finer_elements)
             finer = family.shape(force)
             moved = np.abs(finer.positions_at(samples) - shape.positions_at(samples)).max()
-            shape, elements = finer, wanted
+            shape, elements = finer, finer_elements
             if accuracy is not None and moved < 0.2 * accuracy:
                 return shape
 
@@ -149,8 +149,8 @@ class ContactProblem:
             least = min(family.shape(force).violation for force in family.known)
             return builder.refusal('contact', least, f'{looked}: with each of them it would be in '
                                    f'an obstacle, by {least:.3g} m at least')
-        found, _ = step(best._discretization, best.gripper, best, None, None)
-        return self.left(builder, best, found, f'{looked} in a stable shape: the best one has a '
+        settled, _ = step(best._discretization, best.gripper, best, None, None)
+        return self.left(builder, best, settled, f'{looked} in a stable shape: the best one has a '
                          f'stability of {best.stability:.3g}')
 
     def unconfirmed(self, builder: PlanBuilder, parts: list[list[float]]) -> Infeasible:
@@ -161,7 +161,7 @@ class ContactProblem:
                          'the direct simulation with its own discretization confirms none of the '
                          'contact forces that should do; a finer one may')
 
-    def left(self, builder: PlanBuilder, shape: Shape, found: Shape, why: str) -> Infeasible:
-        """Return Infeasible because the DLO is `found` elsewhere; the amount is how far, in m."""
-        amount = apart(found, shape)
+    def left(self, builder: PlanBuilder, shape: Shape, reached: Shape, why: str) -> Infeasible:
+        """Return Infeasible because the DLO is `reached` elsewhere; the amount is how far, in m."""
+        amount = apart(reached, shape)
         return builder.refusal('contact', amount, f'{why}; the DLO would be off by {amount:.3g} m')

@@ -35,9 +35,9 @@ class EvenRolls:
     depths: Floats
     turned: Floats
 
-    def roll(self, condition: Condition, here: Passing, depth: float, target: float) -> float:
+    def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:
         """Return the roll (rad) to make on the way from one depth to another, m."""
-        del condition, here
+        del condition, passing
         return float(np.diff(np.interp((depth, target), self.depths, self.turned))[0])
 
 

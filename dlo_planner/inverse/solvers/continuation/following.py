@@ -70,7 +70,7 @@ class Condition(Protocol):
 class Rolls(Protocol):
     """How the gripper rolls on its way from one depth to another."""
 
-    def roll(self, condition: Condition, here: Passing, depth: float, target: float) -> float:
+    def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:
         """Return the roll (rad) to make on the way from `depth` to `target`, m."""
 
 
@@ -92,37 +92,37 @@ class Step(NamedTuple):
     leap: float
 
 
-def follow(condition: Condition, here: Passing, depth: float, wanted: float,
+def follow(condition: Condition, passing: Passing, depth: float, goal: float,
            route: Rolls | None = None) -> Step:
     """Continue a Passing from one depth to another, in steps that do not leap.
 
     Parameters
     ----------
     condition : Condition
-    here : Passing
+    passing : Passing
         Passing at `depth`.
     depth : float
         Depth where it begins, m.
-    wanted : float
+    goal : float
         Depth to be reached, m.
     route : Rolls, optional
         If None, no roll.
     """
-    length = here.shape.s[-1]
+    length = passing.shape.s[-1]
     step = longest = _LONGEST_STEP * length
     while True:
-        target = depth + float(np.clip(wanted - depth, -step, step))
-        roll = 0.0 if route is None else route.roll(condition, here, depth, target)
+        target = depth + float(np.clip(goal - depth, -step, step))
+        roll = 0.0 if route is None else route.roll(condition, passing, depth, target)
         for share in _SHARES if roll else (1.0,):  # what cannot be rolled at once, is rolled later
-            found = condition.at(here, target, share * roll, target == wanted)
-            too_far = 0.0 if found is None else excess(
-                here.gripper, found.gripper, (target - depth) / length, length)
-            if found is not None and not too_far:
+            candidate = condition.at(passing, target, share * roll, target == goal)
+            too_far = 0.0 if candidate is None else excess(
+                passing.gripper, candidate.gripper, (target - depth) / length, length)
+            if candidate is not None and not too_far:
                 break
-        if found is not None and not too_far:
-            here, depth = found, target
-            if depth == wanted:
-                return Step(here, depth, 0.0)
+        if candidate is not None and not too_far:
+            passing, depth = candidate, target
+            if depth == goal:
+                return Step(passing, depth, 0.0)
             step = min(2 * step, longest)
             continue
         if step <= _SHORTEST_STEP * length or target == depth:
@@ -131,20 +131,20 @@ def follow(condition: Condition, here: Passing, depth: float, wanted: float,
 
 
 def refusal_for_step(simulator: DirectSimulator, builder: PlanBuilder, before: Passing | None,
-                     found: Passing) -> Infeasible | None:
+                     passing: Passing) -> Infeasible | None:
     """Return Infeasible if gripper or DLO have to leap to the next waypoint, or None.
 
     Parameters
     ----------
     before : Passing or None
         Passing of the waypoint before, None at the first.
-    found : Passing
+    passing : Passing
         Passing of the next one.
     """
-    length = found.shape.s[-1]
-    too_far = 0.0 if before is None else excess(before.gripper, found.gripper,
+    length = passing.shape.s[-1]
+    too_far = 0.0 if before is None else excess(before.gripper, passing.gripper,
                                                 builder.step / length, length)
     if too_far:
         return builder.refusal('continuity', too_far, 'the gripper would have to turn or move too '
                                'far since the waypoint before; closer waypoints may help')
-    return refusal_for_leap(simulator, builder, found.shape)
+    return refusal_for_leap(simulator, builder, passing.shape)

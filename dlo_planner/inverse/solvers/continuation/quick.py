@@ -49,9 +49,9 @@ def gets_there(simulator: DirectSimulator, gripper: Pose, end: Floats,
     initial : Shape, optional
         Shape before. If None, the DLO is set down in its natural shape.
     """
-    there = (simulator.solve(gripper) if initial is None
+    shape = (simulator.solve(gripper) if initial is None
              else simulator.track([gripper], initial=initial)[0])
-    return bool(there.converged and np.abs(there.frames[-1] - end).max() < _GETS_THERE)
+    return bool(shape.converged and np.abs(shape.frames[-1] - end).max() < _GETS_THERE)
 
 
 def thinned(depths: Floats, most: int) -> Floats:

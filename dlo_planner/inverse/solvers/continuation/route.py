@@ -45,14 +45,14 @@ class Route:
     complete: bool
     ahead: float = _AHEAD
 
-    def roll(self, condition: Condition, here: Passing, depth: float, target: float) -> float:
+    def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:
         """Return the roll (rad) to make on the way from one depth to another, m.
 
         It leads towards the route a little ahead: the grid's roughness averages out.
         """
-        shape, ahead = here.shape, self.ahead * self.length
-        wanted = self._gripper(target + (ahead if target >= depth else -ahead))
-        away = Rotation.from_matrix(wanted @ shape.gripper.rotation.T).as_rotvec()
+        shape, ahead = passing.shape, self.ahead * self.length
+        goal = self._gripper(target + (ahead if target >= depth else -ahead))
+        away = Rotation.from_matrix(goal @ shape.gripper.rotation.T).as_rotvec()
         step = abs(target - depth)
         part = 1.0 if ahead + step == 0 else min(1.0, 2 * step / (ahead + step))
         most = 0.5 * largest_turn(step / self.length)
@@ -82,10 +82,10 @@ def find_route(layers: Sequence[Crossings], depths: Floats, first: Floats,
     length : float
         Length of the DLO, m.
     """
-    costs, ways = sweep(layers, first, length)
+    costs, origins = sweep(layers, first, length)
     if not np.isfinite(first).any():
         return None
-    picks = picked(ways, int(np.argmin(costs[-1])))
+    picks = picked(origins, int(np.argmin(costs[-1])))
     grippers = np.array([layer.grippers[k] for layer, k in zip(layers, picks, strict=False)])
     return Route(np.asarray(depths[:len(picks)]), grippers, layers[0].ends[picks[0]], length,
                  len(picks) == len(layers))
@@ -97,21 +97,21 @@ def sweep(layers: Sequence[Crossings], first: Floats,
 
     The lists end with the last curve that can be reached: dynamic programming (Bellman 1957).
     """
-    costs, ways = [first], []
+    costs, origins = [first], []
     for one, other in zip(layers, layers[1:], strict=False):
         total = costs[-1][:, None] + motion(one, other, length) + _weakness(other)
         if not len(other) or not np.isfinite(total).any():
             break
-        ways.append(np.argmin(total, axis=0))
+        origins.append(np.argmin(total, axis=0))
         costs.append(total.min(axis=0))
-    return costs, ways
+    return costs, origins
 
 
-def picked(ways: list[Ints], last: int) -> list[int]:
+def picked(origins: list[Ints], last: int) -> list[int]:
     """Return the indices, one per curve, of the best way that ends at crossing `last`."""
     picks = [last]
-    for way in reversed(ways):
-        picks.append(int(way[picks[-1]]))
+    for origin in reversed(origins):
+        picks.append(int(origin[picks[-1]]))
     return picks[::-1]
 
 

@@ -218,10 +218,10 @@ def crossings(shapes: HangingShapes, vectors: Floats, goal: Floats, s: float | F
 
     place = ((1 - share)[:, None] * np.einsum('kij,kj->ki', turns[0], places[a])
              + share[:, None] * np.einsum('kij,kj->ki', turns[1], places[b]))
-    found = Crossings(both(shapes.frames[:, 0]), both(shapes.frames[:, -1]), place,
-                      (1 - share) * shapes.stability[a] + share * shapes.stability[b],
-                      np.column_stack([a, b]), share)
-    return found.chosen(_are_rotations(found.grippers) & _are_rotations(found.ends))
+    result = Crossings(both(shapes.frames[:, 0]), both(shapes.frames[:, -1]), place,
+                       (1 - share) * shapes.stability[a] + share * shapes.stability[b],
+                       np.column_stack([a, b]), share)
+    return result.chosen(_are_rotations(result.grippers) & _are_rotations(result.ends))
 
 
 def _touching(shapes: HangingShapes, misfit: Floats, scale: float) -> Ints:

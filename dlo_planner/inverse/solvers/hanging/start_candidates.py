@@ -53,17 +53,17 @@ def start_candidates(simulator: DirectSimulator, cutout: CutOut,
     others follow in steps, unless the DLO is round and straight and one roll is like another.
     """
     upright = Pose.looking_along((0.0, 0.0, 0.0), cutout.normal).rotation
-    wanted = upright
+    preferred = upright
     if start is not None:
-        wanted = least_turn(start.direction, cutout.normal) @ start.rotation
+        preferred = least_turn(start.direction, cutout.normal) @ start.rotation
     discretization = simulator.discretization(Pose.from_rotation((0, 0, 0), upright), None)
     system = discretization.system(upright)
 
     def end_rolled(angle: float) -> tuple[Floats, Floats, Floats]:
         """Return strains, gripper rotation, and the reference of its roll."""
         turn = Rotation.from_rotvec(angle * cutout.normal).as_matrix()
-        strains, base = integrate_from_tip(system, turn @ wanted)
-        return strains, base, least_turn(wanted[:, 0], base[:, 0]) @ wanted
+        strains, base = integrate_from_tip(system, turn @ preferred)
+        return strains, base, least_turn(preferred[:, 0], base[:, 0]) @ preferred
 
     def roll(angle: float) -> float:
         _, base, reference = end_rolled(angle)
@@ -71,7 +71,7 @@ def start_candidates(simulator: DirectSimulator, cutout: CutOut,
         return float(np.arctan2(across[2], across[1]))
 
     def turn_against_start(angle: float) -> float:
-        return angle_between(end_rolled(angle)[1], wanted)
+        return angle_between(end_rolled(angle)[1], preferred)
 
     if is_axisymmetric(simulator.rod):
         # rolled about itself, the DLO carries the gripper along

@@ -60,6 +60,6 @@ def nested_alignment(simulator: DirectSimulator, initial: Shape, s: float, norma
         return root
 
     start = across.T @ Rotation.from_matrix(initial.gripper.rotation @ reference.T).as_rotvec()
-    found = least_squares(root_penalty, start, jac='3-point', method='lm', xtol=1e-14, ftol=1e-14,
-                          gtol=1e-14, diff_step=1e-5, max_nfev=500)
-    return simulator.solve(gripper(found.x), latest)
+    solution = least_squares(root_penalty, start, jac='3-point', method='lm', xtol=1e-14,
+                             ftol=1e-14, gtol=1e-14, diff_step=1e-5, max_nfev=500)
+    return simulator.solve(gripper(solution.x), latest)

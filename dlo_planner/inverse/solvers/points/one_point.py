@@ -105,11 +105,11 @@ def aligned_on(discretization: Discretization, guess: Shape, s: float, normal: F
     goal = (element, fraction, np.array(normal), np.array(reference, order='C'),
             free_axis(reference, normal), TOLERANCE, _MAX_ITERATIONS)
     if discretization.hangs:
-        found, base, converged = aligned_hanging(discretization.static, guess.gripper.rotation,
-                                                 discretization.start_from(guess), *goal)
+        solution, base, converged = aligned_hanging(discretization.static, guess.gripper.rotation,
+                                                    discretization.start_from(guess), *goal)
         if not converged:
             return None
-        hanging: Shape = found_hanging(discretization, Pose.from_rotation(_ORIGIN, base), found)
+        hanging: Shape = found_hanging(discretization, Pose.from_rotation(_ORIGIN, base), solution)
         return hanging
     system = discretization.system(guess.gripper.rotation)
     q = np.empty((discretization.n_unknowns, 3))

@@ -110,32 +110,32 @@ def _from_behind(simulator: DirectSimulator, first: Shape, request: _Request,
               _cornered(cutout, start, before, radius, length, back))
     # the free end may wait in the hole, and comes to be there
     hole = -(1 + _MARGIN) * radius - _MARGIN**2 * length
-    way = [(start, hole), *coming]
-    stop = len(way) - 1
+    stations = [(start, hole), *coming]
+    stop = len(stations) - 1
     if standoff <= radius:
-        way[-1] = (way[-1][0], hole)
-    way += [(pose, 0.0) for pose in entering[1:]]
-    way[-1] = (way[-1][0], hole)
-    builder = PlanBuilder(np.zeros(len(way)), demands, 'start phase, waypoint', stops=(stop,))
+        stations[-1] = (stations[-1][0], hole)
+    stations += [(pose, 0.0) for pose in entering[1:]]
+    stations[-1] = (stations[-1][0], hole)
+    builder = PlanBuilder(np.zeros(len(stations)), demands, 'start phase, waypoint', stops=(stop,))
     sheet = sheet_of(cutout, length, demands.obstacles)
     sheets = () if sheet is None else ((sheet, normal),)
-    for gripper, wanted in way:
+    for gripper, least in stations:
         demands.progress.check()
         initial = simulator.track([gripper], initial=initial)[0]
         if not initial.converged:
-            raise builder.refusal('equilibrium', _way_left(way[len(builder.waypoints):]),
+            raise builder.refusal('equilibrium', _distance_left(stations[len(builder.waypoints):]),
                                   'no stable shape is found')
         if initial.jumped and builder.waypoints:
             raise builder.refusal('continuity', apart(initial, builder.waypoints[-1].shape),
                                   'the DLO would fall into another shape on the way there')
         room = float(((cutout.center - initial.positions) @ normal).min()) - demands.surface.bound
-        if room < wanted:
-            raise builder.refusal('clearance', wanted - room, 'the DLO is not behind the sheet' if
+        if room < least:
+            raise builder.refusal('clearance', least - room, 'the DLO is not behind the sheet' if
                                   room < 0 else f'the DLO would turn {room:.3g} m behind the sheet')
-        if len(builder.waypoints) == len(way) - 1 and not same(initial, first):
+        if len(builder.waypoints) == len(stations) - 1 and not same(initial, first):
             raise builder.refusal('start', apart(initial, first), 'the DLO does not come into '
                                   'the shape in which the threading begins')
-        behind = room if wanted >= 0 else np.inf  # else it is in the hole
+        behind = room if least >= 0 else np.inf  # else it is in the hole
         builder.add(Waypoint(initial, clearances=((np.inf, behind, np.inf),), sheets=sheets))
     return builder.finished()
 
@@ -143,14 +143,14 @@ def _from_behind(simulator: DirectSimulator, first: Shape, request: _Request,
 def _entering(first: Pose, normal: Floats, standoff: float, length: float) -> list[Pose]:
     """Return the Poses from where the free end is `standoff` before the center to `first`."""
     before = Pose.from_rotation(first.position - standoff * normal, first.rotation)
-    return [before, *_way(before, first, length)]
+    return [before, *_interpolated(before, first, length)]
 
 
 def _blended(start: Pose, before: Pose, standoff: float, radius: float,
              length: float) -> list[_Station]:
     """Return [(Pose, least distance of the DLO from the sheet, m)] of the straight way."""
     margin = min(_MARGIN * length, 0.5 * max(standoff - radius, 0.0))
-    return [(pose, margin) for pose in _way(start, before, length)]
+    return [(pose, margin) for pose in _interpolated(start, before, length)]
 
 
 def _cornered(cutout: CutOut, start: Pose, before: Pose, radius: float, length: float,
@@ -159,19 +159,19 @@ def _cornered(cutout: CutOut, start: Pose, before: Pose, radius: float, length: 
     safe = (cutout.center - start.position) @ cutout.normal + back >= length + radius
     away = start.position - back * cutout.normal
     lifted, turned = (Pose.from_rotation(away, pose.rotation) for pose in (start, before))
-    return ([(pose, 0.0) for pose in _way(start, lifted, length)]
+    return ([(pose, 0.0) for pose in _interpolated(start, lifted, length)]
             + [(pose, 0.0 if safe else _SHARPEST * length)
-               for pose in _way(lifted, turned, length)]
-            + [(pose, 0.0) for pose in _way(turned, before, length)])
+               for pose in _interpolated(lifted, turned, length)]
+            + [(pose, 0.0) for pose in _interpolated(turned, before, length)])
 
 
-def _way_left(stations: Sequence[_Station]) -> float:
+def _distance_left(stations: Sequence[_Station]) -> float:
     """Return how far (m) the gripper has still to go through stations [(Pose, room)]."""
     positions = np.array([pose.position for pose, _ in stations])
     return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
 
 
-def _way(one: Pose, other: Pose, length: float) -> list[Pose]:
+def _interpolated(one: Pose, other: Pose, length: float) -> list[Pose]:
     """Return Poses from `one`, which is left out, to `other`; none where they are the same."""
     shift = np.linalg.norm(other.position - one.position)
     turn = angle_between(one.rotation, other.rotation)

@@ -77,7 +77,7 @@ class Pair:
         return replace(self, depths=thinned(self.depths, most), demands=self.demands.silent())
 
     @property
-    def way(self) -> Floats:
+    def chord(self) -> Floats:
         """(3,) from the first center to the second, m."""
         return self.second.center - self.first.center
 
@@ -85,19 +85,19 @@ class Pair:
 def other_changes(simulator: DirectSimulator, task: Pair,
                   shapes: HangingShapes) -> Iterator[Change]:
     """Yield Changes with their Routes, found among all HangingShapes, the best first."""
-    condition = TwoPoints(simulator, task.way)
+    condition = TwoPoints(simulator, task.chord)
     changes, depths, along = at_the_second(simulator, task, shapes)
-    ways_on = _ways_on(condition, shapes, changes, depths, task)
-    for k in _unlike(changes, np.array([cost for cost, _ in ways_on])):
+    routes_on = _routes_on(condition, shapes, changes, depths, task)
+    for k in _unlike(changes, np.array([cost for cost, _ in routes_on])):
         task.demands.progress.check()
-        back = _way_back(simulator, shapes, changes.chosen([k]), depths[k], along[k], task)
+        back = _route_back(simulator, shapes, changes.chosen([k]), depths[k], along[k], task)
         if back is None:
             continue
         guess = with_free_end(simulator, changes.ends[k])
         shape = simulator.solve(guess.gripper, guess)
-        found = condition.from_end(shape, depths[k]) if shape.converged else None
-        if found is not None:
-            yield Change(*found, back, ways_on[k][1])
+        solved = condition.from_end(shape, depths[k]) if shape.converged else None
+        if solved is not None:
+            yield Change(*solved, back, routes_on[k][1])
 
 
 def at_the_second(simulator: DirectSimulator, task: Pair,
@@ -106,7 +106,7 @@ def at_the_second(simulator: DirectSimulator, task: Pair,
 
     And their depths (m,) and directions (m, 3) in the first one.
     """
-    changes, depths = TwoPoints(simulator, task.way).last_crossings(shapes)
+    changes, depths = TwoPoints(simulator, task.chord).last_crossings(shapes)
     along = _directions(shapes, changes, simulator.rod.length - depths)
     right = (along @ task.first.normal > 0) & (changes.ends[:, :, 0] @ task.second.normal > 0)
     return changes.chosen(right), depths[right], along[right]
@@ -131,8 +131,8 @@ def _unlike(changes: Crossings, costs: Floats) -> Iterator[int]:
             yield int(k)
 
 
-def _ways_on(condition: TwoPoints, shapes: HangingShapes, changes: Crossings, depths: Floats,
-             task: Pair) -> list[tuple[float, Route | None]]:
+def _routes_on(condition: TwoPoints, shapes: HangingShapes, changes: Crossings, depths: Floats,
+               task: Pair) -> list[tuple[float, Route | None]]:
     """Return [(cost, Route or None)] of going on from each change to the deepest waypoint."""
     length, deepest = shapes.s[-1], task.depths[-1]
     if not len(changes):
@@ -141,33 +141,33 @@ def _ways_on(condition: TwoPoints, shapes: HangingShapes, changes: Crossings, de
     if deepest <= depths.min():
         return [(0.0, None)] * len(changes)
     layers = [condition.crossings(shapes, depth) for depth in grid[::-1]]
-    costs, ways = sweep(layers, np.zeros(len(layers[0])), length)
-    found: list[tuple[float, Route | None]] = []
+    costs, origins = sweep(layers, np.zeros(len(layers[0])), length)
+    routes: list[tuple[float, Route | None]] = []
     for k, depth in enumerate(depths):
         later = grid[::-1] > depth
         if not later.any():
-            found.append((0.0, None))
+            routes.append((0.0, None))
             continue
         last = int(later.sum()) - 1  # the curve right after the change, in the order of the sweep
         if last >= len(costs):
-            found.append((np.inf, None))
+            routes.append((np.inf, None))
             continue
         total = motion(changes.chosen([k]), layers[last], length)[0] + costs[last]
         best = int(np.argmin(total)) if total.size else 0
         if not total.size or not np.isfinite(total[best]):
-            found.append((np.inf, None))
+            routes.append((np.inf, None))
             continue
-        picks = picked(ways[:last], best)[::-1]
+        picks = picked(origins[:last], best)[::-1]
         grippers = [changes.grippers[k], *(layers[last - i].grippers[pick]
                                            for i, pick in enumerate(picks))]
         route = Route(np.append(depth, grid[::-1][:last + 1][::-1]), np.array(grippers),
                       changes.ends[k], length, True)
-        found.append((float(total[best]), route))
-    return found
+        routes.append((float(total[best]), route))
+    return routes
 
 
-def _way_back(simulator: DirectSimulator, shapes: HangingShapes, change: Crossings, depth: float,
-              direction: Floats, task: Pair) -> Route | None:
+def _route_back(simulator: DirectSimulator, shapes: HangingShapes, change: Crossings, depth: float,
+                direction: Floats, task: Pair) -> Route | None:
     """Return the Route from a change (Crossings of one) to where the DLO begins, or None."""
     length, first = simulator.rod.length, task.depths[0]
     if first >= depth:
@@ -175,7 +175,7 @@ def _way_back(simulator: DirectSimulator, shapes: HangingShapes, change: Crossin
     condition = Aligned(simulator, direction)
     grid = np.linspace(depth, first, _CURVES)
     layers = [change, *(condition.crossings(shapes, one) for one in grid[1:])]
-    costs, ways = sweep(layers, np.zeros(1), length)
+    costs, origins = sweep(layers, np.zeros(1), length)
     if len(costs) < len(layers):
         return None
     for best in np.argsort(costs[-1])[:_BEGINNINGS]:
@@ -183,7 +183,7 @@ def _way_back(simulator: DirectSimulator, shapes: HangingShapes, change: Crossin
             return None
         gripper = Pose.from_rotation(layers[-1].places[best], layers[-1].grippers[best])
         if gets_there(simulator, gripper, layers[-1].ends[best]):
-            picks = picked(ways, int(best))
+            picks = picked(origins, int(best))
             return Route(grid, np.array([layer.grippers[pick] for layer, pick in
                                          zip(layers, picks, strict=True)]),
                          layers[-1].ends[best], length, True)

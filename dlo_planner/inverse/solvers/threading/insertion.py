@@ -98,13 +98,13 @@ class _Insertion:
         at_tip = {0.0} if rod.tip_mass else set()
         masses = sorted(at_tip | {rod.length - s for s, mass in rod.point_masses if mass})
         stops = [_Stop(float(depths[0]), 0.0)]
-        for wanted in depths[1:]:
+        for target in depths[1:]:
             for at in masses:
-                if not stops[-1][0] <= at < wanted:
+                if not stops[-1][0] <= at < target:
                     continue
                 parts = self._parts(_Stop(at, 0.0), _Stop(at, 1.0))
                 stops += [_Stop(at, 0.0)] * (len(parts) > 0 and at > stops[-1][0]) + parts
-            stops.append(_Stop(float(wanted), 0.0))
+            stops.append(_Stop(float(target), 0.0))
         return stops
 
     def _parts(self, one: _Stop, other: _Stop) -> list[_Stop]:

@@ -30,7 +30,8 @@ from dlo_planner.inverse.solvers.threading.through_depths import Threading, thre
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.plan import Plan, PlanStatus, truncate
+from dlo_planner.plan.assembly import truncate
+from dlo_planner.plan.plan import Plan, PlanStatus
 
 _FEW = 60           # waypoints at most of a plan that is only a trial
 _CURVES = 32        # depths at which a route is looked for
@@ -147,8 +148,8 @@ def _depth(task: Threading, refused: Infeasible) -> tuple[float, bool]:
     return task.depths[refused.waypoint], refused.constraint == 'start'
 
 
-def trim_to_clearance(plan: Plan, cutout: CutOut, wanted: float, may_end: bool) -> Plan:
-    """Return the part of a Plan in which the gripper is `wanted` m before the sheet.
+def trim_to_clearance(plan: Plan, cutout: CutOut, clearance: float, may_end: bool) -> Plan:
+    """Return the part of a Plan in which the gripper is `clearance` m before the sheet.
 
     Parameters
     ----------
@@ -162,12 +163,12 @@ def trim_to_clearance(plan: Plan, cutout: CutOut, wanted: float, may_end: bool) 
     """
     rooms = np.array([(cutout.center - gripper.position) @ cutout.normal
                       for gripper in plan.grippers])
-    if (rooms >= wanted).all():
+    if (rooms >= clearance).all():
         return plan
-    index = int(np.argmax(rooms < wanted))
+    index = int(np.argmax(rooms < clearance))
     if may_end and index:
         return truncate(plan, index, PlanStatus.COMPLETE)
     raise Infeasible(f'waypoint {index} (depth {plan.depths[index]:g} m): the gripper is '
-                     f'{rooms[index]:.3g} m before the sheet, gripper_clearance = {wanted:g} m',
-                     index, 'gripper_clearance', float(wanted - rooms[index]),
+                     f'{rooms[index]:.3g} m before the sheet, gripper_clearance = {clearance:g} m',
+                     index, 'gripper_clearance', float(clearance - rooms[index]),
                      truncate(plan, index, PlanStatus.PARTIAL))

@@ -136,17 +136,17 @@ def _thread(simulator: DirectSimulator, task: CutoutSequence) -> Plan:
         task.cutouts[0], np.zeros(1), task.start, None,
         PlanRequirements(demands.speeds, demands.progress.silent())))
     shape, depth = begin.shapes[0], 0.0
-    for wanted in task.depths:
-        shape, depth = _follow(simulator, task, shape, depth, wanted)
-        if depth < wanted:
-            raise builder.refusal('equilibrium', wanted - depth, 'no stable shape was found that '
+    for target in task.depths:
+        shape, depth = _follow(simulator, task, shape, depth, target)
+        if depth < target:
+            raise builder.refusal('equilibrium', target - depth, 'no stable shape was found that '
                                   f'is nearest to the centers beyond depth {depth:g} m')
         refusal = refusal_for_leap(simulator, builder, shape)
         if refusal is not None:
             raise refusal
-        waypoint = waypoint_at(shape, centers[0], length - wanted, None)
+        waypoint = waypoint_at(shape, centers[0], length - target, None)
         for center in centers[1:]:
-            s = Through(center, length - wanted).passage(shape)
+            s = Through(center, length - target).passage(shape)
             if s > length:
                 break
             waypoint = waypoint.with_via_point(center, s)
@@ -197,8 +197,8 @@ class _NotRolled:
 
 
 def _follow(simulator: DirectSimulator, task: CutoutSequence, shape: Shape, depth: float,
-            wanted: float) -> tuple[Shape, float]:
-    """Return the Shape nearest to the centers at the depth `wanted`, and how far it came, m.
+            goal: float) -> tuple[Shape, float]:
+    """Return the Shape nearest to the centers at the depth `goal`, and how far it came, m.
 
     Parameters
     ----------
@@ -209,11 +209,11 @@ def _follow(simulator: DirectSimulator, task: CutoutSequence, shape: Shape, dept
     step = _LONGEST_STEP * length
     while True:
         task.demands.progress.check()
-        target = min(wanted, depth + step)
-        found = _nearest(simulator, _penalties(task, target, length), shape, target - depth)
-        if found is not None:
-            shape, depth = found, target
-            if depth == wanted:
+        target = min(goal, depth + step)
+        nearest = _nearest(simulator, _penalties(task, target, length), shape, target - depth)
+        if nearest is not None:
+            shape, depth = nearest, target
+            if depth == goal:
                 break
         elif step > _SHORTEST_STEP * length and target > depth:
             step /= 2

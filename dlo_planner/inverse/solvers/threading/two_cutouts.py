@@ -54,7 +54,7 @@ def thread_two(simulator: DirectSimulator, first: CutOut, second: CutOut, depths
     on the sphere of all.
     """
     task = Pair(first, second, depths, start, demands)
-    if np.linalg.norm(task.way) < 1e-6 * simulator.rod.length:
+    if np.linalg.norm(task.chord) < 1e-6 * simulator.rod.length:
         raise InvalidTask('second: expected another center than the first cut-out\'s')
     quick = quick_simulator(simulator)
     plan, change = _search(quick, task if quick is simulator else
@@ -115,7 +115,7 @@ def _changes(simulator: DirectSimulator, task: Pair,
 def _unreached(simulator: DirectSimulator, task: Pair,
                shapes: HangingShapes | None = None) -> Infeasible:
     """Return Infeasible: both centers cannot be passed at once."""
-    apart = float(np.linalg.norm(task.way))
+    apart = float(np.linalg.norm(task.chord))
     missing = max(apart - simulator.rod.length, 0.0)
     if shapes is not None:
         begin = _no_beginning(simulator, task, shapes)
@@ -123,7 +123,7 @@ def _unreached(simulator: DirectSimulator, task: Pair,
             return PlanBuilder(task.depths, task.demands).refusal(
                 begin.constraint, begin.amount, 'stable shapes pass both centers, but set down in '
                 'its natural shape the DLO falls into none that leads to them')
-        missing = TwoPoints(simulator, task.way).least_miss(shapes)
+        missing = TwoPoints(simulator, task.chord).least_miss(shapes)
     waypoint = min(int(np.searchsorted(task.depths, apart)), len(task.depths) - 1)
     return Infeasible(f'no stable shape was found that passes both centers, {apart:g} m apart, in '
                       'their directions as the free end reaches the second one', waypoint, 'reach',
@@ -152,8 +152,8 @@ def _no_beginning(simulator: DirectSimulator, task: Pair,
 
 def _straight_there(simulator: DirectSimulator, task: Pair) -> Change | None:
     """Return the Change found from a threading along the way to the second center, or None."""
-    length, apart = simulator.rod.length, float(np.linalg.norm(task.way))
-    along = CutOut(Pose.looking_along(task.first.center, task.way))
+    length, apart = simulator.rod.length, float(np.linalg.norm(task.chord))
+    along = CutOut(Pose.looking_along(task.first.center, task.chord))
     for share in np.linspace(1.0, 1.4, _GUESSES):
         depth = share * apart
         if depth >= length:
@@ -164,9 +164,9 @@ def _straight_there(simulator: DirectSimulator, task: Pair) -> Change | None:
                                                      None, PlanRequirements((1.0, 1.0))))
         except Infeasible:
             continue
-        found = TwoPoints(simulator, task.way).from_end(plan.shapes[-1], depth)
-        if found is not None:
-            return Change(*found)
+        solved = TwoPoints(simulator, task.chord).from_end(plan.shapes[-1], depth)
+        if solved is not None:
+            return Change(*solved)
     return None
 
 
@@ -175,8 +175,8 @@ def _refined(simulator: DirectSimulator, task: Pair, change: Change) -> Change |
     shape = simulator.solve(change.passing.shape.gripper, change.passing.shape)
     if not shape.converged:
         return None
-    found = TwoPoints(simulator, task.way).from_end(shape, change.depth)
-    return None if found is None else replace(change, passing=found[0], depth=found[1])
+    solved = TwoPoints(simulator, task.chord).from_end(shape, change.depth)
+    return None if solved is None else replace(change, passing=solved[0], depth=solved[1])
 
 
 def _thread_through(simulator: DirectSimulator, task: Pair, change: Change) -> Plan:
@@ -186,31 +186,31 @@ def _thread_through(simulator: DirectSimulator, task: Pair, change: Change) -> P
     along = float(direction @ task.first.normal)
     if along <= 0 and depths[0] < change.depth:  # it is passed along `direction` from the beginning
         raise _direction_refusal(PlanBuilder(depths, task.demands), 'first', along)
-    found: dict[int, Step] = {}
+    steps: dict[int, Step] = {}
     parts: tuple[tuple[Condition, Route | None, Ints], ...] = (
         (Aligned(simulator, direction), change.back, np.flatnonzero(depths < change.depth)[::-1]),
-        (TwoPoints(simulator, task.way), change.on, np.flatnonzero(depths >= change.depth)))
+        (TwoPoints(simulator, task.chord), change.on, np.flatnonzero(depths >= change.depth)))
     for condition, route, order in parts:
-        here, depth = change.passing, change.depth
+        passing, depth = change.passing, change.depth
         for index in order:
             task.demands.progress.check()
-            step = found[int(index)] = follow(condition, here, depth, depths[index], route)
+            step = steps[int(index)] = follow(condition, passing, depth, depths[index], route)
             if step.passing is None or _against(task, step.passing, step.depth) is not None:
                 break
-            here, depth = step.passing, step.depth
-        if len(found) < np.sum(depths < change.depth):
+            passing, depth = step.passing, step.depth
+        if len(steps) < np.sum(depths < change.depth):
             break  # it is refused before the change
-    return _judged(simulator, task, change, found)
+    return _judged(simulator, task, change, steps)
 
 
-def _against(task: Pair, here: Passing, depth: float) -> tuple[str, float] | None:
+def _against(task: Pair, passing: Passing, depth: float) -> tuple[str, float] | None:
     """Return the name of a cut-out that a Passing passes against its direction, and its cosine."""
-    length = here.shape.s[-1]
+    length = passing.shape.s[-1]
     passes = [('first', task.first, length - depth)]
-    if here.second is not None:
-        passes.append(('second', task.second, here.second))
+    if passing.second is not None:
+        passes.append(('second', task.second, passing.second))
     for name, cutout, s in passes:
-        along = float(here.shape.frame_at(s)[0][:, 0] @ cutout.normal)
+        along = float(passing.shape.frame_at(s)[0][:, 0] @ cutout.normal)
         if along <= 0:
             return name, along
     return None
@@ -222,12 +222,12 @@ def _direction_refusal(builder: PlanBuilder, name: str, along: float) -> Infeasi
 
 
 def _judged(simulator: DirectSimulator, task: Pair, change: Change,
-            found: dict[int, Step]) -> Plan:
+            steps: dict[int, Step]) -> Plan:
     """Return the Plan of all waypoints, or raise Infeasible at the first impossible one.
 
     Parameters
     ----------
-    found : dict[int, Step]
+    steps : dict[int, Step]
         dict of index -> (Passing or None, depth that was reached, m, leap in m).
     """
     length, builder = simulator.rod.length, PlanBuilder(task.depths, task.demands)
@@ -236,22 +236,22 @@ def _judged(simulator: DirectSimulator, task: Pair, change: Change,
     before = None
     for index, depth in enumerate(task.depths):
         missing = Step(None, change.depth, 0.0)  # the way back to it ended before it
-        here, reached, too_far = found.get(index, missing)
-        refusal = _refusal(simulator, task, builder, before, here, abs(depth - reached), too_far)
-        if refusal is not None or here is None:
+        passing, reached, too_far = steps.get(index, missing)
+        refusal = _refusal(simulator, task, builder, before, passing, abs(depth - reached), too_far)
+        if refusal is not None or passing is None:
             assert refusal is not None
             raise refusal
-        second = here.second if depth >= change.depth else None
-        waypoint = waypoint_of(here.shape, task.first.center, length - depth, None)
+        second = passing.second if depth >= change.depth else None
+        waypoint = waypoint_of(passing.shape, task.first.center, length - depth, None)
         if second is not None:
             waypoint = waypoint.with_via_point(task.second.center, second)
         builder.add(waypoint.with_clearances(cutouts, sheets, task.demands.surface))
-        before = here
+        before = passing
     return builder.finished()
 
 
 def _refusal(simulator: DirectSimulator, task: Pair, builder: PlanBuilder, before: Passing | None,
-             here: Passing | None, missing: float, too_far: float) -> Infeasible | None:
+             passing: Passing | None, missing: float, too_far: float) -> Infeasible | None:
     """Return why a Passing, or None, cannot be the next waypoint, or None.
 
     Parameters
@@ -263,18 +263,18 @@ def _refusal(simulator: DirectSimulator, task: Pair, builder: PlanBuilder, befor
     too_far : float
         Distance in m that the gripper would have to leap.
     """
-    if here is None and too_far:
+    if passing is None and too_far:
         return builder.refusal('continuity', too_far, 'the gripper would have to leap: the shapes '
                                'that pass the centers turn back there')
-    if here is None:
+    if passing is None:
         return builder.refusal('equilibrium', missing, 'no equilibrium that passes the centers was '
                                'found')
-    shape = here.shape
+    shape = passing.shape
     if shape.stability < -NEUTRAL:
         return builder.refusal('stability', -shape.stability, 'the DLO would not stay there; '
                                f'stability {shape.stability:.3g} < 0')
     depth = task.depths[len(builder.waypoints)]
-    against = _against(task, here, depth)
+    against = _against(task, passing, depth)
     if against is not None:
         return _direction_refusal(builder, *against)
-    return refusal_for_step(simulator, builder, before, here)
+    return refusal_for_step(simulator, builder, before, passing)
