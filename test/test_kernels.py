@@ -57,7 +57,7 @@ from dlo_planner.minimize.held import descend_held, led
 from dlo_planner.minimize.newton import gradient_noise, leashed_descent
 from dlo_planner.minimize.touching import touching, truth
 from dlo_planner.minimize.watching import watching
-from dlo_planner.plan import between, workspace
+from dlo_planner.plan import curve_distance, workspace
 from dlo_planner.plan.motion.oscillators import vibrated
 from dlo_planner.ritz.kinematics import point_inside
 from dlo_planner.ritz.nearest_place import nearest_place
@@ -66,8 +66,8 @@ _KINDS = 3
 KERNELS = [leashed_descent, unknowns_of, aligned_newton, integrate_from_tip, point_inside,
            passes_through, evaluate, nearest_inside, nearest, signed_distance, settled, watching,
            with_friction, descend_held, led, gradient_noise, touching, truth, move_multipliers,
-           add_sliding, gripper_answers, between._element_rooms,
-           between._distances, workspace._distances, _strains_by, response._moved,
+           add_sliding, gripper_answers, curve_distance.element_rooms,
+           curve_distance._distances, workspace._distances, _strains_by, response._moved,
            looking._points_at, vibrated, nearest_place, aligned_hanging, two_points_hanging,
            hang_rods]
 
