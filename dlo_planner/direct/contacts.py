@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dlo_planner.energy.contact import obstructed
-from dlo_planner.energy.potential import State, System
+from dlo_planner.energy.system import State, System
 from dlo_planner.minimize.touching import touching
 from dlo_planner.model.checks import integer
 from dlo_planner.model.computed import figure, results

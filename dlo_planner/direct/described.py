@@ -13,7 +13,8 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import TOLERANCE, shape_of
-from dlo_planner.energy.potential import State, System, evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import State, System, new_state
 from dlo_planner.minimize.methods import SEARCHES, beside, judged, rounding
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.newton import MOST_KICKS

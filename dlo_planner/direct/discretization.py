@@ -18,7 +18,7 @@ from dlo_planner.direct.part import Held, Part
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.effects import needs_of
 from dlo_planner.energy.loads import node_forces, node_masses, node_moments
-from dlo_planner.energy.potential import System
+from dlo_planner.energy.system import System
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.rod import Rod

@@ -10,8 +10,7 @@ import numpy as np
 
 from dlo_planner.direct.part import Held, Left, Part, Solved
 from dlo_planner.energy.hold import Hold, holds, no_hold, violation
-from dlo_planner.energy.potential import System
-from dlo_planner.energy.system import tip_wrench
+from dlo_planner.energy.system import System, tip_wrench
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.far_end import FarEnd, distance, within_reach
 from dlo_planner.model.pose import Pose

@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.energy.contact import without_hinge as without_hinge_of_contact
 from dlo_planner.energy.effects import EFFECTS
-from dlo_planner.energy.potential import System, evaluate, new_state
-from dlo_planner.energy.system import bending_energy
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import System, bending_energy, new_state
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.multipliers import constrained_newton
 from dlo_planner.model.arrays import Floats

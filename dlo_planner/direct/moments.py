@@ -14,7 +14,8 @@ import numpy as np
 
 from dlo_planner.energy.elastic import with_couples
 from dlo_planner.energy.plastic import yields
-from dlo_planner.energy.potential import System, evaluate, new_state, placed
+from dlo_planner.energy.potential import evaluate, placed
+from dlo_planner.energy.system import System, new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.model.arrays import Floats

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.energy.potential import State, System
+from dlo_planner.energy.system import State, System
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose

@@ -18,16 +18,8 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.energy.effects import fill_miss, fill_rows, row_count
-from dlo_planner.energy.potential import (
-    State,
-    System,
-    at_element,
-    evaluate,
-    new_state,
-    project,
-    unknowns_of,
-)
-from dlo_planner.energy.system import unknown_count
+from dlo_planner.energy.potential import at_element, evaluate, project, unknowns_of
+from dlo_planner.energy.system import State, System, new_state, unknown_count
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import add_sliding

@@ -19,8 +19,8 @@ from dlo_planner.direct.leading import grip_before, lead, parts_between
 from dlo_planner.direct.part import Solved
 from dlo_planner.direct.statics import equilibrium, solve
 from dlo_planner.energy.depth import depth
-from dlo_planner.energy.distance import Scene
 from dlo_planner.energy.potential import placed
+from dlo_planner.energy.scene import Scene
 from dlo_planner.model.along import scaled
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose

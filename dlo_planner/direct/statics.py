@@ -18,8 +18,9 @@ from dlo_planner.direct.part import Solved
 from dlo_planner.direct.proof import CONVERGED, proved, stored_after
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.state import State
-from dlo_planner.energy.potential import State as KernelState
-from dlo_planner.energy.potential import System, unknowns_of
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.energy.system import State as KernelState
+from dlo_planner.energy.system import System
 from dlo_planner.minimize.hanging import hang
 from dlo_planner.minimize.methods import search
 from dlo_planner.minimize.minimum import Minimum

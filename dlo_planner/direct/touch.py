@@ -13,8 +13,8 @@ from dlo_planner.direct.part import Held, Left, Part, Solved
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import Contact, Contacts, obstructed
 from dlo_planner.energy.friction import trial_force
-from dlo_planner.energy.potential import State, System
 from dlo_planner.energy.scene import Scene, build_scene
+from dlo_planner.energy.system import State, System
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.surface import Surface

@@ -29,11 +29,12 @@ from dlo_planner.energy.elastic import purely_elastic
 from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.plastic import Layers
-from dlo_planner.energy.potential import State, System, evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import State, System, new_state
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.linear import Hessian
 from dlo_planner.minimize.multipliers import constrained_newton, firm
-from dlo_planner.minimize.newton import residual_of
+from dlo_planner.minimize.residual import residual_of
 from dlo_planner.model.arrays import Floats
 
 if TYPE_CHECKING:  # it imports this module
