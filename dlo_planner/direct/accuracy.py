@@ -124,7 +124,7 @@ def accurate_equilibrium(first: Discretization, fine: str, accuracy: float, grip
     most : float, optional
         As in `step`.
     """
-    discretization = _to_begin_with(first, fine, accuracy, initial, history)
+    discretization = mesh_to_begin_with(first, fine, accuracy, initial, history)
     around, kicks = first.surroundings, 0
     if far_end is not None and around.obstacles and initial is None:
         discretization = _fine_enough(discretization, fine)
@@ -189,12 +189,14 @@ def first_mesh(surroundings: Surroundings, basis: str) -> Discretization:
     return Discretization(surroundings, s, basis, _FIRST_TERMS)
 
 
-def _to_begin_with(first: Discretization, fine: str, accuracy: float, initial: Shape | None,
-                   history: History | None) -> Discretization:
+def mesh_to_begin_with(first: Discretization, fine: str, accuracy: float | None,
+                       initial: Shape | None, history: History | None) -> Discretization:
     """Return the Discretization to begin with: in these surroundings, on the mesh of `initial`.
 
     A permanent set stays on its mesh: on another one it would be averaged.
     """
+    if accuracy is None:
+        return first
     around, known = first.surroundings, None if initial is None else initial.state.mesh
     if history is not None and (known is None or not same(known.rod, around.rod)):
         initial = known = None  # the set is the simulator's

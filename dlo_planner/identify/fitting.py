@@ -24,7 +24,7 @@ from dlo_planner.direct.simulator import DirectSimulator, known_options
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.identify.likelihood import LOSSES, Errors, Statistics
 from dlo_planner.identify.observation import Observation, ObservedMotion
-from dlo_planner.identify.observed import Observed
+from dlo_planner.identify.observed import ROUGHLY, Observed
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, flag, instance, items, number
@@ -205,7 +205,8 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
     begin = None
     for mesh in meshes[_first_mesh(rod, observations, motions, options, meshes):]:
         observed = Observed(unknowns, observations, motions, pose, {**mesh, **options}, steps)
-        observed.choose_steps(np.append(unknowns.begin, np.zeros(observed.size - unknowns.size)))
+        observed.choose_steps(np.append(unknowns.begin, np.zeros(observed.size - unknowns.size)),
+                              ROUGHLY)
         errors = Errors(observed, unknowns.prior(prior), noise, rho, scale)
         found, statistics = _found(observed, errors, steps, begin)
         if _exact(observed.at(found.x).shapes[:len(observations)], rod):
@@ -221,14 +222,21 @@ def _found(observed: Observed, errors: Errors, steps: Progress,
     poses = np.zeros(observed.size - unknowns.size)
     stiff, first = np.append(unknowns.stiff, poses), np.append(unknowns.begin, poses)
     if begin is not None:
+        observed.choose_steps(begin)
         return errors.settled(errors.minimum(begin))
     if not observed.at(first).any:
         raise NotConverged('rod: no equilibrium was found for any observation with the first guess')
-    searches, starts = [], _STARTS if stiff.any() else _STARTS[:1]
-    for shift in starts:
-        searches.append(errors.minimum(first + shift * stiff))
+    starts = [first + shift * stiff for shift in (_STARTS if stiff.any() else _STARTS[:1])]
+    if observed.motions:  # they are costly: only the best start is followed, with few steps first
+        starts = [min(starts, key=errors.cost)]
+    searches = []
+    for start in starts:
+        searches.append(errors.minimum(start))
         steps.done(len(searches), len(starts) + 1)
-    found, statistics = errors.settled(min(searches, key=lambda search: search.cost))
+    best = min(searches, key=lambda search: search.cost)
+    if observed.choose_steps(best.x):
+        best = errors.minimum(best.x)
+    found, statistics = errors.settled(best)
     steps.done(len(starts) + 1, len(starts) + 1)
     return found, statistics
 

@@ -19,9 +19,10 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium, shape_of
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.energy.distance import Scene, signed_distance
+from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.potential import placed
 from dlo_planner.energy.rolling import along_the_dlo
+from dlo_planner.energy.scene import Scene
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.solvers.hanging.marching import hanging
 from dlo_planner.minimize.minimum import Minimum

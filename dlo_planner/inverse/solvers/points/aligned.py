@@ -115,11 +115,11 @@ def aligned_newton(system: System, q: Floats, element: int, fraction: float, nor
         right[2] = -miss[2]
         if abs(np.linalg.det(rows)) < 1e-14:
             break
-        turn = np.linalg.solve(rows, right)
+        turn: Floats = np.linalg.solve(rows, right)
         step = answers[3]
         for column in range(3):
             step += turn[column] * answers[column]
-        size = max(float(np.sqrt(dot(turn, turn))), largest_turn(here, hessian, step))
+        size = max(np.sqrt(dot(turn, turn)), largest_turn(here, hessian, step))
         if not np.isfinite(size):
             break
         portion = min(1.0, _LARGEST_TURN / size) if size > 0 else 1.0
