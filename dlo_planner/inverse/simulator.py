@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inverse simulator: from a task to gripper poses."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from dlo_planner.deprecated import renamed, renamed_arguments
@@ -10,6 +11,7 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.shorthands import Shorthands
+from dlo_planner.inverse.solvers.penalty_function import Penalty
 from dlo_planner.inverse.solvers.search import PenaltyResult
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks import Minimize
@@ -49,12 +51,11 @@ class InverseSimulator(Shorthands):
 
     PARTS = ('simulator', 'requirements', '_given')
 
-    simulator: DirectSimulator
-    workspace: Workspace | None
+    _given: DirectSimulator
 
     @renamed_arguments(may_yield='allow_plastic')
     def __init__(self, simulator: DirectSimulator, *, workspace: Workspace | None = None,
-                 allow_plastic: bool = True):
+                 allow_plastic: bool = True) -> None:
         clamping('simulator', simulator)
         instance('workspace', workspace, Workspace, optional=True)
         if simulator.method != 'newton':
@@ -71,7 +72,7 @@ class InverseSimulator(Shorthands):
         """Where the gripper may be, if the requirements of a plan do not say otherwise."""
         return self.requirements.workspace
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, repr(self.simulator), '' if self.workspace is None else
                      repr(self.workspace))
 
@@ -111,8 +112,9 @@ class InverseSimulator(Shorthands):
 
     minimise_penalty = renamed('minimise_penalty', 'minimize_penalty')
 
-    def minimize_penalty(self, penalties: object, start: Pose, *, initial: Shape | None = None,
-                         max_iterations: int = 200, progress: OnProgress = None,
+    def minimize_penalty(self, penalties: Penalty | Sequence[Penalty], start: Pose, *,
+                         initial: Shape | None = None, max_iterations: int = 200,
+                         progress: OnProgress = None,
                          deadline: float | None = None) -> PenaltyResult:
         """Return what `minimize_penalty` finds for this simulator (paper, section 5.1).
 
@@ -128,9 +130,9 @@ class InverseSimulator(Shorthands):
         task = Minimize(penalties, max_iterations)
         context = self._context(task, instance('start', start, Pose), initial,
                                 replace(self.requirements, deadline=deadline), progress)
-        found = task.result(context)
-        context.builder([0.0]).add(Waypoint(found.shape))
-        return found
+        result = task.result(context)
+        context.builder([0.0]).add(Waypoint(result.shape))
+        return result
 
     def check(self, plan: Plan, *, progress: OnProgress = None,
               deadline: float | None = None) -> Plan:

@@ -4,13 +4,14 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.plain_tasks import from_plain, to_plain
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, row, shown
 from dlo_planner.model.value import Value
 from dlo_planner.plan.plan import Plan
@@ -50,7 +51,7 @@ class Task(Value, ABC):
             There is no such plan; carries what there is of it.
         """
 
-    def to_dict(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the task as dicts, lists, numbers and strings, for JSON and YAML.
 
         Each value in it is a dict that says its class under 'type'; a Pose is {'position',
@@ -61,10 +62,11 @@ class Task(Value, ABC):
         InvalidTask
             It holds a function, which cannot be written.
         """
-        return to_plain(self)
+        content: dict[str, Any] = to_plain(self)
+        return content
 
     @classmethod
-    def from_dict(cls, content: Mapping) -> 'Task':
+    def from_dict(cls, content: Mapping[str, Any]) -> 'Task':
         """Return the task that `to_dict` has written, of any class that has been imported.
 
         Raises
@@ -78,7 +80,7 @@ class Task(Value, ABC):
         return task
 
 
-def depths_or_none(name: str, depths: object) -> np.ndarray | None:
+def depths_or_none(name: str, depths: object) -> Floats | None:
     """Return depths (n,) that do not decrease, m; or None, which stands for `depths_on`."""
     if depths is None:
         return None
@@ -89,7 +91,7 @@ def depths_or_none(name: str, depths: object) -> np.ndarray | None:
     return depths
 
 
-def depths_on(length: float, depths: np.ndarray | None) -> np.ndarray:
+def depths_on(length: float, depths: Floats | None) -> Floats:
     """Return the depths (n,) of a task on a DLO of this length, m; None: 40 to 0.95 L.
 
     Raises

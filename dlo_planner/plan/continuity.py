@@ -101,16 +101,16 @@ def gripper_motion(one: Pose, other: Pose, length: float) -> float:
     return angle_between(one.rotation, other.rotation) + float(shift) / length
 
 
-def refusal_for_leap(simulator: DirectSimulator, draft: PlanBuilder,
+def refusal_for_leap(simulator: DirectSimulator, builder: PlanBuilder,
                      shape: Shape) -> Infeasible | None:
     """Return Infeasible if the next waypoint of a PlanBuilder cannot have this Shape, else None."""
-    away = discontinuity(simulator, draft.last, shape)
+    away = discontinuity(simulator, builder.last, shape)
     if not away:
         return None
-    if not draft.waypoints:
-        why = ('set down there in its natural shape' if draft.last is None
+    if not builder.waypoints:
+        why = ('set down there in its natural shape' if builder.last is None
                else 'brought there from its initial shape')
-        return draft.refusal('start', away, 'a stable shape does the task, but the DLO, '
-                             f'{why}, falls into another one')
-    return draft.refusal('continuity', away, 'the DLO would fall into another shape on the way '
-                         'there; closer waypoints may help')
+        return builder.refusal('start', away, 'a stable shape does the task, but the DLO, '
+                               f'{why}, falls into another one')
+    return builder.refusal('continuity', away, 'the DLO would fall into another shape on the way '
+                           'there; closer waypoints may help')

@@ -5,24 +5,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
-from os import PathLike
 from typing import Any
 
 import numpy as np
 
-from dlo_planner.deprecated import renamed_fields
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
-from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.model.checks import flag, instance, items, shown
-from dlo_planner.model.computed import figure
+from dlo_planner.model.checks import instance, items, shown
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.part import before
 from dlo_planner.model.surface import Surface
-from dlo_planner.model.value import brief, put
-from dlo_planner.pictured import Reported
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.motion.in_motion import InMotion, in_motion, least_clearance, watched
 from dlo_planner.plan.motion.limits import Limits
@@ -31,7 +24,7 @@ from dlo_planner.plan.passing import means_to_touch
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import OnProgress, Progress
-from dlo_planner.verify.report_storage import report_arrays, report_contents
+from dlo_planner.verify.report import ValidationReport
 
 _AS_PLANNED = 0.01  # of the length: shapes that are farther from the planned ones are others
 _MAY_BE_LEFT_OUT = ('position_error', 'misalignment', 'clearance', 'max_tracking_error', 'swing',
@@ -40,134 +33,12 @@ _MAY_BE_LEFT_OUT = ('position_error', 'misalignment', 'clearance', 'max_tracking
                     'workspace_margin', 'mode_margin')
 
 
-@renamed_fields(miss='position_error', dynamic_miss='max_tracking_error')
-@dataclass(frozen=True, eq=False, repr=False)
-class Report(Reported):
-    """Result of a direct simulation of a plan: worst values over all waypoints, or in motion.
-
-    A figure that was not computed is nan, and `not_looked_at` names it.
-
-    The figures of a motion that could not be simulated to its end are infinitely bad.
-
-    Attributes
-    ----------
-    converged : bool
-        Every pose has an equilibrium that continues the one before, and it is the one of the plan:
-        its `deviation` is below 1 % of the length.
-    miss : float
-        Distance of the DLO from a center that it should pass, m.
-    misalignment : float
-        Angle between the DLO and a normal along which it should pass, rad.
-    residual : float
-        Largest residual of the shapes.
-    stability : float
-        Least stability of the shapes.
-    bend_margin : float
-        Least bend margin of the shapes, 1/m.
-    contact_force : float
-        Largest force of one contact with the simulator's obstacles, N.
-    clearance : float
-        Clearance in m to the sized cut-outs of the plan and the obstacles given.
-    deviation : float
-        Largest distance between the shapes found and those of the plan, m.
-    dynamic_miss : float
-        `InMotion.miss`, m; here and below the worse of two motions: with the rod's damping, and
-        without any.
-    dynamic_clearance : float
-        `InMotion.clearance`, m.
-    dynamic_contact_force : float
-        `InMotion.contact_force`, N.
-    swing : float
-        `InMotion.swing`, m.
-    arrival : float
-        `InMotion.arrival`, m.
-    departure : float
-        `InMotion.departure`, m.
-    duration : float
-        `InMotion.duration`, s.
-    step : float
-        `InMotion.step`, s.
-    workspace_margin : float
-        Least distance of the gripper from the limits of its workspace, m.
-    mode_margin : float
-        See `Trajectory`.
-    tolerance : float
-        Tolerance in m, of `trajectory`.
-    trajectory : Trajectory or None
-        Trajectory that was looked at, the one to be executed. If None, there was none.
-    reason : str
-        Why the trajectory must not be executed; empty if it may be.
-    not_looked_at : tuple of str
-        Names of the figures that are nan.
-    """
-
-    converged: bool
-    position_error: float
-    misalignment: float
-    residual: float
-    stability: float
-    bend_margin: float
-    contact_force: float
-    clearance: float
-    deviation: float = np.nan
-    max_tracking_error: float = np.nan
-    swing: float = np.nan
-    arrival: float = np.nan
-    departure: float = np.nan
-    dynamic_clearance: float = np.nan
-    dynamic_contact_force: float = np.nan
-    duration: float = np.nan
-    step: float = np.nan
-    workspace_margin: float = np.nan
-    mode_margin: float = np.nan
-    tolerance: float = np.nan
-    trajectory: Trajectory | None = None
-    reason: str = 'it was not looked at in motion'
-    not_looked_at: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        put(self, converged=flag('Report.converged', self.converged),
-            **{item.name: figure(f'Report.{item.name}', getattr(self, item.name))
-               for item in fields(self) if item.type == 'float'},
-            trajectory=instance('Report.trajectory', self.trajectory, Trajectory, optional=True),
-            reason=instance('Report.reason', self.reason, str),
-            not_looked_at=items('Report.not_looked_at', self.not_looked_at, str))
-
-    def __repr__(self) -> str:
-        said = {'position_error': 'm', 'stability': '', 'clearance': 'm', 'deviation': 'm',
-                'max_tracking_error': 'm', 'swing': 'm', 'dynamic_clearance': 'm', 'duration': 's'}
-        return brief(self, 'safe' if self.safe else f'not safe: {self.reason}', *(
-            f'{name.replace("_", " ")} {getattr(self, name):.3g} {unit}'.rstrip()
-            for name, unit in said.items() if np.isfinite(getattr(self, name))))
-
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the report and its trajectory, as npz or JSON (see `Plan.save`)."""
-        save(path, report_arrays(self), 'Report')
-
-    @classmethod
-    def load(cls, path: str | PathLike[str]) -> Report:
-        """Return the Report saved at `path`.
-
-        Raises
-        ------
-        InvalidTask
-            Not such a file; the message names it.
-        """
-        result: Report = load(path, lambda arrays: cls(**report_contents(arrays)), 'Report')
-        return result
-
-    @property
-    def safe(self) -> bool:
-        """Whether `trajectory` may be executed: the DLO follows it calmly and touches nothing."""
-        return not self.reason
-
-
 def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstacle] = (),
            limits: Limits | None = None, tolerance: float | None = None,
            trajectory: Trajectory | None = None, workspace: Workspace | None = None,
            initial: Shape | None = None, progress: OnProgress = None,
-           deadline: float | None = None) -> Report:
-    """Simulate a Plan, and return the Report.
+           deadline: float | None = None) -> ValidationReport:
+    """Simulate a Plan, and return the ValidationReport.
 
     If a motion cannot be made calm, the report is of the motion within limits alone, not `safe`.
 
@@ -237,8 +108,9 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
     if trajectory is not None:
         motion = trajectory.motion
         if motion is None or given and watched(simulator, plan, obstacles):
-            seen = in_motion(simulator, plan, trajectory, shapes[0], obstacles, steps)
-            motion = seen if motion is None else motion.worse(seen)  # it knew other obstacles
+            simulated = in_motion(simulator, plan, trajectory, shapes[0], obstacles, steps)
+            # its own motion knew other obstacles
+            motion = simulated if motion is None else motion.worse(simulated)
         figures |= {'trajectory': trajectory, 'tolerance': trajectory.tolerance,
                     'mode_margin': trajectory.mode_margin,
                     'max_tracking_error': motion.position_error,
@@ -247,7 +119,7 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
                     **{name: getattr(motion, name) for name in (
                         'swing', 'arrival', 'departure', 'duration', 'step')}}
         figures['reason'] = _reason(figures, motion, plan)
-    return Report(**figures, not_looked_at=tuple(
+    return ValidationReport(**figures, not_looked_at=tuple(
         name for name in _MAY_BE_LEFT_OUT if np.isnan(figures.get(name, np.nan))))
 
 

@@ -3,14 +3,15 @@
 """Hold the DLO in contact with an obstacle."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.solvers.contact.hold_and_slide import CONDITIONS, hold_contact
 from dlo_planner.inverse.task import MOST, Task
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, number, row
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
@@ -38,7 +39,11 @@ class HoldContact(Task):
     contact: Pose
     s: float
     condition: str | None = 'least_energy'
-    forces: np.ndarray | None = None
+    forces: Floats | None = None
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, contact: Pose, s: float, condition: str | None = 'least_energy',
+                     forces: ArrayLike | None = None) -> None: ...
 
     def __post_init__(self) -> None:
         put(self, s=number('s', self.s, above=0), forces=checked_forces(self.forces))
@@ -57,7 +62,7 @@ class HoldContact(Task):
         return hold_contact(context.simulator, self, context.start, context.demands)
 
 
-def checked_forces(forces: object) -> np.ndarray | None:
+def checked_forces(forces: object) -> Floats | None:
     """Return forces (n,) in N to be looked at, or None (all)."""
     return None if forces is None else row('forces', forces, most=MOST, above=0)
 

@@ -2,12 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bring the DLO into a shape that penalties describe."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from dlo_planner.errors import NotConverged
 from dlo_planner.inverse.context import PlanContext
-from dlo_planner.inverse.solvers.search import PenaltyResult, judged_penalties, least_penalty
+from dlo_planner.inverse.solvers.penalty_function import Penalty
+from dlo_planner.inverse.solvers.search import (
+    PenaltyResult,
+    judged_penalties,
+    least_penalty,
+)
 from dlo_planner.inverse.task import Task
 from dlo_planner.model.checks import instance, integer
 from dlo_planner.model.pose import Pose
@@ -31,8 +37,12 @@ class Minimize(Task):
     touches: ClassVar[bool] = True
     takes_initial: ClassVar[bool] = True
 
-    penalties: tuple
+    penalties: tuple[Penalty, ...]
     max_iterations: int = 200
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, penalties: Penalty | Sequence[Penalty],
+                     max_iterations: int = 200) -> None: ...
 
     def __post_init__(self) -> None:
         put(self, penalties=tuple(judged_penalties(self.penalties)),

@@ -20,6 +20,7 @@ import numpy as np
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
+from dlo_planner.plan.leg import Leg
 from dlo_planner.plan.motion.cases import Case, Passage
 from dlo_planner.plan.motion.compensation import compensated
 from dlo_planner.plan.motion.fastest import fastest_rates
@@ -28,7 +29,6 @@ from dlo_planner.plan.motion.leg_response import Response
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.motion.timed_path import smoothed
-from dlo_planner.plan.path import Leg
 
 _Supply: TypeAlias = tuple[list[list[TimeLaw]], dict[bytes, list[list[float]]],
                            Iterator[tuple[Floats, Floats]]]
@@ -125,9 +125,10 @@ def calm_law(task: LegTask, tolerance: float, begins: Sequence[Floats] | None = 
     beginning, None: at rest. `check` is called before each trial; it may raise.
     """
     begins = task.rest if begins is None else begins
-    found = sorted(_candidates(task, tolerance, begins, check), key=lambda one: one[0].duration)
+    candidates = sorted(_candidates(task, tolerance, begins, check),
+                        key=lambda one: one[0].duration)
     best, least = None, np.inf
-    for law, shifted in _trials(found, tolerance):
+    for law, shifted in _trials(candidates, tolerance):
         check()
         kept = _within_limits(task, law, begins, shifted)
         used = predicted(task, kept, begins)
@@ -156,14 +157,14 @@ def _candidates(task: LegTask, tolerance: float, begins: Sequence[Floats],
     return [one for pair in zip(sets, known, strict=False) for one in zip(*pair, strict=True)]
 
 
-def _trials(found: Iterable[tuple[TimeLaw, float]],
+def _trials(candidates: Iterable[tuple[TimeLaw, float]],
             tolerance: float) -> Iterator[tuple[TimeLaw, bool]]:
     """Yield laws, by their durations, that may do, and whether with a shift.
 
     At first the quickest, then ever calmer ones.
     """
     tried, calmer, least = 0, [], np.inf
-    for law, off in found:
+    for law, off in candidates:
         if off <= tolerance:
             yield law, False
         elif off <= _FAR * tolerance and tried < _TRIALS:

@@ -27,10 +27,10 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.leg import Leg
 from dlo_planner.plan.motion.fastest import Bearing
-from dlo_planner.plan.motion.oscillators import vibrated
+from dlo_planner.plan.motion.oscillators import Oscillators, vibrated
 from dlo_planner.plan.motion.time_law import TimeLaw
-from dlo_planner.plan.path import Leg
 
 _PLACES = 17      # on a leg, at least, where modes are known
 _MODES = 5
@@ -128,10 +128,8 @@ class Response:
         """Return the Response with all frequencies times a factor."""
         return replace(self, rates=factor * self.rates)
 
-    def oscillators(self, law: TimeLaw) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        """Return times (t + 1,), parameters (t + 1,), rates and damping (t, m), turns (t, m, m).
-
-        The last three are those of `vibrated`.
+    def oscillators(self, law: TimeLaw) -> Oscillators:
+        """Return the Oscillators that a time law excites.
 
         Parameters
         ----------
@@ -144,8 +142,9 @@ class Response:
         place = np.clip(np.searchsorted(self.parameters, middle) - 1, 0, len(self.turning) - 1)
         half = 0.5 * np.diff(u)[:, None, None] * self.turning[place]
         one = np.eye(half.shape[1])
-        return (times, u, self.between(self.rates, middle),
-                self.between(self.damping, middle), np.linalg.solve(one + half, one - half))
+        return Oscillators(times, u, self.between(self.rates, middle),
+                           self.between(self.damping, middle),
+                           np.linalg.solve(one + half, one - half))
 
     def excited(self, law: TimeLaw, begin: Floats) -> tuple[Floats, Floats, Floats]:
         """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
@@ -184,9 +183,9 @@ class Response:
             y and y'/w at its end.
         """
         moved = end * np.stack([np.ones(len(before.rates[-1])), before.rates[-1]])
-        here = moved @ np.einsum('k,ski,mki->sm', self.masses, before.displacements[-1],
-                                 self.displacements[0])
-        result: Floats = here / np.stack([np.ones(len(self.rates[0])), self.rates[0]])
+        transferred = moved @ np.einsum('k,ski,mki->sm', self.masses, before.displacements[-1],
+                                        self.displacements[0])
+        result: Floats = transferred / np.stack([np.ones(len(self.rates[0])), self.rates[0]])
         return result
 
     def waited(self, end: Floats, seconds: float) -> Floats:

@@ -116,22 +116,22 @@ class Trajectory(TimedPath):
         search = _Search(plan, TimedPath(path, laws, limits), tolerance,
                          _simulator(simulator, plan), initial or plan.shapes[0],
                          items('obstacles', obstacles, OBSTACLES), Progress(progress, deadline))
-        way, motion, spare = search.found()
+        timed, motion, spare = search.run()
         put(self, motion=motion, mode_margin=spare,
-            **{name: getattr(way, name) for name in ('laws', 'starts', 'duration')})
+            **{name: getattr(timed, name) for name in ('laws', 'starts', 'duration')})
 
     def __repr__(self) -> str:
-        said = '' if self.motion is None else f'miss {self.motion.position_error:.2g} m'
-        return brief(self, f'{self.duration:.4g} s', f'{len(self.path.legs)} legs', said)
+        miss = '' if self.motion is None else f'miss {self.motion.position_error:.2g} m'
+        return brief(self, f'{self.duration:.4g} s', f'{len(self.path.legs)} legs', miss)
 
 
 def restored(path: GripperPath, laws: tuple[TimeLaw | None, ...], limits: Limits,
              tolerance: float, motion: InMotion | None, mode_margin: float) -> Trajectory:
     """Return a saved Trajectory from its attributes, without a search."""
-    way = Trajectory.__new__(Trajectory)
-    TimedPath.__init__(way, path, laws, limits)
-    put(way, tolerance=tolerance, motion=motion, mode_margin=mode_margin)
-    return way
+    trajectory = Trajectory.__new__(Trajectory)
+    TimedPath.__init__(trajectory, path, laws, limits)
+    put(trajectory, tolerance=tolerance, motion=motion, mode_margin=mode_margin)
+    return trajectory
 
 
 class _Search:
@@ -166,19 +166,19 @@ class _Search:
         # as planned, nan if there is nothing to be near to
         self._room = least_clearance(plan, self._obstacles, Surface.of(rod), plan.shapes)
 
-    def found(self) -> tuple[TimedPath, InMotion, float]:
+    def run(self) -> tuple[TimedPath, InMotion, float]:
         """Return the TimedPath, its InMotion, and the part by which frequencies may be off."""
         aim, slower = self._tolerance, 1.0
         what, least, duration = '', np.inf, np.inf
         for _ in range(_ROUNDS):
-            way, known = self._way(aim, slower)
-            motion = self._moved(way)
+            timed, known = self._timed(aim, slower)
+            motion = self._moved(timed)
             name, used = self._used(motion)
             if used <= 1:
-                return way, motion, self._margin(way, motion)
+                return timed, motion, self._margin(timed, motion)
             if not what or used < least:
-                what, least, duration = name, used, way.duration
-            if way.duration > _SLOWEST * self._fastest.duration:
+                what, least, duration = name, used, timed.duration
+            if timed.duration > _SLOWEST * self._fastest.duration:
                 break
             # lower than what this way seemed to keep: else the same one would be found again
             kept = max((one for one in known if one <= aim), default=aim)
@@ -192,7 +192,7 @@ class _Search:
             f'best, in {duration:.3g} s: expected at most {self._tolerance:.3g} m',
             len(self._plan) - 1, what, float((least - 1) * self._tolerance), self._plan)
 
-    def _way(self, aim: float, slower: float) -> tuple[TimedPath, list[float]]:
+    def _timed(self, aim: float, slower: float) -> tuple[TimedPath, list[float]]:
         """Return a TimedPath, and the largest deviations of its legs as far as modes tell, m."""
         laws: list[TimeLaw | None] = []
         known: list[float] = []
@@ -213,10 +213,10 @@ class _Search:
                     states = before.waited(states, np.ptp(leg.knots))
         return TimedPath(self._fastest.path, tuple(laws), self._fastest.limits), known
 
-    def _moved(self, way: TimedPath) -> InMotion:
-        found = [in_motion(simulator, self._plan, way, self._first, self._obstacles, self._progress)
-                 for simulator in self._simulators]
-        return found[0] if len(found) == 1 else found[0].worse(found[1])
+    def _moved(self, timed: TimedPath) -> InMotion:
+        motions = [in_motion(simulator, self._plan, timed, self._first, self._obstacles,
+                             self._progress) for simulator in self._simulators]
+        return motions[0] if len(motions) == 1 else motions[0].worse(motions[1])
 
     def _used(self, motion: InMotion) -> tuple[str, float]:
         """Return the name of what uses most of the tolerance, and which part of it."""
@@ -241,9 +241,9 @@ class _Search:
         """Return by how much a motion misses more than the plan, m; nan without a center."""
         return float(motion.position_error - self._plan.position_error.max())
 
-    def _margin(self, way: TimedPath, motion: InMotion) -> float:
+    def _margin(self, timed: TimedPath, motion: InMotion) -> float:
         """Return by which part frequencies may be off until the miss is twice the tolerance."""
-        known = [(task, law) for task, law in zip(self._tasks, way.laws, strict=True)
+        known = [(task, law) for task, law in zip(self._tasks, timed.laws, strict=True)
                  if task is not None and law is not None]
         if not known:
             return np.nan

@@ -22,8 +22,9 @@ from dlo_planner import (
     concatenate,
     replay,
 )
+from dlo_planner.plan.motion.feed import Feed
 from dlo_planner.plan.motion.in_motion import in_motion
-from dlo_planner.plan.motion.inserted import Feed, pushed
+from dlo_planner.plan.motion.inserted import Instants, pushed
 from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.progress import Progress
 
@@ -57,7 +58,8 @@ def test_the_gripper_accelerates_all_of_the_mass():
     depths = 0.5 * rate * times**2
     grippers = [Pose((depth, 0, 0), (0, 0, 0, 1)) for depth in depths]
     feed = Feed(direct, mouth, times, depths, np.zeros(times.size))
-    outside = pushed(feed, grippers, times, times[1], direct.solve(grippers[0]), None, Progress())
+    outside = pushed(feed, Instants(grippers, times, times[1]), direct.solve(grippers[0]), None,
+                     Progress())
     assert outside.converged and outside.shapes[-1].s[-1] < 0.7
     mass = 0.05 + 0.03 + 0.02
     pushes = np.array([shape.gripper_wrench for shape in outside.shapes[2:]])

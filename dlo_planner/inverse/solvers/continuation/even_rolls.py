@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.inverse.solvers.continuation.following import Passing, Task
+from dlo_planner.inverse.solvers.continuation.following import Condition, Passing
+from dlo_planner.model.arrays import Floats
 
 _FIRM = (1e3, 1e2, 1e1, 1.0)  # how much smoothness counts: features of 35 to 6 waypoints go
 _NO_ROLL = 1e-3               # rad between two waypoints
@@ -31,19 +32,20 @@ class EvenRolls:
         Rotation about the free axis at each depth, rad.
     """
 
-    depths: np.ndarray
-    turned: np.ndarray
+    depths: Floats
+    turned: Floats
 
-    def roll(self, task: Task, here: Passing, depth: float, target: float) -> float:
+    def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:
         """Return the roll (rad) to make on the way from one depth to another, m."""
-        del task, here
+        del condition, passing
         return float(np.diff(np.interp((depth, target), self.depths, self.turned))[0])
 
 
-def even_rolls(task: Task, depths: np.ndarray, passings: Sequence[Passing]) -> Iterator[EvenRolls]:
+def even_rolls(condition: Condition, depths: Floats,
+               passings: Sequence[Passing]) -> Iterator[EvenRolls]:
     """Yield ever less even rolls along those that are made between n Passings at n depths."""
     rolls = [Rotation.from_matrix(after.shape.gripper.rotation @ before.shape.gripper.rotation.T)
-             .as_rotvec() @ task.axis(before.shape)
+             .as_rotvec() @ condition.axis(before.shape)
              for before, after in zip(passings, passings[1:], strict=False)]
     if len(rolls) < 2 or np.abs(rolls).max() < _NO_ROLL:
         return

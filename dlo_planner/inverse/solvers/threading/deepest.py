@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The deepest that a threading comes, where not all the depths asked for can be reached."""
+"""The deepest that a threading comes, where not all the depths task for can be reached."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,7 +16,7 @@ _HALVINGS = 6  # of the depth between the last waypoint that is reached and the 
 def deepest(planned: Callable[[np.ndarray], Plan], depths: np.ndarray) -> Plan:
     """Return the Plan of as many of the depths as can be reached, and of the deepest found.
 
-    Its `fraction` is that depth as a part of the last one asked for.
+    Its `fraction` is that depth as a part of the last one task for.
 
     Parameters
     ----------
