@@ -47,7 +47,6 @@ EXCEPTIONS = {
         'dlo_planner/direct/shape.py:Shape.for_kernels': 4,
         'dlo_planner/energy/yielding.py:_along': 4,
         'dlo_planner/energy/yielding.py:_fibers': 4,
-        'dlo_planner/identify/smoothing.py:Search._told': 4,
     },
     'file': {
         'dlo_planner/direct/discretization.py': 320,
@@ -57,8 +56,6 @@ EXCEPTIONS = {
         'dlo_planner/direct/stepping.py': 360,
         'dlo_planner/energy/distance.py': 400,
         'dlo_planner/energy/potential.py': 310,
-        'dlo_planner/identify/smoothing.py': 310,
-        'dlo_planner/identify/steering.py': 320,
         'dlo_planner/minimize/contact_forces.py': 340,
         'dlo_planner/minimize/newton.py': 310,
         'dlo_planner/model/checks.py': 310,
