@@ -136,8 +136,9 @@ class Observer(Value):
             raise InvalidTask(f'observation.s: expected 0 to the length {length:g} m')
         noise = self.noise if noise is None else number('noise', noise, above=0)
         sway = self.sway if sway is None else number('sway', sway, minimum=0)
-        found = Search(self, estimate, observation, elapsed * self.drift**2, noise, sway).found()
-        return replace(estimate, converged=False) if found is None else found
+        search = Search(self, estimate, observation, elapsed * self.drift**2, noise, sway)
+        after = search.estimate()
+        return replace(estimate, converged=False) if after is None else after
 
     def see_cutout(self, estimate: Estimate, stated: ArrayLike, seen: ArrayLike,
                    noise: float | None = None) -> Estimate:

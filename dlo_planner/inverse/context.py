@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a task is solved with: the DLO, where it is now, and what its plan has to keep."""
+"""The context in which a task is solved: the DLO, its present state, the demands on its plan."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -26,14 +26,14 @@ _FASTEST = 1e6   # lengths of the DLO and rad per s: times of a plan have to dif
 
 @dataclass(frozen=True)
 class PlanContext:
-    """What a task's `solve` is given.
+    """The argument of a task's `solve`.
 
     Attributes
     ----------
     given : DirectSimulator
         DirectSimulator of the DLO, which may yield; its obstacles count.
     simulator : DirectSimulator
-        The same, elastic: what plans are made with.
+        The same, elastic: plans are made with it.
     start : Pose or None
         Pose of the gripper now. If None, not known.
     initial : Shape or None

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The penalty of a stretch of the DLO that turns away from a direction."""
+"""A penalty on a stretch of the DLO whose tangent leaves a direction."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a shape should be like, as penalties: the sum of the squares of their residuals counts.
+"""Penalties: what a shape should be like. The sum of the squares of their residuals counts.
 
 Each has  residuals(shape) -> (k,)  and  slopes(shape, sensitivity) -> (k, 6), derivatives by
 rotation (rad) and displacement (m) of the gripper, with the `Sensitivity` of the shape. Where
@@ -24,7 +24,7 @@ from dlo_planner.model.checks import direction, instance, items, vector
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
-from dlo_planner.plan.clearance import nearest
+from dlo_planner.plan.nearest import nearest
 from dlo_planner.ritz.nearest_place import nearest_place
 from dlo_planner.ritz.rotation import turn_between
 
@@ -93,7 +93,7 @@ class DirectionAt(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GripperNear(Value):
-    """The gripper stays near a pose: weak, it makes an answer unique that is not.
+    """The gripper stays near a pose. With a small weight it makes an ambiguous answer unique.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ class GripperNear(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Through(Value):
-    """The DLO passes a point, wherever along it; a DLO that ends before aims at it, straight on.
+    """The DLO passes a point at any arc length; a DLO that ends before it is extended straight.
 
     Attributes
     ----------
@@ -153,7 +153,7 @@ class Through(Value):
         super().__post_init__()
 
     def passage(self, shape: Shape) -> float:
-        """Return the arc length that is nearest to the point, m; beyond L if it only aims."""
+        """Return the arc length nearest to the point, m; beyond L where the DLO ends before it."""
         judged(shape)
         return self._nearest(shape)[0]
 
@@ -164,7 +164,7 @@ class Through(Value):
         return self.weight * off
 
     def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
-        """Return (3, 6); the nearest arc length gives way."""
+        """Return (3, 6); the nearest arc length changes too."""
         judged(shape, sensitivity)
         s, (off, tangent, turn) = self._nearest(shape)
         beyond = max(s - float(shape.s[-1]), 0.0)
@@ -221,14 +221,14 @@ class AwayFrom(Value):
         return scene
 
     def residuals(self, shape: Shape) -> Floats:
-        """Return what is missing of the distance, one number per body."""
+        """Return by how much the distance is too small, one number per body."""
         judged(shape)
         gaps = np.array([gap for gap, _, _ in nearest(self._scene, shape)])
         missing: Floats = self.weight * np.maximum(self.distance - gaps, 0.0)
         return missing
 
     def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
-        """Return (bodies, 6): the nearest point stays the nearest to first order."""
+        """Return (bodies, 6); to first order the same point stays the nearest."""
         judged(shape, sensitivity)
         return np.array([-self.weight * (normal @ sensitivity.at(s)[3:]) * (gap < self.distance)
                          for gap, s, normal in nearest(self._scene, shape)]).reshape(-1, 6)

@@ -43,7 +43,7 @@ def weight_of(penalty: Weighted) -> float:
 
 
 def judged(shape: Shape, *sensitivity: Sensitivity) -> None:
-    """Raise InvalidTask for what is no Shape, or a Sensitivity of another one."""
+    """Raise InvalidTask unless these are a Shape and, if given, its Sensitivity."""
     instance('shape', shape, Shape)
     for one in sensitivity:
         if instance('sensitivity', one, Sensitivity).shape.s.size != shape.s.size:
@@ -51,6 +51,6 @@ def judged(shape: Shape, *sensitivity: Sensitivity) -> None:
 
 
 def cross_matrix(v: Floats) -> Floats:
-    """Return the matrix (3, 3) that makes the change of a vector (3,) of a rotation: turn x v."""
+    """Return the matrix (3, 3) of turn x v, the change of a vector v (3,) by a rotation `turn`."""
     x, y, z = v.tolist()
     return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])

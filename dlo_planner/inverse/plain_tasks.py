@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Tasks as plain Python and back: each value says its class, so that nothing has to be guessed."""
+"""Tasks as plain Python and back: each value names its class, so that nothing is guessed."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
@@ -21,7 +21,7 @@ _POSE = {'position', 'quaternion'}
 
 
 def to_plain(content: object) -> Any:
-    """Return a content as dicts, lists, numbers, strings, truth values and None.
+    """Return a content as dicts, lists, numbers, strings, booleans and None.
 
     Raises
     ------

@@ -45,7 +45,7 @@ def constrained_newton(system: System, q: Floats, tolerance: float, max_iteratio
     if obstructed(system.contact):
         *found, settled, violation = touch_down(system, q, _COARSER * tolerance, exact,
                                                 max_iterations, check, previous)
-        return Minimum(*found, settled, violation)
+        return Minimum(*found, settled, violation)  # type: ignore[call-arg]
     if holds(system.hold) or hinged(system):
         return held_newton(system, q, tolerance, exact, max_iterations, check)
     return newton(system, q, tolerance, max_iterations, check)
@@ -68,7 +68,7 @@ def carried_newton(system: System, start: tuple[Floats, Bools, Floats, Floats], 
     """
     goes_on, *found, settled, violation = bear_on(system, *start, _COARSER * tolerance, exact,
                                                   max_iterations, previous)
-    return Minimum(*found, settled, violation) if goes_on else None
+    return Minimum(*found, settled, violation) if goes_on else None  # type: ignore[call-arg]
 
 
 def firm(system: System, state: State) -> System:

@@ -76,7 +76,7 @@ def concatenate(one: Plan, other: Plan) -> Plan:
 
 
 def _turns(grippers: Sequence[Pose], length: float) -> bool:
-    """Whether the way through three Poses bends; a turn by 1 rad counts as `length`."""
+    """Whether the path through three Poses bends; a turn by 1 rad counts as `length`."""
     chords = [np.concatenate([after.position - before.position, length * Rotation.from_matrix(
         after.rotation @ before.rotation.T).as_rotvec()])
         for before, after in zip(grippers, grippers[1:], strict=False)]

@@ -1,23 +1,23 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What happens between the waypoints of a plan, on the path that the gripper really takes.
+"""Checks between the waypoints of a plan, on the path that the gripper really takes.
 
-The gripper is looked at everywhere on the path (`Workspace.first_beyond`). The DLO is known at the
-waypoints; how far it can be elsewhere is bounded, and where that is not enough it is simulated
-in the middle, and so on.
+The gripper is checked everywhere on the path (`Workspace.first_beyond`). The DLO is known at the
+waypoints; in between, its distance from them is bounded. Where the bound is not sufficient, the DLO
+is simulated in the middle, and so on.
 
 The bound. A plan draws the DLO along itself and sideways, so shapes are compared as curves, each
 prolonged straight by as much as its ends have moved: delta is the distance of a point of one
 shape from the other curve, however far it went along. If the DLO went evenly from one curve to the
 other, no point of it would be farther than delta / 2 from the nearer of both. It does not go quite
-evenly: the gripper leaves the straight way by h^2/8 times the path's second derivative, which is
+evenly: the gripper leaves the straight line by h^2/8 times the path's second derivative, which is
 bounded, and a point that turns about the gripper by an angle goes along an arc of a height of
 lever angle^2/8. The lever is the point's distance from the gripper or, if that is larger, its
 motion per angle between both shapes: a DLO that is softer than stiff answers a turn by more. A
 distance from obstacles changes no more than the place does, so if it exceeds delta / 2 and both
-bulges at each point of both shapes, nothing is touched between. What is assumed, not proved, is
-that the DLO answers as it does between both ends: a jump in between is noticed where the DLO is
-simulated, and the straight way is looked at by `plan.continuity`.
+bulges at each point of both shapes, nothing is touched between. It is assumed, not
+proved, that the DLO responds alike between both ends: a jump is noticed where the DLO is simulated,
+and `plan.continuity` checks the straight motion.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _LEAP = 3.0     # motion of the DLO per lever and turn of the gripper: more is n
 
 @dataclass(frozen=True, eq=False)
 class Broken:
-    """What is broken on the way to a waypoint: its index, the constraint, by how much, in words."""
+    """A violation before a waypoint: index of the waypoint, constraint, amount, in words."""
 
     waypoint: int
     constraint: str
@@ -62,7 +62,7 @@ class Broken:
 def violation_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequence[SheetSide],
                       demands: PlanRequirements,
                       known: Sequence[float | None] | None = None) -> Broken | None:
-    """Return what a plan breaks between its waypoints as a Broken, None if nothing.
+    """Return the first violation between the waypoints of a plan, or None.
 
     Parameters
     ----------
@@ -74,9 +74,9 @@ def violation_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequen
         (Sheet, normal (3,)) around the cut-outs.
     demands : PlanRequirements
         Workspace, obstacles, surface; its simulator finds the shapes between the waypoints; without
-        one, and for shapes that are parts of its rod, the DLO is not looked at.
+        one, and for shapes that are parts of its rod, the DLO is not checked.
     known : sequence of float or None, optional
-        Least room in the sheets at each waypoint, m; what is None is computed.
+        Least room in the sheets at each waypoint, m; computed where it is None.
     """
     outside = None
     if demands.workspace is not None:
@@ -118,7 +118,7 @@ class _Look:
 
 
 class _Sweep:
-    """Goes along a path and keeps what is around the DLO."""
+    """Checks a path, leg by leg, between the waypoints."""
 
     def __init__(self, path: GripperPath, sheets: Sequence[SheetSide],
                  demands: PlanRequirements) -> None:
@@ -131,7 +131,7 @@ class _Sweep:
 
     def broken(self, shapes: Sequence[Shape], known: Sequence[float | None] | None,
                outside: Broken | None) -> Broken | None:
-        """Return the first Broken on the way to n Shapes, before the one that is `outside`."""
+        """Return the first Broken before n Shapes, earlier than `outside`."""
         known = [None] * len(shapes) if known is None else known
         for leg in self._path.legs:
             if leg.still:
@@ -167,7 +167,7 @@ class _Sweep:
 
     def _between(self, leg: Leg, one: _Look, other: _Look, bends: Floats,
                  halvings: int) -> Violation | None:
-        """Return constraint, amount and words of what is broken between two Looks, or None.
+        """Return constraint, amount and words of a violation between two Looks, or None.
 
         Parameters
         ----------
@@ -194,8 +194,8 @@ class _Sweep:
                 or self._between(leg, middle, other, bends, halvings - 1))
 
     def _middle(self, leg: Leg, one: _Look, other: _Look) -> tuple[_Look | None, Violation | None]:
-        """Return the Look half way between two, and None or what `_between` says of a jump."""
-        assert self._demands.simulator is not None  # else nothing is looked at between waypoints
+        """Return the Look half way between two and None, or None and the violation by a jump."""
+        assert self._demands.simulator is not None  # else nothing is checked between waypoints
         u = 0.5 * (one.u + other.u)
         (position,), (rotation,) = leg.poses(np.array([u]))
         shape = self._demands.simulator.track([Pose.from_rotation(position, rotation)],

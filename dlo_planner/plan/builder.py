@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A plan in the making: it keeps all demands, or is refused with what it breaks.
+"""A plan in the making: it keeps all demands, or is refused with the violated one.
 
-Each waypoint is judged when it is added, the way between them when the plan is complete.
+Each waypoint is checked when it is added, the path between them when the plan is complete.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from dlo_planner.progress import Progress
 
 @dataclass(frozen=True)
 class PlanRequirements:
-    """What a plan has to keep, whatever the task.
+    """The demands on a plan, for every task.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class PlanRequirements:
         yield, 1/m, or None where it may.
     simulator : DirectSimulator or None
         DirectSimulator without obstacles that finds the DLO's shapes between the waypoints. If
-        None, the DLO is looked at at the waypoints only.
+        None, the DLO is checked at the waypoints only.
     tolerance : float or None
         Largest position error of a waypoint, m. If None, any.
     """
@@ -82,7 +82,7 @@ class PlanRequirements:
         return self.simulator if self.simulator is None or simulator is None else simulator
 
     def violation(self, waypoint: Waypoint) -> tuple[str, float, str] | None:
-        """Return None, or the constraint that a Waypoint breaks, by how much, and in words."""
+        """Return constraint, amount and words of the demand that a Waypoint breaks, or None."""
         shape = waypoint.shape
         if self.workspace is not None:
             name, room = self.workspace.min_margin(shape.gripper)
@@ -119,10 +119,10 @@ def utilization(shape: Shape, yield_limits: Floats) -> float:
 
 
 def yield_shares(shape: Shape, yield_limits: Floats) -> Floats:
-    """Return (N_L,) the strains since the stress-free shape as a part of what yields.
+    """Return (N_L,) the strains since the stress-free shape as a part of the yield limits.
 
-    Curvature counts by the ellipse of its two thresholds, that of a rectangle by what its corners
-    are strained; torsion by itself.
+    Curvature counts by the ellipse of its two limits, of a rectangle by the strain of its corners;
+    torsion counts separately.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ def excess(one: tuple[Floats, Floats], other: tuple[Floats, Floats], step: float
            length: float) -> float:
     """Return by how much (m) the gripper turns or moves too far for a step; 0 if it does not.
 
-    A turn counts as the way of a point at the DLO's length from the gripper.
+    A turn counts as the displacement of a point at the DLO's length from the gripper.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def excess(one: tuple[Floats, Floats], other: tuple[Floats, Floats], step: float
 
 
 def discontinuity(simulator: DirectSimulator, before: Shape | None, shape: Shape) -> float:
-    """Return how far (m) a DLO is from `shape` when the gripper goes there, 0 if it gets there.
+    """Return how far (m) the DLO is from `shape` when the gripper goes there; 0 if it takes it.
 
     The direct simulation decides where the shape changes more than the gripper's turn causes, or is
     hardly stable.

@@ -40,7 +40,7 @@ class LegPoints(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Leg(Value):
-    """A way without corners, or a dwell: twice continuously differentiable within.
+    """A path without corners, or a dwell: twice continuously differentiable within.
 
     SciPy's cubic spline of the positions and its rotation spline.
 
@@ -93,9 +93,9 @@ class Leg(Value):
         return LegPoints(positions, rotations, first, second)
 
     def control_points(self, a: Floats, b: Floats) -> Floats:
-        """Return (n, 4, 3) m: the way of the origin from a to b is in the convex hull of the four.
+        """Return (n, 4, 3) m: the path of the origin from a to b is in the convex hull of the four.
 
-        They are those of a Bezier curve, so their polygon is no shorter than the way.
+        They are those of a Bezier curve, so their polygon is no shorter than the path.
 
         Parameters
         ----------

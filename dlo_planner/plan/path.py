@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The way of the gripper, apart from when it is where: splines through the poses of a plan.
+"""The path of the gripper, without its timing: splines through the poses of a plan.
 
-The parameter u of the path is the plan's own time. How fast the path is gone through is up to a
-time law (`plan.motion.trajectory`); what is checked of a plan (`plan.between`) is this path.
+The parameter u of the path is the plan's own time. A time law (`plan.motion.trajectory`) says how
+fast the gripper goes through it. The checks of a plan (`plan.between`) are made on this path.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _WAITING = 1e-6   # of the plan's time: as long in one pose is a dwell
 
 @dataclass(frozen=True, eq=False)
 class GripperPath(Value):
-    """The whole way: legs from stop to stop, one after the other.
+    """The whole path: legs from stop to stop, one after the other.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ def pose_at_arc_length(plan: Plan, known: Floats, s: float) -> Pose:
 
 
 def _chords(grippers: Sequence[Pose], length: float) -> Floats:
-    """Return (n - 1, 6) the ways between n Poses in m, a turn of 1 rad counted as `length`."""
+    """Return (n - 1, 6) the differences of n Poses in m, a turn of 1 rad counted as `length`."""
     positions = np.array([gripper.position for gripper in grippers])
     turns = Rotation.from_matrix([gripper.rotation for gripper in grippers])
     return np.hstack([np.diff(positions, axis=0),

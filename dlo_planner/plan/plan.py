@@ -72,8 +72,8 @@ class Plan(Filmed):
     shapes : tuple of Shape
         The n shapes, the DLO at each waypoint.
     misalignment : ndarray, shape (n,)
-        Angle between DLO and normal at the cut-out, rad; of a contact against the direction that
-        was asked for.
+        Angle between DLO and normal at the cut-out, rad; of a contact against the requested
+        direction.
     position_error : ndarray, shape (n,)
         Distance of the DLO from the cut-out's center, or that place, m.
     times : ndarray, shape (n,)
@@ -82,8 +82,8 @@ class Plan(Filmed):
         n tuples of (center (3,), s, normal (3,) or None): which arc length should be where.
     clearances : ndarray, shape (n, k, 3)
         Distances in m between the DLO's surface and the sheets around the k cut-outs of the task:
-        at the rim (by so much the cut-out may be displaced), of what is before the sheet, of what
-        is behind it; infinite where a cut-out has no size.
+        at the rim (the cut-out may be displaced by it), of the part before the sheet, of the part
+        behind it; infinite where a cut-out has no size.
     sheets : tuple of (Sheet, ndarray)
         (Sheet, normal (3,)) around each cut-out that has a size.
     fraction : float
@@ -205,7 +205,7 @@ class Plan(Filmed):
     def velocities(self) -> Floats:
         """(n, 6) linear (m/s) and angular (rad/s) velocity of the gripper, world axes.
 
-        Of the straight way to the next waypoint at even speed; zero at the end.
+        Of the straight motion to the next waypoint at even speed; zero at the end.
         """
         velocities = np.zeros((len(self), 6))
         for k, (one, other) in enumerate(zip(self.grippers, self.grippers[1:], strict=False)):
@@ -219,7 +219,7 @@ class Plan(Filmed):
     def bore_moment(self) -> Floats:
         """(n, 3) moment in N m, world axes, on the DLO at the mouth of the bore that holds it.
 
-        It bends what is inside straight: (0, EI_n k_n, EI_b k_b) in the material frame, k the
+        It bends the part inside straight: (0, EI_n k_n, EI_b k_b) in the material frame, k the
         natural curvature there. nan where nothing is held in a bore.
         """
         return np.array([_straightening(shape) for shape in self.shapes]).reshape(-1, 3)

@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Proof with a plan: it is run through the direct simulator, slowly and as it is executed."""
+"""Validation of a plan: a run through the direct simulator, slowly and as it is executed."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -45,20 +46,19 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
     Parameters
     ----------
     simulator : DirectSimulator
-        DirectSimulator, the planner's own or a better one.
+        The planner's own or a better one.
     plan : Plan
-        Plan. The shapes of an insertion are parts of the DLO; each is held at the mouth as
-        planned.
+        The shapes of an insertion are parts of the DLO; each is held at the mouth as planned.
     obstacles : iterable of obstacle, optional
-        Obstacles whose clearance is wanted besides the cut-outs' with a size.
+        Obstacles whose clearance is computed, besides that of sized cut-outs.
     limits : Limits, optional
-        Limits; a Trajectory is made within them, and looked at (None: none is).
+        Limits of a Trajectory that is made and validated. If None, there is none.
     tolerance : float, optional
         Tolerance in m, with limits, of that Trajectory.
     trajectory : Trajectory, optional
-        One of this plan that is looked at instead.
+        One of this plan that is validated instead.
     workspace : Workspace, optional
-        Workspace whose margin is wanted, or None.
+        Workspace whose margin is computed.
     initial : Shape, optional
         Shape before the first pose. If None, the natural shape is set down there or, if the plan
         begins in contact, the DLO is in the first shape of the plan.
@@ -75,52 +75,91 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
     DeadlineExceeded
         The deadline is over.
     """
-    clamping('simulator', simulator)
-    if not len(instance('plan', plan, Plan)):
-        raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
-    obstacles = items('obstacles', obstacles, OBSTACLES)
-    instance('limits', limits, Limits, optional=True)
-    instance('initial', initial, Shape, optional=True)
-    instance('trajectory', trajectory, Trajectory, optional=True)
-    instance('workspace', workspace, Workspace, optional=True)
-    if tolerance is not None and limits is None:
-        raise InvalidTask(f'tolerance = {shown(tolerance)}: expected limits with it, within which '
-                          'the motion is made')
-    whole = all(shape.s[-1] == simulator.rod.length for shape in plan.shapes)
-    steps = Progress(progress, deadline)
-    if initial is None and plan.shapes[0].contacts:
-        initial = plan.shapes[0]
-    shapes = simulator.track(plan.grippers, steps.done, initial) if whole else _parts(
-        simulator, plan, steps)
-    figures = _at_rest(simulator, plan, shapes, obstacles)
-    if workspace is not None:
-        figures['workspace_margin'] = float(min(workspace.min_margin(gripper)[1]
-                                                for gripper in plan.grippers))
-    given = trajectory is not None
-    if limits is not None and not given:
+    return _Replay(simulator, plan, items('obstacles', obstacles, OBSTACLES), limits, tolerance,
+                   trajectory, workspace, initial, Progress(progress, deadline)).report()
+
+
+@dataclass(frozen=True)
+class _Replay:
+    """The arguments of `replay`, and its steps."""
+
+    simulator: DirectSimulator
+    plan: Plan
+    obstacles: tuple[Obstacle, ...]
+    limits: Limits | None
+    tolerance: float | None
+    trajectory: Trajectory | None
+    workspace: Workspace | None
+    initial: Shape | None
+    progress: Progress
+
+    def __post_init__(self) -> None:
+        clamping('simulator', self.simulator)
+        if not len(instance('plan', self.plan, Plan)):
+            raise InvalidTask(f'plan = {self.plan!r}: expected a Plan with a waypoint')
+        instance('limits', self.limits, Limits, optional=True)
+        instance('initial', self.initial, Shape, optional=True)
+        instance('trajectory', self.trajectory, Trajectory, optional=True)
+        instance('workspace', self.workspace, Workspace, optional=True)
+        if self.tolerance is not None and self.limits is None:
+            raise InvalidTask(f'tolerance = {shown(self.tolerance)}: expected limits with it, '
+                              'within which the motion is made')
+
+    def report(self) -> ValidationReport:
+        """Return the ValidationReport."""
+        plan, shapes = self.plan, self._at_rest()
+        figures = _figures_at_rest(self.simulator, plan, shapes, self.obstacles)
+        if self.workspace is not None:
+            figures['workspace_margin'] = float(min(self.workspace.min_margin(gripper)[1]
+                                                    for gripper in plan.grippers))
+        trajectory = self.trajectory
+        if trajectory is None and self.limits is not None:
+            trajectory, reason = self._made(self.limits, shapes[0])
+            if reason:
+                figures['reason'] = reason
+        if trajectory is not None:
+            motion = self._in_motion(trajectory, shapes[0])
+            figures |= _figures_in_motion(trajectory, motion)
+            figures['reason'] = _reason(figures, motion, plan)
+        return ValidationReport(**figures, not_looked_at=tuple(
+            name for name in _MAY_BE_LEFT_OUT if np.isnan(figures.get(name, np.nan))))
+
+    def _at_rest(self) -> Sequence[Shape]:
+        """Return the shapes of the DLO that follows the plan slowly."""
+        plan, simulator, initial = self.plan, self.simulator, self.initial
+        if any(shape.s[-1] != simulator.rod.length for shape in plan.shapes):
+            return _parts(simulator, plan, self.progress)
+        if initial is None and plan.shapes[0].contacts:
+            initial = plan.shapes[0]
+        shapes: Sequence[Shape] = simulator.track(plan.grippers, self.progress.done, initial)
+        return shapes
+
+    def _made(self, limits: Limits, first: Shape) -> tuple[Trajectory, str]:
+        """Return a calm Trajectory and '', or one within limits alone and why it is not calm."""
         try:
-            trajectory = Trajectory(plan, limits, tolerance=tolerance, simulator=simulator,
-                                    initial=shapes[0], obstacles=obstacles, progress=steps.done,
-                                    deadline=steps.left())
+            return Trajectory(self.plan, limits, tolerance=self.tolerance,
+                              simulator=self.simulator, initial=first, obstacles=self.obstacles,
+                              progress=self.progress.done, deadline=self.progress.left()), ''
         except Infeasible as error:
-            figures['reason'] = str(error)
-            trajectory = Trajectory(plan, limits, tolerance=np.inf)
-    if trajectory is not None:
-        motion = trajectory.motion
-        if motion is None or given and watched(simulator, plan, obstacles):
-            simulated = in_motion(simulator, plan, trajectory, shapes[0], obstacles, steps)
-            # its own motion knew other obstacles
-            motion = simulated if motion is None else motion.worse(simulated)
-        figures |= {'trajectory': trajectory, 'tolerance': trajectory.tolerance,
-                    'mode_margin': trajectory.mode_margin,
-                    'max_tracking_error': motion.position_error,
-                    'dynamic_clearance': motion.clearance,
-                    'dynamic_contact_force': motion.contact_force,
-                    **{name: getattr(motion, name) for name in (
-                        'swing', 'arrival', 'departure', 'duration', 'step')}}
-        figures['reason'] = _reason(figures, motion, plan)
-    return ValidationReport(**figures, not_looked_at=tuple(
-        name for name in _MAY_BE_LEFT_OUT if np.isnan(figures.get(name, np.nan))))
+            return Trajectory(self.plan, limits, tolerance=np.inf), str(error)
+
+    def _in_motion(self, trajectory: Trajectory, first: Shape) -> InMotion:
+        """Return InMotion of a Trajectory; one that was given knew other obstacles."""
+        known, obstacles = trajectory.motion, self.obstacles
+        given = self.trajectory is not None
+        if known is not None and not (given and watched(self.simulator, self.plan, obstacles)):
+            return known
+        motion = in_motion(self.simulator, self.plan, trajectory, first, obstacles, self.progress)
+        return motion if known is None else known.worse(motion)
+
+
+def _figures_in_motion(trajectory: Trajectory, motion: InMotion) -> dict[str, Any]:
+    """Return the figures of a Trajectory and of its motion."""
+    return {'trajectory': trajectory, 'tolerance': trajectory.tolerance,
+            'mode_margin': trajectory.mode_margin, 'max_tracking_error': motion.position_error,
+            'dynamic_clearance': motion.clearance, 'dynamic_contact_force': motion.contact_force,
+            **{name: getattr(motion, name) for name in (
+                'swing', 'arrival', 'departure', 'duration', 'step')}}
 
 
 def _reason(figures: Mapping[str, Any], motion: InMotion, plan: Plan) -> str:
@@ -147,7 +186,7 @@ def _reason(figures: Mapping[str, Any], motion: InMotion, plan: Plan) -> str:
 
 
 def _parts(simulator: DirectSimulator, plan: Plan, progress: Progress) -> list[Shape]:
-    """Return the shapes of an insertion, of what is outside the bore."""
+    """Return the shapes of an insertion, of the part outside the bore."""
     shapes = []
     for shape in plan.shapes:
         part = simulator.with_rod(before(simulator.rod, shape.s[-1]))
@@ -156,8 +195,8 @@ def _parts(simulator: DirectSimulator, plan: Plan, progress: Progress) -> list[S
     return shapes
 
 
-def _at_rest(simulator: DirectSimulator, plan: Plan, shapes: Sequence[Shape],
-             obstacles: Sequence[Obstacle]) -> dict[str, Any]:
+def _figures_at_rest(simulator: DirectSimulator, plan: Plan, shapes: Sequence[Shape],
+                     obstacles: Sequence[Obstacle]) -> dict[str, Any]:
     """Return the figures of the quasi-static replay."""
     errors, angles = [], []
     for shape, points in zip(shapes, plan.via_points, strict=True):

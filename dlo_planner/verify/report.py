@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a replay says of a plan: the worst values, at rest and in motion."""
+"""The report of a replay: the worst values of a plan, at rest and in motion."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class ValidationReport(Reported):
     tolerance : float
         Tolerance in m, of `trajectory`.
     trajectory : Trajectory or None
-        Trajectory that was looked at, the one to be executed. If None, there was none.
+        Trajectory that was validated, the one to be executed. If None, there was none.
     reason : str
         Why the trajectory must not be executed; empty if it may be.
     not_looked_at : tuple of str

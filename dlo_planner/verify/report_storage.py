@@ -40,7 +40,7 @@ def report_arrays(report: ValidationReport) -> dict[str, NDArray[Any]]:
 
 
 def report_contents(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a dict of what a ValidationReport is made of, from the arrays of `report_arrays`."""
+    """Return a dict of the fields of a ValidationReport, from the arrays of `report_arrays`."""
     own = {_RENAMED.get(name, name): array for name, array in arrays.items() if '/' not in name}
     contents = {name: array.item() for name, array in own.items() if name not in _OTHERS}
     contents['not_looked_at'] = tuple(_RENAMED.get(name, name)

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a plan bears: by how much it misses when the DLO or the robot are not as assumed.
+"""Robustness of a plan: by how much it misses when the DLO or the robot are not as assumed.
 
-To first order from the sensitivities of the equilibrium, which separates the causes, and sampled,
-which needs no smallness. A miss is the distance of the DLO, extended straight on where it is too
-short to get there, from a center that it should pass.
+To first order, from the sensitivities of the equilibrium, for each cause separately; and sampled,
+for deviations of any size. A miss is the distance from a center to be passed of the DLO, extended
+straight where it is too short.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class Robustness(Value):
         Raises
         ------
         InvalidTask
-            No such part, or there are no samples.
+            `part` is not between 0 and 1, or there are no samples.
         """
         part = number('part', part, minimum=0, maximum=1)
         if not len(self.sampled):
@@ -116,7 +116,9 @@ def robustness(simulator: DirectSimulator, plan: Plan, uncertainty: Uncertainty,
     simulator : DirectSimulator
         DirectSimulator for which the plan was made.
     plan : Plan
-        Plan of a threading, which is looked at without obstacles, or of a contact.
+        Plan of a threading, which is examined without obstacles, or of a contact.
+    uncertainty : Uncertainty
+        Standard deviations of the DLO and of the gripper's pose.
     samples : int, optional
         Number of samples; 0: first order only.
     seed : int, optional
@@ -136,31 +138,19 @@ def robustness(simulator: DirectSimulator, plan: Plan, uncertainty: Uncertainty,
     DeadlineExceeded
         The deadline is over; samples that an executor has begun go on.
     """
-    clamping('simulator', simulator)
-    if not len(instance('plan', plan, Plan)):
-        raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
-    if any(shape.s[-1] != simulator.rod.length for shape in plan.shapes):
-        raise InvalidTask('plan: expected shapes of the simulator\'s whole DLO')
+    simulator = _made_for(simulator, plan)
     instance('uncertainty', uncertainty, Uncertainty)
     samples = integer('samples', samples, minimum=0, maximum=1_000_000)
     seed = integer('seed', seed, minimum=0, maximum=2**63)
     if executor is not None:
         instance('executor', executor, Executor)
     steps = Progress(progress, deadline)
-    own = simulator.history is not None  # its set makes a rod of its own
-    simulator = simulator.elastic()
-    if not own and not all(_acts_alike(shape, simulator) for shape in plan.shapes):
-        raise InvalidTask('simulator: expected the one for which the plan was made, with its rod, '
-                          'gravity and load')
-    if not any(shape.contacts for shape in plan.shapes):
-        simulator = simulator.without_obstacles()  # a rim would hold it back, and hide the miss
     by_cause = _first_order(simulator.rod, plan, uncertainty, steps)
     draws = np.random.default_rng(seed).normal(size=(samples, len(DRAWN)))
     work = [(simulator, plan.shapes, plan.via_points, uncertainty, draws[k:k + _AT_ONCE])
             for k in range(0, samples, _AT_ONCE)]
-    run = map if executor is None else executor.map
     batches = [np.zeros((0, len(plan)))]
-    for batch in run(_sampled, work):
+    for batch in (map if executor is None else executor.map)(_sampled, work):
         batches.append(batch)
         steps.done(len(batches) - 1, len(work))
     sampled = np.concatenate(batches)
@@ -169,6 +159,23 @@ def robustness(simulator: DirectSimulator, plan: Plan, uncertainty: Uncertainty,
     if samples and np.isfinite(room).any():
         success = float((sampled < room).all(axis=1).mean())
     return Robustness(CAUSES, by_cause, np.sqrt((by_cause**2).sum(axis=1)), sampled, success)
+
+
+def _made_for(simulator: DirectSimulator, plan: Plan) -> DirectSimulator:
+    """Return the elastic simulator of a Plan, or raise InvalidTask if it was made for another."""
+    clamping('simulator', simulator)
+    if not len(instance('plan', plan, Plan)):
+        raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
+    if any(shape.s[-1] != simulator.rod.length for shape in plan.shapes):
+        raise InvalidTask('plan: expected shapes of the simulator\'s whole DLO')
+    own = simulator.history is not None  # its set makes a rod of its own
+    simulator = simulator.elastic()
+    if not own and not all(_acts_alike(shape, simulator) for shape in plan.shapes):
+        raise InvalidTask('simulator: expected the one for which the plan was made, with its rod, '
+                          'gravity and load')
+    if any(shape.contacts for shape in plan.shapes):
+        return simulator
+    return simulator.without_obstacles()  # a rim would hold it back, and hide the miss
 
 
 def _acts_alike(shape: Shape, simulator: DirectSimulator) -> bool:

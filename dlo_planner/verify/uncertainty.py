@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What is not known exactly of a DLO and its gripper, and a DLO that is drawn from it."""
+"""Uncertainty of a DLO and its gripper, and DLOs drawn from it."""
 
 from __future__ import annotations
 

@@ -202,7 +202,7 @@ def test_what_is_no_longer_remembered_still_counts(monkeypatch, name, turns):
     looks = [truth.seen(rng, pose, outliers=0.0) for pose in poses]
     found = []
     for kept in (100, 2):
-        monkeypatch.setattr(f'dlo_planner.identify.smoothing.{name}', kept)
+        monkeypatch.setattr(f'dlo_planner.identify.memory.{name}', kept)
         estimate = OBSERVER.begin()
         for look in looks:
             estimate = OBSERVER.update(estimate, look)

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Any task (paper, section 5.1): a gripper pose that makes a penalty of the shape least.
+"""Any task (paper, section 5.1): a gripper pose that minimizes a penalty of the shape.
 
 The paper's interlaced search: outside, the gripper's pose; inside, the direct simulation. The
 outer search is SciPy's: least squares where the penalty is a sum of squares, else BFGS. Its
 derivatives come from the sensitivities of the equilibrium, one factorization each instead of a
 dozen more equilibria.
 
-What a penalty is, and its value and derivatives: `inverse.solvers.penalty_function`.
+The penalties, their values and derivatives: `inverse.solvers.penalty_function`.
 """
 
 from collections.abc import Sequence
@@ -80,15 +80,15 @@ def minimize_penalty(simulator: DirectSimulator, penalties: Penalty | Sequence[P
                      progress: OnProgress = None, deadline: float | None = None) -> PenaltyResult:
     """Return the PenaltyResult of a task given as penalties of the shape (paper, section 5.1).
 
-    Where the past counts (a DLO that yields, friction), each pose is judged as if the gripper went
-    there straight from `start`.
+    If the result depends on the path (a DLO that yields, friction), each pose is judged as if the
+    gripper went there straight from `start`.
 
     Parameters
     ----------
     simulator : DirectSimulator
         With obstacles or without.
     penalties : object
-        One or several penalties, see above.
+        One or several penalties, see `inverse.solvers.penalty_function`.
     start : Pose
         Pose of the gripper where the search begins.
     initial : Shape, optional

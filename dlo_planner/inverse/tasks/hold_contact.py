@@ -31,7 +31,7 @@ class HoldContact(Task):
     condition : str or None
         'least_energy', 'least_force', 'least_motion', 'largest_clearance'. If None, all.
     forces : ndarray, shape (n,) or None
-        Forces in N: only these are looked at. If None, all.
+        Forces in N: only these are examined. If None, all.
     """
 
     touches: ClassVar[bool] = True
@@ -63,11 +63,11 @@ class HoldContact(Task):
 
 
 def checked_forces(forces: object) -> Floats | None:
-    """Return forces (n,) in N to be looked at, or None (all)."""
+    """Return the forces (n,) to be examined, N, or None (all)."""
     return None if forces is None else row('forces', forces, most=MOST, above=0)
 
 
 def check_obstacles(context: PlanContext) -> None:
-    """Raise InvalidTask where there is nothing to touch."""
+    """Raise InvalidTask if the simulator has no obstacle to touch."""
     if not context.simulator.obstacles:
         raise InvalidTask('simulator has no obstacles: expected the one to touch among them')

@@ -24,7 +24,7 @@ from dlo_planner.plan.waypoint import Waypoint
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Minimize(Task):
-    """Make penalties of the shape least, beginning at `start`; see `minimize_penalty`.
+    """Minimize penalties of the shape, beginning at `start`; see `minimize_penalty`.
 
     Attributes
     ----------
@@ -51,12 +51,12 @@ class Minimize(Task):
         super().__post_init__()
 
     def solve(self, context: PlanContext) -> Plan:
-        """Return the Plan of one waypoint, where the penalty is least.
+        """Return the Plan of one waypoint, at the minimum of the penalty.
 
         Raises
         ------
         NotConverged
-            The search ended before.
+            The search did not converge.
         """
         instance('context', context, PlanContext)
         result = self.result(context)
@@ -68,7 +68,7 @@ class Minimize(Task):
         return builder.finished()
 
     def result(self, context: PlanContext) -> PenaltyResult:
-        """Return what the search finds, converged or not."""
+        """Return the PenaltyResult, converged or not."""
         instance('context', context, PlanContext)
         return least_penalty(context.simulator, self, instance('start', context.start, Pose),
                              context.initial, context.progress)

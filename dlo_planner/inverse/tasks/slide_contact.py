@@ -34,7 +34,7 @@ class SlideContact(Task):
     condition : str
         'least_energy', 'least_force', 'least_motion', 'largest_clearance'.
     forces : ndarray, shape (n,) or None
-        Forces in N: only these are looked at. If None, all.
+        Forces in N: only these are examined. If None, all.
     way : str
         'aligned' or 'straight'.
     """

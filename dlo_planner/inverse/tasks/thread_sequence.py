@@ -24,7 +24,7 @@ from dlo_planner.plan.plan import Plan
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ThreadSequence(Task):
-    """Thread through cut-outs as well as can be; see `InverseSimulator.thread_sequence`.
+    """Thread near the centers of cut-outs; see `InverseSimulator.thread_sequence`.
 
     Attributes
     ----------

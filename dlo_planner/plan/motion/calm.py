@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The fastest laws in time with which a DLO arrives calm, as far as its `Response` tells.
+"""The fastest laws in time with which a DLO arrives calm, according to its `Response`.
 
 On each leg the rates are the fastest that the gripper's limits, and a bound of the slowly built-up
 deviation, allow. Moving averages as wide as the periods of the slowest modes, at the leg's
@@ -119,7 +119,7 @@ class LegTask:
 
 def calm_law(task: LegTask, tolerance: float, begins: Sequence[Floats] | None = None,
              check: Callable[[], None] = lambda: None) -> TimeLaw:
-    """Return the quickest TimeLaw found that keeps `tolerance` (m) as far as the response tells.
+    """Return the quickest TimeLaw found that keeps `tolerance` (m) according to the response.
 
     The one that comes nearest to that, if none does. `begins` are the states of the cases at the
     beginning, None: at rest. `check` is called before each trial; it may raise.
@@ -142,7 +142,7 @@ def calm_law(task: LegTask, tolerance: float, begins: Sequence[Floats] | None = 
 
 def _candidates(task: LegTask, tolerance: float, begins: Sequence[Floats],
                 check: Callable[[], None]) -> list[tuple[TimeLaw, float]]:
-    """Return laws and what is predicted of them, m; ever slower ones, until one is calm by far."""
+    """Return laws and their predicted deviations, m; ever slower ones, until one is calm by far."""
     sets, predictions, more = task.supply
     known = predictions.setdefault(np.array(begins).tobytes(), [])
     while not known or min(known[-1]) >= _MUCH * tolerance:
@@ -159,7 +159,7 @@ def _candidates(task: LegTask, tolerance: float, begins: Sequence[Floats],
 
 def _trials(candidates: Iterable[tuple[TimeLaw, float]],
             tolerance: float) -> Iterator[tuple[TimeLaw, bool]]:
-    """Yield laws, by their durations, that may do, and whether with a shift.
+    """Yield laws that may be calm, by their durations, and whether with a shift.
 
     At first the quickest, then ever calmer ones.
     """

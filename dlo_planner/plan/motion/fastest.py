@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The fastest way through a leg within limits, by time-optimal path parametrization.
+"""The fastest motion through a leg within limits, by time-optimal path parametrization.
 
 toppra (Pham and Pham, IEEE Transactions on Robotics 34, 2018) finds the largest rate at each place.
 Its constraints here are limits of the lengths of vectors, not of single coordinates, and bounds of

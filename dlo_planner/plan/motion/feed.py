@@ -103,7 +103,7 @@ class Feed:
     def held(self, mesh: Discretization, behind: float) -> Pose:
         """Return the Pose of the material point at the end of `mesh`, `behind` m behind the mouth.
 
-        As if what is between was free of stress, so that it transmits nothing to the mouth.
+        As if the part in between was free of stress, so that it transmits nothing to the mouth.
         """
         end = mesh.s[-1:]
         turn = self.simulator.rod.natural_strains(end)[0] * behind
@@ -118,7 +118,7 @@ def _up(gravity: Floats) -> Floats:
 
 
 def _mass_beyond(rod: Rod, end: float) -> float:
-    """Return the mass in kg of what is beyond an arc length, m, with all that is fixed to it."""
+    """Return the mass in kg of the part beyond an arc length, m, with all that is fixed to it."""
     if end >= rod.length:
         return 0.0
     rest = part_of_rod(rod, end, 1)

@@ -39,7 +39,7 @@ _AT_ONCE = 1e-9       # of a plan's time
 @renamed_fields(miss='position_error')
 @dataclass(frozen=True, eq=False, repr=False)
 class InMotion(Value):
-    """What the dynamic simulation says of a motion from rest to rest; worst values, SI units.
+    """Results of the dynamic simulation of a motion from rest to rest; worst values, SI units.
 
     Distances of a DLO that could not be simulated to the end are infinitely bad.
 
@@ -49,9 +49,9 @@ class InMotion(Value):
         Whether every step was solved.
     position_error : float
         Distance from the centers to be passed, between all waypoints: of the nearest arc length
-        between those of both waypoints; a center that the free end only comes to on that way counts
-        from then on; nan if there is none. A DLO in a bore cannot miss it: there the `swing` of
-        what is outside counts.
+        between those of both waypoints; a center that the free end reaches in between counts from
+        then on; nan if there is none. A DLO in a bore cannot miss it: there the `swing` of the part
+        outside counts.
     swing : float
         Largest distance of the DLO from its equilibrium in the same gripper.
     arrival : float
@@ -61,13 +61,13 @@ class InMotion(Value):
     clearance : float
         Clearance from the sheets around sized cut-outs and from the obstacles given, nan if none.
     calm_clearance : float
-        The same of the DLO that follows slowly on the same way.
+        The same of the DLO that follows the same path slowly.
     contact_force : float
         Largest force of one contact with the simulator's obstacles, or of the mouth of a bore, N.
     duration : float
         Duration of the motion, s.
     step : float
-        Step between two instants looked at, s.
+        Step between two instants, s.
     """
 
     converged: bool
@@ -93,7 +93,7 @@ class InMotion(Value):
                 ('duration', 's')) if np.isfinite(getattr(self, name))))
 
     def worse(self, other: InMotion) -> InMotion:
-        """Return the worse of both figures, each by itself; nan in one of them does not count."""
+        """Return the worse of both, figure by figure; nan in one of them does not count."""
         both = {item.name: (getattr(self, item.name), getattr(other, item.name))
                 for item in fields(self)}
         worse = {name: float((np.fmin if name in _LEAST else np.fmax)(*pair))
@@ -143,7 +143,7 @@ def in_motion(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: S
 
 @dataclass(frozen=True)
 class _Simulated:
-    """What a simulated motion shows at n instants.
+    """A simulated motion at n instants.
 
     Attributes
     ----------
@@ -174,7 +174,7 @@ class _Simulated:
 
 def _simulated(simulator: DirectSimulator, plan: Plan, instants: Instants, first: Shape,
                progress: Progress) -> _Simulated | None:
-    """Return what is _Simulated of a motion to its end, None if it could not be simulated."""
+    """Return a motion simulated to its end, None if that failed."""
     bore = held_after(plan)
     if bore is None:
         return _without_bore(simulator, plan, instants, first, progress)[0]
@@ -197,7 +197,7 @@ def _simulated(simulator: DirectSimulator, plan: Plan, instants: Instants, first
 
 def _without_bore(simulator: DirectSimulator, plan: Plan, instants: Instants, first: Shape,
                   progress: Progress) -> tuple[_Simulated | None, Motion]:
-    """Return what is _Simulated of a DLO that no bore holds, or None, and the Motion."""
+    """Return the simulated motion of a DLO that no bore holds, or None, and the Motion."""
     grippers = instants.grippers
     motion = simulator.simulate(grippers, instants.dt, first, progress=progress.done)
     if not (motion.converged and first.converged):
@@ -216,7 +216,7 @@ def watched(simulator: DirectSimulator, plan: Plan,
             obstacles: tuple[Obstacle, ...]) -> tuple[Obstacle, ...]:
     """Return the obstacles (tuple) whose clearance is wanted: those given, and of an insertion all.
 
-    What is outside of a bore is simulated without contacts.
+    The part outside of a bore is simulated without contacts.
     """
     return obstacles if held_after(plan) is None else (*obstacles, *simulator.obstacles)
 

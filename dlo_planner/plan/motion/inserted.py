@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of a DLO that is pushed into a bore: what is outside of it gets shorter.
+"""The motion of a DLO that is pushed into a bore: the part outside gets shorter.
 
 The bore is tight and smooth. At the mouth the DLO keeps the mouth's direction and roll and slides
-along it freely. The walls carry the weight of what is inside, as the plan assumes; its inertia
-along the bore counts, as a mass at the mouth. What is simulated is the DLO up to the material point
-that is at the mouth as a short piece of the motion begins. While this point goes in, it is held as
+along it freely. The walls carry the weight of the part inside, as the plan assumes; its inertia
+along the bore counts, as a mass at the mouth. The DLO is simulated up to the material point that is
+at the mouth as a short piece of the motion begins. While this point goes in, it is held as
 if the DLO behind the mouth was free of stress. Then the DLO is cut anew: positions, strains and
 velocities of the rest go on as they are.
 """
@@ -42,7 +42,7 @@ _TOLERANCE = 1e-3  # of the length: of the simulation, as `simulate` has it
 
 @dataclass(frozen=True)
 class Outside:
-    """What is outside of the bore at n instants, up to where the motion could be simulated.
+    """The part outside of the bore at n instants, as far as the motion could be simulated.
 
     Attributes
     ----------
@@ -86,15 +86,15 @@ class Instants:
 
 def pushed(feed: Feed, instants: Instants, start: Shape, velocity: Floats | None,
            progress: Progress) -> Outside:
-    """Return what is Outside during a motion of the gripper.
+    """Return the part Outside during a motion of the gripper.
 
     Parameters
     ----------
     feed : Feed
     instants : Instants
-        The n instants at which the DLO is looked at.
+        The n instants.
     start : Shape
-        Shape of the DLO at the first one, at least as long as what is outside.
+        Shape of the DLO at the first one, at least as long as the part outside.
     velocity : ndarray, shape (N + 1, 3) or None
         Velocity in m/s of its nodes. If None, the DLO is in equilibrium, at rest.
     progress : Progress
@@ -160,7 +160,7 @@ def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Sh
            velocity: Floats | None) -> tuple[Stepper, Instant]:
     """Return the Stepper of a piece, and the Instant at its beginning.
 
-    What is off the mouth, when the DLO comes into it, is guided there on the way of this piece.
+    A DLO that is off the mouth as it comes in is guided there during this piece.
     """
     cut, velocity = _cut(start, velocity, mesh.s[-1])
     end = Pose.from_rotation(*cut.frame_at(float(cut.s[-1]))[::-1])
@@ -178,7 +178,7 @@ def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Sh
 
 
 def _aside(pose: Pose, one: Pose, other: Pose, part: float) -> Pose:
-    """Return a Pose that is displaced by a part of what leads from `one` to `other`."""
+    """Return a Pose displaced by a part of the displacement from `one` to `other`."""
     turn = other.rotation @ one.rotation.T
     displaced = Pose.from_rotation(pose.position + other.position - one.position,
                                    turn @ pose.rotation)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How a DLO answers when its gripper goes along a leg: its vibrations, excited by the time law.
+"""The response of a DLO to a motion along a leg: its vibrations, excited by the time law.
 
 While the gripper is at the parameter u the DLO would hang in the equilibrium X(u). Its deviation
 from it is a sum of modes, displacement_i(u) y_i(t), with
@@ -9,8 +9,8 @@ from it is a sum of modes, displacement_i(u) y_i(t), with
 
 slope_i and bend_i the products, weighted by mass, of the mode with dX/du and d^2X/du^2. Along the
 way frequencies and modes change; where two come near to each other they turn into one another, so
-the coordinates turn with them. A time law is judged with it in milliseconds; what it promises is
-verified by `DirectSimulator.simulate`.
+the coordinates turn with them. A time law is judged with it in milliseconds;
+`DirectSimulator.simulate` verifies the result.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _FEWEST, _MOST = 200, 20_000  # instants
 
 @dataclass(frozen=True)
 class Response:
-    """What is known of a DLO at n parameters of a leg; m modes, N + 1 nodes.
+    """Modes of a DLO at n parameters of a leg; m modes, N + 1 nodes.
 
     Attributes
     ----------
@@ -86,12 +86,12 @@ class Response:
         ----------
         simulator : DirectSimulator
         parameters : ndarray, shape (n,), optional
-            Where the modes are looked at. If None, closer where they change fast.
+            Parameters of the modes. If None, closer where the modes change fast.
 
         Raises
         ------
         InvalidTask
-            A shape on the way has no modes.
+            A shape on the leg has no modes.
         """
         u, shapes, modes = (_places(simulator, leg, first) if parameters is None else
                             (parameters, *_known(simulator, leg, first, parameters)))
@@ -267,7 +267,7 @@ def _spread(modes: Modes, s: Floats) -> Floats:
 def _turning(masses: Floats, displacements: Floats) -> Floats:
     """Return (n - 1, m, m) skew matrices: by how much modes turn from one place to the next.
 
-    Products of the modes here with what those there differ from them by, weighted by mass.
+    They follow from the products, weighted by mass, of the modes at both places.
     """
     products = np.einsum('k,umki,uvki->umv', masses, displacements[:-1], displacements[1:])
     left, _, right = np.linalg.svd(products)

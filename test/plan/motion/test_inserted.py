@@ -108,7 +108,7 @@ def test_what_is_outside_keeps_away_from_obstacles():
 
 def test_what_cannot_be_calm_or_is_not_known_is_refused(monkeypatch):
     direct, plan = planned(WIRE)
-    monkeypatch.setattr('dlo_planner.plan.motion.trajectory._ROUNDS', 1)
+    monkeypatch.setattr('dlo_planner.plan.motion.calm_search._ROUNDS', 1)
     with pytest.raises(Infeasible, match='not calm: miss in motion') as caught:
         Trajectory(plan, tolerance=1e-8)
     assert caught.value.constraint == 'miss' and caught.value.amount > 0

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The ways to hold one contact: a curve of shapes, by the force of contact (paper, Fig. 16).
+"""All shapes with one contact: a curve, by the force of contact (paper, Fig. 16).
 
-Arc length, place, direction and roll at the contact are given. What hangs beyond it is then a
-cantilever; force and moment are known there, and the force of contact alone is free. One march
-from the free end to the gripper gives the shape for each force: a smooth curve, without a search.
-A shape of it is admissible if it is a minimum with the contact as a constraint and lies in no
+Arc length, place, direction and roll at the contact are given. The DLO beyond it is then a
+cantilever, whose force and moment are known there; only the force of contact is free. One
+integration from the free end to the gripper gives the shape for each force: a smooth curve, without
+a search. A shape is admissible if it is a minimum with the contact as a constraint and lies in no
 obstacle. These parts of the curve are intervals of the force: `inverse.solvers.contact.intervals`.
 """
 
@@ -33,7 +33,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.part import part_of_loads, part_of_rod
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.surface import Surface
-from dlo_planner.plan.clearance import nearest
+from dlo_planner.plan.nearest import nearest
 from dlo_planner.ritz.kinematics import point_inside
 
 STABLE = 0.02       # least stability: a mesh's error does not make it doubtful
@@ -61,20 +61,20 @@ class ContactFamily:
 
     Attributes
     ----------
-    s
+    s : float
         Arc length of the contact in m.
-    place
-        (3,) position of the DLO's axis there, m.
-    frame
-        (3, 3) frame of the DLO there.
-    obstacle
+    place : ndarray, shape (3,)
+        Position of the DLO's axis there, m.
+    frame : ndarray, shape (3, 3)
+        Frame of the DLO there.
+    obstacle : int
         Index of the obstacle that is touched.
-    scale
-        (2,) N, smallest and largest of the forces that are natural for this DLO.
-    stable
-        The stability that is demanded.
-    known
-        dict of the Shapes that were looked at, by their force.
+    scale : (float, float)
+        Smallest and largest of the forces that are natural for this DLO, N.
+    stable : float
+        Least stability of an admissible shape.
+    known : dict of float to Shape
+        The shapes that were computed, by their force.
 
     Raises
     ------
@@ -129,8 +129,8 @@ class ContactFamily:
     def _stability(self, strains: Floats, base: Floats, force: float) -> float:
         """Return the smallest eigenvalue with the contact as a constraint.
 
-        A DLO that turns rolls over the obstacle, so that it touches elsewhere: that makes it more
-        stable. A contact inside an element can roll, one at a node cannot, so `s` is no node here.
+        A DLO that turns rolls over the obstacle and touches elsewhere: that makes it more stable.
+        A contact inside an element can roll, one at a node cannot; so `s` is no node of this mesh.
         """
         mesh = self._rolling
         system = mesh.system(base)
@@ -150,7 +150,7 @@ class ContactFamily:
         return float(descend(system, state.q, np.inf, 0, True).stability)
 
     def _sag(self, strain: Floats) -> float:
-        """Return by how much, m, a DLO that curves into the obstacle at the contact is in it.
+        """Return the depth, m, of a DLO that curves into the obstacle at the contact.
 
         Parameters
         ----------
@@ -177,7 +177,7 @@ class ContactFamily:
     def merit(self, force: float) -> float:
         """Return a number that is positive where the shape with this force is admissible.
 
-        Continuous, but for -inf where the march does not end in an equilibrium.
+        Continuous, except for -inf where the integration does not end in an equilibrium.
         """
         shape = self.shape(force)
         length = float(shape.s[-1])
@@ -193,9 +193,9 @@ class ContactFamily:
 
 
 def _about_the_axis(surroundings: Surroundings) -> Surroundings:
-    """Return Surroundings whose DLO is round, as thick as a rectangular one is along its b axis.
+    """Return Surroundings whose DLO is round, as thick as a rectangular one along its b axis.
 
-    That is the axis which points away from an obstacle that is touched.
+    The b axis points away from the obstacle that is touched.
     """
     half = Surface.of(surroundings.rod).half
     if half is None:
@@ -204,7 +204,7 @@ def _about_the_axis(surroundings: Surroundings) -> Surroundings:
 
 
 def _mesh(surroundings: Surroundings, s: float, elements: int) -> tuple[Discretization, int]:
-    """Return a Discretization in which `s` is a node, and that node."""
+    """Return a Discretization in which `s` is a node, and the index of that node."""
     length = surroundings.rod.length
     if s >= length * (1 - 1e-9):
         return Discretization(surroundings, np.linspace(0, length, elements + 1), 'local',
@@ -217,7 +217,7 @@ def _mesh(surroundings: Surroundings, s: float, elements: int) -> tuple[Discreti
 
 def _placed(scene: Scene, contact: Pose, radius: float,
             length: float) -> tuple[int, Floats, Floats]:
-    """Return the body that a contact is on, place (3,) and frame (3, 3) of the DLO there."""
+    """Return the body with the contact, and the place (3,) and frame (3, 3) of the DLO there."""
     axis = contact.position + radius * contact.rotation[:, 2]
     normals, bend = np.empty((scene.kind.size, 3)), np.empty((3, 3))
     gaps = np.array([signed_distance(scene, o, axis, normals[o], bend) - radius
@@ -237,9 +237,9 @@ def _placed(scene: Scene, contact: Pose, radius: float,
 
 
 def _cantilever(mesh: Discretization, node: int, frame: Floats) -> tuple[Floats, Floats]:
-    """Return what hangs beyond the contact: the rotation (3, 3) of its end, the strain (3,) there.
+    """Return the rotation (3, 3) of the free end, and the strain (3,) at the contact.
 
-    It is the shape that it falls into from its natural one.
+    The DLO beyond the contact is released from its natural shape.
 
     Parameters
     ----------

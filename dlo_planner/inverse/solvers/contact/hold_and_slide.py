@@ -34,7 +34,7 @@ _TRIED = 8      # forces of an interval, before none of it counts as confirmed
 _PACE = 0.12    # rad plus part of the length: of one step through a family
 _NEAR = 0.06    # the same: a step that is no leap
 _MOST_HALVINGS = 7
-_BESIDE = (1.0, 0.9, 1.1, 0.75, 1.33)  # of a force: where else a way may lead
+_BESIDE = (1.0, 0.9, 1.1, 0.75, 1.33)  # of a force: other shapes that may lead on
 
 
 def hold_contact(simulator: DirectSimulator, task: HoldContact, start: Pose | None,
@@ -83,7 +83,7 @@ def slide_contact(simulator: DirectSimulator, task: SlideContact, start: Pose | 
 
 def _cost_of(problem: ContactProblem, condition: str,
              start: Pose | None) -> Callable[[float], float]:
-    """Return the function of the force that a condition of CONDITIONS makes least.
+    """Return the function of the force that a condition of CONDITIONS minimizes.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def _chosen(problem: ContactProblem, parts: list[list[float]], condition: str, s
 
 def _confirmed(problem: ContactProblem, parts: list[list[float]],
                force: float) -> tuple[float, Shape] | None:
-    """Return a force of `parts` with its confirmed Shape, or the nearest such pair, or None."""
+    """Return a force with its confirmed Shape, or the nearest confirmed pair, or None."""
     shape = problem.confirmed(force)
     if shape is not None:
         return force, shape
@@ -142,7 +142,7 @@ def _confirmed(problem: ContactProblem, parts: list[list[float]],
 
 def _nearest_confirmed(problem: ContactProblem, part: list[float],
                        force: float) -> tuple[float, Shape] | None:
-    """Return the confirmed (force, Shape) of an interval next to a force that is not, or None."""
+    """Return the confirmed (force, Shape) nearest to an unconfirmed force, or None."""
     some = part[::max(1, len(part) // _TRIED)]
     for good in sorted(some, key=lambda one: abs(np.log(one / force))):
         shape = problem.confirmed(good)
@@ -181,7 +181,7 @@ def _motion(problem: ContactProblem, part: list[float]) -> list[Shape]:
         last += 1
 
     def end(inside: int, outside: int) -> list[Shape]:
-        """Return [the confirmed Shape that is nearest to what is not], [] where nothing is."""
+        """Return [the confirmed Shape nearest to an unconfirmed one], [] if there is none."""
         if not 0 <= outside < len(shapes):
             return []
         nearest = _nearest_confirmed(problem, [forces[inside]], forces[outside])
@@ -195,7 +195,7 @@ def _continued(problem: ContactProblem, parts: list[list[float]], condition: str
                before: tuple[ContactProblem, float], builder: PlanBuilder) -> tuple[float, Shape]:
     """Return force and confirmed Shape that continue a (ContactProblem, force) `before`.
 
-    The nearest of the local minima; the gripper must not leap to it.
+    It is the nearest of the local minima; the gripper must not leap to it.
     """
     last = builder.waypoints[-1].shape
     start = last.gripper
@@ -220,10 +220,10 @@ def _continued(problem: ContactProblem, parts: list[list[float]], condition: str
 
 def _leap(one: tuple[ContactProblem, float], other: tuple[ContactProblem, float],
           halvings: int = _MOST_HALVINGS) -> float:
-    """Return 0 if a way of admissible shapes leads from a (ContactProblem, force) to another.
+    """Return 0 if admissible shapes lead from a (ContactProblem, force) to another.
 
-    Else how far, in rad and parts of the length, the gripper leaps, or where no shape is
-    admissible on the way. Arc length and logarithm of the force go about evenly.
+    Else how far, in rad and parts of the length, the gripper leaps over what is not admissible.
+    Arc length and logarithm of the force change about evenly.
     """
     (problem, force), (last, its) = one, other
     apart = _step(problem.family.shape(force), last.family.shape(its))
@@ -233,7 +233,7 @@ def _leap(one: tuple[ContactProblem, float], other: tuple[ContactProblem, float]
         return apart
     halfway = ContactProblem.at(problem.simulator, problem.contact, 0.5 * (problem.s + last.s),
                                 problem.demands)
-    halfway.family.stable = HARDLY_STABLE  # the way may lead along the very end of an interval
+    halfway.family.stable = HARDLY_STABLE  # the shapes may be at the very end of an interval
     forces = (float(np.sqrt(force * its)) * part for part in _BESIDE)
     between = next((one for one in forces if halfway.family.merit(one) > 0), None)
     if between is None:

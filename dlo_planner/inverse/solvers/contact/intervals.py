@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a function of one positive parameter is positive, and what is best there.
+"""Where a function of one positive parameter is positive, and its minima there.
 
-A scan over the decades of the parameter finds intervals; between three samples the middle one of
-which is the best, though not good enough, a search looks for one that they hide; their ends are
-found by bisection.
+A scan over the decades of the parameter finds intervals. Where the middle of three samples is the
+best, but not positive, a search looks for an interval between them. A root finder finds the ends.
 """
 
 from collections.abc import Callable
@@ -53,7 +52,7 @@ def intervals(merit: Callable[[float], float], least: float, most: float) -> lis
 
 
 def _hidden(merit: Callable[[float], float], xs: list[float]) -> list[float]:
-    """Return points of positive merit between samples `xs` none of which has one."""
+    """Return points of positive merit between samples `xs` of negative merit."""
     values = [merit(x) for x in xs]
     tops = [k for k in range(1, len(xs) - 1)
             if 0 >= values[k] >= max(values[k - 1], values[k + 1]) > -np.inf]
@@ -123,6 +122,6 @@ def minima(cost: Callable[[float], float], merit: Callable[[float], float],
 
 
 def best_first(pairs: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return pairs (cost, x) by cost, those that rounding errors alone tell apart by x."""
+    """Return pairs (cost, x) ordered by cost; where costs differ by rounding errors only, by x."""
     unit = _ALIKE * max((abs(cost) for cost, _ in pairs), default=0.0) or 1.0
     return sorted(pairs, key=lambda one: (round(one[0] / unit), one[1]))

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Drawing a DLO over an obstacle on a straight way (paper, section 5.3, footnote 19).
+"""Drawing a DLO over an obstacle along a straight line (paper, section 5.3, footnote 19).
 
 The gripper goes straight from where the contact begins towards the contact, its orientation kept.
-One number is left, how far it has gone: it is found for each arc length that is to touch. Place and
+The one unknown is how far it has gone; it is found for each arc length that is to touch. Place and
 direction of the contact follow from the direct simulation, and drift.
 """
 
@@ -72,7 +72,7 @@ class _Trial(NamedTuple):
 
 
 class _Slide:
-    """The straight way from the first Shape to the contact; `gone` is a part of it, 1 the end."""
+    """The straight line from the first Shape to the contact; `gone` is a part of it, 1 the end."""
 
     def __init__(self, simulator: DirectSimulator, family: ContactFamily, first: Shape,
                  check: Callable[[], None]) -> None:
@@ -88,12 +88,12 @@ class _Slide:
         shape : Shape
             Shape of the waypoint before.
         gone : float
-            Part of the way there.
+            Part of the line that the gripper has gone there.
 
         Raises
         ------
         Infeasible
-            There is no such shape on the way.
+            There is no such shape on the line.
         """
         touching, longest = self.touches_at(shape, s), _LONGEST * self._length
         for target in np.linspace(touching, s, int(np.ceil(abs(s - touching) / longest)) + 1)[1:]:
@@ -141,7 +141,7 @@ class _Slide:
 
     def _hopped(self, near: _Trial, far: _Trial | None, target: float,
                 builder: PlanBuilder) -> tuple[Shape, float]:
-        """Return what comes next to `target` where no Shape touches there; raise Infeasible."""
+        """Return the trial nearest to `target` if no Shape touches there; raise Infeasible."""
         known = [one for one in (near, far) if one is not None and not np.isnan(one.left)]
         gone, left, shape = min(known, key=lambda one: abs(one.left))
         if abs(left) <= _HOP * self._length:

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One contact at one arc length: which forces keep everything, and what is wrong where none does.
+"""One contact at one arc length: which forces keep all demands, and why none does.
 
-The curve of shapes is `inverse.solvers.contact.family`'s; here are the plan's demands on it, and
+`inverse.solvers.contact.family` has the curve of shapes; this file has the plan's demands on it and
 its confirmation by the direct simulation.
 """
 
@@ -66,7 +66,7 @@ class ContactProblem:
         return self.family.s
 
     def merit(self, force: float) -> float:
-        """Return a number that is positive where this force keeps everything."""
+        """Return a number that is positive if this force keeps all demands."""
         merit = self.family.merit(force)
         if merit <= 0:
             return merit
@@ -101,7 +101,7 @@ class ContactProblem:
         return admissible
 
     def confirmed(self, force: float) -> Shape | None:
-        """Return the Shape that the direct simulator finds with this force, None if another."""
+        """Return the Shape if the direct simulator finds it with this force, else None."""
         guess = self._guess(force)
         shape = self.simulator.solve(guess.gripper, guess)
         length = shape.s[-1]
@@ -112,7 +112,7 @@ class ContactProblem:
         return shape if shape.converged and same else None
 
     def _guess(self, force: float) -> Shape:
-        """Return the Shape with this force on a mesh that is as good as the simulator's."""
+        """Return the Shape with this force on a mesh as fine as the simulator's."""
         own, accuracy = self.simulator.mesh, self.simulator.accuracy
         shape = self.family.shape(force)
         elements = shape.s.size - 1
@@ -132,7 +132,7 @@ class ContactProblem:
                 return shape
 
     def _refusal(self, builder: PlanBuilder) -> Infeasible:
-        """Return Infeasible: what is wrong with the best of the shapes that were looked at."""
+        """Return Infeasible, with the reason against the best of the examined shapes."""
         family = self.family
         good = [force for force in family.known if family.merit(force) > 0]
         if good:
@@ -140,8 +140,8 @@ class ContactProblem:
                           for force in good)
             constraint, amount, why = min((one for one in violations if one is not None),
                                           key=lambda one: one[1])
-            return builder.refusal(constraint, amount, f'none of {len(good)} contact forces will '
-                                   f'do; with the best of them, {why}')
+            return builder.refusal(constraint, amount, f'none of {len(good)} contact forces is '
+                                   f'admissible; with the best of them, {why}')
         looked = (f'no contact force of {min(family.known):.3g} to {max(family.known):.3g} N keeps '
                   f'the DLO touching at s = {self.s:g} m')
         best = family.most_stable()
@@ -160,7 +160,7 @@ class ContactProblem:
                    key=lambda shape: shape.stability)
         return self.left(builder, best, self.simulator.solve(best.gripper, best),
                          'the direct simulation with its own discretization confirms none of the '
-                         'contact forces that should do; a finer one may')
+                         'admissible contact forces; a finer one may')
 
     def left(self, builder: PlanBuilder, shape: Shape, reached: Shape, why: str) -> Infeasible:
         """Return Infeasible because the DLO is `reached` elsewhere; the amount is how far, in m."""

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Following the shapes that do a task from one depth to another, without a leap.
+"""Following the shapes that satisfy a condition from one depth to another, without a leap.
 
-A task leaves the gripper one free rotation, a roll. At each depth the shapes that do it are a curve
-on the sphere of all hanging shapes (`inverse.solvers.hanging.sphere`); a step goes to the next
-curve, by Newton's method, with no roll or with one that is given.
+The condition leaves the gripper one free rotation, a roll. At each depth the shapes that satisfy it
+are a curve on the sphere of all hanging shapes (`inverse.solvers.hanging.sphere`); a step goes to
+the next curve, by Newton's method, with no roll or with a given one.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _SHARES = 1.0, 0.5, 0.0  # of a roll
 
 
 class Passing(NamedTuple):
-    """A Shape that does a task at some depth.
+    """A Shape that satisfies a condition at some depth.
 
     Attributes
     ----------
@@ -49,10 +49,10 @@ class Passing(NamedTuple):
 
 
 class Condition(Protocol):
-    """What the shapes at a depth have to do."""
+    """What the shapes at each depth have to satisfy."""
 
     def axis(self, shape: Shape) -> Floats:
-        """Return the axis (3,) of the roll that the task leaves free."""
+        """Return the axis (3,) of the roll that the condition leaves free."""
 
     def at(self, before: Passing, depth: float, roll: float, final: bool) -> Passing | None:
         """Return the Passing at `depth` (m) near `before`, rolled by `roll` (rad), or None.
@@ -68,10 +68,10 @@ class Condition(Protocol):
 
 
 class Rolls(Protocol):
-    """How the gripper rolls on its way from one depth to another."""
+    """How the gripper rolls from one depth to another."""
 
     def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:
-        """Return the roll (rad) to make on the way from `depth` to `target`, m."""
+        """Return the roll (rad) from `depth` to `target`, m."""
 
 
 class Step(NamedTuple):

@@ -41,7 +41,7 @@ def grid_nodes(simulator: DirectSimulator) -> Floats:
 
 def gets_there(simulator: DirectSimulator, gripper: Pose, end: Floats,
                initial: Shape | None = None) -> bool:
-    """Whether the DLO comes by itself into the shape whose free end has the frame `end` (3, 3).
+    """Whether the DLO itself takes the shape whose free end has the frame `end` (3, 3).
 
     Parameters
     ----------

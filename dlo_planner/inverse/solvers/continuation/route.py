@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The best way over the sphere of hanging shapes: from curve to curve, one for each depth."""
+"""The best route over the sphere of hanging shapes: from curve to curve, one for each depth."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ _AHEAD = 0.05             # of the length: how far a route is looked along to sm
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A way through K curves.
+    """A route through K curves.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Route:
     length : float
         Length of the DLO, m.
     complete : bool
-        Whether it goes through all the curves that it was to go through.
+        Whether it goes through all curves that were given.
     ahead : float
         Part of the length over which rolls are smoothed; 0: every roll is followed as it is.
     """
@@ -46,9 +46,9 @@ class Route:
     ahead: float = _AHEAD
 
     def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:
-        """Return the roll (rad) to make on the way from one depth to another, m.
+        """Return the roll (rad) to make between two depths, m.
 
-        It leads towards the route a little ahead: the grid's roughness averages out.
+        It leads towards the route a little ahead, so that the grid's roughness averages out.
         """
         shape, ahead = passing.shape, self.ahead * self.length
         goal = self._gripper(target + (ahead if target >= depth else -ahead))
@@ -70,13 +70,12 @@ class Route:
 
 def find_route(layers: Sequence[Crossings], depths: Floats, first: Floats,
                length: float) -> Route | None:
-    """Return the Route of least motion of the gripper, as deep as it goes; None if none begins.
+    """Return the Route of least motion of the gripper, as deep as possible; None if none begins.
 
     Parameters
     ----------
     layers : sequence of Crossings
-        K Crossings, of the curves at `depths` (K,), m, in the order in which they are gone
-        through.
+        K Crossings, of the curves at `depths` (K,), m, in their order on the route.
     first : ndarray, shape (m,)
         Cost of beginning at each crossing of the first curve; infinite: not there.
     length : float
@@ -93,7 +92,7 @@ def find_route(layers: Sequence[Crossings], depths: Floats, first: Floats,
 
 def sweep(layers: Sequence[Crossings], first: Floats,
           length: float) -> tuple[list[Floats], list[Ints]]:
-    """Return costs [(m,)] of the best ways to each crossing, and where they come from [(m,)].
+    """Return costs [(m,)] of the best routes to each crossing, and their origins [(m,)].
 
     The lists end with the last curve that can be reached: dynamic programming (Bellman 1957).
     """
@@ -108,7 +107,7 @@ def sweep(layers: Sequence[Crossings], first: Floats,
 
 
 def picked(origins: list[Ints], last: int) -> list[int]:
-    """Return the indices, one per curve, of the best way that ends at crossing `last`."""
+    """Return the indices, one per curve, of the best route that ends at crossing `last`."""
     picks = [last]
     for origin in reversed(origins):
         picks.append(int(origin[picks[-1]]))

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The hanging shape seen from its free end: one march, no iteration over the whole rod.
+"""The hanging shape from its free end: one integration, no iteration over the whole rod.
 
-Nothing pulls at the free end, so force and moment are known there, and if the end's direction is
-given, every element follows from the one before (an initial value problem). This is the exact
-solution for a DLO whose free end alone is prescribed: where a threading begins.
+Force and moment are zero at the free end. If the end's direction is given, every element follows
+from the one before (an initial value problem). This is the exact solution for a DLO whose free end
+alone is prescribed, as where a threading begins.
 """
 
 import numpy as np

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Every way in which a DLO can hang: all its equilibria, as points on a sphere.
+"""All hanging shapes of a DLO: its equilibria, as points on a sphere.
 
-Nothing holds the free end, so the direction of gravity in the end's frame names an equilibrium: all
-else follows from it element by element (`inverse.solvers.hanging.marching`), up to a turn about the
-vertical, which changes nothing. The equilibria of a DLO are therefore a sphere (compare Bretl and
+Nothing holds the free end, so the direction of gravity in the end's frame defines an equilibrium:
+it follows element by element (`inverse.solvers.hanging.marching`), up to a turn about the vertical,
+which changes nothing. The equilibria of a DLO are therefore a sphere (compare Bretl and
 McCarthy 2014 for a DLO that is held at both ends), and each task is a set of curves on it. A search
-on the sphere cannot overlook a way, as one that follows a single shape can.
+on the sphere cannot overlook a route, as one that follows a single shape can.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ _ROLLS = 24  # of the free end, tried
 
 
 class Candidate(NamedTuple):
-    """What a threading can begin with.
+    """A shape with which a threading can begin.
 
     Attributes
     ----------
@@ -47,10 +47,10 @@ def start_candidates(simulator: DirectSimulator, cutout: CutOut,
                      start: Pose | None) -> Iterator[Candidate]:
     """Yield the Candidates for a threading: their free ends point along the normal, at depth 0.
 
-    The free end's roll about the normal is a choice. The first one is made so that the gripper is
-    not rolled: seen along its own axis it stands as `start` does (or upright, without one). A
-    curved DLO may have several such rolls; the one that turns the gripper least comes first. All
-    others follow in steps, unless the DLO is round and straight and one roll is like another.
+    The free end's roll about the normal is a choice. With the first candidate the gripper is not
+    rolled: seen along its own axis it stands as `start` does (or upright, without one). A curved
+    DLO may have several such rolls; the one that turns the gripper least comes first. The others
+    follow in steps, unless the DLO is round and straight, so that all rolls are alike.
     """
     upright = Pose.looking_along((0.0, 0.0, 0.0), cutout.normal).rotation
     preferred = upright
@@ -117,7 +117,7 @@ def _rotvec_between(one: Floats, other: Floats) -> Floats:
     if sine < 1e-12:
         if one @ other > 0:
             return np.zeros(3)
-        helper = np.eye(3)[np.argmin(np.abs(one))]  # opposite: any axis across will do
+        helper = np.eye(3)[np.argmin(np.abs(one))]  # opposite: any perpendicular axis
         axis = np.cross(one, helper)
         sine = np.linalg.norm(axis)
         return axis / sine * np.pi

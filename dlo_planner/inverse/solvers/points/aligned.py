@@ -5,8 +5,8 @@
 Unknowns: the strains q and a rotation w of the gripper. Equations: the gradient of the potential
 vanishes; the tangent at one arc length is the goal's normal (two rows); and the gripper has not
 turned about a given axis since a reference (one row, for one rotation is left free: a straight
-round DLO may roll about the gripper's axis, a bent weightless one about the normal). As gravity
-does not notice where the gripper is, its position follows afterwards (paper, section 5.2). The
+round DLO may roll about the gripper's axis, a bent weightless one about the normal). Gravity
+does not depend on the gripper's position, which follows afterwards (paper, section 5.2). The
 Hessian is the direct simulator's, so an inverse solve costs about as much as a direct one.
 """
 

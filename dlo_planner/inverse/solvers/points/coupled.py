@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Equilibrium and task in one Newton system, of a DLO that hangs freely: one kernel a shape.
 
-`aligned_hanging` is `aligned.aligned_newton` with what is told of a Shape. `two_points_hanging`
+`aligned_hanging` is `aligned.aligned_newton`, with the results of a Shape. `two_points_hanging`
 finds the shape that passes two centers at once: unknowns are the strains q, a rotation w of the
 gripper and one of the arc lengths s1, s2; equations that the gradient of the potential vanishes,
 x(s2) - x(s1) = P2 - P1, and that the gripper rolls by a given angle about the axis that is free.

@@ -3,8 +3,8 @@
 """The shape of least penalty within reach of the gripper: a step that cannot leap.
 
 Gauss and Newton's method on the penalties' residuals, the gripper kept in a ball about where it was
-(a trust region that stays where it is: Nocedal and Wright, Numerical Optimization, ch. 4). Where
-the least penalty is farther away, the step goes as far towards it as it may.
+(a fixed trust region: Nocedal and Wright, Numerical Optimization, ch. 4). If the minimum is farther
+away, the step goes towards it as far as the ball allows.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ def nearest_within(simulator: DirectSimulator, penalties: Sequence[Residuals], b
     before : Shape
         Shape where the step begins.
     turn : float
-        Angle by which the gripper may turn, about, rad.
+        Angle by which the gripper may turn, rad, about.
     shift : float
         Distance by which it may be displaced, about, m.
     """

@@ -131,7 +131,7 @@ def two_points(simulator: DirectSimulator, shape: Shape, chord: Floats, s: tuple
                free: str, roll: float = 0.0) -> tuple[Shape, float, float] | None:
     """Find the gripper's rotation and an arc length such that x(s2) - x(s1) = `chord`.
 
-    A step after which the DLO falls into another shape ends it.
+    The search ends where the DLO falls into another shape after a step.
 
     Parameters
     ----------
@@ -172,10 +172,10 @@ def two_points(simulator: DirectSimulator, shape: Shape, chord: Floats, s: tuple
 
 def _step_by_step(simulator: DirectSimulator, shape: Shape, chord: Floats, s: tuple[float, float],
                   free: str, roll: float) -> tuple[Shape, float, float] | None:
-    """Return what `two_points` does, of any DLO, an equilibrium at a time.
+    """Return the same as `two_points`, for any DLO, with one equilibrium per step.
 
-    Newton's method with the sensitivities of the equilibrium, which also predict the shape after
-    each step, so that the shapes in between pass both centers, about.
+    Newton's method with the sensitivities of the equilibrium. They also predict the shape after
+    each step, so that the shapes in between nearly pass both centers.
     """
     length, (s1, s2) = shape.s[-1], s
     axis = free_axis(shape.gripper.rotation, chord / np.linalg.norm(chord))

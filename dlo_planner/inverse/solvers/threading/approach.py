@@ -1,14 +1,13 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""From where the gripper is to where a threading begins, without touching the sheet.
+"""From the present pose of the gripper to the beginning of a threading, clear of the sheet.
 
 The gripper goes straight, turning evenly, to where the free end is `standoff` before the center,
-stops there, and goes in along the normal: few corners set the DLO swinging least. Where the DLO
-would come too near to the sheet on that way, the gripper backs off along the normal first, turns,
-and comes straight. While it only translates, a DLO that is behind the sheet at both ends of the way
-is behind it all along; where it turns, it has to keep away by as much as may happen between two
-poses. The shortest way back that allows that is taken; from farther than its length the DLO cannot
-reach the sheet at all.
+stops there, and goes in along the normal: few corners set the DLO swinging least. If the DLO would
+come too near to the sheet, the gripper backs off along the normal first, turns, and comes straight.
+While it only translates, a DLO that is behind the sheet at both ends is behind it all along; while
+it turns, it has to keep away by as much as may happen between two poses. The gripper backs off by
+the smallest distance that allows that; from farther than its length the DLO cannot reach the sheet.
 """
 
 from __future__ import annotations
@@ -38,8 +37,8 @@ if TYPE_CHECKING:
 _MARGIN = 0.02        # of the length
 _LONGEST = 0.1        # of the length, and
 _SHARPEST = 0.15      # rad: between two waypoints
-_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way back that is safe in any case
-_STRAIGHT = None      # instead of a way back: translation and rotation at once
+_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the distance back that is safe in any case
+_STRAIGHT = None      # instead of backing off: translation and rotation at once
 
 
 # A pose of the gripper, and how far (m) the DLO has to be behind the sheet there.
@@ -89,7 +88,7 @@ def approach(simulator: DirectSimulator, task: Approach, start: Pose, initial: S
                 refused = error
             continue
         return plan if own else _from_behind(simulator, first, request, demands, away)
-    assert refused is not None  # a way is tried at least
+    assert refused is not None  # one is tried at least
     raise refused
 
 
@@ -148,14 +147,14 @@ def _entering(first: Pose, normal: Floats, standoff: float, length: float) -> li
 
 def _blended(start: Pose, before: Pose, standoff: float, radius: float,
              length: float) -> list[_Station]:
-    """Return [(Pose, least distance of the DLO from the sheet, m)] of the straight way."""
+    """Return [(Pose, least distance of the DLO from the sheet, m)] of the straight motion."""
     margin = min(_MARGIN * length, 0.5 * max(standoff - radius, 0.0))
     return [(pose, margin) for pose in _interpolated(start, before, length)]
 
 
 def _cornered(cutout: CutOut, start: Pose, before: Pose, radius: float, length: float,
               back: float) -> list[_Station]:
-    """Return the same of a way back along the normal by `back` (m), a turn, and a way there."""
+    """Return the same of a motion back along the normal by `back` (m), a turn, and one forward."""
     safe = (cutout.center - start.position) @ cutout.normal + back >= length + radius
     away = start.position - back * cutout.normal
     lifted, turned = (Pose.from_rotation(away, pose.rotation) for pose in (start, before))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a threading through two cut-outs may reach the second one, among all hanging shapes."""
+"""All shapes in which a threading through two cut-outs may reach the second one."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from dlo_planner.plan.builder import PlanRequirements
 _CURVES = 16        # depths at which a route is looked for, before the change and after it
 _CHANGES = 8        # changes that are tried
 _UNLIKE = 0.3       # rad: between the grippers of two that are tried
-_BEGINNINGS = 12    # of a way back that are looked at
+_BEGINNINGS = 12    # of a route back that are examined
 
 
 @dataclass(frozen=True)
 class Change:
-    """Where the motion changes: the free end is at the second center.
+    """The change of the motion: the free end is at the second center.
 
     Attributes
     ----------

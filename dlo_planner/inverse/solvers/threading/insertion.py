@@ -2,16 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Insertion into a bore of about the DLO's own diameter (Zheng et al. 1991; paper, section 5.2).
 
-The walls of the bore carry what is inside. What is outside hangs as though it were cut off at the
-mouth, with its end there in the bore's direction: it transmits neither force nor moment to the
-mouth, so that the bore bears only what the part inside makes of itself: its weight, and where it is
-naturally bent the moment that keeps it straight (`Plan.bore_moment`). The roll of the DLO in the
-bore stays, so that nothing rubs. For a uniform DLO the gripper then travels along the curve of its
-shape at the beginning; in general it is the beginning of a threading with a shorter DLO at every
-depth.
+The walls of the bore carry the part inside. The part outside hangs as though the DLO was cut off at
+the mouth, with its end in the bore's direction: it transmits neither force nor moment to the mouth.
+So the bore bears only the weight of the part inside and, if the DLO is naturally bent, the moment
+that keeps it straight (`Plan.bore_moment`). The roll of the DLO in the bore stays constant, so that
+nothing rubs. With a uniform DLO the gripper then travels along the curve of the first shape; in
+general each depth is the beginning of a threading with a shorter DLO.
 
-A mass that comes to the mouth would be carried by the bore at once, and the gripper would have to
-leap. There the plan stays at one depth while the mouth takes over the weight, part by part.
+When a mass comes to the mouth, the bore would carry it at once, and the gripper would have to leap.
+There the plan stays at one depth while the mouth takes over the weight, part by part.
 """
 
 from dataclasses import replace
@@ -40,7 +39,7 @@ from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import waypoint_at
 
 _ELEMENTS = 64
-_PACE = 0.1       # rad plus part of the length: a longer step is looked at, or made in parts
+_PACE = 0.1       # rad plus part of the length: a longer step is examined, or made in parts
 _NOTHING = 0.01   # the same: a step that is no step
 _HALVINGS = 12
 _AT_END = 1e-12   # of the length
@@ -93,7 +92,7 @@ class _Insertion:
         return builder.finished()
 
     def _stops(self, depths: Floats) -> list[_Stop]:
-        """Return all stops on the way through `depths` (n,)."""
+        """Return all stops between the first and the last of `depths` (n,)."""
         rod = self.simulator.rod
         at_tip = {0.0} if rod.tip_mass else set()
         masses = sorted(at_tip | {rod.length - s for s, mass in rod.point_masses if mass})
@@ -118,7 +117,7 @@ class _Insertion:
         return self._parts(one, middle) + self._parts(middle, other)
 
     def _rod(self, stop: _Stop) -> Rod:
-        """Return the Rod outside at a stop, less what the mouth carries of masses at its end."""
+        """Return the Rod outside at a stop, without the masses that the mouth carries."""
         depth, carried = stop
         whole = self.simulator.rod
         end = whole.length - depth
@@ -132,7 +131,7 @@ class _Insertion:
         return replace(rod, tip_mass=rod.tip_mass * (1 - carried), point_masses=masses)
 
     def _gripper(self, stop: _Stop) -> Pose:
-        """Return about the gripper's Pose at a stop: one march from the mouth."""
+        """Return about the gripper's Pose at a stop, by one integration from the mouth."""
         self.demands.progress.check()
         rod = self._rod(stop)
         mesh = Discretization(replace(self.simulator.surroundings, rod=rod),
@@ -152,8 +151,8 @@ class _Insertion:
                                   'no equilibrium is free of force at the mouth')
         shape = shape.moved(self.bore.center - shape.positions[-1])
         if depth or carried:
-            # the bore holds the end, which makes it more stable; without a mass at the mouth that
-            # has to cost nothing. The weight of a mass it bears along its axis as well.
+            # the bore holds the end, which makes the shape more stable; without a mass at the mouth
+            # that takes no force. It also bears the weight of a mass along its axis.
             mouth = FarEnd(Pose.from_rotation(self.bore.center, shape.frames[-1]),
                            'clamped' if carried else 'sleeve')
             if carried:  # a start for the DLO with the whole mass, no more
@@ -171,7 +170,7 @@ class _Insertion:
     def _check_step(self, one: _Stop, other: _Stop, shape: Shape, builder: PlanBuilder) -> None:
         """Raise Infeasible if the gripper has to leap from a stop to another with `shape`.
 
-        It leaps if the longer half of a step, halved again and again, does not get shorter.
+        It leaps if the longer half of a step does not get shorter by repeated halving.
         """
         length = self.simulator.rod.length
         if gripper_motion(builder.waypoints[-1].shape.gripper, shape.gripper, length) < _PACE:
@@ -194,7 +193,7 @@ class _Insertion:
 
 
 def _unconverged(builder: PlanBuilder, shape: Shape, missing: float) -> Infeasible:
-    """Return Infeasible: why a Shape that was looked for is not one that the DLO stays in."""
+    """Return Infeasible, with the reason why the DLO does not stay in a Shape."""
     if shape.stability < -NEUTRAL:
         return builder.refusal('stability', -shape.stability, 'the DLO would not stay in the '
                                f'shape; stability {shape.stability:.3g}')

@@ -95,7 +95,7 @@ def _search(simulator: DirectSimulator,
 
 def _other_ways(simulator: DirectSimulator, task: Threading, candidates: Iterator[Candidate],
                 refused: Infeasible) -> Iterator[tuple[Candidate, Route | None]]:
-    """Yield what else a threading may begin with, and a Route or None, after a refusal."""
+    """Yield other Candidates, each with a Route or None, after a refusal."""
     if refused.constraint not in NO_WAY:  # a demand: another roll may keep it
         yield from ((begin, None) for begin in candidates)
         return
@@ -129,8 +129,8 @@ def _route(simulator: DirectSimulator, shapes: HangingShapes, task: Threading) -
 def _starts(simulator: DirectSimulator, curve: Crossings, task: Threading) -> Floats:
     """Return the cost (m,) of beginning at each of the Crossings; infinite where it cannot.
 
-    The DLO has to come into the shape by itself; of those it does, the gripper prefers the one in
-    which it is turned least against `start`.
+    The DLO has to take the shape by itself. Among these shapes the cost is least where the gripper
+    is turned least from `start`.
     """
     cost = np.full(len(curve), np.inf)
     most = _STARTS[task.initial is not None]
@@ -144,7 +144,7 @@ def _starts(simulator: DirectSimulator, curve: Crossings, task: Threading) -> Fl
 
 
 def _depth(task: Threading, refused: Infeasible) -> tuple[float, bool]:
-    """Return a number by which refusals compare: how far they come."""
+    """Return what orders refusals: the depth reached, and whether only the start failed."""
     return task.depths[refused.waypoint], refused.constraint == 'start'
 
 
@@ -159,7 +159,7 @@ def trim_to_clearance(plan: Plan, cutout: CutOut, clearance: float, may_end: boo
     Raises
     ------
     Infeasible
-        It may not, or the first waypoint is too near already.
+        The plan may not end earlier, or its first waypoint is too near already.
     """
     rooms = np.array([(cutout.center - gripper.position) @ cutout.normal
                       for gripper in plan.grippers])

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Threading through more than two cut-outs: nearest to all of their centers that are passed.
 
-The gripper has six degrees of freedom, and how far the DLO has gone through each cut-out but the
-first is free: two centers can be hit, three in general cannot. So their weighted distances are
-minimized, by the search for any task. What is ahead counts smoothly more as the free end comes
-near, so that the gripper's way is continuous: the DLO, extended straight on, aims at it.
+The gripper has six degrees of freedom, and the arc lengths at all cut-outs but the first are free:
+two centers can be hit, three in general cannot. So the weighted distances are minimized. The weight
+of a cut-out ahead grows smoothly as the free end comes near, so that the gripper's path is
+continuous: the DLO, extended straight, aims at it.
 """
 
 from collections.abc import Iterator
@@ -85,8 +85,8 @@ def thread_sequence(simulator: DirectSimulator, cutouts: tuple[CutOut, ...], wei
                     depths: Floats, start: Pose | None, demands: PlanRequirements) -> Plan:
     """Return the Plan; see `InverseSimulator.thread_sequence` for what the arguments mean.
 
-    Of several rolls to begin with, the one is taken that misses least; they are compared with a
-    quick simulator at a few depths.
+    Several rolls to begin with are compared, with a quick simulator at a few depths; the one with
+    the smallest errors is taken.
     """
     task = CutoutSequence(cutouts, weights, depths, start, demands)
     quick = quick_simulator(simulator)
@@ -115,7 +115,7 @@ def thread_sequence(simulator: DirectSimulator, cutouts: tuple[CutOut, ...], wei
 
 
 def _rolled(simulator: DirectSimulator, task: CutoutSequence) -> Iterator[Pose | None]:
-    """Yield Poses, or None, against whose roll the DLO is turned least: first as it is wanted."""
+    """Yield Poses, or None, from whose roll the DLO is turned least; first the requested one."""
     yield task.start
     if is_axisymmetric(simulator.rod):
         return
@@ -182,7 +182,7 @@ def _penalties(task: CutoutSequence, depth: float, length: float) -> list[Residu
 
 @dataclass(frozen=True)
 class _NotRolled:
-    """The gripper has not turned about its own axis since a pose: what is free for a round DLO."""
+    """The gripper has not turned about its own axis since a pose; a round DLO leaves that free."""
 
     before: Pose
     weight: float
@@ -226,7 +226,7 @@ def _nearest(simulator: DirectSimulator, penalties: list[Residuals], shape: Shap
              step: float) -> Shape | None:
     """Return the Shape that follows `shape` after a step in depth (m), or None.
 
-    The nearest one may be far from where the DLO is: then it goes as far towards it as a step may.
+    The nearest shape may be far from the present one: then the DLO goes towards it by one step.
     """
     length = shape.s[-1]
     turn, shift = largest_turn(step / length), largest_shift(step / length) * length

@@ -127,7 +127,7 @@ def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
 
 def _evenly(simulator: DirectSimulator, task: Threading, begin: Candidate, plan: Plan,
             passings: Sequence[Passing]) -> Plan:
-    """Return a Plan that rolls as a whole like `plan` but evenly; `plan` if there is none.
+    """Return a Plan with the rolls of `plan`, but even ones; `plan` itself if there is none.
 
     Parameters
     ----------

@@ -3,10 +3,10 @@
 """Threading through two cut-outs: their centers without orientation (paper, section 5.2, Fig. 14).
 
 Until the free end reaches the second cut-out, the DLO passes the first one along one direction;
-from then on it passes both centers at once. The direction is the one it has at the moment of the
-change, so that the gripper's way is continuous. As gravity does not notice where the gripper is,
-its rotation and one arc length are solved for, x(s2) - x(s1) = P2 - P1, and it is displaced after.
-Each cut-out is passed in its direction, possibly obliquely.
+from then on it passes both centers at once. The direction is that of the DLO at the change, so that
+the gripper's path is continuous. Gravity does not depend on the gripper's position: its rotation
+and one arc length are solved for, x(s2) - x(s1) = P2 - P1, and the position follows. Each cut-out
+is passed in its direction, possibly obliquely.
 """
 
 from collections.abc import Callable, Iterator
@@ -51,8 +51,8 @@ def thread_two(simulator: DirectSimulator, first: CutOut, second: CutOut, depths
                start: Pose | None, demands: PlanRequirements) -> Plan:
     """Return the Plan; see `InverseSimulator.thread_two` for what the arguments mean.
 
-    As in `thread`, a way is looked for with a quick simulator, first by following one shape, then
-    on the sphere of all.
+    As in `thread`, the search uses a quick simulator; it first follows one shape, then it uses the
+    sphere of all shapes.
     """
     task = Pair(first, second, depths, start, demands)
     if np.linalg.norm(task.chord) < 1e-6 * simulator.rod.length:
@@ -76,7 +76,7 @@ def _search(simulator: DirectSimulator, task: Pair) -> tuple[Plan, Change]:
     for number, change in enumerate(_changes(simulator, task, shapes)):
         task.demands.progress.check()
         if number >= _DEMANDED and best is not None and best[-1].constraint not in NO_WAY:
-            break  # what is in the way of so many is in the way of all
+            break  # a demand that refuses so many refuses all
         tried = few
         try:
             if few is not task:
@@ -98,7 +98,7 @@ def _search(simulator: DirectSimulator, task: Pair) -> tuple[Plan, Change]:
 
 def _changes(simulator: DirectSimulator, task: Pair,
              shapes: Callable[[], HangingShapes | None]) -> Iterator[Change]:
-    """Yield Changes: first the one that following a single shape finds, if it does.
+    """Yield Changes: first the one found by following a single shape, if there is one.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def _no_beginning(simulator: DirectSimulator, task: Pair,
                   shapes: HangingShapes) -> Infeasible | None:
     """Return why the DLO cannot begin along any direction that leads through both; None if it can.
 
-    That is the Infeasible of the direction that is nearest to it: of those that fall, if any does.
+    It is the Infeasible with the smallest amount, of the constraint 'start' if there is one.
     """
     _, depths, along = at_the_second(simulator, task, shapes)
     along, refusals = along[depths > task.depths[0]], []
@@ -152,7 +152,7 @@ def _no_beginning(simulator: DirectSimulator, task: Pair,
 
 
 def _straight_there(simulator: DirectSimulator, task: Pair) -> Change | None:
-    """Return the Change found from a threading along the way to the second center, or None."""
+    """Return the Change found by a threading along the line to the second center, or None."""
     length, apart = simulator.rod.length, float(np.linalg.norm(task.chord))
     along = CutOut(Pose.looking_along(task.first.center, task.chord))
     for share in np.linspace(1.0, 1.4, _GUESSES):
@@ -239,7 +239,7 @@ def _judged(simulator: DirectSimulator, task: Pair, change: Change,
     sheets = [sheet_of(cutout, length, task.demands.obstacles) for cutout in cutouts]
     before = None
     for index, depth in enumerate(task.depths):
-        missing = Step(None, change.depth, 0.0)  # the way back to it ended before it
+        missing = Step(None, change.depth, 0.0)  # the steps back to it ended before it
         passing, reached, too_far = steps.get(index, missing)
         refusal = _refusal(simulator, task, builder, before, passing, abs(depth - reached), too_far)
         if refusal is not None or passing is None:
