@@ -57,7 +57,7 @@ class Scheme:
         return (1 - self.alpha_m) / ((1 - self.alpha_f) * self.beta * self.dt**2)
 
     @property
-    def drag(self):
+    def velocity_gain(self):
         """Velocity at the end per distance from the anchor, 1/s."""
         return self.gamma / (self.beta * self.dt)
 
@@ -71,12 +71,12 @@ class Scheme:
         return position, velocity
 
     def after(self, before, position):
-        """Return the Course at the end of a step that ends at `position`."""
+        """Return the KinematicState at the end of a step that ends at `position`."""
         anchor, velocity = self.anchor(before)
         away = position - anchor
         acceleration = self.stiffness * away
-        return Course(position, velocity + self.drag * away, acceleration,
-                      self._mean_acceleration(before, acceleration))
+        return KinematicState(position, velocity + self.velocity_gain * away, acceleration,
+                              self._mean_acceleration(before, acceleration))
 
     def error(self, times, positions):
         """Return the local error (m) of a step, to leading order: the largest of a node.
@@ -105,7 +105,7 @@ class Scheme:
 
 
 @dataclass(frozen=True)
-class Course:
+class KinematicState:
     """A coordinate in motion: arrays of one shape.
 
     Attributes

@@ -163,7 +163,8 @@ class Stepper:
         if known is None:
             known = self._known[scheme, damping] = Coefficients(
                 *(float(one) for one in (scheme.alpha_m, scheme.alpha_f, scheme.beta, scheme.gamma,
-                                         scheme.dt, scheme.stiffness, scheme.drag, scheme.third,
+                                         scheme.dt, scheme.stiffness, scheme.velocity_gain,
+                                         scheme.third,
                                          *damping)), self.masses)
         return known
 
@@ -203,7 +204,7 @@ class Stepper:
         mesh, (gripper, far_end), (nodes, bends) = self.discretization, grips, courses
         drag, viscosity = damping
         where, velocity = scheme.anchor(nodes)
-        strength = scheme.stiffness + drag * scheme.drag
+        strength = scheme.stiffness + drag * scheme.velocity_gain
         anchor = where - drag * velocity / strength - gripper.position
         system = mesh.system(gripper.rotation, gripper.position, history, far_end)
         system = system._replace(anchor=Anchor(anchor, self.masses * strength))
@@ -227,8 +228,8 @@ def _viscous(system, bends, viscosity, scheme):
     K b u' with u' = rate + drag (u - bent) is a spring of its own, drawn to where u' = 0.
     """
     bent, rate = scheme.anchor(bends)
-    firm = viscosity * scheme.drag
-    calm = bent - rate / scheme.drag
+    firm = viscosity * scheme.velocity_gain
+    calm = bent - rate / scheme.velocity_gain
     if not yields(system.plastic):  # two springs make one
         natural = (system.natural + firm * calm) / (1 + firm)
         return system._replace(natural=natural, stiffness=system.stiffness * (1 + firm))
