@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motion of the DLO under moving grips, in steps as long as their error and the energy allow."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -10,12 +11,16 @@ import numpy as np
 
 from dlo_planner.direct.beginning import check_velocity
 from dlo_planner.direct.instant import Instant
-from dlo_planner.direct.leg import MOST, Limits, leg_of
+from dlo_planner.direct.integrator import KinematicState
+from dlo_planner.direct.leg import MOST, Leg, Limits, leg_of
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.motion_error import HALVINGS, Begun, Recipe, Trace, error_of
 from dlo_planner.direct.setting_off import begin, renewed
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import MAX_ITERATIONS
+from dlo_planner.direct.stepping import Stepper
 from dlo_planner.model.arrays import Floats
+from dlo_planner.progress import Progress
 
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
 _NOISE = 1e-5        # of weight times length and of a bend by 1 rad: the same, at rest
@@ -53,18 +58,18 @@ class Run(NamedTuple):
     samples: Floats | None = None
 
 
-def simulate(stepper, start, velocity, instants, integrator, tolerance, progress, initial):
+def simulate(stepper: Stepper, start: Shape, velocity: Floats | None, instants: int,
+             integrator: str, tolerance: float, progress: Progress,
+             initial: Shape | None) -> Motion:
     """Return the Motion that begins with the Shape `start`; see `DirectSimulator.simulate`.
 
     Parameters
     ----------
-    stepper
-        Stepper.
-    velocity
-        (N + 1, 3) of the nodes, or None: at rest.
-    progress
-        Progress.
-    initial
+    stepper : Stepper
+    velocity : ndarray, shape (N + 1, 3) or None
+        Of the nodes, or None: at rest.
+    progress : Progress
+    initial : Shape or None
         Shape of which `start` was made, or None: it is an equilibrium.
     """
     first = begin(stepper, start, velocity)
@@ -82,7 +87,8 @@ def simulate(stepper, start, velocity, instants, integrator, tolerance, progress
     return _motion(stepper, made, tolerance, estimate)
 
 
-def run(stepper, first, instants, tolerance, progress):
+def run(stepper: Stepper, first: Instant, instants: int, tolerance: float,
+        progress: Progress) -> tuple[list[Instant], bool]:
     """Return the Instants at 0, 1, 2 ... of a motion that goes on from `first`.
 
     And whether all steps were solved; the last Instant is the one that was not.
@@ -92,7 +98,7 @@ def run(stepper, first, instants, tolerance, progress):
     return made.reached, made.status == 'complete'
 
 
-def _run(stepper, first, plan, progress):
+def _run(stepper: Stepper, first: Instant, plan: Recipe, progress: Progress) -> Run:
     """Return the Run that begins with the Instant `first`."""
     pace, reached = _Pace(stepper, first, plan), [first]
     while len(reached) < plan.instants:
@@ -101,8 +107,8 @@ def _run(stepper, first, plan, progress):
         for instant in leg.kept:
             reached.append(instant)
             progress.done(len(reached), plan.instants)
-        if pace.stuck:
-            after = leg.refused
+        after = leg.refused
+        if pace.stuck and after is not None:
             status = 'energy' if after.shape.converged else 'unsolved'
             after = replace(after, shape=replace(after.shape, converged=False))
             return pace.run([*reached, after], status, _reason(status, stepper, pace.now,
@@ -121,24 +127,26 @@ class _Pace:
         Whether the next step is not good, however short it is.
     """
 
-    def __init__(self, stepper, first, plan):
+    def __init__(self, stepper: Stepper, first: Instant, plan: Recipe) -> None:
         self.now, self.stuck = first, False
         self._stepper, self._plan = stepper, plan
         self._fixed = plan.integrator == 'paper'
         self._past = _before(first.nodes, stepper.dt)
         self._at = self._level = self._calm = 0  # time in the shortest steps; halvings; steps
-        self._steps, self._errors, self._samples = [], [], []
+        self._steps: list[int] = []
+        self._errors: list[float] = []
+        self._samples: list[Floats] = []
         self._books = np.array([first.balance, first.potential, first.potential, first.kinetic])
         mesh = stepper.discretization
         self._noise = _NOISE * (np.abs(mesh.load).sum() * mesh.rod.length
                                 + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
 
-    def run(self, reached, status='complete', message=''):
+    def run(self, reached: list[Instant], status: str = 'complete', message: str = '') -> Run:
         """Return the Run so far."""
         return Run(reached, self._steps, float(sum(self._errors)), status, message,
                    np.concatenate(self._samples) if self._samples else None)
 
-    def go_on(self):
+    def go_on(self) -> Leg:
         """Return the Leg of the next steps, which are entered here."""
         plan, stepper, level = self._plan, self._stepper, self._level
         last_try = level == HALVINGS or self._fixed
@@ -169,7 +177,7 @@ class _Pace:
             self._level, self._calm = level - 1, 0
         return leg
 
-    def _length(self, size):
+    def _length(self, size: int) -> int:
         """Return how many steps are to be made before their length may change."""
         most = min(MOST, (((self._plan.instants - 1) << HALVINGS) - self._at) // size)
         if not self._level:
@@ -178,13 +186,13 @@ class _Pace:
         return min(most, calm + (self._at // size + calm) % 2)
 
 
-def _before(nodes, dt):
+def _before(nodes: KinematicState, dt: float) -> list[tuple[float, Floats]]:
     """Return two times with node positions, dt apart, as if they had moved on evenly till now."""
     return [(-k * dt, nodes.position - k * dt * nodes.velocity
              + 0.5 * (k * dt) ** 2 * nodes.acceleration) for k in (2, 1)]
 
 
-def _reason(status, stepper, now, place):
+def _reason(status: str, stepper: Stepper, now: Instant, place: float) -> str:
     times = f'from {now.place * stepper.dt:.6g} s to {place * stepper.dt:.6g} s'
     if status == 'energy':
         return f'a step {times} gains energy, however short it is'
@@ -194,16 +202,18 @@ def _reason(status, stepper, now, place):
             f'{len(shape.contacts)} contacts')
 
 
-def _motion(stepper, made, tolerance, estimate):
+def _motion(stepper: Stepper, made: Run, tolerance: float,
+            estimate: Callable[[], Floats] | None) -> Motion:
     reached, message = made.reached, made.message
     places = np.array([instant.place for instant in reached])
     if made.status == 'complete' and made.local > tolerance:
         message = (f'the local errors of its steps add up to {made.local:.3g} m, more than the '
                    f'tolerance of {tolerance:.3g} m: see error_estimate')
     given = {} if estimate is None else {'_estimate': estimate}
+    kinetic, potential, work, losses = (
+        np.array([getattr(instant, name) for instant in reached])
+        for name in ('kinetic', 'potential', 'work', 'losses'))
     return Motion(
-        stepper.dt * places, [instant.shape for instant in reached],
-        np.array([instant.nodes.velocity for instant in reached]),
-        *(np.array([getattr(instant, name) for instant in reached])
-          for name in ('kinetic', 'potential', 'work', 'losses')),
-        tolerance, made.status, message, **given)
+        stepper.dt * places, tuple(instant.shape for instant in reached),
+        np.array([instant.nodes.velocity for instant in reached]), kinetic, potential, work,
+        losses, tolerance, made.status, message, **given)

@@ -133,11 +133,11 @@ def swung_shortly(stepper: Stepper, courses: tuple[KinematicState, KinematicStat
 
     Parameters
     ----------
-    courses
+    courses : tuple
         Of the nodes and of the strains.
-    place
+    place : float
         Time / dt, one step of the Scheme `brief` from now.
-    damping
+    damping : tuple
         (a, b) as of a Rod.
     """
     trail = _trail(stepper, *courses, np.array([place - brief.dt / stepper.dt, place]))

@@ -105,7 +105,8 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
             now, made, at, left = leg.last, made + count, at + size * count, left - count
     rounding = 1e-15 * coarse.s.size * coarse.s[-1]
     second = plan.integrator != 'paper' and not coarse.surroundings.obstacles
-    return (4 / 3 if second else 2.0) * np.maximum.accumulate(found) + rounding
+    errors: Floats = (4 / 3 if second else 2.0) * np.maximum.accumulate(found) + rounding
+    return errors
 
 
 def _apart(one: Floats, other: Floats) -> float:

@@ -6,6 +6,7 @@ They come from very short steps, ahead and back.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -87,7 +88,8 @@ class _Watch:
                     bends: KinematicState) -> Instant:
         """Return an Instant with these Courses of positions and velocities, and accelerations."""
         stepper, brief = self._stepper, self._brief
-        there = self._shortly(nodes, bends, 1.0, stepper.discretization.rod.damping)
+        damping: Any = stepper.discretization.rod.damping
+        there = self._shortly(nodes, bends, 1.0, damping)
         nodes, bends = (
             KinematicState.begun(one.position, one.velocity, brief.after(one, ahead).acceleration)
             for one, ahead in ((nodes, there.positions), (bends, there.strains)))

@@ -7,14 +7,19 @@ term more. Damping is Rayleigh's: in proportion to mass (drag of a calm surround
 stiffness (Kelvin and Voigt); neither changes a shape at rest.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.guide import Grips
-from dlo_planner.direct.integrator import Scheme
-from dlo_planner.direct.leg import Limits, sampled, swung
+from dlo_planner.direct.history import History
+from dlo_planner.direct.instant import Instant
+from dlo_planner.direct.integrator import KinematicState, Scheme
+from dlo_planner.direct.leg import Leg, Limits, sampled, swung
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import (
     MAX_ITERATIONS,
     TOLERANCE,
@@ -31,6 +36,7 @@ from dlo_planner.energy.plastic import yields
 from dlo_planner.energy.potential import placed, unknowns_of
 from dlo_planner.energy.system import System
 from dlo_planner.minimize.methods import search
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 
@@ -52,18 +58,18 @@ class Stepper:
 
     Parameters
     ----------
-    discretization
-        Discretization.
+    discretization : Discretization
     grips : Grips
-    dt
+    dt : float
         Time step in s, unit of `place`.
-    method
+    method : str, optional
         One of METHODS, by which steps are minimized; beginnings are by Newton's.
-    watched
-        (m,) nodes whose places are recorded after each step. If None, some.
+    watched : ndarray, shape (m,) or None, optional
+        Nodes whose places are recorded after each step. If None, some.
     """
 
-    def __init__(self, discretization, grips: Grips, dt, method='newton', watched=None):
+    def __init__(self, discretization: Discretization, grips: Grips, dt: float,
+                 method: str = 'newton', watched: Ints | None = None) -> None:
         self.discretization, self.grips, self.dt = discretization, grips, dt
         self.method = method
         self.watched = sampled(discretization.s) if watched is None else watched
@@ -74,9 +80,10 @@ class Stepper:
         # of the rod: 0.56 of the period of its slowest vibration, without tip mass
         self.own_time = np.sqrt((self.masses.sum() or 1.0) * rod.length**3
                                  / min(rod.stiffness[1:]))
-        self._known = {}  # Coefficients of the Schemes so far
+        self._known: dict[Any, Coefficients] = {}  # of the Schemes so far
 
-    def step(self, before, place, scheme, patience=MAX_ITERATIONS):
+    def step(self, before: Instant, place: float, scheme: Scheme,
+             patience: int = MAX_ITERATIONS) -> Instant:
         """Return the Instant at `place`, one step of `scheme` later; converged or not.
 
         Once the DLO has touched an obstacle its forces may be impulses, of which a scheme that
@@ -85,7 +92,7 @@ class Stepper:
 
         Parameters
         ----------
-        patience
+        patience : int, optional
             Newton steps after which it counts as not solved.
         """
         if scheme.first_order:
@@ -98,13 +105,13 @@ class Stepper:
         euler = Scheme.named('euler', scheme.dt)
         return replace(self._step(calm, place, euler, patience), touched=True)
 
-    def _step(self, before, place, scheme, patience):
+    def _step(self, before: Instant, place: float, scheme: Scheme, patience: int) -> Instant:
         if self.swings:
             leg = self.along(before, (), np.array([place]), scheme, Limits(patience))
             return leg.last if leg.refused is None else leg.refused
         return self.step_from(before, place, scheme, self.guess(before, scheme.dt), patience)
 
-    def guess(self, before, dt):
+    def guess(self, before: Instant, dt: float) -> Floats:
         """Return the strains (N, 3) with which the search for those dt (s) later begins."""
         bends = before.bends
         if self.discretization.surroundings.obstacles:
@@ -112,7 +119,8 @@ class Stepper:
             return bends.position.copy()  # a Shape's are read-only, another type for kernels
         return bends.position + dt * (bends.velocity + 0.5 * dt * bends.acceleration)
 
-    def step_from(self, before, place, scheme, guess, patience=MAX_ITERATIONS):
+    def step_from(self, before: Instant, place: float, scheme: Scheme, guess: Floats,
+                  patience: int = MAX_ITERATIONS) -> Instant:
         """Return the Instant at `place`, for which the search begins with strains (N, 3)."""
         mesh, history, clear = self.discretization, before.shape.state.history, True
         system, gripper, far_end, rounding = self.moving(before.nodes, before.bends, history,
@@ -135,7 +143,8 @@ class Stepper:
             before, shape=shape, nodes=nodes, bends=bends, kinetic=self.kinetic(nodes.velocity),
             damping=self.damping_power(nodes.velocity, bends.velocity)))
 
-    def along(self, now, past, places, scheme, limits):
+    def along(self, now: Instant, past: Sequence[Any], places: Floats, scheme: Scheme,
+              limits: Limits) -> Leg:
         """Return the Leg of steps that end at `places` (n,), each the end of one of a Scheme.
 
         Only where it `swings`.
@@ -152,11 +161,11 @@ class Stepper:
         """
         return swung(self, now, past, places, self.coefficients(scheme), limits)
 
-    def rounding(self, scheme):
+    def rounding(self, scheme: Scheme) -> float:
         """Return how large a residual rounding errors may leave."""
-        return min(_ROUNDING * scheme.stiffness * self.own_time**2, _ROUGHEST)
+        return min(_ROUNDING * scheme.stiffness * float(self.own_time**2), _ROUGHEST)
 
-    def coefficients(self, scheme, damping=None):
+    def coefficients(self, scheme: Scheme, damping: Any = None) -> Coefficients:
         """Return the Coefficients of a Scheme; `damping` if it is not the rod's."""
         damping = self.discretization.rod.damping if damping is None else damping
         known = self._known.get((scheme, damping))
@@ -168,21 +177,23 @@ class Stepper:
                                          *damping)), self.masses)
         return known
 
-    def moving(self, nodes, bends, history, place, scheme):
+    def moving(self, nodes: KinematicState, bends: KinematicState, history: History | None,
+               place: float,
+               scheme: Scheme) -> Task:
         """Return the Task of a step."""
         grips = self.grips.at(place)
         system = self.moving_system(grips, history, (nodes, bends), scheme,
                                     self.discretization.rod.damping)
         return Task(system, *grips, self.rounding(scheme))
 
-    def _is_clear(self, system, old, strains, gripper):
+    def _is_clear(self, system: System, old: Shape, strains: Floats, gripper: Pose) -> bool:
         """Whether nothing is run through by the Shape `old` as it is when the gripper goes on."""
         new, shift = placed(system, strains), gripper.position
         return not passes_through(system.scene, system.lengths, old.element_strains.copy(),
                                   old.frames.copy(), old.positions - shift, new.rotations,
                                   new.positions)
 
-    def _after(self, before, place, scheme, there):
+    def _after(self, before: Instant, place: float, scheme: Scheme, there: Instant) -> Instant:
         """Return the Instant `there`, at `place`, with its energy accounted for."""
         shape = there.shape
         power = self.grips.power(place, shape.gripper_wrench, shape.far_wrench,
@@ -199,7 +210,9 @@ class Stepper:
         return replace(there, place=place, potential=shape.energy, work=before.work + work,
                        power=power, losses=losses)
 
-    def moving_system(self, grips, history, courses, scheme, damping):
+    def moving_system(self, grips: tuple[Pose, FarEnd | None], history: History | None,
+                      courses: tuple[KinematicState, KinematicState], scheme: Scheme,
+                      damping: Any) -> System:
         """Return the System of a step: the static one, with inertia and damping."""
         mesh, (gripper, far_end), (nodes, bends) = self.discretization, grips, courses
         drag, viscosity = damping
@@ -210,19 +223,19 @@ class Stepper:
         system = system._replace(anchor=Anchor(anchor, self.masses * strength))
         return system if viscosity == 0.0 else _viscous(system, bends, viscosity, scheme)
 
-    def kinetic(self, velocity):
+    def kinetic(self, velocity: Floats) -> float:
         """Return the kinetic energy, J."""
         return 0.5 * float(self.masses @ np.sum(velocity**2, axis=1))
 
-    def damping_power(self, velocity, rate):
+    def damping_power(self, velocity: Floats, rate: Floats) -> float:
         """Return the power that damping takes, W."""
-        drag, viscosity = self.discretization.rod.damping
-        system = self.discretization.static
+        damping: Any = self.discretization.rod.damping
+        (drag, viscosity), system = damping, self.discretization.static
         viscous = np.sum(system.lengths[:, None] * system.stiffness * rate**2)
-        return 2 * drag * self.kinetic(velocity) + viscosity * float(viscous)
+        return float(2 * drag * self.kinetic(velocity) + viscosity * float(viscous))
 
 
-def _viscous(system, bends, viscosity, scheme):
+def _viscous(system: System, bends: KinematicState, viscosity: float, scheme: Scheme) -> System:
     """Return a System with damping of its strains.
 
     K b u' with u' = rate + drag (u - bent) is a spring of its own, drawn to where u' = 0.
@@ -238,7 +251,7 @@ def _viscous(system, bends, viscosity, scheme):
     return system._replace(elastic=elastic._replace(part=elastic.part + firm))
 
 
-def _rubbed(before, after):
+def _rubbed(before: Shape, after: Shape) -> float:
     """Return the work done against friction between two Shapes, J."""
     return sum(float(contact.friction @ (before.frame_at(contact.s)[1] - contact.position))
                for contact in after.contacts if contact.friction.any())

@@ -6,9 +6,11 @@ What `direct.stepping` does otherwise: of a short step more time would be spent 
 on small arrays than in the search.
 """
 
+from typing import Any
+
 import numpy as np
 
-from dlo_planner.direct.trail import PAST
+from dlo_planner.direct.trail import PAST, Coefficients, Trail
 from dlo_planner.energy.effects import Needs, potential, stored, with_anchor
 from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.potential import unknowns_of
@@ -17,10 +19,12 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.leash import no_leash
 from dlo_planner.minimize.nearby import nearby
 from dlo_planner.minimize.newton import NEUTRAL, leashed_newton
+from dlo_planner.model.arrays import Floats
 
 
 @kernel
-def swing_along(system, how, trail, books, limits, tolerance, max_iterations):
+def swing_along(system: System, how: Coefficients, trail: Trail, books: Floats, limits: Floats,
+                tolerance: float, max_iterations: int) -> int:
     """Fill rows of a Trail as long as each step is good; return the row of the last good one.
 
     The row after that, if there is one, is of a step that is not.
@@ -45,7 +49,7 @@ def swing_along(system, how, trail, books, limits, tolerance, max_iterations):
 
 
 @kernel
-def entered(books, energies, part, noise):
+def entered(books: Floats, energies: Floats, part: float, noise: float) -> bool:
     """Whether an instant has no more energy than there can be; if so, `books` (4,) has it."""
     static, kinetic, work, lost = energies[1], energies[2], energies[3], energies[5]
     balance = kinetic + static - work + lost
@@ -58,7 +62,8 @@ def entered(books, energies, part, noise):
 
 
 @kernel
-def swing(system, how, trail, row, tolerance, max_iterations):
+def swing(system: System, how: Coefficients, trail: Trail, row: int, tolerance: float,
+          max_iterations: int) -> None:
     """Fill a row of a Trail with the DLO at the end of a step, and how it moves then."""
     origin = trail.origins[row]
     moving = _drawn(system, how, trail, row)
@@ -89,7 +94,7 @@ def swing(system, how, trail, row, tolerance, max_iterations):
 
 
 @kernel
-def account(system, how, trail, row):
+def account(system: System, how: Coefficients, trail: Trail, row: int) -> None:
     """Fill a row of a Trail with its energies and the local error of the step there."""
     nodes, bends, energies = trail.nodes, trail.bends, trail.energies
     kinetic = viscous = 0.0
@@ -119,7 +124,7 @@ def account(system, how, trail, row):
 
 
 @kernel
-def third_difference(times, places, row):
+def third_difference(times: Floats, places: Floats, row: int) -> Any:
     """Return the largest divided difference of four places of a node, m/s^3.
 
     Args:
@@ -142,7 +147,7 @@ def third_difference(times, places, row):
 
 
 @kernel
-def _drawn(system, how, trail, row):
+def _drawn(system: System, how: Coefficients, trail: Trail, row: int) -> System:
     """Return the System of a step: that of the DLO at rest, with inertia and damping."""
     where, speed = _without_force(how, trail.nodes, row)
     bent, rate = _without_force(how, trail.bends, row)
@@ -165,7 +170,7 @@ def _drawn(system, how, trail, row):
 
 
 @kernel
-def _guess(how, bends, row):
+def _guess(how: Coefficients, bends: Floats, row: int) -> Floats:
     """Return the strains (N, 3) with which the search begins."""
     guess = np.empty((bends.shape[2], 3))
     known = row >= PAST + 40000  # steps of one length before
@@ -181,7 +186,7 @@ def _guess(how, bends, row):
 
 
 @kernel
-def _without_force(how, course, row):
+def _without_force(how: Coefficients, course: Floats, row: int) -> tuple[Floats, Floats]:
     """Return position and velocity at the end of a step that feels no force, `Scheme.anchor`."""
     position, velocity = np.empty((course.shape[2], 3)), np.empty((course.shape[2], 3))
     dt = how.dt
@@ -197,7 +202,7 @@ def _without_force(how, course, row):
 
 
 @kernel
-def _move_on(how, course, row):
+def _move_on(how: Coefficients, course: Floats, row: int) -> None:
     """Fill velocity, acceleration, mean at the end of a step, see `Scheme.after`."""
     anchor, velocity = _without_force(how, course, row)
     for k in range(anchor.shape[0]):

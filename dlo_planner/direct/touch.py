@@ -17,7 +17,7 @@ from dlo_planner.energy.scene import Scene, build_scene
 from dlo_planner.energy.system import State, System, turned_system
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import touching_system
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import freeze
@@ -74,7 +74,7 @@ class Touch(Part):
 
     def placed(self, mesh: Discretization, base: Floats, left: Left, held: Held) -> System | None:
         """Return the System by one kernel, where the far end is free."""
-        if held.far_end is not None:
+        if held.far_end is not None or held.origin is None:
             return None
         system: System = _standing(mesh.static, base, held.origin, mesh.spring, left['node_force'],
                                    *(left[_POINT + name] for name in _OF_CONTACTS))
@@ -157,8 +157,9 @@ def halved_forces(left: Left, s: Floats) -> Left:
 
 
 @kernel
-def _standing(system, base, origin, spring, node, element, obstacle, multiplier, fraction, anchor,
-              normal, shear):
+def _standing(system: System, base: Floats, origin: Floats, spring: float, node: Floats,
+              element: Ints, obstacle: Ints, multiplier: Floats, fraction: Floats, anchor: Floats,
+              normal: Floats, shear: Floats) -> Any:
     """Return the same System in another gripper, with Contacts of read-only arrays."""
     held = touching_system(system, Contacts(
         spring, node.copy(), element.copy(), obstacle.copy(), multiplier.copy(), fraction.copy(),
@@ -203,7 +204,7 @@ def points_of(system: System, state: State, gripper: Pose, ended: bool = True) -
               'shear': contacts.shear.copy(), 'slid': np.zeros_like(contacts.anchor)}
     forces = contacts.shear if state.attached is None else state.attached.force
     rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
-    for c in np.flatnonzero(contacts.obstacle < 0):
+    for c in np.flatnonzero(contacts.obstacle < 0).tolist():
         points['shear'][c] = forces[c]
         point_inside(system.lengths, state.strains, state.rotations, state.positions,
                      contacts.element[c], contacts.fraction[c], rotation, x)

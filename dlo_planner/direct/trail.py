@@ -5,6 +5,7 @@
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.ritz.record import Record, makes
 
 PAST = 2  # rows before that of now: places of the nodes alone, which tell how exact a step is
@@ -54,8 +55,9 @@ class Coefficients(Record):
 
 @makes(Coefficients)
 @kernel
-def _new_coefficients(alpha_m, alpha_f, beta, gamma, dt, stiffness, drag, third, slow, viscous,
-                      masses):
+def _new_coefficients(alpha_m: float, alpha_f: float, beta: float, gamma: float, dt: float,
+                      stiffness: float, drag: float, third: float, slow: float, viscous: float,
+                      masses: Floats) -> Coefficients:
     return Coefficients(alpha_m, alpha_f, beta, gamma, dt, stiffness, drag, third, slow, viscous,
                         masses)
 
@@ -101,7 +103,8 @@ class Trail(Record):
 
 @makes(Trail)
 @kernel
-def _new_trail(times, bases, origins, twists, nodes, bends, frames, wrenches, proofs, iterations,
-               energies):
+def _new_trail(times: Floats, bases: Floats, origins: Floats, twists: Floats, nodes: Floats,
+               bends: Floats, frames: Floats, wrenches: Floats, proofs: Floats, iterations: Ints,
+               energies: Floats) -> Trail:
     return Trail(times, bases, origins, twists, nodes, bends, frames, wrenches, proofs, iterations,
                  energies)

@@ -43,9 +43,8 @@ def constrained_newton(system: System, q: Floats, tolerance: float, max_iteratio
         from which friction counts. (0, 6) if there is no step before.
     """
     if obstructed(system.contact):
-        *end, settled, violation = touch_down(system, q, _COARSER * tolerance, exact,
-                                              max_iterations, check, previous)
-        return Minimum(*end, settled, violation)  # type: ignore[call-arg]
+        end = touch_down(system, q, _COARSER * tolerance, exact, max_iterations, check, previous)
+        return Minimum(*end)
     if holds(system.hold) or hinged(system):
         return held_newton(system, q, tolerance, exact, max_iterations, check)
     return newton(system, q, tolerance, max_iterations, check)
@@ -66,9 +65,9 @@ def carried_newton(system: System, start: tuple[Floats, Bools, Floats, Floats], 
     tolerance, max_iterations, exact, previous
         As of `constrained_newton`.
     """
-    goes_on, *end, settled, violation = bear_on(system, *start, _COARSER * tolerance, exact,
-                                                max_iterations, previous)
-    return Minimum(*end, settled, violation) if goes_on else None  # type: ignore[call-arg]
+    goes_on, *end = bear_on(system, *start, _COARSER * tolerance, exact, max_iterations,
+                            previous)
+    return Minimum(*end) if goes_on else None
 
 
 def firm(system: System, state: State) -> System:
