@@ -29,6 +29,7 @@ _STUB = 0.025             # m between the two markers of a gripper
 _BEFORE = 150             # frames in which a motion gathers speed, not recorded
 _FRAMES = 502
 _TRAINING, _EVALUATED = 2, 2  # recordings of each cable
+_KNOTS = 3                # of natural curvature along a cable
 _COVERED = 3.0            # deviations
 
 
@@ -145,7 +146,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--known', action='store_true', help='predict only, as they were made')
     parser.add_argument('--output', type=Path, help='folder for tables')
     given = parser.parse_args(arguments)
-    effort = replace(deform.Effort(), motions=_TRAINING)
+    effort = replace(deform.Effort(), motions=_TRAINING, knots=_KNOTS)
     lines, data, failed = [], {}, 0
     for number in given.cables:
         training, evaluated = recorded(number, given.noise, effort, not given.known)

@@ -84,8 +84,8 @@ def corrected_by(mesh: Discretization, shape: Shape, left: History) -> float:
 
 def _halved(past: History, s: Floats) -> History:
     """Return a past, but for the way so far, on a mesh `s` (2 N + 1,) with halved elements."""
-    alone = replace(past, positions=_NOWHERE, tangents=_NOWHERE)
-    return alone.on(s).leaving(**halved_forces(past.left, s))
+    bare = replace(past, positions=_NOWHERE, tangents=_NOWHERE)
+    return bare.resampled(s).leaving(**halved_forces(past.left, s))
 
 
 def _bears(past: History) -> bool:

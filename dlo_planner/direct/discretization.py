@@ -91,7 +91,7 @@ class Discretization(Value):
             lengths, rod.mean_natural_strains(s), stiffness, scale,
             orthonormal_basis(basis, n_terms, s), np.eye(3), np.zeros(3), effects,
             needs_of(effects, s.size), np.zeros((0, 3)), 0.0), _given={})
-        put(self, start=History.none(self))
+        put(self, start=History.empty(self))
 
     @cached_property
     def full(self) -> System:
@@ -250,7 +250,7 @@ class Discretization(Value):
         return Discretization(self.surroundings, s, 'local', 0)
 
     @cached_property
-    def alone(self) -> Discretization:
+    def without_obstacles(self) -> Discretization:
         """The same rod on the same mesh, without obstacles."""
         return Discretization(replace(self.surroundings, obstacles=()), self.s, self.basis,
                               self.n_terms)

@@ -11,7 +11,7 @@ import numpy as np
 
 from dlo_planner.direct.beginning import check_velocity
 from dlo_planner.direct.instant import Instant
-from dlo_planner.direct.integrator import Course
+from dlo_planner.direct.integrator import KinematicState
 from dlo_planner.direct.leg import MOST, Leg, Limits, leg_of
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.motion_error import HALVINGS, Begun, Recipe, Trace, error_of
@@ -171,7 +171,7 @@ class _Pace:
         return min(most, calm + (self._at // size + calm) % 2)
 
 
-def _before(nodes: Course, dt: float) -> list[tuple[float, Floats]]:
+def _before(nodes: KinematicState, dt: float) -> list[tuple[float, Floats]]:
     """Return two times with node positions, dt apart, as if they had moved on evenly till now."""
     return [(-k * dt, nodes.position - k * dt * nodes.velocity
              + 0.5 * (k * dt) ** 2 * nodes.acceleration) for k in (2, 1)]

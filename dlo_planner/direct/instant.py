@@ -5,7 +5,7 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from dlo_planner.direct.integrator import Course
+from dlo_planner.direct.integrator import KinematicState
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.arrays import Floats
 
@@ -19,9 +19,9 @@ class Instant:
     place : float
         Time / dt.
     shape : Shape
-    nodes : Course
+    nodes : KinematicState
         Their (N + 1, 3) positions.
-    bends : Course
+    bends : KinematicState
         The (N, 3) strains of the elements.
     kinetic : float
         Kinetic energy, J.
@@ -41,8 +41,8 @@ class Instant:
 
     place: float
     shape: Shape
-    nodes: Course
-    bends: Course
+    nodes: KinematicState
+    bends: KinematicState
     kinetic: float
     potential: float
     work: float

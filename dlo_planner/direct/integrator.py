@@ -60,11 +60,11 @@ class Scheme:
         return (1 - self.alpha_m) / ((1 - self.alpha_f) * self.beta * self.dt**2)
 
     @property
-    def drag(self) -> float:
+    def velocity_gain(self) -> float:
         """Velocity at the end per distance from the anchor, 1/s."""
         return self.gamma / (self.beta * self.dt)
 
-    def anchor(self, before: 'Course') -> tuple[Floats, Floats]:
+    def anchor(self, before: 'KinematicState') -> tuple[Floats, Floats]:
         """Return position and velocity (arrays) at the end of a step that feels no force."""
         dt = self.dt
         free = self._mean_acceleration(before, 0.0)
@@ -73,13 +73,13 @@ class Scheme:
         velocity = before.velocity + dt * ((1 - self.gamma) * before.mean + self.gamma * free)
         return position, velocity
 
-    def after(self, before: 'Course', position: Floats) -> 'Course':
-        """Return the Course at the end of a step that ends at `position`."""
+    def after(self, before: 'KinematicState', position: Floats) -> 'KinematicState':
+        """Return the KinematicState at the end of a step that ends at `position`."""
         anchor, velocity = self.anchor(before)
         away = position - anchor
         acceleration = self.stiffness * away
-        return Course(position, velocity + self.drag * away, acceleration,
-                      self._mean_acceleration(before, acceleration))
+        return KinematicState(position, velocity + self.velocity_gain * away, acceleration,
+                              self._mean_acceleration(before, acceleration))
 
     def error(self, times: Sequence[float], positions: Sequence[Floats]) -> float:
         """Return the local error (m) of a step, to leading order: the largest of a node.
@@ -102,13 +102,13 @@ class Scheme:
         """Local error per divided difference of four places, s^3, see `error`."""
         return 6 * abs(1 / 6 - self.beta - 0.5 * (self.alpha_f - self.alpha_m)) * self.dt**3
 
-    def _mean_acceleration(self, before: 'Course', acceleration: Floats | float) -> Floats:
+    def _mean_acceleration(self, before: 'KinematicState', acceleration: Floats | float) -> Floats:
         return ((1 - self.alpha_f) * acceleration + self.alpha_f * before.acceleration
                 - self.alpha_m * before.mean) / (1 - self.alpha_m)
 
 
 @dataclass(frozen=True)
-class Course:
+class KinematicState:
     """A coordinate in motion: arrays of one shape.
 
     Attributes

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.instant import Instant, There
-from dlo_planner.direct.integrator import Course, Scheme
+from dlo_planner.direct.integrator import KinematicState, Scheme
 from dlo_planner.direct.proof import CONVERGED
 from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, hanging_shape
 from dlo_planner.direct.swinging import entered, swing, swing_along
@@ -126,7 +126,8 @@ def swung(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], 
                nodes[PAST + 1:last + 1, stepper.watched], made.get(last + 1))
 
 
-def swung_shortly(stepper: Stepper, courses: tuple[Course, Course], place: float, brief: Scheme,
+def swung_shortly(stepper: Stepper, courses: tuple[KinematicState, KinematicState], place: float,
+                  brief: Scheme,
                   damping: tuple[float, float]) -> There:
     """Return what is There at the end of a very short step of a DLO that hangs freely.
 
@@ -148,7 +149,7 @@ def swung_shortly(stepper: Stepper, courses: tuple[Course, Course], place: float
                  trail.wrenches[PAST + 1].copy(), np.zeros(6))
 
 
-def _trail(stepper: Stepper, nodes: Course, bends: Course, places: Floats) -> Trail:
+def _trail(stepper: Stepper, nodes: KinematicState, bends: KinematicState, places: Floats) -> Trail:
     """Return a Trail at `places` (n,), of which the first is now, with how it moves now.
 
     The grips are not filled in.
@@ -180,7 +181,8 @@ def _instants(stepper: Stepper, now: Instant, trail: Trail, rows: list[int], pla
             int(trail.iterations[row]), 0), rounding)
         losses = now.losses.copy()
         losses[0] = lost
-        found.append(Instant(place, shape, Course(*nodes[:, k]), Course(*bends[:, k]), kinetic,
+        found.append(Instant(place, shape, KinematicState(*nodes[:, k]),
+                             KinematicState(*bends[:, k]), kinetic,
                              energy, work, power, losses, damping))
     return found
 

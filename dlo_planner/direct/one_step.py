@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.approach import brought
+from dlo_planner.direct.approach import advance_boundary
 from dlo_planner.direct.bearing import bearing_on
 from dlo_planner.direct.described import described_equilibrium
 from dlo_planner.direct.discretization import Discretization
@@ -69,8 +69,8 @@ def step(discretization: Discretization, gripper: Pose, initial: Shape | None,
     if unknowns == 'paper':
         return described_equilibrium(discretization, gripper, strains, method, past)
     gripper = held_by(discretization.surroundings, gripper, initial)
-    gripper, strains, past, clear = brought(discretization, initial, strains, gripper, far_end,
-                                            past)
+    gripper, strains, past, clear = advance_boundary(discretization, initial, strains, gripper,
+                                                     far_end, past)
     shape, kicks = equilibrium(discretization, gripper, strains, method, past, far_end)
     return (shape if clear else replace(shape, converged=False, jumped=True)), kicks
 

@@ -51,14 +51,14 @@ def set_down(discretization: Discretization, gripper: Pose, strains: np.ndarray,
     """
     firm = _resisting_twist(discretization)
     amid = bool(discretization.surroundings.obstacles)
-    alone = firm.alone if amid else firm
-    past = alone.past(history)
-    held = grip_before(alone, None, strains, gripper, far_end)
+    bare = firm.without_obstacles if amid else firm
+    past = bare.past(history)
+    held = grip_before(bare, None, strains, gripper, far_end)
     assert held is not None  # as far_end is not
-    parts = parts_between(gripper, gripper, held, far_end, alone.s[-1])
-    gripper, strains, past = lead(alone, strains, (gripper, gripper), (held, far_end), past, parts)
+    parts = parts_between(gripper, gripper, held, far_end, bare.s[-1])
+    gripper, strains, past = lead(bare, strains, (gripper, gripper), (held, far_end), past, parts)
     if amid:
-        shape, _ = equilibrium(alone, gripper, strains, 'newton', past, far_end)
+        shape, _ = equilibrium(bare, gripper, strains, 'newton', past, far_end)
         past = firm.past(history).leaving(hold=shape.state.left.left['hold'])
         gripper, strains, past = grown(firm, shape.gripper, np.array(shape.element_strains),
                                        far_end, past)

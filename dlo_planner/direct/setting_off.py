@@ -12,7 +12,7 @@ import numpy as np
 
 from dlo_planner.direct.history import History
 from dlo_planner.direct.instant import Instant, There
-from dlo_planner.direct.integrator import Course, Scheme
+from dlo_planner.direct.integrator import KinematicState, Scheme
 from dlo_planner.direct.leg import swung_shortly
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import Search, solve, unknown
@@ -44,7 +44,7 @@ def begin(stepper: Stepper, shape: Shape, velocity: Floats | None = None) -> Ins
     here = placed(stepper.discretization.system(shape.gripper.rotation), strains)
     positions = here.positions + shape.gripper.position
     rest = np.zeros_like(positions), np.zeros_like(strains)
-    nodes, bends = (Course.begun(where, still, still) for where, still in
+    nodes, bends = (KinematicState.begun(where, still, still) for where, still in
                     zip((positions, here.strains), rest, strict=True))
     begun = Instant(0.0, replace(shape, state=shape.state.estimating(unknown)), nodes, bends,
                     0.0, shape.energy, 0.0, 0.0, np.zeros(3), 0.0)
@@ -84,13 +84,14 @@ class _Watch:
         self._brief = Scheme.named('paper', min(short, _BRIEF[1] * stepper.own_time))
         self._stepper, self._time, self._history = stepper, time, history
 
-    def accelerated(self, instant: Instant, nodes: Course, bends: Course) -> Instant:
+    def accelerated(self, instant: Instant, nodes: KinematicState,
+                    bends: KinematicState) -> Instant:
         """Return an Instant with these Courses of positions and velocities, and accelerations."""
         stepper, brief = self._stepper, self._brief
         damping: Any = stepper.discretization.rod.damping
         there = self._shortly(nodes, bends, 1.0, damping)
         nodes, bends = (
-            Course.begun(one.position, one.velocity, brief.after(one, ahead).acceleration)
+            KinematicState.begun(one.position, one.velocity, brief.after(one, ahead).acceleration)
             for one, ahead in ((nodes, there.positions), (bends, there.strains)))
         power = stepper.grips.power(instant.place, there.wrench, there.far_wrench,
                                     nodes.position[-1])
@@ -98,7 +99,8 @@ class _Watch:
                        kinetic=stepper.kinetic(nodes.velocity),
                        damping=stepper.damping_power(nodes.velocity, bends.velocity))
 
-    def set_going(self, nodes: Course, bends: Course, velocity: Floats) -> tuple[Course, Course]:
+    def set_going(self, nodes: KinematicState, bends: KinematicState,
+                  velocity: Floats) -> tuple[KinematicState, KinematicState]:
         """Return Courses with the velocities nearest to `velocity` that the grips allow."""
         # what damps acts against either way: it would not cancel
         ahead, back = (self._shortly(replace(nodes, velocity=sign * velocity), bends.uniform(),
@@ -107,7 +109,7 @@ class _Watch:
         return (replace(nodes, velocity=(ahead.positions - back.positions) / double),
                 replace(bends, velocity=(ahead.strains - back.strains) / double))
 
-    def _shortly(self, nodes: Course, bends: Course, sign: float,
+    def _shortly(self, nodes: KinematicState, bends: KinematicState, sign: float,
                  damping: tuple[float, float]) -> There:
         """Return what is There a very short time later (sign = 1) or before (-1)."""
         stepper, brief = self._stepper, self._brief

@@ -17,7 +17,7 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.guide import Grips
 from dlo_planner.direct.history import History
 from dlo_planner.direct.instant import Instant
-from dlo_planner.direct.integrator import Course, Scheme
+from dlo_planner.direct.integrator import KinematicState, Scheme
 from dlo_planner.direct.leg import Leg, Limits, sampled, swung
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import (
@@ -173,11 +173,13 @@ class Stepper:
         if known is None:
             known = self._known[scheme, damping] = Coefficients(
                 *(float(one) for one in (scheme.alpha_m, scheme.alpha_f, scheme.beta, scheme.gamma,
-                                         scheme.dt, scheme.stiffness, scheme.drag, scheme.third,
+                                         scheme.dt, scheme.stiffness, scheme.velocity_gain,
+                                         scheme.third,
                                          *damping)), self.masses)
         return known
 
-    def moving(self, nodes: Course, bends: Course, history: History | None, place: float,
+    def moving(self, nodes: KinematicState, bends: KinematicState, history: History | None,
+               place: float,
                scheme: Scheme) -> Task:
         """Return the Task of a step."""
         grips = self.grips.at(place)
@@ -210,12 +212,13 @@ class Stepper:
                        power=power, losses=losses)
 
     def moving_system(self, grips: tuple[Pose, FarEnd | None], history: History | None,
-                      courses: tuple[Course, Course], scheme: Scheme, damping: Any) -> System:
+                      courses: tuple[KinematicState, KinematicState], scheme: Scheme,
+                      damping: Any) -> System:
         """Return the System of a step: the static one, with inertia and damping."""
         mesh, (gripper, far_end), (nodes, bends) = self.discretization, grips, courses
         drag, viscosity = damping
         where, velocity = scheme.anchor(nodes)
-        strength = scheme.stiffness + drag * scheme.drag
+        strength = scheme.stiffness + drag * scheme.velocity_gain
         anchor = where - drag * velocity / strength - gripper.position
         system = mesh.system(gripper.rotation, gripper.position, history, far_end)
         system = system._replace(anchor=Anchor(anchor, self.masses * strength))
@@ -233,14 +236,14 @@ class Stepper:
         return float(2 * drag * self.kinetic(velocity) + viscosity * float(viscous))
 
 
-def _viscous(system: System, bends: Course, viscosity: float, scheme: Scheme) -> System:
+def _viscous(system: System, bends: KinematicState, viscosity: float, scheme: Scheme) -> System:
     """Return a System with damping of its strains.
 
     K b u' with u' = rate + drag (u - bent) is a spring of its own, drawn to where u' = 0.
     """
     bent, rate = scheme.anchor(bends)
-    firm = viscosity * scheme.drag
-    calm = bent - rate / scheme.drag
+    firm = viscosity * scheme.velocity_gain
+    calm = bent - rate / scheme.velocity_gain
     if not yields(system.plastic):  # two springs make one
         natural = (system.natural + firm * calm) / (1 + firm)
         return system._replace(natural=natural, stiffness=system.stiffness * (1 + firm))

@@ -151,16 +151,16 @@ def _drawn(system: System, how: Coefficients, trail: Trail, row: int) -> System:
     """Return the System of a step: that of the DLO at rest, with inertia and damping."""
     where, speed = _without_force(how, trail.nodes, row)
     bent, rate = _without_force(how, trail.bends, row)
-    strength = how.stiffness + how.slow * how.drag
+    strength = how.stiffness + how.slow * how.velocity_gain
     origin = trail.origins[row]
     for k in range(where.shape[0]):
         for i in range(3):
             where[k, i] -= how.slow * speed[k, i] / strength + origin[i]
-    firm = how.viscous * how.drag
+    firm = how.viscous * how.velocity_gain
     natural = np.empty_like(system.natural)
     for e in range(natural.shape[0]):
         for i in range(3):  # K b u' is a spring of its own, drawn to where u' = 0
-            calm = bent[e, i] - rate[e, i] / how.drag
+            calm = bent[e, i] - rate[e, i] / how.velocity_gain
             natural[e, i] = (system.natural[e, i] + firm * calm) / (1 + firm)
     return System(system.lengths, natural, system.stiffness * (1 + firm), system.scale,
                   system.basis, trail.bases[row], origin,
@@ -209,7 +209,7 @@ def _move_on(how: Coefficients, course: Floats, row: int) -> None:
         for i in range(3):
             away = course[0, row, k, i] - anchor[k, i]
             acceleration = how.stiffness * away
-            course[1, row, k, i] = velocity[k, i] + how.drag * away
+            course[1, row, k, i] = velocity[k, i] + how.velocity_gain * away
             course[2, row, k, i] = acceleration
             course[3, row, k, i] = ((1 - how.alpha_f) * acceleration
                                     + how.alpha_f * course[2, row - 1, k, i]

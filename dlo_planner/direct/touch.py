@@ -80,12 +80,12 @@ class Touch(Part):
                                    *(left[_POINT + name] for name in _OF_CONTACTS))
         return system
 
-    def none(self, mesh: Discretization, s: Floats) -> Left:
+    def empty(self, mesh: Discretization, s: Floats) -> Left:
         """Return no forces."""
         bodies = mesh.given(self.name).kind.size if mesh.obstructed else 0
         return {'node_force': np.zeros((bodies, s.size)), **_NO_POINTS}
 
-    def on(self, left: Left, s: Floats, wanted: Floats) -> Left:
+    def resampled(self, left: Left, s: Floats, wanted: Floats) -> Left:
         """Return forces where a node stays, and inside elements."""
         same = np.abs(s[:, None] - wanted) < _SAME * wanted[-1]
         return {'node_force': left['node_force'] @ same, **_left(_points_on(left, s, wanted))}
@@ -108,7 +108,7 @@ class Touch(Part):
         """Return the forces; friction still counts from where the step began."""
         return _forces(solved, False)
 
-    def holding(self, before: Left, after: Left) -> Left:
+    def with_contacts(self, before: Left, after: Left) -> Left:
         """Return the forces after the step; what slid in it slides, its anchors those of before."""
         points = _points(after)
         points['anchor'] = points['anchor'] - points['slid']

@@ -72,7 +72,7 @@ class Trail(Record):
     bases, origins, twists : ndarray, shape (r, 3, 3), (r, 3), (r, 6)
         Of the gripper: rotation, position, m, velocity, m/s, and angular velocity, rad/s.
     nodes : ndarray, shape (4, r, N + 1, 3)
-        Position, velocity, acceleration and mean acceleration of the nodes, as of a `Course`.
+        Position, velocity, acceleration and mean acceleration of the nodes: a `KinematicState`.
     bends : ndarray, shape (4, r, N, 3)
         The same of the strains.
     frames : ndarray, shape (r, N + 1, 3, 3)

@@ -6,7 +6,8 @@ The model: an observed point is a point of the DLO plus noise, independent and a
 the gripper's pose is known but for a normal error, another one at each observation; what is sought
 may be known beforehand, within a normal error too. The most likely values are found by least
 squares, the noise (unless it is known) from what is left, by the number of residuals that nothing
-was fitted to. To first order, deviations are then those of repeated experiments.
+was fitted to. To first order, deviations are then those of repeated experiments. In a motion, what
+the model does not know lasts: there, residuals that go together widen them (`identify.together`).
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, Value, brief, figures, put
 from dlo_planner.progress import OnProgress, Progress
-from dlo_planner.verify.spread import Spread
+from dlo_planner.verify.uncertainty import Uncertainty
 
 _Seen: TypeAlias = tuple[tuple[Observation, ...], tuple[ObservedMotion, ...]]
 _STARTS = (0.0, -0.7, 0.7)  # logarithms of stiffness from which the search begins
@@ -129,7 +130,7 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
             parameters: Iterable[str] = ('bending_stiffness',), *,
             motions: Iterable[ObservedMotion] = (), knots: ArrayLike | None = None,
             noise: float | None = None, gripper_position: float | None = None,
-            gripper_rotation: float | None = None, prior: Spread | None = None,
+            gripper_rotation: float | None = None, prior: Uncertainty | None = None,
             loss: str = 'linear', loss_scale: float = 1.5, progress: OnProgress = None,
             deadline: float | None = None, **options: Any) -> Fit:
     """Return the Fit of a rod's properties to observed shapes and motions (least squares).
@@ -160,9 +161,9 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
         Standard deviations of the grippers' poses, m and rad, about each axis, independent at each
         observation, the same all along a motion; None: those of `prior`, or none. A far end is held
         where it is said to be.
-    prior : Spread, optional
-        Spread of the parameters about their values in `rod`; 0: nothing is known. That of natural
-        curvature applies at each knot.
+    prior : Uncertainty, optional
+        Uncertainty of the parameters about their values in `rod`; 0: nothing is known. That of
+        natural curvature applies at each knot.
     loss : str, optional
         How the distance of a point counts: 'linear' (its square), or less if it is large:
         'soft_l1', 'huber', 'cauchy', 'arctan' (as in SciPy's `least_squares`).
@@ -190,7 +191,7 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
     if 'damping' in unknowns.names and not motions:
         raise InvalidTask('parameters: expected motions where damping is to be found')
     noise = None if noise is None else number('noise', noise, above=0)
-    prior = instance('prior', prior, Spread, optional=True) or Spread()
+    prior = instance('prior', prior, Uncertainty, optional=True) or Uncertainty()
     _judge_prior(prior, unknowns)
     position, rotation = (
         getattr(prior, name) if value is None else number(name, value, minimum=0)
@@ -276,7 +277,7 @@ def _judged(rod: Rod, observations: Iterable[Observation], motions: Iterable[Obs
     return observations, motions
 
 
-def _judge_prior(prior: Spread, unknowns: Unknowns) -> None:
+def _judge_prior(prior: Uncertainty, unknowns: Unknowns) -> None:
     sought = {*unknowns.names}
     for name, held in (('mass', not sought & {'mass_per_length', 'tip_mass'}), ('length', True)):
         if held and getattr(prior, name):

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
@@ -51,6 +51,27 @@ class Statistics:
     deviations: Floats
     correlations: Floats
     noise: float
+
+
+class _Information(NamedTuple):
+    """What the points tell of n unknowns.
+
+    Attributes
+    ----------
+    plain : ndarray, shape (n, n)
+        J^T J of the residuals in standard deviations, without the loss.
+    stiffness : float
+        Mean slope of the force that a point exerts, by the loss.
+    force : float
+        Sum of the squares of these forces.
+    size : int
+        How many numbers were seen.
+    """
+
+    plain: Floats
+    stiffness: float
+    force: float
+    size: int
 
 
 class Errors:
@@ -129,8 +150,7 @@ class Errors:
         root = np.sqrt(np.divide(value, z, out=np.ones_like(z), where=z > 0))
         return root[:, None], first[:, None]
 
-    def _information(self, x: Floats, noise: float) -> tuple[Floats, float, float, int]:
-        """Return J^T J (n, n) of the points with weights, of the same squared, and its prior."""
+    def _information(self, x: Floats, noise: float) -> _Information:
         here = self._observed.at(x)
         z = np.sum(here.away**2, axis=1) / (noise * self._scale) ** 2
         _, first, second = self._loss(z)
@@ -140,7 +160,7 @@ class Errors:
         slopes = here.slopes.reshape(-1, x.size) / noise
         plain = slopes.T @ slopes
         force = np.sum(first**2 * np.sum(here.away**2, axis=1)) / noise**2
-        return plain, stiff, force, counts.sum()
+        return _Information(plain, stiff, force, counts.sum())
 
     def _left(self, x: Floats, noise: float) -> float:
         """Return the noise (m) that the misfit tells, with what was fitted to it accounted for."""

@@ -106,7 +106,7 @@ def test_an_aligned_grip_leaves_the_twist_free():
     np.testing.assert_allclose(last.direction, end.direction, atol=1e-9)
     assert abs(aligned.far_wrench[3:] @ end.direction) < 1e-9
     # of all twists at which it may be clamped it takes the one of least energy
-    turned = Rotation.from_matrix(last.rotation)
+    turned = Rotation.from_matrix(np.array(last.rotation))
     clamped = [direct.solve(HERE, aligned, far_end=Pose(
         last.position, (turned * Rotation.from_rotvec([a, 0, 0])).as_quat())).energy
         for a in (-0.1, 0.0, 0.1)]
