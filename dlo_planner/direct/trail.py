@@ -57,11 +57,9 @@ class Coefficients(Record):
 @kernel
 def _new_coefficients(alpha_m: float, alpha_f: float, beta: float, gamma: float, dt: float,
                       stiffness: float, velocity_gain: float, third: float, slow: float,
-                      viscous: float,
-                      masses: Floats) -> Coefficients:
+                      viscous: float, masses: Floats) -> Coefficients:
     return Coefficients(alpha_m, alpha_f, beta, gamma, dt, stiffness, velocity_gain, third, slow,
-                        viscous,
-                        masses)
+                        viscous, masses)
 
 
 class Trail(Record):
