@@ -68,8 +68,7 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba is not annotated
                 found = _read(folder / name)
                 # pickles of numba's types, classes and environments: whatever fails is compiled
                 with suppress(Exception):
-                    made = found and compiler.CompileResult._rebuild(target_context,
-                                                                     *pickle.loads(found))
+                    made = found and _rebuilt(target_context, *pickle.loads(found))
                     if made and tuple(made.signature.args) == _arguments(sig):
                         return made
         return None
@@ -99,6 +98,35 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba is not annotated
             return []
         types = _digest(str(arguments))
         return [f'{_stem(self._kernel, known, target)}-{types}.kernel' for target in targets]
+
+
+def _rebuilt(target_context: Any, library: tuple[str, str, tuple[bytes, bytes]], described: Any,
+             *rest: Any) -> Any:
+    """Return a kernel with its machine code; its bitcode is read when another kernel is compiled.
+
+    Bitcode holds all that a kernel calls: reading it takes longer than loading the machine code.
+    """
+    name, kind, (machine_code, bitcode) = library
+    engine = target_context.codegen()._engine
+    engine._defined_symbols |= {
+        described.llvm_func_name, described.llvm_cpython_wrapper_name,
+        described.llvm_cfunc_wrapper_name, *(one.env_name for one in rest[-1])}
+    made = compiler.CompileResult._rebuild(
+        target_context, (name, kind, (machine_code, _no_bitcode())), described, *rest)
+
+    @cache
+    def read() -> Any:
+        module = llvm.parse_bitcode(bitcode)
+        engine._load_defined_symbols(module)
+        return module
+
+    made.library._get_module_for_linking = read
+    return made
+
+
+@cache
+def _no_bitcode() -> bytes:
+    return bytes(llvm.parse_assembly('').as_bitcode())
 
 
 def _stem(kernel: Dispatcher, known: str, target: tuple[str, ...]) -> str:
