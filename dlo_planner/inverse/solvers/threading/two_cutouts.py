@@ -121,8 +121,8 @@ def _unreached(simulator: DirectSimulator, task: Pair,
         begin = _no_beginning(simulator, task, shapes)
         if begin is not None:
             return PlanBuilder(task.depths, task.demands).refusal(
-                begin.constraint, begin.amount, 'stable shapes pass both centers, but set down in '
-                'its natural shape the DLO falls into none that leads to them')
+                begin.constraint, begin.amount, 'stable shapes pass both centers, but the DLO, set '
+                'down in its natural shape, falls into none that leads to them')
         missing = TwoPoints(simulator, task.chord).least_miss(shapes)
     waypoint = min(int(np.searchsorted(task.depths, apart)), len(task.depths) - 1)
     return Infeasible(f'no stable shape was found that passes both centers, {apart:g} m apart, in '
