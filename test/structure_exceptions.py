@@ -21,7 +21,6 @@ EXCEPTIONS = {
         'dlo_planner/inverse/shorthands.py:Shorthands.thread_two': 8,
         'dlo_planner/inverse/shorthands.py:Shorthands.thread_sequence': 8,
         'dlo_planner/inverse/solvers/search.py:minimize_penalty': 7,
-        'dlo_planner/inverse/solvers/threading/two_cutouts.py:_refusal': 7,
         'dlo_planner/minimize/multipliers.py:constrained_newton': 7,
         'dlo_planner/model/checks.py:number': 7,
         'dlo_planner/model/rod.py:Rod.circular': 7,
