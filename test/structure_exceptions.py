@@ -94,7 +94,7 @@ EXCEPTIONS = {
         'dlo_planner/inverse/solvers/points/coupled.py:two_points_hanging': 100,
         'dlo_planner/minimize/held.py:descend_held': 90,
         'dlo_planner/minimize/newton.py:leashed_descent': 70,
-        'dlo_planner/minimize/watching.py:_points_inside': 80,
+        'dlo_planner/minimize/watching.py:points_inside': 80,
         'dlo_planner/model/plug.py:with_plug': 70,
         'dlo_planner/parallel/mapping.py:map': 70,
         'dlo_planner/parallel/speculation.py:speculative': 70,

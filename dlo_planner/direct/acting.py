@@ -25,8 +25,6 @@ from dlo_planner.ritz.record import Record
 if TYPE_CHECKING:  # it imports this file
     from dlo_planner.direct.discretization import Discretization
 
-_SOFTER = 1e-2  # of contacts where both ends are held: tension multiplies what they round
-
 
 def always(rod: Rod, pull: NDArray[np.float64]) -> Effects:
     """Return the Effects that act on every DLO: elasticity, and loads whose `pull` (N + 1, 3)."""
@@ -37,7 +35,7 @@ def always(rod: Rod, pull: NDArray[np.float64]) -> Effects:
 def others(mesh: 'Discretization', layers: Record, scene: Scene) -> dict[str, Record]:
     """Return all others by their names, without a past: empty where there is no such thing."""
     return {'plastic': layers, 'anchor': no_anchor(), 'hold': free_end(mesh),
-            'contact': Contact(scene, _contacts(mesh, mesh.start, np.zeros(3)))}
+            'contact': Contact(scene, _contacts(mesh.spring, mesh.start, np.zeros(3)))}
 
 
 def constraints(mesh: 'Discretization', scene: Scene, origin: NDArray[np.float64],
@@ -45,8 +43,9 @@ def constraints(mesh: 'Discretization', scene: Scene, origin: NDArray[np.float64
     """Return contact and grip of the far end, their forces those of `history`, by their names."""
     past = mesh.start if history is None else history
     if far_end is None:
-        return {'contact': Contact(scene, _contacts(mesh, past, origin)), 'hold': free_end(mesh)}
-    return {'contact': Contact(scene, _contacts(mesh, past, origin, _SOFTER)),
+        return {'contact': Contact(scene, _contacts(mesh.spring, past, origin)),
+                'hold': free_end(mesh)}
+    return {'contact': Contact(scene, _contacts(mesh.held_spring, past, origin)),
             'hold': _held_end(mesh, far_end, origin, history)}
 
 
@@ -89,11 +88,10 @@ def _held_end(mesh, far_end, origin, history):
         share=np.array(far_end.share), rows=rows, multiplier=force)
 
 
-def _contacts(mesh, history, origin, softer=1.0):
-    """Return the Contacts of a History, relative to a gripper at `origin` (3,)."""
+def _contacts(spring, history, origin):
+    """Return the Contacts of a History, relative to a gripper at `origin` (3,); spring: N/m."""
     points = {name: values.copy() for name, values in history.points.items()}
     points['anchor'] -= origin
-    spring = softer * mesh.spring
     return Contacts(spring, history.node_force.copy(), points['element'],
                     points['obstacle'], points['multiplier'], points['fraction'],
                     points['anchor'], points['normal'], points['shear'], spring)
