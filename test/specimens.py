@@ -136,7 +136,7 @@ def arguments():
         'torsional_stiffness': 0.7, 'diameter': 0.01, 'outer_diameter': 0.02,
         'inner_diameter': 0.01, 'width': 0.3, 'thickness': 0.01, 'height': 0.2, 'density': 1000.0,
         'youngs_modulus': 1e9, 'shear_modulus': 4e8, 'poisson_ratio': 0.3, 'kind': 'round',
-        'half_n': 0.01, 'half_b': 0.01, 'yield_stress': 1e6, 'bend': np.ones((4, 3)),
+        'half_n': 0.01, 'half_b': 0.01, 'yield_stress': 1e6, 'strains': np.ones((4, 3)),
         'pose': LEVEL, 'position': (0.0, 0.0, 1.0), 'quaternion': (0.0, 0.0, 0.0, 1.0),
         'rotation': np.eye(3), 'matrix': np.eye(4), 'direction': (1.0, 0.0, 0.0), 'other': LEVEL,
         'value': LEVEL, 'point': (0.0, 0.0, 0.0), 'normal': (0.0, 0.0, 1.0), 'center': (0, 0, 0),

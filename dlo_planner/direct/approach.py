@@ -2,19 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Moving the gripper to where a step begins its search, without passing through an obstacle."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.contacts import points_of
 from dlo_planner.direct.continuation import between
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
 from dlo_planner.direct.leading import grip_at, grip_before, lead, parts_between
+from dlo_planner.direct.part import Solved
 from dlo_planner.direct.setting_down import set_down
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import solve
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import placed
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 
 _RELAXING = 12       # Newton steps between two parts of a motion
@@ -31,7 +34,8 @@ class Brought(NamedTuple):
     clear: bool = True
 
 
-def approach(discretization, previous, strains, gripper, far_end, history):
+def approach(discretization: Discretization, previous: Shape | None, strains: Floats, gripper: Pose,
+             far_end: FarEnd | None, history: History) -> tuple[Floats, bool]:
     """Return element strains (N, 3) at `gripper` that continue `previous`, and if the way is clear.
 
     Arguments as `brought`.
@@ -40,7 +44,8 @@ def approach(discretization, previous, strains, gripper, far_end, history):
     return found.strains, found.clear
 
 
-def brought(discretization, previous, strains, gripper, far_end, history):
+def brought(discretization: Discretization, previous: Shape | None, strains: Floats, gripper: Pose,
+            far_end: FarEnd | None, history: History) -> Brought:
     """Return where the search begins, as Brought.
 
     The gripper (and the far end's grip) goes straight from its pose in `previous`; the DLO gives
@@ -49,11 +54,11 @@ def brought(discretization, previous, strains, gripper, far_end, history):
 
     Parameters
     ----------
-    previous
+    previous : Shape or None
         Shape before. If None, the DLO is set down as it is, wherever that may be.
-    strains
-        (N, 3) element strains of it on this mesh.
-    history
+    strains : ndarray, shape (N, 3)
+        Element strains of it on this mesh.
+    history : History
         History on this mesh.
     """
     obstacles = discretization.surroundings.obstacles
@@ -65,9 +70,9 @@ def brought(discretization, previous, strains, gripper, far_end, history):
     parts = parts_between(begin, gripper, held, far_end, discretization.s[-1])
     if parts == 0:
         return Brought(gripper, strains, history)
-    if previous is None:
+    if previous is None and far_end is not None:
         return Brought(*set_down(discretization, gripper, strains, far_end, history))
-    if not obstacles:
+    if not obstacles and held is not None and far_end is not None:
         return Brought(*lead(discretization, strains, (begin, gripper), (held, far_end), history,
                              parts))
     done, step = 0.0, 1.0 / parts
@@ -96,6 +101,6 @@ def brought(discretization, previous, strains, gripper, far_end, history):
             there, begin, gripper = (Pose.from_rotation(pose.position, system.base)
                                      for pose in (there, begin, gripper))
             where = there
-        history = replace(history, hold=system.hold.multiplier, node_force=system.contacts.node,
-                          points=points_of(system, found.state, there, False))
-    return Brought(gripper, strains, replace(past, hold=history.hold))
+        history = history.underway(Solved(discretization, system, found.state, there, grip,
+                                          history.left))
+    return Brought(gripper, strains, past.leaving(hold=history.left['hold']))

@@ -21,6 +21,7 @@ _PART = 1 / 600      # of the tolerance: what one step may add to the error
 _WELL_WITHIN = 0.6   # of that: a step of twice the length, with 8 times the error, may be tried
 _CALM = 16           # steps that all were well within, before it is
 _OF_CONTACT = 3      # halvings for its error of a step since the DLO touched an obstacle
+_STILL = 1e-7        # of the length: what moves no farther rests
 _GAIN = 1e-3         # of the energy that has moved: what a motion may gain by rounding and errors
 
 
@@ -70,7 +71,7 @@ class Recipe:
     steps: tuple = ()
 
 
-def simulate(stepper, start, velocity, instants, integrator, tolerance, progress, at_rest):
+def simulate(stepper, start, velocity, instants, integrator, tolerance, progress, initial):
     """Return the Motion that begins with the Shape `start`; see `DirectSimulator.simulate`.
 
     Parameters
@@ -81,8 +82,8 @@ def simulate(stepper, start, velocity, instants, integrator, tolerance, progress
         (N + 1, 3) of the nodes, or None: at rest.
     progress
         Progress.
-    at_rest
-        Whether `start` is an equilibrium to be found anew on another mesh.
+    initial
+        Shape of which `start` was made, or None: it is an equilibrium.
     """
     first = stepper.begin(start, velocity)
     if velocity is not None:
@@ -92,8 +93,9 @@ def simulate(stepper, start, velocity, instants, integrator, tolerance, progress
         return _motion(stepper, ended, tolerance, None)
     plan = Recipe(instants, integrator, tolerance)
     made = _run(stepper, first, plan, progress)
-    estimate = partial(_error, stepper, start, velocity, replace(plan, steps=tuple(made.steps)),
-                       at_rest, [instant.place for instant in made.reached],
+    estimate = partial(_error, stepper, start, initial, velocity,
+                       replace(plan, steps=tuple(made.steps)),
+                       [instant.place for instant in made.reached],
                        [instant.shape.positions for instant in made.reached])
     return _motion(stepper, made, tolerance, estimate)
 
@@ -150,9 +152,10 @@ def _run(stepper, first, plan, progress):
 
 
 def _step(stepper, now, steps, level, place, integrator, patience):
-    if steps and steps[-1] != level and not now.touched:
-        now = stepper.renewed(now)
-    return stepper.step(now, place, _scheme(stepper, integrator, level), patience)
+    scheme = _scheme(stepper, integrator, level)
+    if (steps[-1] if steps else 0) != level and not now.touched:
+        now = stepper.renewed(now, scheme.dt)
+    return stepper.step(now, place, scheme, patience)
 
 
 def _scheme(stepper, integrator, level):
@@ -185,7 +188,7 @@ class _Books:
     def hold(self, instant):
         """Whether an Instant has no more energy than there can be."""
         moved = (max(self._most, instant.kinetic) + max(self._high, instant.potential)
-                 - min(self._low, instant.potential))
+                 - min(self._low, instant.potential) + instant.losses.sum())
         return instant.balance - self._least <= _GAIN * moved + self._noise
 
 
@@ -214,7 +217,7 @@ def _motion(stepper, made, tolerance, estimate):
         tolerance, made.status, message, **given)
 
 
-def _error(stepper, start, velocity, plan, at_rest, places, positions):
+def _error(stepper, start, initial, velocity, plan, places, positions):
     """Return (n,) how far, in m, nodes are from the true ones at most until each instant.
 
     The same motion with every element and every step halved; what that changes is three quarters
@@ -223,17 +226,13 @@ def _error(stepper, start, velocity, plan, at_rest, places, positions):
     coarse = stepper.discretization
     mesh = coarse.finer
     finer = Stepper(mesh, stepper.grips, stepper.dt)
-    history = mesh.past(start._history)
-    strains = np.repeat(start.element_strains, 2, axis=0)
-    shape, _ = equilibrium(mesh, start.gripper, strains, 'newton', history, start.far_end)
-    if not at_rest or not shape.converged:
-        shape = replace(shape, element_strains=strains, _history=history)
+    shape = _finer_start(mesh, start, initial)
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, coarse.s, one) for one in velocity.T])
     found = np.full(len(places), np.inf)
     now = finer.begin(shape, velocity)
     found[0] = np.linalg.norm(now.nodes.position[::2] - positions[0], axis=1).max()
-    whole, at, k, before = 1 << _HALVINGS, 0, 1, []
+    whole, at, k, before = 2 << _HALVINGS, 0, 1, []
     for level in plan.steps:
         for _ in range(2):
             at += whole >> (level + 1)
@@ -247,3 +246,32 @@ def _error(stepper, start, velocity, plan, at_rest, places, positions):
     rounding = 1e-15 * coarse.s.size * coarse.s[-1]
     second = plan.integrator != 'paper' and not coarse.surroundings.obstacles
     return (4 / 3 if second else 2.0) * np.maximum.accumulate(found) + rounding
+
+
+def _finer_start(mesh, start, initial):
+    """Return the Shape at time 0 on a mesh whose elements are halves of those of `start`.
+
+    A DLO at rest hangs otherwise there: this is a part of the error, and no reason to swing. So is
+    one that was at rest in other surroundings, as `initial` may have been.
+    """
+    known = start if initial is None else initial
+    strains = _at_rest_on(known, mesh)
+    if strains is None:
+        strains = np.repeat(start.element_strains, 2, axis=0)
+    state = replace(start.state, mesh=mesh, history=mesh.past(start.state.history))
+    return replace(start, element_strains=strains, state=state)
+
+
+def _at_rest_on(shape, mesh):
+    """Return the strains (N, 3) on a mesh with which a Shape rests; None: it does not rest."""
+    own = shape.state.mesh
+    if own is None:
+        return None
+    found = [equilibrium(each, shape.gripper, strains, 'newton', each.past(shape.state.history),
+                         shape.far_end)[0]
+             for each, strains in ((own, np.array(shape.element_strains)),
+                                   (own.finer, np.repeat(shape.element_strains, 2, axis=0)))]
+    moved = np.abs(found[0].positions - shape.positions).max()
+    if not (found[0].converged and found[1].converged and moved <= _STILL * own.s[-1]):
+        return None
+    return mesh.strains_from(found[1].s, found[1].element_strains)

@@ -29,12 +29,14 @@ from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.plastic import yields
-from dlo_planner.energy.potential import System, placed, tip_wrench, unknowns_of
+from dlo_planner.energy.potential import placed, unknowns_of
+from dlo_planner.energy.system import System, tip_wrench
 from dlo_planner.minimize.methods import search
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 
-_BRIEF = 1e-2, 1e-3  # of a step, of the DLO's own time: how long it is watched at the beginning
+_BRIEF = 1e-1, 1e-3  # of a step, of the DLO's own time: how long it is watched at the beginning
+_BRIEFEST = 3e-5     # of that time: of what is watched for less rounding errors would count
 _ROUNDING = 1e-17    # of the residual, per inertia's strength relative to elasticity's
 _ROUGHEST = 1e-7
 _AT_ONCE = 1e-13     # of the length: how exactly grips are kept in so short a time
@@ -119,7 +121,6 @@ class Stepper:
         self._own_time = np.sqrt((self.masses.sum() or 1.0) * rod.length**3
                                  / min(rod.stiffness[1:]))
         self._known = {}  # Coefficients of the Schemes so far
-        self._brief = Scheme.named('paper', min(_BRIEF[0] * dt, _BRIEF[1] * self._own_time))
 
     def step(self, before, place, scheme, patience=MAX_ITERATIONS):
         """Return the Instant at `place`, one step of `scheme` later; converged or not.
@@ -159,7 +160,7 @@ class Stepper:
 
     def step_from(self, before, place, scheme, guess, patience=MAX_ITERATIONS):
         """Return the Instant at `place`, for which the search begins with strains (N, 3)."""
-        mesh, history, clear = self.discretization, before.shape._history, True
+        mesh, history, clear = self.discretization, before.shape.state.history, True
         system, gripper, far_end, rounding = self.moving(before.nodes, before.bends, history,
                                                          place, scheme)
         if mesh.surroundings.obstacles:
@@ -172,7 +173,8 @@ class Stepper:
         else:
             found = search(system, q, self.method, TOLERANCE + rounding)
         shape = shape_of(mesh, gripper, found, history, far_end, rounding)
-        shape = replace(shape, _estimate=unknown, converged=shape.converged and clear)
+        shape = replace(shape, state=shape.state.estimating(unknown),
+                        converged=shape.converged and clear)
         nodes = scheme.after(before.nodes, shape.positions)
         bends = scheme.after(before.bends, shape.element_strains)
         return self._after(before, place, scheme, replace(
@@ -248,7 +250,7 @@ class Stepper:
             (N + 1, 3) of the nodes, m/s. If None, at rest.
         """
         mesh = self.discretization
-        brief = self._brief
+        brief = self._brief(self.dt)
         strains = np.array(shape.element_strains)
         here = placed(mesh.system(shape.gripper.rotation), strains)
         positions = here.positions + shape.gripper.position
@@ -256,23 +258,29 @@ class Stepper:
         nodes, bends = (Course.begun(where, still, still) for where, still in
                         zip((positions, here.strains), rest, strict=True))
         if velocity is not None:
-            nodes, bends = self._set_going(nodes, bends, shape._history, velocity, brief, 0.0)
-        nodes, bends, state = self._accelerated(nodes, bends, shape._history, brief, 0.0)
-        begun = Instant(0.0, replace(shape, _estimate=unknown), nodes, bends, 0.0, shape.energy,
-                        0.0, 0.0, np.zeros(3), 0.0)
+            nodes, bends = self._set_going(nodes, bends, shape.state.history, velocity, brief, 0.0)
+        nodes, bends, state = self._accelerated(nodes, bends, shape.state.history, brief, 0.0)
+        begun = Instant(0.0, replace(shape, state=shape.state.estimating(unknown)), nodes, bends,
+                        0.0, shape.energy, 0.0, 0.0, np.zeros(3), 0.0)
         return self._with(begun, nodes, bends, state)
 
-    def renewed(self, instant):
+    def renewed(self, instant, dt):
         """Return an Instant with the velocities and accelerations that its grips and forces allow.
 
         A scheme that keeps the length by positions alone carries small parts of both along that
-        do not: harmless as long as the steps stay the same, not where they change.
+        do not: harmless as long as the steps stay the same, not where they change. What that
+        makes wrong is of second order in the steps of dt (s) that follow, as the scheme is.
         """
-        time, history = instant.place * self.dt, instant.shape._history
+        time, history, brief = instant.place * self.dt, instant.shape.state.history, self._brief(dt)
         nodes, bends = self._set_going(instant.nodes.uniform(), instant.bends.uniform(), history,
-                                       instant.nodes.velocity, self._brief, time)
-        nodes, bends, state = self._accelerated(nodes, bends, history, self._brief, time)
+                                       instant.nodes.velocity, brief, time)
+        nodes, bends, state = self._accelerated(nodes, bends, history, brief, time)
         return self._with(instant, nodes, bends, state)
+
+    def _brief(self, dt):
+        """Return the Scheme by which the DLO is watched before steps of dt (s)."""
+        short = max(_BRIEF[0] * dt, _BRIEFEST * self._own_time)
+        return Scheme.named('paper', min(short, _BRIEF[1] * self._own_time))
 
     def _with(self, instant, nodes, bends, state):
         """Return an Instant with other Courses; the State has the forces of the grips."""
@@ -285,7 +293,8 @@ class Stepper:
 
     def _accelerated(self, nodes, bends, history, brief, time):
         """Return the Courses with their accelerations, and the kernels' State very soon after."""
-        state, gripper = self._shortly(nodes, bends, history, brief, time + brief.dt)
+        state, gripper = self._shortly((nodes, bends), bends.position, history, brief,
+                                       time + brief.dt)
         return (*(Course.begun(one.position, one.velocity, brief.after(one, there).acceleration)
                   for one, there in ((nodes, state.positions + gripper.position),
                                      (bends, state.strains))), state)
@@ -295,25 +304,34 @@ class Stepper:
         found = []
         for sign in (1.0, -1.0):
             pushed = replace(nodes, velocity=sign * velocity)
-            state, gripper = self._shortly(pushed, bends, history, brief,
+            # what damps acts against either way: it would not cancel
+            state, gripper = self._shortly((pushed, None), bends.position, history, brief,
                                            time + sign * brief.dt)
             found.append((state.positions + gripper.position, state.strains))
         rates = [(ahead - back) / (2 * brief.dt) for ahead, back in zip(*found, strict=True)]
         return replace(nodes, velocity=rates[0]), replace(bends, velocity=rates[1])
 
-    def _shortly(self, nodes, bends, history, brief, time):
-        """Return the kernels' State and the gripper's Pose a very short time later (or before)."""
+    def _shortly(self, moving, strains, history, brief, time):
+        """Return the kernels' State and the gripper's Pose a very short time later (or before).
+
+        Parameters
+        ----------
+        moving
+            Course of the nodes and that of the strains; instead of this None: nothing is damped.
+        strains
+            (N, 3) with which the search begins.
+        """
         mesh = self.discretization
         gripper, far_end = self.grips.at(time / self.dt)
-        system = self._moving(gripper, far_end, history, nodes, bends, brief)
+        system = self._moving(gripper, far_end, history, *moving, brief)
         q = np.empty((mesh.n_unknowns, 3))
-        unknowns_of(system, bends.position.copy(), q)
+        unknowns_of(system, strains.copy(), q)
         return solve(mesh, system, gripper, q, history, exact=_AT_ONCE).state, gripper
 
     def _moving(self, gripper, far_end, history, nodes, bends, scheme):
         """Return the System of a step: the static one, with inertia and damping."""
         mesh = self.discretization
-        drag, viscosity = mesh.rod.damping
+        drag, viscosity = mesh.rod.damping if bends is not None else (0.0, 0.0)
         where, velocity = scheme.anchor(nodes)
         strength = scheme.stiffness + drag * scheme.drag
         anchor = where - drag * velocity / strength - gripper.position

@@ -9,7 +9,8 @@ import numpy as np
 
 from dlo_planner.energy.effects import Needs, with_anchor
 from dlo_planner.energy.inertia import Anchor
-from dlo_planner.energy.potential import System, unknown_count, unknowns_of
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.energy.system import System, unknown_count
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.hanging import fallen
 from dlo_planner.minimize.leash import no_leash
@@ -94,7 +95,7 @@ def swing(system, base, origin, how, nodes, bends, tolerance, max_iterations, ch
                     system.basis, base.copy(), origin.copy(),
                     with_anchor(system.effects, Anchor(where, how.masses * strength)),
                     Needs(how.masses.size > 0, system.needs.attached, system.needs.border),
-                    system.near, system.tie)
+                    system.proximal_point, system.proximal_weight)
     guess = np.empty_like(natural)
     for e in range(guess.shape[0]):
         for i in range(3):

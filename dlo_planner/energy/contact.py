@@ -14,9 +14,11 @@ for: d2g - (d(dg/ds))^2 / g_ss. A point beside the axis exerts a moment as well.
 Friction is `energy.friction`'s; each point of contact that rubs has a point of friction of its own.
 """
 
+from typing import Any
+
 import numpy as np
 
-from dlo_planner.energy.distance import AXIS, Scene, signed_distance
+from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.friction import add_friction
 from dlo_planner.energy.outline import (
     gap_at,
@@ -28,40 +30,52 @@ from dlo_planner.energy.outline import (
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.pushing import push, push_beside, push_node
 from dlo_planner.energy.rolling import watched
+from dlo_planner.energy.scene import AXIS, Scene
 from dlo_planner.kernels import kernel
-from dlo_planner.ritz.kinematics import point_inside, sort_points
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.ritz.attached import sort_points
+from dlo_planner.ritz.kinematics import point_inside
 from dlo_planner.ritz.record import Record, makes
 
 
 class Contacts(Record):
     """Points where the DLO may touch, and what is known of their forces.
 
-    Attributes:
-        stiffness: k, N/m
-        node: (M, N + 1) multipliers of nodes against obstacles, N
-        element: (C,) ascending, of points inside elements; obstacle: (C,) the one they are nearest
-            to, or -1 - o for a point of friction on obstacle o
-        multiplier: (C,) m, or the limit of the friction force, N
-
-        fraction: (C,) of the element, of points that are fixed there: 1 for a node, its end, less
-            for what is inside; 0 of points that roll along the DLO, where it is nearest
-
-        of points of friction alone
-        anchor: (C, 3) where it sticks, m, relative to the gripper; what is across `normal` counts
-        normal: (C, 3) of the obstacle there
-        shear: (C, 3) its multiplier, N, across the normal, against the friction on the DLO
-        grip: its stiffness, N/m
+    Attributes
+    ----------
+    stiffness : float
+        k, N/m.
+    node : ndarray, shape (M, N + 1)
+        Multipliers of nodes against obstacles, N.
+    element : ndarray of int, shape (C,)
+        Elements of the points inside elements, ascending.
+    obstacle : ndarray of int, shape (C,)
+        The one they are nearest to, or -1 - o for a point of friction on obstacle o.
+    multiplier : ndarray, shape (C,)
+        m, or the limit of the friction force, N.
+    fraction : ndarray, shape (C,)
+        Of the element, of points that are fixed there: 1 for a node, its end, less for what is
+        inside; 0 of points that roll along the DLO, where it is nearest.
+    anchor : ndarray, shape (C, 3)
+        Where a point of friction sticks, m, relative to the gripper; what is across `normal`
+        counts.
+    normal : ndarray, shape (C, 3)
+        Normal of the obstacle at a point of friction.
+    shear : ndarray, shape (C, 3)
+        Multiplier of a point of friction, N, across the normal, against the friction on the DLO.
+    grip : float
+        Stiffness of points of friction, N/m.
     """
 
     stiffness: float
-    node: np.ndarray
-    element: np.ndarray
-    obstacle: np.ndarray
-    multiplier: np.ndarray
-    fraction: np.ndarray
-    anchor: np.ndarray
-    normal: np.ndarray
-    shear: np.ndarray
+    node: Floats
+    element: Ints
+    obstacle: Ints
+    multiplier: Floats
+    fraction: Floats
+    anchor: Floats
+    normal: Floats
+    shear: Floats
     grip: float
 
 
@@ -76,8 +90,12 @@ def _new_contacts(stiffness, node, element, obstacle, multiplier, fraction, anch
 class Contact(Record):
     """Obstacles and where they are touched.
 
-    Attributes:
-        scene: see `energy.distance`; contacts: Contacts
+    Attributes
+    ----------
+    scene : Scene
+        The obstacles.
+    contacts : Contacts
+        Where they may be touched.
     """
 
     scene: Scene
@@ -104,7 +122,7 @@ def obstructed(effect: Contact | None) -> bool:
     return effect is not None and effect.scene.kind.size > 0
 
 
-def needs(effect: Contact) -> dict:
+def needs(effect: Contact) -> dict[str, Any]:
     """Return what the solver has to provide for."""
     amid, beside = obstructed(effect), bool((effect.scene.feature != AXIS).any())
     return {'displaced': amid, 'attached': True, 'sprung': amid, 'beside': beside,

@@ -2,16 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """How deep a DLO lies in obstacles."""
 
+from __future__ import annotations
+
 import numpy as np
 
-from dlo_planner.energy.distance import NODE_FACE
 from dlo_planner.energy.outline import node_gap, nodes_of, stretch
 from dlo_planner.energy.rolling import nearest_inside
+from dlo_planner.energy.scene import NODE_FACE, Scene
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 
 
 @kernel
-def depth(scene, lengths, strains, rotations, positions):
+def depth(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
+          positions: Floats) -> float:
     """Return how deep in m the surface of a DLO lies in an obstacle, at most; 0 if it is clear.
 
     Args:

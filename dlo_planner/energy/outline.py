@@ -11,7 +11,8 @@ along the DLO by R w per arc length, and R w changes by R (u x w).
 
 import numpy as np
 
-from dlo_planner.energy.distance import AXIS, EDGE, FACE, NODE_FACE, signed_distance
+from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.scene import AXIS, EDGE, FACE, NODE_FACE
 from dlo_planner.kernels import kernel
 
 _ROUNDS = 60

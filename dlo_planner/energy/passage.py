@@ -9,19 +9,24 @@ through a cut-out or around the border. Of a rectangular DLO all that holds for 
 solid between them, where a round bar or an edge could pass, the plane has to be below all four.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
-from dlo_planner.energy.distance import AXIS, BOX, FACE, NODE_FACE, PLANE, SHEET, in_plane
+from dlo_planner.energy.distance import in_plane
 from dlo_planner.energy.outline import gap_at, node_gap, nodes_of, radius_at_node, stretch
 from dlo_planner.energy.rolling import nearest_inside
+from dlo_planner.energy.scene import AXIS, BOX, FACE, NODE_FACE, PLANE, SHEET, Scene
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.kinematics import point_inside
 
 _FLUSH = 1e-9  # of the length: what is that near to a surface lies in it
 
 
 @kernel
-def passes_through(scene, lengths, strains, rotations, old, turned, new):
+def passes_through(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats, old: Floats,
+                   turned: Floats, new: Floats) -> bool:
     """Return whether the motion from `old` to `new` crosses an obstacle.
 
     Args:

@@ -4,11 +4,11 @@
 
 import numpy as np
 
-from dlo_planner.energy.distance import AXIS, NODE_FACE
 from dlo_planner.energy.outline import sliding
 from dlo_planner.energy.rolling import along_the_dlo
+from dlo_planner.energy.scene import AXIS, NODE_FACE
 from dlo_planner.kernels import kernel
-from dlo_planner.ritz.kinematics import spring_at
+from dlo_planner.ritz.attached import spring_at
 
 
 @kernel

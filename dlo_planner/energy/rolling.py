@@ -7,11 +7,15 @@ as the shape changes. A contact that stopped at a node would come free of the ob
 pressed into it by the sag of the element beside.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
-from dlo_planner.energy.distance import AXIS, NODE_FACE, signed_distance
+from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.outline import gap_at, nodes_of, radius_at, slope_along, taper
+from dlo_planner.energy.scene import AXIS, NODE_FACE
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.kinematics import point_inside
 
 _END = 1e-12    # of an element: nearer to its end a point is the end
@@ -110,7 +114,8 @@ def nearest_inside(scene, o, e, lengths, strains, rotations, positions, normal, 
 
 
 @kernel
-def along_the_dlo(normal, bend, rotation, strain):
+def along_the_dlo(normal: Floats, bend: Floats, rotation: Floats,
+                  strain: Floats) -> tuple[float, float]:
     """Return dg/ds and d2g/ds2 of the gap along the DLO, where its frame is `rotation`."""
     slope = curve = 0.0
     for i in range(3):

@@ -27,7 +27,8 @@ from dlo_planner.identify.observation import Observation, ObservedMotion
 from dlo_planner.identify.observed import Observed
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, figure, flag, instance, items, number, results
+from dlo_planner.model.checks import choice, flag, instance, items, number
+from dlo_planner.model.computed import figure, results
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod

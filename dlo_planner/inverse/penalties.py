@@ -15,7 +15,7 @@ import numpy as np
 
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
-from dlo_planner.energy.distance import build_scene
+from dlo_planner.energy.scene import build_scene
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import direction, instance, items, number, vector
 from dlo_planner.model.obstacles import OBSTACLES

@@ -15,15 +15,9 @@ from dlo_planner.energy.contact import Contacts, moved_scene, next_touching
 from dlo_planner.energy.effects import blocks
 from dlo_planner.energy.outline import is_face, longest_stretch, node_gap, nodes_of
 from dlo_planner.energy.passage import passes_through
-from dlo_planner.energy.potential import (
-    at_elements,
-    evaluate,
-    new_state,
-    project,
-    turned_system,
-    unknowns_of,
-)
+from dlo_planner.energy.potential import at_elements, evaluate, project, unknowns_of
 from dlo_planner.energy.rolling import watched
+from dlo_planner.energy.system import new_state, turned_system
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import lawful, put_forces
 from dlo_planner.minimize.friction import with_friction
@@ -36,7 +30,7 @@ from dlo_planner.minimize.linear import (
 )
 from dlo_planner.minimize.touching import touching_system, truth
 from dlo_planner.ritz.arrays import put_sum
-from dlo_planner.ritz.kinematics import march
+from dlo_planner.ritz.kinematics import forward_kinematics
 
 _STEPS = 12
 _LARGEST_TURN = 0.3  # rad: of a node in the gripper, by a step; a longer one is a guess
@@ -181,7 +175,7 @@ def _place(system, state):
     for e in range(system.lengths.size):
         for i in range(3):
             state.strains[e, i] = system.natural[e, i] + system.scale[e, i] * values[e, i]
-    march(system.lengths, state.strains, system.base, state.rotations, state.positions)
+    forward_kinematics(system.lengths, state.strains, system.base, state.rotations, state.positions)
 
 
 @kernel

@@ -222,8 +222,8 @@ def unit_load(system, state, hessian, element, fraction, beside, axis, load):
     for e in range(element):
         for j in range(3):
             for k in range(3):
-                rows[e, j] += (hessian.turning[e, k, j] * moment[k]
-                               + hessian.turning[e, 3 + k, j] * axis[k])
+                rows[e, j] += (hessian.twist_jacobian[e, k, j] * moment[k]
+                               + hessian.twist_jacobian[e, 3 + k, j] * axis[k])
     for j in range(3):
         for k in range(3):
             one, other = (k + 1) % 3, (k + 2) % 3

@@ -2,17 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a DLO rubs: the points of friction, what they stick to, and the limits of their forces."""
 
+from __future__ import annotations
+
 import numpy as np
 
+from dlo_planner.energy.contact import Contacts
+from dlo_planner.energy.system import State, System
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import touching, with_contacts_of
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.kinematics import point_inside
 
 _GROWTH = 2.0  # of a force, beyond its multiplier, that is believed
 
 
 @kernel
-def with_friction(system, contacts, state, previous):
+def with_friction(system: System, contacts: Contacts, state: State, previous: Floats) -> Contacts:
     """Return the Contacts with a point of friction for each contact that bears and rubs.
 
     The force of a contact that is new may be anything: its multiplier bounds the limit.

@@ -2,35 +2,45 @@
 # SPDX-License-Identifier: Apache-2.0
 """The way to a minimum that keeps all constraints, by what constrains the DLO."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.energy.contact import next_touching, obstructed
 from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.hold import holds
 from dlo_planner.energy.outline import is_face, longest_stretch, node_gap, nodes_of
-from dlo_planner.energy.potential import hinged
 from dlo_planner.energy.rolling import watched
+from dlo_planner.energy.system import State, System, hinged
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.held import held_newton
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.newton import newton
 from dlo_planner.minimize.settling import bear_on, touch_down
+from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.ritz.kinematics import point_inside
 
 _FIRM = 1e2      # times the stiffness of contacts' springs, where they are to hardly give
 _COARSER = 10.0  # times the tolerance: the springs' rounding errors leave no more of it
 
 
-def constrained_newton(system, q, tolerance, max_iterations, check, exact, previous):
-    """Descend from q (m, 3) to a minimum that keeps all constraints; see `newton`.
+def constrained_newton(system: System, q: Floats, tolerance: float, max_iterations: int,
+                       check: bool, exact: float, previous: Floats) -> Minimum:
+    """Descend from q to a minimum that keeps all constraints.
 
-    Args:
-        exact: m, how far a constraint may be violated at the end
-        previous: (N + 1, 6) positions, relative to the gripper of this step, and tangents of the
-            nodes before it, from which friction counts; (0, 6) if there is no step before
-
-    Returns:
-        Minimum
+    Parameters
+    ----------
+    system : System
+        The DLO; the multipliers of its constraints are where the search begins.
+    q : ndarray, shape (m, 3)
+        Start, scaled unknowns.
+    tolerance, max_iterations, check
+        As of `newton.newton`.
+    exact : float
+        How far a constraint may be violated at the end, m.
+    previous : ndarray, shape (N + 1, 6)
+        Positions, m, relative to the gripper of this step, and tangents of the nodes before it,
+        from which friction counts. (0, 6) if there is no step before.
     """
     if obstructed(system.contact):
         *found, settled, violation = touch_down(system, q, _COARSER * tolerance, exact,
@@ -41,22 +51,27 @@ def constrained_newton(system, q, tolerance, max_iterations, check, exact, previ
     return newton(system, q, tolerance, max_iterations, check)
 
 
-def carried_newton(system, start, tolerance, max_iterations, exact, previous):
+def carried_newton(system: System, start: tuple[Floats, Bools, Floats, Floats], tolerance: float,
+                   max_iterations: int, exact: float, previous: Floats) -> Minimum | None:
     """Return the Minimum in which a DLO goes on bearing as its gripper moves, or None.
 
     It is None where something is in its way, or where the points that bear do not go on bearing.
 
-    Args:
-        system: System in the gripper after the step, its contacts those before
-        start: base, slid, strains, twist of `bearing.carried`
-        tolerance, max_iterations, exact, previous: as of `constrained_newton`
+    Parameters
+    ----------
+    system : System
+        In the gripper after the step, its contacts those before.
+    start : tuple of ndarray
+        Base, slid, strains, twist of `bearing.carried`.
+    tolerance, max_iterations, exact, previous
+        As of `constrained_newton`.
     """
     goes_on, *found, settled, violation = bear_on(system, *start, _COARSER * tolerance, exact,
                                                   max_iterations, previous)
     return Minimum(*found, system=settled, violation=violation) if goes_on else None
 
 
-def firm(system, state):
+def firm(system: System, state: State) -> System:
     """Return the System with contacts so stiff that they hardly give, their forces the same."""
     if not obstructed(system.contact):
         return system
@@ -69,7 +84,7 @@ def firm(system, state):
 
 
 @kernel
-def _keep_forces(system, state, more):
+def _keep_forces(system: System, state: State, more: float) -> None:
     """Move the multipliers of what touches by what springs stiffer by `more` (N/m) would add.
 
     Those of friction get stiffer by the same part.

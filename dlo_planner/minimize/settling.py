@@ -17,7 +17,7 @@ import numpy as np
 from dlo_planner.energy.contact import Contacts
 from dlo_planner.energy.effects import row_count
 from dlo_planner.energy.hold import violation as hold_violation
-from dlo_planner.energy.potential import hinged, new_state
+from dlo_planner.energy.system import hinged, new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.bearing import borne, carried
 from dlo_planner.minimize.contact_forces import move_multipliers
@@ -26,7 +26,8 @@ from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import HELD_NEUTRAL, descend_held
 from dlo_planner.minimize.leash import no_leash
 from dlo_planner.minimize.linear import assemble, new_hessian
-from dlo_planner.minimize.newton import gradient_noise, leashed_descent, safe_shift
+from dlo_planner.minimize.newton import leashed_descent, safe_shift
+from dlo_planner.minimize.residual import gradient_noise
 from dlo_planner.minimize.saddle import kicked
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.minimize.touching import touching_system, truth
@@ -101,7 +102,8 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds)
 
     Other arguments as of `constrained_newton`.
 
-    Returns:
+    Returns
+    -------
         state, residual, stability, iterations, kicks, system, violation: as of a Minimum
     """
     vain = news = kicks = iterations = 0
@@ -159,10 +161,13 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds)
 def _round(system, q, tolerance, exact, most, previous, keeps):
     """Descend with the multipliers as they are, and look at what touches there.
 
-    Args:
-        keeps: whether points that are watched stay so, be they needed or not
+    Parameters
+    ----------
+    keeps
+        Whether points that are watched stay so, be they needed or not.
 
-    Returns:
+    Returns
+    -------
         State, its residual, steps made, Contacts, whether one of them is new
     """
     never = most < 0  # literals would be compiled for by themselves

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a DLO touches, as a table, and by how much that breaks the laws of contact and friction."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.energy.contact import Contact, Contacts, next_touching
@@ -14,11 +16,15 @@ from dlo_planner.energy.outline import (
     node_gap,
     nodes_of,
 )
-from dlo_planner.energy.potential import System, evaluate, new_state
+from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.rolling import watched
+from dlo_planner.energy.scene import Scene
+from dlo_planner.energy.system import State, System, new_state
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.newton import residual_of
-from dlo_planner.ritz.kinematics import nothing_attached, point_inside
+from dlo_planner.minimize.residual import residual_of
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.ritz.attached import nothing_attached
+from dlo_planner.ritz.kinematics import point_inside
 from dlo_planner.ritz.record import Record
 
 _INSIDE = 1.0 - 1e-14  # largest fraction of a point of friction that is not on a node
@@ -27,27 +33,41 @@ _INSIDE = 1.0 - 1e-14  # largest fraction of a point of friction that is not on 
 class Touching(Record):
     """The A contacts that bear at one state, on nodes and inside elements.
 
-    Attributes:
-        obstacle, element: (A,); fraction: (A,) of the element, 1 for a node, its end, only
-        inside: (A,) index among Contacts' points, -1 for a node
-        rubbing: (A,) index of its point of friction there, -1 without
-        gap: (A,) m; force: (A,) N; normal: (A, 3)
-        arm: (A, 3) m, of the force from the axis, beyond the radius of a round DLO
+    Attributes
+    ----------
+    obstacle : ndarray of int, shape (A,)
+        Index of the obstacle.
+    element : ndarray of int, shape (A,)
+        Index of the element.
+    fraction : ndarray, shape (A,)
+        Of the element; 1 for a node, its end, only.
+    inside : ndarray of int, shape (A,)
+        Index among Contacts' points, -1 for a node.
+    rubbing : ndarray of int, shape (A,)
+        Index of its point of friction there, -1 without.
+    gap : ndarray, shape (A,)
+        Gap in m.
+    force : ndarray, shape (A,)
+        Force in N.
+    normal : ndarray, shape (A, 3)
+        Normal of the obstacle.
+    arm : ndarray, shape (A, 3)
+        Of the force from the axis, m, beyond the radius of a round DLO.
     """
 
-    obstacle: np.ndarray
-    element: np.ndarray
-    fraction: np.ndarray
-    inside: np.ndarray
-    rubbing: np.ndarray
-    gap: np.ndarray
-    force: np.ndarray
-    normal: np.ndarray
-    arm: np.ndarray
+    obstacle: Ints
+    element: Ints
+    fraction: Floats
+    inside: Ints
+    rubbing: Ints
+    gap: Floats
+    force: Floats
+    normal: Floats
+    arm: Floats
 
 
 @kernel
-def touching(scene, contacts, lengths, state):
+def touching(scene: Scene, contacts: Contacts, lengths: Floats, state: State) -> Touching:
     """Return the Touching of a state."""
     k = contacts.stiffness
     last = lengths.size
@@ -118,7 +138,7 @@ def _friction_of(contacts, o, e, fraction):
 
 
 @kernel
-def truth(system, q):
+def truth(system: System, q: Floats) -> tuple[State, float, Touching, float]:
     """Return State, residual, Touching at q (m, 3), and the largest violation in m.
 
     The limits of friction are mu times the forces of this state, so that the residual is that of
@@ -180,4 +200,5 @@ def touching_system(system, contacts, scene):
     return System(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
                   system.base, system.origin,
                   with_contact(system.effects, Contact(scene, contacts)),
-                  Needs(needs.displaced, attached, needs.border), system.near, system.tie)
+                  Needs(needs.displaced, attached, needs.border), system.proximal_point,
+                  system.proximal_weight)

@@ -5,7 +5,6 @@
 import numpy as np
 
 from dlo_planner.energy.contact import next_touching
-from dlo_planner.energy.distance import FACE, NODE_FACE
 from dlo_planner.energy.outline import (
     gap_at,
     longest_stretch,
@@ -16,6 +15,7 @@ from dlo_planner.energy.outline import (
     taper,
 )
 from dlo_planner.energy.rolling import gap_inside, nearest_inside, watched
+from dlo_planner.energy.scene import FACE, NODE_FACE
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import with_contacts_of
 from dlo_planner.ritz.kinematics import point_inside

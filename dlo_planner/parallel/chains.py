@@ -138,7 +138,7 @@ def _meet(before: Found, after: Found) -> bool:
     if not np.array_equal(last.gripper.position, first.gripper.position):
         return False  # the last shapes of the part before have failed
     if not np.array_equal(last.s, first.s):
-        first, _ = step(last.mesh, last.gripper, first, None, None)
+        first, _ = step(last.state.made_on, last.gripper, first, None, None)
     return bool(first.converged
                 and np.abs(last.positions - first.positions).max() <= _SAME * last.s[-1]
                 and np.abs(last.frames - first.frames).max() <= _SAME)

@@ -29,11 +29,14 @@ from dlo_planner.direct.continuation import LONGEST_TURN, fell
 from dlo_planner.direct.grips import poses
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.motion import Motion
+from dlo_planner.direct.moving import Prescribed, motion_by
+from dlo_planner.direct.setup import made_by
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator, made_by, motion_by
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.stepping import Instant, Stepper
-from dlo_planner.energy.potential import System, unknowns_of
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.energy.system import System
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.same_minimum import leads_to, lower
 from dlo_planner.model.arrays import Floats
@@ -111,12 +114,12 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
         if dt is None:
             return Tracker(simulator, rounds).track(grippers, at_first, steps)
         make = partial(AheadStepper, rounds, len(grippers) - 1)
-        return motion_by(make, simulator, grippers, dt, initial, None, velocity, tolerance,
-                         integrator, steps)
+        return motion_by(make, simulator, Prescribed(grippers, dt, initial, None, velocity,
+                                                     tolerance, integrator), steps)
 
 
 def _work(shape: Shape) -> int:
-    """Return the work that a Shape took, as `minimize.methods.near` counts it."""
+    """Return the work that a Shape took, as `minimize.methods.approximate` counts it."""
     return shape.evaluations or shape.iterations
 
 

@@ -16,7 +16,8 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.model.checks import figure, flag, instance, items, shown
+from dlo_planner.model.checks import flag, instance, items, shown
+from dlo_planner.model.computed import figure
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.part import before
 from dlo_planner.model.surface import Surface

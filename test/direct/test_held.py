@@ -139,7 +139,7 @@ def test_track_goes_on_from_a_shape_that_is_nearly_converged(monkeypatch):
     assert [shape.converged for shape in shapes] == [True, False, True]
     assert shapes[1].nearly and 'nearly converged' in shapes[1].status
     # the third began with the forces of the second, not of the first
-    np.testing.assert_allclose(shapes[2]._before.positions, shapes[1].positions)
+    np.testing.assert_allclose(shapes[2].state.before.positions, shapes[1].positions)
 
 
 def test_a_pinned_gripper_lets_the_dlo_hang():

@@ -21,7 +21,8 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask, NotConverged
-from dlo_planner.model.checks import figure, flag, instance, integer, number, shown
+from dlo_planner.model.checks import flag, instance, integer, number, shown
+from dlo_planner.model.computed import figure
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.progress import OnProgress, Progress

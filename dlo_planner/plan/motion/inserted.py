@@ -273,7 +273,7 @@ def _cut(shape: Shape, velocity: Floats | None, end: float) -> tuple[Shape, Floa
     return replace(shape, s=s, positions=np.vstack([shape.positions[kept], position]),
                    frames=np.concatenate([shape.frames[kept], rotation[None]]),
                    element_strains=shape.element_strains[:len(s) - 1], contacts=(),
-                   _discretization=None, _history=None, _before=None), velocity
+                   state=shape.state.forgotten()), velocity
 
 
 def _mass_beyond(rod: Rod, end: float) -> float:

@@ -21,7 +21,8 @@ from dlo_planner.energy.rolling import along_the_dlo
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.solvers.hanging.marching import hanging
 from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.minimize.newton import descend, residual_of
+from dlo_planner.minimize.newton import descend
+from dlo_planner.minimize.residual import residual_of
 from dlo_planner.model.along import SeenFrom
 from dlo_planner.model.part import part_of_loads, part_of_rod
 from dlo_planner.model.pose import Pose

@@ -47,7 +47,7 @@ class Contacting:
     @classmethod
     def at(cls, simulator, contact, s, brief):
         """Return the task of keeping `contact` at `s`."""
-        own = simulator._discretization
+        own = simulator.mesh
         elements = min(max(own.s.size - 1, 8), 2 * _ELEMENTS)
         return cls(simulator, ContactFamily(simulator, contact, s, brief.progress.check, elements),
                    contact, brief)
@@ -105,7 +105,7 @@ class Contacting:
 
     def _guess(self, force):
         """Return the Shape with this force on a mesh that is as good as the simulator's."""
-        own, accuracy = self.simulator._discretization, self.simulator.accuracy
+        own, accuracy = self.simulator.mesh, self.simulator.accuracy
         shape = self.family.shape(force)
         elements = shape.s.size - 1
         wanted = own.s.size - 1
@@ -139,7 +139,7 @@ class Contacting:
             least = min(family.shape(force).violation for force in family.known)
             return draft.refusal('contact', least, f'{looked}: with each of them it would be in an '
                                  f'obstacle, by {least:.3g} m at least')
-        found, _ = step(best._discretization, best.gripper, best, None, None)
+        found, _ = step(best.state.mesh, best.gripper, best, None, None)
         return self.left(draft, best, found, f'{looked} in a stable shape: the best one has a '
                          f'stability of {best.stability:.3g}')
 

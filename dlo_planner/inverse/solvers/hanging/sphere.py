@@ -16,7 +16,8 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.energy.potential import evaluate, new_state, turned_system
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import new_state, turned_system
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorize, new_hessian

@@ -12,10 +12,12 @@ Hessian is the direct simulator's, so an inverse solve costs about as much as a 
 
 import numpy as np
 
-from dlo_planner.energy.potential import at_element, evaluate, new_state, project, turned_system
+from dlo_planner.energy.potential import at_element, evaluate, project
+from dlo_planner.energy.system import new_state, turned_system
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorize, largest_turn, new_hessian, solve
-from dlo_planner.minimize.newton import residual_of, safe_shift
+from dlo_planner.minimize.newton import safe_shift
+from dlo_planner.minimize.residual import residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.ritz.arc import dot, jacobians, rotation_and_chord
 from dlo_planner.ritz.matrix3 import (
@@ -176,7 +178,7 @@ def _right_side(system, state, hessian, column, load):
 def _turn_at(system, hessian, part, element, step):
     """Return the rotation (3,) of the frame inside `element` that the step (m, 3) makes."""
     theta = np.zeros(3)
-    turnings, basis = hessian.turning, system.basis
+    turnings, basis = hessian.twist_jacobian, system.basis
     for e in range(element + 1):
         turning = part if e == element else turnings[e]
         for j in range(3):

@@ -10,20 +10,14 @@ x(s2) - x(s1) = P2 - P1, and that the gripper rolls by a given angle about the a
 
 import numpy as np
 
-from dlo_planner.energy.potential import (
-    at_element,
-    evaluate,
-    new_state,
-    project,
-    turned_system,
-    unknown_count,
-    unknowns_of,
-)
+from dlo_planner.energy.potential import at_element, evaluate, project, unknowns_of
+from dlo_planner.energy.system import new_state, turned_system, unknown_count
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton, turn_by
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorize, largest_turn, new_hessian, solve
-from dlo_planner.minimize.newton import residual_of, safe_shift
+from dlo_planner.minimize.newton import safe_shift
 from dlo_planner.minimize.outcome import outcome
+from dlo_planner.minimize.residual import residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.ritz.arc import dot
 from dlo_planner.ritz.kinematics import part_of_element, point_inside

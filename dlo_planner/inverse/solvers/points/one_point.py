@@ -76,7 +76,7 @@ def aligned_shape(simulator, guess, s, normal, reference):
     reference
         (3, 3) gripper rotation since which it does not turn freely.
     """
-    discretization = guess._discretization
+    discretization = guess.state.mesh
     for _ in range(6):
         shape = aligned_on(discretization, guess, s, normal, reference)
         if shape is None:

@@ -140,7 +140,7 @@ def two_points(simulator, shape, way, s, free, roll=0.0):
     (Shape, float, float) or None
         The shape, s1 and s2. None if there is none.
     """
-    mesh, way = shape._discretization, np.array(way)
+    mesh, way = shape.state.mesh, np.array(way)
     freeze(way)
     if simulator.method != 'newton' or mesh is None or not mesh.hangs:
         return _step_by_step(simulator, shape, way, s, free, roll)

@@ -1,0 +1,220 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Touching obstacles: the Record of contacts, and the forces that they leave to the next step."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dlo_planner.direct.contacts import contacts_of
+from dlo_planner.direct.part import Held, Left, Part, Solved
+from dlo_planner.direct.surroundings import Surroundings
+from dlo_planner.energy.contact import Contact, Contacts, moved_scene, obstructed
+from dlo_planner.energy.friction import trial_force
+from dlo_planner.energy.scene import Scene, build_scene
+from dlo_planner.energy.system import System, turned_system
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.touching import touching_system
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.surface import Surface
+from dlo_planner.model.value import freeze
+from dlo_planner.ritz.kinematics import point_inside
+
+if TYPE_CHECKING:  # it imports this file
+    from dlo_planner.direct.discretization import Discretization
+
+_SAME = 1e-12   # of the length: nodes of two meshes that are one
+_POINT = 'point_'
+_OF_CONTACTS = ('element', 'obstacle', 'multiplier', 'fraction', 'anchor', 'normal', 'shear')
+NO_POINTS = {'element': np.zeros(0, dtype=np.int64), 'obstacle': np.zeros(0, dtype=np.int64),
+             'multiplier': np.zeros(0), 'fraction': np.zeros(0), 'anchor': np.zeros((0, 3)),
+             'normal': np.zeros((0, 3)), 'shear': np.zeros((0, 3)), 'slid': np.zeros((0, 3))}
+freeze(NO_POINTS)
+
+
+class Touch(Part):
+    """Contact with friction, `energy.contact`. It leaves two kinds of things.
+
+    node_force: (M, N + 1) force of each body on each node, N
+    point_...: contacts inside elements and points of friction, world frame, see `Contacts`; and
+        point_slid: (C, 3) by how much they slid in the step, m
+    """
+
+    name = 'contact'
+    lets_go = True
+    residual = 1e-7  # stiff springs multiply rounding errors
+
+    def acts(self, around: Surroundings) -> bool:
+        """Whether there are obstacles."""
+        return bool(around.obstacles)
+
+    def given(self, mesh: Discretization) -> Scene:
+        """Return the Scene, for a gripper at the origin."""
+        scene: Scene = build_scene(mesh.surroundings.obstacles, Surface.of(mesh.rod), mesh.s)
+        return scene
+
+    def record(self, mesh: Discretization, left: Left, held: Held) -> Contact:
+        """Return the Contact with the forces that are left, relative to the gripper."""
+        origin = np.zeros(3) if held.origin is None else held.origin
+        spring = mesh.spring if held.far_end is None else mesh.held_spring
+        points = {name: values.copy() for name, values in _points(left).items()}
+        points['anchor'] -= origin
+        return Contact(mesh.given(self.name)._replace(origin=origin), Contacts(
+            spring, left['node_force'].copy(), points['element'], points['obstacle'],
+            points['multiplier'], points['fraction'], points['anchor'], points['normal'],
+            points['shear'], spring))
+
+    def changes(self, mesh: Discretization, held: Held) -> bool:
+        """Whether there are obstacles around a gripper that is somewhere."""
+        return held.origin is not None and mesh.obstructed
+
+    def placed(self, mesh: Discretization, base: Floats, left: Left, held: Held) -> System | None:
+        """Return the System by one kernel, where the far end is free."""
+        if held.far_end is not None:
+            return None
+        system: System = _standing(mesh.static, base, held.origin, mesh.spring, left['node_force'],
+                                   *(left[_POINT + name] for name in _OF_CONTACTS))
+        return system
+
+    def none(self, mesh: Discretization, s: Floats) -> Left:
+        """Return no forces."""
+        bodies = mesh.given(self.name).kind.size if mesh.obstructed else 0
+        return {'node_force': np.zeros((bodies, s.size)), **_NO_POINTS}
+
+    def on(self, left: Left, s: Floats, wanted: Floats) -> Left:
+        """Return forces where a node stays, and inside elements."""
+        same = np.abs(s[:, None] - wanted) < _SAME * wanted[-1]
+        return {'node_force': left['node_force'] @ same, **_left(_points_on(left, s, wanted))}
+
+    def fits(self, left: Left, start: Left) -> bool:
+        """Whether there are as many bodies."""
+        return len(left['node_force']) == len(start['node_force'])
+
+    def cleared(self, left: Left) -> Left:
+        """Return no forces on as many bodies."""
+        return {'node_force': np.zeros_like(left['node_force']), **_NO_POINTS}
+
+    def leaves(self, solved: Solved) -> Left:
+        """Return the forces; what slid sticks from now on to where it has come to."""
+        return _forces(solved, True)
+
+    def underway(self, solved: Solved) -> Left:
+        """Return the forces; friction still counts from where the step began."""
+        return _forces(solved, False)
+
+    def holding(self, before: Left, after: Left) -> Left:
+        """Return the forces after the step; what slid in it slides, its anchors those of before."""
+        points = _points(after)
+        points['anchor'] = points['anchor'] - points['slid']
+        return {'node_force': after['node_force'], **_left(points)}
+
+    def reports(self, solved: Solved, left: Left) -> dict[str, Any]:
+        """Return the contacts."""
+        return {'contacts': contacts_of(solved.mesh, solved.system, solved.state, solved.gripper)}
+
+    def constrains(self, system: System) -> bool:
+        """Whether there are obstacles."""
+        return obstructed(system.contact)
+
+
+def _points(left: Left) -> dict[str, Any]:
+    """Return the points of what is left, by the names of `Contacts`."""
+    return {name: left[_POINT + name] for name in NO_POINTS}
+
+
+def _left(points: Left) -> dict[str, Any]:
+    """Return points as they are left."""
+    return {_POINT + name: values for name, values in points.items()}
+
+
+_NO_POINTS = _left(NO_POINTS)
+
+
+def _forces(solved: Solved, ended: bool) -> Left:
+    """Return what a step leaves, or, if it has not `ended`, a part of it."""
+    if not solved.mesh.obstructed:
+        return {'node_force': solved.left['node_force'], **_NO_POINTS}
+    node, *points = _forces_after(solved.system, solved.state,
+                                  np.array(solved.gripper.position), ended)
+    if not points[0].size:
+        return {'node_force': node, **_NO_POINTS}
+    return {'node_force': node, **_left(dict(zip(NO_POINTS, points, strict=True)))}
+
+
+def halved_forces(left: Left, s: Floats) -> Left:
+    """Return what contacts leave to a mesh `s` (2 N + 1,) with halved elements.
+
+    What slid slides: its anchors are those of before.
+    """
+    points, node_force = _points(left), np.zeros((len(left['node_force']), s.size))
+    node_force[:, ::2] = left['node_force']
+    beyond = (points['obstacle'] < 0) & (points['fraction'] > 0.5)
+    fraction = np.where(points['obstacle'] < 0, 2 * points['fraction'] - beyond,
+                        points['fraction'])
+    points |= {'element': 2 * points['element'] + beyond, 'fraction': fraction,
+               'anchor': points['anchor'] - points['slid']}
+    return {'node_force': node_force, **_left(points)}
+
+
+@kernel
+def _standing(system, base, origin, spring, node, element, obstacle, multiplier, fraction, anchor,
+              normal, shear):
+    """Return the same System in another gripper, with Contacts of read-only arrays."""
+    held = touching_system(system, Contacts(
+        spring, node.copy(), element.copy(), obstacle.copy(), multiplier.copy(), fraction.copy(),
+        anchor - origin, normal.copy(), shear.copy(), spring),
+        moved_scene(system.effects.contact.scene, origin))
+    return turned_system(held, base, origin)
+
+
+def _points_on(left: Left, old: Floats, s: Floats) -> Left:
+    """Return the points on other nodes."""
+    points = _points(left)
+    if not points['element'].size:
+        return points
+    element, fraction = points['element'], points['fraction']
+    inside = points['obstacle'] >= 0  # anywhere in the element: its middle
+    fraction = np.where(inside, 0.5, fraction)
+    at = old[element] + fraction * np.diff(old)[element]
+    tiny = _SAME * s[-1]
+    element = np.clip(np.searchsorted(s, at - tiny) - 1, 0, s.size - 2)
+    fraction = (at - s[element]) / np.diff(s)[element]
+    fraction = np.where(np.abs(at - s[element + 1]) < tiny, 1.0, np.clip(fraction, 0.0, 1.0))
+    fraction = np.where(inside, points['fraction'], fraction)  # fixed, or 0: it rolls
+    return points | {'element': element, 'fraction': fraction}
+
+
+@kernel
+def _forces_after(system, state, origin, ended):
+    """Return the forces on nodes (M, N + 1), N, and the points inside elements and of friction.
+
+    What slid sticks from now on to where it has come to; the last array (C, 3) tells by how much.
+
+    Args:
+        origin: (3,) the gripper's position, m
+        ended: whether the step has; before, friction still counts from where it began
+    """
+    contacts = system.effects.contact.contacts
+    anchor, shear, slid = contacts.anchor + origin, contacts.shear.copy(), np.zeros_like(
+        contacts.anchor)
+    rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] >= 0:
+            continue
+        shear[c] = state.attached.force[c]
+        if not ended:
+            continue
+        point_inside(system.lengths, state.strains, state.rotations, state.positions,
+                     contacts.element[c], contacts.fraction[c], rotation, x)
+        sticks = trial_force(contacts, c, x, trial) <= contacts.multiplier[c]
+        out = 0.0
+        for i in range(3):
+            out += (x[i] - contacts.anchor[c, i]) * contacts.normal[c, i]
+        for i in range(3):
+            away = x[i] - contacts.anchor[c, i]
+            slid[c, i] = out * contacts.normal[c, i] if sticks else away
+            anchor[c, i] += slid[c, i]
+    return (contacts.node, contacts.element, contacts.obstacle, contacts.multiplier,
+            contacts.fraction, anchor, contacts.normal, shear, slid)
