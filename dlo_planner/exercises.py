@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.direct.accuracy import past_of
 from dlo_planner.direct.bearing import corrected_by
+from dlo_planner.direct.one_step import past_of
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.identify.correction import correct

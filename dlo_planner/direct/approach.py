@@ -13,7 +13,7 @@ from dlo_planner.direct.leading import grip_at, grip_before, lead, parts_between
 from dlo_planner.direct.part import Solved
 from dlo_planner.direct.setting_down import set_down
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import solve
+from dlo_planner.direct.statics import Search, solve
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import placed
 from dlo_planner.model.arrays import Floats
@@ -76,7 +76,22 @@ def advance_boundary(discretization: Discretization, previous: Shape | None, str
     if not obstacles and held is not None and far_end is not None:
         return Advanced(*lead(discretization, strains, (begin, gripper), (held, far_end), history,
                               parts))
-    done, step = 0.0, 1.0 / parts
+    return _in_parts(discretization, strains, (begin, gripper), (held, far_end), history,
+                     1.0 / parts)
+
+
+def _in_parts(discretization: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
+              far_ends: tuple[FarEnd | None, FarEnd | None], history: History,
+              longest: float) -> Advanced:
+    """Return where the search begins after a way in parts, around obstacles where it can.
+
+    Parameters
+    ----------
+    longest : float
+        The longest part of the way.
+    """
+    (begin, gripper), (held, far_end) = grippers, far_ends
+    done, step = 0.0, longest
     where, past = begin, history
     while done < 1.0:
         old = placed(discretization.system(where.rotation), strains)
@@ -93,10 +108,11 @@ def advance_boundary(discretization: Discretization, previous: Shape | None, str
                 return Advanced(gripper, strains, past, False)
             continue
         done, where = target, there
-        step = min(2 * step, 1.0 / parts)
+        step = min(2 * step, longest)
         if done == 1.0:
             break  # what is left is the step itself
-        found = solve(discretization, system, there, new.q, history, _RELAXING, False, _ROUGHLY)
+        found = solve(discretization, system, there, new.q, history,
+                      Search(_RELAXING, False, _ROUGHLY))
         strains, system = found.state.strains, found.system
         if discretization.surroundings.pinned:  # it has turned
             there, begin, gripper = (Pose.from_rotation(pose.position, system.base)

@@ -82,7 +82,7 @@ def leapt(equilibrium: Equilibrium, previous: Shape, shape: Shape, kicks: int) -
 
     Parameters
     ----------
-    equilibrium, previous : callable
+    equilibrium, previous
         As for `follow`.
     shape : Shape
         What `equilibrium` returned for the whole step, and `kicks` with it.

@@ -28,9 +28,10 @@ from dlo_planner.ritz.series import orthonormal_basis
 if TYPE_CHECKING:  # it imports this file
     from dlo_planner.direct.shape import Shape
 
-# Springs of constraints yield by 1 / these of the length under the DLO's own forces. Those of
-# contacts cost iterations the stiffer they are; those of a grip only help the search.
-_STIFF_CONTACT, _STIFF_HOLD = 1e5, 1e2
+# Springs of constraints yield by 1 / these of the length under the DLO's own forces: those of
+# contacts cost iterations the stiffer they are, tension between two grips multiplies what they
+# round, and so does a load on a soft DLO: no more than this times the force that bends it
+_SPRINGS = (('spring', 1e5, 1e8), ('held_spring', 1e3, 1e8), ('hold_spring', 1e2, np.inf))
 SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length: where shapes are compared
 _LEVER = 0.1  # of the length
 
@@ -48,8 +49,8 @@ class Discretization(Value):
         'chebyshev', 'fourier' or 'local'.
     n_terms : int
         N_c, number of terms of the series; unused by 'local'.
-    spring : float
-        Stiffness of contacts, N/m.
+    spring, held_spring : float
+        Stiffness of contacts, N/m: where one end is held, where both are.
     hold_spring : float
         Stiffness of a grip of the far end, N/m.
     bare : System
@@ -65,6 +66,7 @@ class Discretization(Value):
     basis: str
     n_terms: int
     spring: float
+    held_spring: float
     hold_spring: float
     bare: System
     start: History
@@ -84,8 +86,8 @@ class Discretization(Value):
                 - node_forces(surroundings, s))
         weight = np.linalg.norm(pull, axis=1).sum()
         bend = min(rod.stiffness[1:]) / rod.length**2
-        put(self, spring=_STIFF_CONTACT * (weight + bend) / rod.length,
-            hold_spring=_STIFF_HOLD * (weight + bend) / rod.length)
+        for name, stiff, most in _SPRINGS:
+            put(self, **{name: min(stiff * (weight + bend), most * bend) / rod.length})
         effects = always(rod, pull)
         put(self, bare=System(
             lengths, rod.mean_natural_strains(s), stiffness, scale,
@@ -158,8 +160,7 @@ class Discretization(Value):
     @cached_property
     def moments(self) -> Floats:
         """(N + 1, 3) dead moments on the nodes, N m."""
-        result: Floats = node_moments(self.surroundings, self.s)
-        return result
+        return node_moments(self.surroundings, self.s)
 
     @cached_property
     def hangs(self) -> bool:
@@ -209,8 +210,8 @@ class Discretization(Value):
     @cached_property
     def sampled(self) -> Ints:
         """(n,) nodes by which two shapes on this mesh are compared, see SAMPLES."""
-        result: Ints = np.searchsorted(self.s, SAMPLES * self.s[-1])
-        return result
+        at: Ints = np.searchsorted(self.s, SAMPLES * self.s[-1])
+        return at
 
     @cached_property
     def static(self) -> System:
@@ -220,11 +221,10 @@ class Discretization(Value):
     def unknowns(self, strains: Floats) -> Floats:
         """Return q (m, 3) whose strains are nearest to `strains` (N, 3)."""
         system = self.bare
-        values = (strains - system.natural) / system.scale
+        values: Floats = (strains - system.natural) / system.scale
         if system.basis.shape[1]:
             values = system.basis.T @ (values * system.lengths[:, None])
-        result: Floats = values
-        return result
+        return values
 
     def strains_of(self, q: Floats) -> Floats:
         """Return (N, 3) the strains of unknowns q (m, 3)."""
@@ -248,9 +248,7 @@ class Discretization(Value):
     @cached_property
     def finer(self) -> Discretization:
         """The same rod, every element halved, one unknown strain per half."""
-        s = np.empty(2 * self.s.size - 1)
-        s[::2] = self.s
-        s[1::2] = 0.5 * (self.s[1:] + self.s[:-1])
+        s = np.sort(np.append(self.s, 0.5 * (self.s[1:] + self.s[:-1])))
         return Discretization(self.surroundings, s, 'local', 0)
 
     @cached_property
@@ -276,7 +274,7 @@ class Discretization(Value):
         if 'lengths' in fields:
             s = np.concatenate([[0.0], np.cumsum(fields['lengths'])])
         put(other, surroundings=self.surroundings, s=s, basis=self.basis, n_terms=self.n_terms,
-            spring=self.spring, hold_spring=self.hold_spring, start=self.start)
+            start=self.start, **{name: getattr(self, name) for name, *_ in _SPRINGS})
         freeze(s)
         put(other, bare=self.bare._replace(**fields))
         put(other, _given={part.name: self.given(part.name) for part in ACTING
@@ -299,8 +297,5 @@ class Discretization(Value):
 
     def stress_free(self, history: History | None) -> Floats:
         """Return (N, 3) the strains at which no moment acts, 1/m: natural ones plus the set."""
-        strains = np.array(self.natural)
-        if self.stores:
-            left = self.past(history).left
-            strains = sum((part.strains(self, left) for part in self.stores), strains)
-        return strains
+        left = self.past(history).left if self.stores else {}
+        return sum((part.strains(self, left) for part in self.stores), np.array(self.natural))

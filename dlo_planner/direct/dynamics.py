@@ -16,7 +16,6 @@ from dlo_planner.direct.leg import MOST, Leg, Limits, leg_of
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.motion_error import HALVINGS, Begun, Recipe, Trace, error_of
 from dlo_planner.direct.setting_off import begin, renewed
-from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import MAX_ITERATIONS
 from dlo_planner.direct.stepping import Stepper
 from dlo_planner.model.arrays import Floats
@@ -58,33 +57,19 @@ class Run(NamedTuple):
     samples: Floats | None = None
 
 
-def simulate(stepper: Stepper, start: Shape, velocity: Floats | None, instants: int,
-             integrator: str, tolerance: float, progress: Progress,
-             initial: Shape | None) -> Motion:
-    """Return the Motion that begins with the Shape `start`; see `DirectSimulator.simulate`.
-
-    Parameters
-    ----------
-    stepper : Stepper
-    velocity : ndarray, shape (N + 1, 3) or None
-        Of the nodes, or None: at rest.
-    progress : Progress
-    initial : Shape or None
-        Shape of which `start` was made, or None: it is an equilibrium.
-    """
-    first = begin(stepper, start, velocity)
-    if velocity is not None:
-        check_velocity(stepper.masses, velocity, first.nodes.velocity)
-    if not start.converged:
+def simulate(stepper: Stepper, begun: Begun, plan: Recipe, progress: Progress) -> Motion:
+    """Return the Motion that begins so; see `DirectSimulator.simulate`."""
+    first = begin(stepper, begun.start, begun.velocity)
+    if begun.velocity is not None:
+        check_velocity(stepper.masses, begun.velocity, first.nodes.velocity)
+    if not begun.start.converged:
         ended = Run([first], [], 0.0, 'unsolved', 'the shape at time 0 was not found')
-        return _motion(stepper, ended, tolerance, None)
-    plan = Recipe(instants, integrator, tolerance)
+        return _motion(stepper, ended, plan.tolerance, None)
     made = _run(stepper, first, plan, progress)
     trace = Trace([instant.place for instant in made.reached],
                   [instant.shape.positions for instant in made.reached], made.samples)
-    estimate = partial(error_of, stepper, Begun(initial, start, velocity),
-                       replace(plan, steps=tuple(made.steps)), trace)
-    return _motion(stepper, made, tolerance, estimate)
+    estimate = partial(error_of, stepper, begun, replace(plan, steps=tuple(made.steps)), trace)
+    return _motion(stepper, made, plan.tolerance, estimate)
 
 
 def run(stepper: Stepper, first: Instant, instants: int, tolerance: float,

@@ -135,7 +135,7 @@ class KinematicState:
     @property
     def arrays(self) -> tuple[Floats, ...]:
         """The four arrays."""
-        return self.position, self.velocity, self.acceleration, self.mean
+        return tuple(self.__dict__.values())
 
     @classmethod
     def begun(cls, position: Floats, velocity: Floats, acceleration: Floats) -> Self:

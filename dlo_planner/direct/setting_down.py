@@ -17,7 +17,7 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
 from dlo_planner.direct.leading import grip_before, lead, parts_between
 from dlo_planner.direct.part import Solved
-from dlo_planner.direct.statics import equilibrium, solve
+from dlo_planner.direct.statics import Search, equilibrium, solve
 from dlo_planner.energy.depth import depth
 from dlo_planner.energy.potential import placed
 from dlo_planner.energy.scene import Scene
@@ -93,8 +93,8 @@ def grown(discretization: Discretization, gripper: Pose, strains: np.ndarray, fa
         wanted = max(0.0, thin - step)
         system = discretization.system(gripper.rotation, gripper.position, history, far_end)
         found = solve(discretization, system._replace(scene=_thinner(system.scene, wanted)),
-                      gripper, discretization.unknowns(strains), history, _STEPS, False,
-                      _ROUGHLY, _LEFT)
+                      gripper, discretization.unknowns(strains), history,
+                      Search(_STEPS, False, _ROUGHLY, _LEFT))
         state, system = found.state, found.system
         if not (found.residual < _ENOUGH * _LEFT
                 and found.violation < _ROUGHLY * discretization.s[-1]):

@@ -15,7 +15,7 @@ from dlo_planner.direct.instant import Instant, There
 from dlo_planner.direct.integrator import KinematicState, Scheme
 from dlo_planner.direct.leg import swung_shortly
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import solve, unknown
+from dlo_planner.direct.statics import Search, solve, unknown
 from dlo_planner.direct.stepping import Stepper
 from dlo_planner.energy.potential import placed, unknowns_of
 from dlo_planner.energy.system import tip_wrench
@@ -120,7 +120,7 @@ class _Watch:
         system = stepper.moving_system(grips, self._history, (nodes, bends), brief, damping)
         q = np.empty((mesh.n_unknowns, 3))
         unknowns_of(system, bends.position.copy(), q)
-        state = solve(mesh, system, gripper, q, self._history, exact=_AT_ONCE,
-                      rounding=stepper.rounding(brief)).state
+        state = solve(mesh, system, gripper, q, self._history,
+                      Search(exact=_AT_ONCE, rounding=stepper.rounding(brief))).state
         return There(state.positions + gripper.position, state.strains,
                      np.concatenate([state.base_force, state.base_moment]), -tip_wrench(state))

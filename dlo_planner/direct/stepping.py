@@ -23,6 +23,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import (
     MAX_ITERATIONS,
     TOLERANCE,
+    Search,
     shape_of,
     solve,
     unknown,
@@ -130,8 +131,8 @@ class Stepper:
         q = np.empty((mesh.n_unknowns, 3))
         unknowns_of(system, guess, q)
         if self.method == 'newton':
-            found = solve(mesh, system, gripper, q, history, patience if clear else 0,
-                          rounding=rounding)
+            found = solve(mesh, system, gripper, q, history,
+                          Search(patience if clear else 0, rounding=rounding))
         else:
             found = search(system, q, self.method, TOLERANCE + rounding)
         shape = shape_of(mesh, gripper, found, history, far_end, rounding)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Pose, Rod, Sheet
-from dlo_planner.direct.accuracy import past_of
 from dlo_planner.direct.bearing import corrected_by
+from dlo_planner.direct.one_step import past_of
 from dlo_planner.minimize.bearing import carried
 
 LEVEL = (0, 0, 0, 1)
@@ -49,7 +49,7 @@ def test_what_is_carried_along_is_the_derivative_of_the_shape(bearing):
     simulator, shape = bearing
     position, mesh = shape.gripper.position, simulator.mesh
     past = past_of(mesh, shape, None)
-    slid = np.zeros(past.points['element'].size, dtype=bool)
+    slid = np.zeros(past.left['point_element'].size, dtype=bool)
     errors = []
     for step in (2e-3, 1e-3):
         twist = np.array([0, 0.5, 0, 1, 0, -1]) * step

@@ -11,7 +11,7 @@ from typing import Self
 
 import numpy as np
 
-from dlo_planner.direct.accuracy import step
+from dlo_planner.direct.one_step import step
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
@@ -149,8 +149,7 @@ class ContactProblem:
             least = min(family.shape(force).violation for force in family.known)
             return builder.refusal('contact', least, f'{looked}: with each of them it would be in '
                                    f'an obstacle, by {least:.3g} m at least')
-        assert best.state.mesh is not None  # a guess is made on one
-        settled, _ = step(best.state.mesh, best.gripper, best, None, None)
+        settled, _ = step(best.state.made_on, best.gripper, best)
         return self.left(builder, best, settled, f'{looked} in a stable shape: the best one has a '
                          f'stability of {best.stability:.3g}')
 
