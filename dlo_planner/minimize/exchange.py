@@ -49,12 +49,12 @@ def exchanged(system, state):
 @kernel
 def _gap(system, state, o, e, fixed):
     """Return the gap in m of the middle of element e, if `fixed`, or of where it is nearest."""
-    scene, normal, bend = system.effects.contact.scene, np.empty(3), np.empty((3, 3))
+    scene, normal, hessian = system.effects.contact.scene, np.empty(3), np.empty((3, 3))
     if fixed > 0.0:
         return gap_inside(scene, o, e, MIDDLE, system.lengths, state.strains, state.rotations,
-                          state.positions, normal, bend)
+                          state.positions, normal, hessian)
     gap, _, _ = rolled(scene, o, e, system.lengths, state.strains, state.rotations,
-                       state.positions, normal, bend)
+                       state.positions, normal, hessian)
     return gap
 
 
