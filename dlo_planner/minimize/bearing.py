@@ -116,7 +116,7 @@ def borne(system, q, tolerance, exact, previous):
         normal, shear = table.force.copy(), np.zeros((table.gap.size, 3))
         for a in range(table.gap.size):
             if table.rubbing[a] >= 0:
-                shear[a] = state.attached.force[table.rubbing[a]]  # type: ignore[union-attr]
+                shear[a] = state.attached.force[table.rubbing[a]]
         if residual < tolerance and violation < exact:
             put_forces(loaded, table, normal, shear)
             outside = (deepest > -_DEEP * np.sum(system.lengths)
