@@ -100,6 +100,6 @@ def _rows(system: System, state: State) -> Any:
         point_inside(lengths, state.strains, state.rotations, state.positions, e,
                      table.fraction[a], rotation, places[a])
         if table.rubbing[a] >= 0:
-            friction[a] -= state.attached.force[table.rubbing[a]]  # type: ignore[union-attr]
+            friction[a] -= state.attached.force[table.rubbing[a]]
     return (scene.source[table.obstacle], table.element, along, places, table.normal, table.force,
             friction, table.gap)

@@ -204,7 +204,7 @@ def _forces_after(system: System, state: State, origin: Floats, ended: bool) -> 
     for c in range(contacts.element.size):
         if contacts.obstacle[c] >= 0:
             continue
-        shear[c] = state.attached.force[c]  # type: ignore[union-attr]
+        shear[c] = state.attached.force[c]
         if not ended:
             continue
         point_inside(system.lengths, state.strains, state.rotations, state.positions,

@@ -230,7 +230,6 @@ def _body(part: _Part) -> _Body:
         return _Body(BOX, part.pose, 0.5 * part.size)
     if isinstance(part, _Foil):
         return _Body(SHEET, part.sheet.pose, (0.0, 0.5 * part.sheet.width, 0.5 * part.sheet.height))
-    assert isinstance(part, _Edge)  # sheets are cut into foils
     return _Body(CAPSULE, part.pose, (part.half, 0, 0))
 
 
