@@ -8,9 +8,9 @@ from test_potential import BASE, at, broad, discretized
 
 from dlo_planner import Box, Capsule, CutOut, Cylinder, Plane, Pose, Rod, Sheet, Sphere
 from dlo_planner.energy.contact import Contacts
-from dlo_planner.energy.scene import AXIS
 from dlo_planner.energy.potential import new_state
 from dlo_planner.energy.rolling import watched
+from dlo_planner.energy.scene import AXIS
 from dlo_planner.minimize.linear import assemble, multiply, new_hessian
 
 HOLE = CutOut(Pose.looking_along((0.1, 0.2, 0.3), (1, 1, 0)), radius=0.15)
