@@ -121,7 +121,7 @@ class _Foil(NamedTuple):
     cutouts: tuple[CutOut, ...]
 
 
-_Part: TypeAlias = Obstacle | _Edge | _Foil
+_Part: TypeAlias = Plane | Sphere | Capsule | Box | Cylinder | _Edge | _Foil
 _Span: TypeAlias = tuple[int, int]  # first and last node
 
 
