@@ -23,12 +23,17 @@ OBSTACLES = [Plane((0, 0, 0.2), (1, 2, 3)), Sphere((0.3, 0.1, 0.2), 0.15),
              Cylinder((0.3, 0, 0.1), (0.1, 0.1, 0.3), 0.12),
              Cylinder((0.1, -0.2, 0.3), (0.12, -0.18, 0.31), 0.3)]
 SCENE = build_scene(OBSTACLES, 0.0)
-SCENE.size[4, 0] = 0.01  # the kernel knows thickness; scenes are built of foils
+SCENE.size[SCENE.source == 4, 0] = 0.01  # the kernel knows thickness; scenes are built of foils
 
 
 def distance(index, x):
-    normal, bend = np.empty(3), np.empty((3, 3))
-    return signed_distance(SCENE, index, np.array(x, dtype=float), normal, bend), normal, bend
+    """Return the distance from an obstacle, that from the nearest of its bodies; normal, bend."""
+    found = []
+    for body in np.flatnonzero(SCENE.source == index):
+        normal, bend = np.empty(3), np.empty((3, 3))
+        found.append((signed_distance(SCENE, body, np.array(x, dtype=float), normal, bend), normal,
+                      bend))
+    return min(found, key=lambda one: one[0])
 
 
 def points(rng, number=200):
