@@ -5,8 +5,12 @@
 test_exercises.py watches that no kernel is left out.
 """
 
+from typing import Any
+
 import numpy as np
 
+from dlo_planner.direct.bearing import corrected_by
+from dlo_planner.direct.one_step import past_of
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.identify.correction import correct
@@ -33,9 +37,10 @@ _LEVEL = Pose((0, 0, 0), (0, 0, 0, 1))
 _TILTED = Pose.looking_along((0, 0, 0), (1, 0.2, 0))
 
 
-def shapes():
+def shapes() -> None:
     """Solve, with what a Shape tells, and simulate."""
-    for options in ({}, {'basis': 'local', 'accuracy': 1e-4}):
+    every: tuple[dict[str, Any], ...] = {}, {'basis': 'local', 'accuracy': 1e-4}
+    for options in every:
         direct = DirectSimulator(_ROD, **options)
         shape = direct.solve(_TILTED)
         shape = direct.solve(_LEVEL, shape)
@@ -44,7 +49,7 @@ def shapes():
         shape.at(0.5)
         Sensitivity(shape).moved([1e-3] * 6)
         Sensitivity(shape).at(0.5)
-        Through((0.5, 0, -0.3)).residuals(shape)
+        Through(np.array([0.5, 0, -0.3])).residuals(shape)
         direct.simulate([_LEVEL, _LEVEL], 0.01)
         direct.track([_LEVEL, Pose((0, 0, 0), (0, 0, 0.5, 0.8))])
         assert solve_many(direct, [_LEVEL, _TILTED]).converged.all()
@@ -53,26 +58,25 @@ def shapes():
     assert DirectSimulator(_ROD, point_loads=[turned]).solve(_LEVEL).converged
 
 
-def node():
+def node() -> None:
     """Do what a planner node may be asked for."""
     warm_up()
     assert hanging_shapes(DirectSimulator(_ROD).surroundings, np.linspace(0, 1, 9)) is not None
 
 
-def proofs():
+def proofs() -> None:
     """Do what the process of its proofs may be asked for."""
-    warm_up_proofs(_Here)
+    warm_up_proofs(_Here())
 
 
 class _Here:
     """A Prover without a process."""
 
-    @staticmethod
-    def report(**given):
-        return replay(**given)
+    def report(self, **arguments: Any) -> object:
+        return replay(**arguments)
 
 
-def touching():
+def touching() -> None:
     """Solve among obstacles, with yield, and plan there."""
     hole = CutOut(Pose.looking_along((0.4, 0, 0), (1, 0, 0)), radius=0.2)
     direct = DirectSimulator(_YIELDING, obstacles=[Plane((0, 0, -0.2), (0, 0, 1), 0.2),
@@ -80,15 +84,18 @@ def touching():
     shapes = direct.track([_LEVEL, Pose((0, 0, -0.05), (0, 0, 0, 1))])
     direct.simulate([_LEVEL] * 2, 0.01, shapes[0])
     Sensitivity(shapes[-1])
+    elastic = DirectSimulator(_ROD, n_elements=64, obstacles=[Plane((0, 0, -0.01), (0, 0, 1))])
+    shape = elastic.track([_LEVEL, Pose((0, 0, -0.005), (0, 0, 0, 1))])[-1]
+    assert corrected_by(elastic.mesh, shape, past_of(elastic.mesh, shape, None)) < 1
     direct.solve(_LEVEL, far_end=(0.8, 0, 0))
-    AwayFrom([Plane((0, 0, -0.2), (0, 0, 1))], 0.1).residuals(shapes[0])
+    AwayFrom((Plane((0, 0, -0.2), (0, 0, 1)),), 0.1).residuals(shapes[0])
     cell = Workspace(keep_out=[Plane((0, 0, -9), (0, 0, 1))])
     for simulator in (DirectSimulator(_YIELDING), direct):
         InverseSimulator(simulator, workspace=cell).thread(
             CutOut(Pose.looking_along((9, 0, 1), (1, 0, 0)), radius=0.2), depths=[0, 0.5])
 
 
-def held():
+def held() -> None:
     """Solve with the far end held."""
     for grip in ('pinned', 'clamped'):
         direct = DirectSimulator(_ROD, grip=grip)
@@ -98,7 +105,7 @@ def held():
     Sensitivity(shape)
 
 
-def seen():
+def seen() -> None:
     """Fit and observe a DLO, and correct a plan."""
     spread = Uncertainty(0.05, 0.05, 0.05, 1e-3, 0.05, 1e-3, 1e-3, 0.05)
     direct = DirectSimulator(_ROD)

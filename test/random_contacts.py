@@ -30,6 +30,7 @@ from dlo_planner import (  # noqa: E402
     Rod,
     Sphere,
 )
+from dlo_planner.direct.state import UNKNOWN  # noqa: E402
 from dlo_planner.inverse.solvers.contact.family import STABLE  # noqa: E402
 from dlo_planner.model.part import part_of_rod  # noqa: E402
 
@@ -170,7 +171,7 @@ def scan(direct, contact, s, below=np.inf, decades=8, per_decade=10, stable=1e-3
         gripper = Pose.from_rotation(positions[k, 0], frames[k, 0])
         guess = replace(template, gripper=gripper, s=nodes, positions=positions[k],
                         frames=frames[k], element_strains=strains[k], contacts=(),
-                        _history=None, _before=None, _discretization=None)
+                        state=UNKNOWN)
         if held(direct, contact, s, gripper, guess, forces[k], stable):
             found.append(forces[k])
     return found

@@ -6,11 +6,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Goals, Path
-from sensor_msgs.msg import JointState
-from visualization_msgs.msg import MarkerArray
 
 from dlo_planner import (
     Approach,
@@ -66,7 +61,6 @@ from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.parallel import CellGrid, capability_map
-from msg_helpers.clouds import cloud_msg
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 DEPTHS = (0.0, 0.2)
@@ -123,6 +117,8 @@ def values():
 @cache
 def arguments():
     """Return a dict of examples by the name of the argument, or by 'callable.argument'."""
+    import message_specimens  # noqa: PLC0415  (values serve on a machine without ROS, too)
+
     known = values()
     wire, simulator, hole, shape = (known[name] for name in (
         'Rod', 'DirectSimulator', 'CutOut', 'Shape'))
@@ -136,7 +132,7 @@ def arguments():
         'torsional_stiffness': 0.7, 'diameter': 0.01, 'outer_diameter': 0.02,
         'inner_diameter': 0.01, 'width': 0.3, 'thickness': 0.01, 'height': 0.2, 'density': 1000.0,
         'youngs_modulus': 1e9, 'shear_modulus': 4e8, 'poisson_ratio': 0.3, 'kind': 'round',
-        'half_n': 0.01, 'half_b': 0.01, 'yield_stress': 1e6, 'bend': np.ones((4, 3)),
+        'half_n': 0.01, 'half_b': 0.01, 'yield_stress': 1e6, 'strains': np.ones((4, 3)),
         'pose': LEVEL, 'position': (0.0, 0.0, 1.0), 'quaternion': (0.0, 0.0, 0.0, 1.0),
         'rotation': np.eye(3), 'matrix': np.eye(4), 'direction': (1.0, 0.0, 0.0), 'other': LEVEL,
         'value': LEVEL, 'point': (0.0, 0.0, 0.0), 'normal': (0.0, 0.0, 1.0), 'center': (0, 0, 0),
@@ -171,7 +167,7 @@ def arguments():
         'Motion.status': 'complete', 'integrator': 'paper',
         # tasks
         'bore': hole, 'cutouts': [hole],
-        'second': FAR, **_of_tasks(known),
+        'second': FAR, **_of_tasks(known), **message_specimens.arguments(),
         'plan': known['Plan'], 'concatenate.one': known['Plan'],
         'concatenate.other': _back(known['Plan']), 'depths': DEPTHS,
         'contact': Pose((0.5, 0, 0.9), (0, 0, 0, 1)),
@@ -212,19 +208,12 @@ def arguments():
         **{f'parallel.CapabilityMap.{name}': getattr(capability, name) for name in (
             'outcome', 'amount', 'fraction', 'clearance', 'stability', 'roll', 'start', 'gripper',
             'seconds')},
-        # messages
         'name': 'wire', 'hardware_id': 'wire', 'level': b'\x00', 'message': 'ok',
-        'diagnostics.diagnostics_msg.values': {'a': 1.0}, 'stamp': Time(), 'frame_id': 'world',
+        'diagnostics.diagnostics_msg.values': {'a': 1.0}, 'frame_id': 'world',
         'markers.obstacle_markers.before': 0, 'known': {}, 'color': 'yield', 'drawn': (),
         'index': 0, 'group': 'dlo', 'number_shown': 2,
-        'marker_items.items_after.msg': MarkerArray(), 'poses.pose_from_msg.msg':
-        PoseStamped().pose, 'obstacles.obstacles_after.msg': MarkerArray(),
-        'clouds.points_from_cloud.msg': cloud_msg(np.ones((2, 3)), 'world'),
-        'poses.poses_from_goals.msg': Goals(), 'poses.pose_from_stamped.msg': _stamped(),
-        'paths.poses_from_path.path': Path(), 'paths.times_from_path.path': Path(),
         'paths.plan_path.times': [0.0, 1.0], 'seconds': 1.0, 'trajectory': known['Trajectory'],
         'joint_trajectory': JointTrajectory(('joint',), [0.0, 1.0], *np.zeros((3, 2, 1))),
-        'joint_state': JointState(name=['joint'], position=[0.5]),
         'number': 3, 'tool': LEVEL, 'n': 2, 'modes_along.shapes': [shape, shape],
         'Modes.s': [0.0, 1.0], 'masses': [0.0, 1.0], 'frequencies': [1.0],
         'damping_ratios': [0.0], 'displacements': np.ones((1, 2, 3)),
@@ -267,13 +256,6 @@ def _of_tasks(known):
         'task': known['Thread'], 'requirements': None, 'allow_plastic': True,
         'Requirements.limits': Limits(), 'workspace': None,
         **{f'{name}.from_dict.content': known[name].to_dict() for name in names}}
-
-
-def _stamped():
-    stamped = PoseStamped()
-    stamped.header.frame_id = 'world'
-    stamped.pose.orientation.w = 1.0
-    return stamped
 
 
 def _capability(inverse):

@@ -67,7 +67,9 @@ def test_what_is_written(other):
 
 @pytest.mark.parametrize('other', [
     '# far below\n\n\n@kernel\ndef f(x):\n\n    # more\n    return x + c',
-    '@kernel\ndef f(x):\n    return (x +\n            c)'])
+    '@kernel\ndef f(x):\n    return (x +\n            c)',
+    '@kernel\ndef f(x: float) -> float:\n    return x + c',
+    'from __future__ import annotations\n@kernel\ndef f(x: Any) -> Any:\n    return x + c'])
 def test_what_is_only_looks(other):
     assert of(other, c=1) == of(READS, c=1)
 

@@ -49,12 +49,16 @@ from dlo_planner.inverse.solvers.points.aligned import aligned_newton
 from dlo_planner.inverse.solvers.points.coupled import aligned_hanging, two_points_hanging
 from dlo_planner.kernels import cache
 from dlo_planner.kernels.folders import folders
-from dlo_planner.minimize.contact_forces import add_sliding, move_multipliers
+from dlo_planner.minimize.bearing import correction
+from dlo_planner.minimize.contact_forces import move_multipliers
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.hanging import hang
 from dlo_planner.minimize.hanging_rods import hang_rods
 from dlo_planner.minimize.held import descend_held, led
-from dlo_planner.minimize.newton import gradient_noise, leashed_descent
+from dlo_planner.minimize.newton import leashed_descent
+from dlo_planner.minimize.residual import gradient_noise
+from dlo_planner.minimize.settling import bear_on, touch_down
+from dlo_planner.minimize.sliding import add_sliding
 from dlo_planner.minimize.touching import touching, truth
 from dlo_planner.minimize.watching import watching
 from dlo_planner.plan import curve_distance, workspace
@@ -69,7 +73,7 @@ KERNELS = [leashed_descent, unknowns_of, aligned_newton, integrate_from_tip, poi
            add_sliding, gripper_answers, curve_distance.element_rooms,
            curve_distance._distances, workspace._distances, _strains_by, response._moved,
            looking._points_at, vibrated, nearest_place, aligned_hanging, two_points_hanging,
-           hang_rods]
+           hang_rods, touch_down, bear_on, correction]
 
 
 def use_everything():

@@ -28,6 +28,33 @@ def test_the_version_is_the_same_everywhere():
     assert first in (version, 'Forthcoming')
 
 
+def test_the_oldest_versions_are_those_that_setup_allows():
+    pinned = dict(re.findall(r'^(\w+)==([\d.]+)$', (ROOT / '.ci' / 'oldest.txt').read_text(), re.M))
+    allowed = dict(re.findall(r"'(\w+)>=([\d.]+)'", re.search(
+        r'install_requires.*(?=    data_files)', (ROOT / 'setup.py').read_text(), re.DOTALL)[0]))
+    skipped = {'pin', 'sphinx'}  # needs a newer NumPy; is for the site
+    assert pinned.keys() == allowed.keys() - skipped
+    assert not [name for name, version in pinned.items() if not version.startswith(allowed[name])]
+
+
+def test_addresses_stand_in_one_place():
+    package = ElementTree.parse(ROOT / 'package.xml')
+    homes = {url.get('type'): url.text for url in package.findall('url')}
+    mails = {one.get('email') for one in package.iter() if one.get('email')}
+    citation = (ROOT / 'CITATION.cff').read_text()
+    assert re.findall(r'^repository-code: (.+)$', citation, re.M) == [
+        home for kind, home in homes.items() if kind == 'repository']
+    files = [*ROOT.glob('*.md'), *ROOT.glob('*.cff'), ROOT / 'setup.py', ROOT / 'docs' / 'conf.py',
+             *(ROOT / 'docs').glob('*.md'), *(ROOT / '.github').rglob('*.m*')]
+    text = '\n'.join(path.read_text() for path in files)
+    assert set(re.findall(r'[\w.+-]+@[\w-]+\.\w+', text)) <= mails
+    for address in [*homes.values(), *mails, text]:  # domains that are somebody's, or examples
+        assert not re.search(r'example\.(com|org|net)', address)
+    # who clones is told from where, as soon as there is such a place
+    assert text.count('git clone') == text.count(
+        f'git clone {homes.get("repository", "<this repository>")}')
+
+
 @pytest.fixture(scope='module')
 def archives(tmp_path_factory):
     """Build sdist and, from it, wheel; return their paths."""

@@ -68,7 +68,7 @@ def more():
         'elastic inverse': InverseSimulator(set_), 'accurate': DirectSimulator(
             soft, accuracy=1e-3).solve(LEVEL), 'refused plan': refused.value.plan,
         'local': DirectSimulator(soft, n_elements=8, basis='local'), 'function': soft,
-        'discretization': shape._discretization, 'history': held._history,
+        'discretization': shape.state.mesh, 'history': held.state.history,
         'surroundings': around.surroundings}
 
 

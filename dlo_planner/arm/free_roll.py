@@ -6,7 +6,6 @@ from dlo_planner.direct.grasp import GraspedInside
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric
 from dlo_planner.model.checks import instance
-from dlo_planner.model.rod import Rod
 from dlo_planner.plan.plan import Plan
 
 
@@ -28,7 +27,7 @@ def rolls_freely(simulator: DirectSimulator | GraspedInside, plan: Plan) -> bool
     """
     instance('simulator', simulator, (DirectSimulator, GraspedInside))
     instance('plan', plan, Plan)
-    rod: Rod = simulator.rod  # type: ignore[union-attr]  # GraspedInside puts its own
+    rod = simulator.rod
     round_ = rod.section is None or rod.section.kind != 'rectangular'
     loose = all(shape.far_end is None and shape.parts is None for shape in plan.shapes)
     return bool(round_ and loose and not rod.yields and is_axisymmetric(rod))

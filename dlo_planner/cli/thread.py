@@ -76,5 +76,3 @@ def proved(dlo: Described, plan: Plan, outputs: Iterable[Path] = ()) -> int:
     click.echo(report.summary())
     write(report, outputs)
     return 0 if report.safe else NO_SOLUTION
-
-

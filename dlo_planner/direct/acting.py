@@ -1,74 +1,55 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The Records of what acts on a Discretization: what of `energy.effects` a simulator offers."""
+"""What may act on a DLO in a simulator: of the effects of `energy.effects`, those it offers.
+
+An effect that depends on how the DLO is held, leaves something to the next step or is reported is
+a Part in a file of this folder, and a line in ACTING.
+"""
+
+from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dlo_planner.direct.history import History
-from dlo_planner.energy.contact import Contact, Contacts
-from dlo_planner.energy.distance import Scene
+from dlo_planner.direct.far_hold import FarHold
+from dlo_planner.direct.part import Held, Left, Part
+from dlo_planner.direct.permanent_set import PermanentSet
+from dlo_planner.direct.touch import Touch
 from dlo_planner.energy.effects import EFFECTS, Effects
-from dlo_planner.energy.hold import Hold, no_hold
-from dlo_planner.energy.inertia import no_anchor
+from dlo_planner.energy.inertia import Anchor, no_anchor
 from dlo_planner.energy.loads import Load
 from dlo_planner.energy.yielding import elastic_part
-from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.rod import Rod
 from dlo_planner.ritz.record import Record
 
 if TYPE_CHECKING:  # it imports this file
     from dlo_planner.direct.discretization import Discretization
 
-_SOFTER = 1e-2  # of contacts where both ends are held: tension multiplies what they round
+
+class Inertia(Part):
+    """Inertia, `energy.inertia`, which `direct.stepping` brings; at rest there is none."""
+
+    name = 'anchor'
+
+    def record(self, mesh: Discretization, left: Left, held: Held) -> Anchor:
+        """Return the Anchor of a DLO at rest."""
+        return no_anchor()
 
 
-def always(rod: Rod, pull: NDArray[np.float64]) -> Effects:
+ACTING: tuple[Part, ...] = (PermanentSet(), Inertia(), FarHold(), Touch())
+
+
+def always(rod: Rod, pull: Floats) -> Effects:
     """Return the Effects that act on every DLO: elasticity, and loads whose `pull` (N + 1, 3)."""
     known = {'elastic': elastic_part(rod), 'load': Load(pull)}
     return Effects(*[known.get(name) for name in EFFECTS])
 
 
-def others(mesh: 'Discretization', layers: Record, scene: Scene) -> dict[str, Record]:
+def others(mesh: Discretization, left: Left) -> dict[str, Record | None]:
     """Return all others by their names, without a past: empty where there is no such thing."""
-    return {'plastic': layers, 'anchor': no_anchor(), 'hold': free_end(mesh),
-            'contact': Contact(scene, _contacts(mesh, mesh.start, np.zeros(3)))}
+    return {part.name: part.record(mesh, left, Held()) for part in ACTING}
 
 
-def constraints(mesh: 'Discretization', scene: Scene, origin: NDArray[np.float64],
-                history: History | None, far_end: FarEnd | None) -> dict[str, Record]:
-    """Return contact and grip of the far end, their forces those of `history`, by their names."""
-    past = mesh.start if history is None else history
-    if far_end is None:
-        return {'contact': Contact(scene, _contacts(mesh, past, origin)), 'hold': free_end(mesh)}
-    return {'contact': Contact(scene, _contacts(mesh, past, origin, _SOFTER)),
-            'hold': _held_end(mesh, far_end, origin, history)}
-
-
-def free_end(mesh: 'Discretization') -> Hold:
-    """Return the Hold of a free end."""
-    return no_hold(mesh.hold_spring, mesh.hold_spring * mesh.lever**2)
-
-
-def _held_end(mesh, far_end, origin, history):
-    """Return the Hold of a FarEnd, with the forces of `history` if it held as many motions."""
-    rows = far_end.held
-    rows[:, :3] *= mesh.lever
-    force = np.zeros(len(rows))
-    if history is not None and history.hold.shape == force.shape:
-        force = history.hold.copy()
-    return free_end(mesh)._replace(
-        target=far_end.pose.position - origin, axes=np.array(far_end.pose.rotation, order='C'),
-        share=np.array(far_end.share), rows=rows, multiplier=force)
-
-
-def _contacts(mesh, history, origin, softer=1.0):
-    """Return the Contacts of a History, relative to a gripper at `origin` (3,)."""
-    points = {name: values.copy() for name, values in history.points.items()}
-    points['anchor'] -= origin
-    spring = softer * mesh.spring
-    return Contacts(spring, history.node_force.copy(), points['element'],
-                    points['obstacle'], points['multiplier'], points['fraction'],
-                    points['anchor'], points['normal'], points['shear'], spring)
+def changing(mesh: Discretization, held: Held) -> list[Part]:
+    """Return those that depend on what is left and how the DLO is held there."""
+    return [part for part in ACTING if part.changes(mesh, held)]

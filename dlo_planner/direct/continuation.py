@@ -2,15 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Following one shape through a motion of the gripper, and noticing where it lets go."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
 from dlo_planner.direct.discretization import SAMPLES
+from dlo_planner.direct.shape import Shape
 from dlo_planner.minimize.leash import largest_turn_between
+from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import freeze
 from dlo_planner.ritz.rotation import partway, turn_between
+
+Equilibrium: TypeAlias = Callable[..., 'tuple[Shape, int]']  # see `follow`
 
 LONGEST_TURN = 0.25  # rad: longer steps of the gripper are cut in any case
 _HALVINGS = 7    # a step is cut into 2^7 parts at most before a leap counts as a jump
@@ -20,7 +26,8 @@ _SAME = 1e-3      # rad: two shapes that differ by less are one
 _FOLLOWING = 3.0  # rad of shape per rad of the gripper: more is looked at in smaller steps
 
 
-def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
+def follow(equilibrium: Equilibrium, previous: Shape, gripper: Pose, far_end: FarEnd | None = None,
+           halvings: int = _HALVINGS) -> Shape:
     """Return the Shape at `gripper` that continues `previous`; its `jumped` says if none does.
 
     None does where the shape changes more than the step can cause, and where the way down from
@@ -29,16 +36,16 @@ def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
 
     Parameters
     ----------
-    equilibrium
+    equilibrium : callable
         Function (gripper, initial, far_end, most) -> (Shape, how often an unstable shape was left
         on the way to it); where it leaves `initial` by more than `most` (rad) it may give up.
-    previous
+    previous : Shape
         Shape at the pose where the step starts.
-    gripper
+    gripper : Pose
         Pose where it ends.
-    far_end
+    far_end : FarEnd or None, optional
         FarEnd where it ends, or None.
-    halvings
+    halvings : int, optional
         How often the step may still be cut in two.
     """
     turn = angle_between(previous.gripper.rotation, gripper.rotation)
@@ -65,19 +72,19 @@ def follow(equilibrium, previous, gripper, far_end=None, halvings=_HALVINGS):
     return _jumped(shape, shape.jumped or middle.jumped)
 
 
-def _jumped(shape, jumped):
+def _jumped(shape: Shape, jumped: bool) -> Shape:
     """Return a Shape that says so; itself, with its error estimate, if it does already."""
     return shape if jumped == shape.jumped else replace(shape, jumped=bool(jumped))
 
 
-def leapt(equilibrium, previous, shape, kicks):
+def leapt(equilibrium: Equilibrium, previous: Shape, shape: Shape, kicks: int) -> bool:
     """Return whether `shape`, found from `previous` in one step, does not continue it.
 
     Parameters
     ----------
     equilibrium, previous
         As for `follow`.
-    shape
+    shape : Shape
         What `equilibrium` returned for the whole step, and `kicks` with it.
     """
     if fell(previous, shape) or kicks and shape.far_end is not None:
@@ -89,7 +96,7 @@ def leapt(equilibrium, previous, shape, kicks):
     return followed.jumped or shape_change(followed, shape) > _SAME
 
 
-def fell(previous, shape):
+def fell(previous: Shape, shape: Shape) -> bool:
     """Return whether `shape` does not continue `previous` in a single step of the grippers.
 
     It changed more than the gripper's turn (and, in contact, its shift) can cause, or, with its
@@ -101,7 +108,7 @@ def fell(previous, shape):
     return shape_change(previous, shape) > _allowed(previous, shape, turn)
 
 
-def _lost(previous, shape):
+def _lost(previous: Shape, shape: Shape) -> bool:
     """Whether less energy is left than the work of both grips accounts for."""
     one, other = previous.gripper, shape.gripper
     shifts = (other.position - one.position, shape.positions[-1] - previous.positions[-1])
@@ -115,7 +122,7 @@ def _lost(previous, shape):
     return lost > _LOST_OF_WORK * abs(work) + _LOST_OF_ELASTIC * previous.elastic_energy
 
 
-def _allowed(previous, shape, turn):
+def _allowed(previous: Shape, shape: Shape, turn: float) -> float:
     """Return the change of shape in rad that a step of the grippers may cause."""
     allowed = _LEAP + _FOLLOWING * turn
     if previous.contacts or shape.contacts:
@@ -125,11 +132,12 @@ def _allowed(previous, shape, turn):
     return allowed
 
 
-def shape_change(one, other):
+def shape_change(one: Shape, other: Shape) -> float:
     """Return the largest change of a node's rotation relative to the gripper, in rad."""
-    if one.s is other.s and one._discretization is not None:
-        return largest_turn_between(one.frames, other.frames, one.gripper.rotation,
-                                    other.gripper.rotation, one._discretization.sampled)
+    if one.s is other.s and one.state.mesh is not None:
+        result: float = largest_turn_between(one.frames, other.frames, one.gripper.rotation,
+                                             other.gripper.rotation, one.state.mesh.sampled)
+        return result
     if np.array_equal(one.s, other.s):
         at = np.searchsorted(one.s, SAMPLES * one.s[-1])
         here, there = one.frames[at], other.frames[at]
@@ -138,11 +146,12 @@ def shape_change(one, other):
         here, there = (np.array([shape.frame_at(s)[0] for s in samples / one.s[-1] * shape.s[-1]])
                        for shape in (one, other))
     freeze((here, there))
-    return largest_turn_between(here, there, one.gripper.rotation, other.gripper.rotation,
-                                np.arange(SAMPLES.size))
+    change: float = largest_turn_between(here, there, one.gripper.rotation, other.gripper.rotation,
+                                         np.arange(SAMPLES.size))
+    return change
 
 
-def between(one, other, fraction):
+def between(one: Pose, other: Pose, fraction: float) -> Pose:
     """Return the Pose at `fraction` of the way: position linear, rotation about one fixed axis."""
     return Pose.from_rotation(one.position + fraction * (other.position - one.position),
                               partway(one.rotation, other.rotation, float(fraction)))

@@ -2,25 +2,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """A rod cut into elements: everything about it that does not depend on the gripper."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dlo_planner.direct.acting import always, constraints, others
-from dlo_planner.direct.history import History, mapped
-from dlo_planner.direct.mesh import with_breaks
+from dlo_planner.direct.acting import ACTING, always, changing, others
+from dlo_planner.direct.history import History, past_on
+from dlo_planner.direct.mesh import mapped, with_breaks
+from dlo_planner.direct.part import Held, Part
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.energy.distance import build_scene
 from dlo_planner.energy.effects import needs_of
 from dlo_planner.energy.loads import node_forces, node_masses, node_moments
-from dlo_planner.energy.plastic import set_strains
-from dlo_planner.energy.potential import System
-from dlo_planner.energy.yielding import yielding_layers
-from dlo_planner.model.arrays import Floats
-from dlo_planner.model.surface import Surface
-from dlo_planner.model.value import Value, freeze, put, same
+from dlo_planner.energy.system import System
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.rod import Rod
+from dlo_planner.model.value import Value, freeze, put
 from dlo_planner.ritz.series import orthonormal_basis
+
+if TYPE_CHECKING:  # it imports this file
+    from dlo_planner.direct.shape import Shape
 
 # Springs of constraints yield by 1 / these of the length under the DLO's own forces. Those of
 # contacts cost iterations the stiffer they are; those of a grip only help the search.
@@ -46,6 +52,10 @@ class Discretization(Value):
         Stiffness of contacts, N/m.
     hold_spring : float
         Stiffness of a grip of the far end, N/m.
+    bare : System
+        The System with what acts on every DLO.
+    start : History
+        The History of a DLO without a past, on this mesh.
     """
 
     PARTS = ('surroundings', 's', 'basis', 'n_terms')
@@ -55,8 +65,12 @@ class Discretization(Value):
     basis: str
     n_terms: int
     spring: float
+    hold_spring: float
+    bare: System
+    start: History
+    _given: dict[str, Any]
 
-    def __init__(self, surroundings, s, basis, n_terms):
+    def __init__(self, surroundings: Surroundings, s: Floats, basis: str, n_terms: int) -> None:
         put(self, surroundings=surroundings, s=s, basis=basis, n_terms=n_terms)
         freeze(s)
         rod = surroundings.rod
@@ -73,210 +87,181 @@ class Discretization(Value):
         put(self, spring=_STIFF_CONTACT * (weight + bend) / rod.length,
             hold_spring=_STIFF_HOLD * (weight + bend) / rod.length)
         effects = always(rod, pull)
-        put(self, _bare=System(
+        put(self, bare=System(
             lengths, rod.mean_natural_strains(s), stiffness, scale,
             orthonormal_basis(basis, n_terms, s), np.eye(3), np.zeros(3), effects,
-            needs_of(effects, s.size), np.zeros((0, 3)), 0.0))
-        springs, bodies = 0, 0
-        if not self.hangs:
-            springs, bodies = self._layers.set.shape[1], self._scene.kind.size
-        put(self, _start=History.none(s, springs, bodies, surroundings))
-
-    @property
-    def _system(self):
-        """The System with what acts: kernels are compiled for one that hangs, and for others."""
-        return self._bare if self.hangs else self.full
+            needs_of(effects, s.size), np.zeros((0, 3)), 0.0), _given={})
+        put(self, start=History.empty(self))
 
     @cached_property
-    def full(self):
+    def full(self) -> System:
         """The System with all effects that a simulator may bring."""
-        return self._bare._replace(**others(self, self._layers, self._scene))
+        return self.bare._replace(**others(self, self.start.left))
 
-    @cached_property
-    def _layers(self):
-        return yielding_layers(self.rod, self._bare.stiffness)
+    def given(self, name: str) -> Any:
+        """Return what an effect of this name has that depends on neither grips nor past."""
+        if name not in self._given:
+            self._given[name] = next(part for part in ACTING if part.name == name).given(self)
+        return self._given[name]
 
-    @cached_property
-    def _scene(self):
-        return build_scene(self.surroundings.obstacles, Surface.of(self.rod), self.s)
-
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return type(self), tuple(getattr(self, name) for name in self.PARTS)
 
     @property
-    def rod(self):
+    def rod(self) -> Rod:
         """The Rod."""
         return self.surroundings.rod
 
     @property
-    def lever(self):
+    def lever(self) -> float:
         """A grip that is turned by 1 rad is missed by so much, m."""
-        return _LEVER * self.s[-1]
+        return float(_LEVER * self.s[-1])
 
-    def system(self, rotation, origin=None, history=None, far_end=None):
+    def system(self, rotation: Floats, origin: ArrayLike | None = None,
+               history: History | None = None, far_end: FarEnd | None = None) -> System:
         """Return the kernel's System, its multipliers fresh copies.
 
         Parameters
         ----------
-        rotation
-            (3, 3) rotation of the gripper.
-        origin
+        rotation : ndarray, shape (3, 3)
+            Rotation of the gripper.
+        origin : array_like or None, optional
             (3,) position of the gripper; only obstacles and a far end need it.
-        history
+        history : History or None, optional
             History on this mesh. If None, no past.
-        far_end
-            FarEnd or None.
+        far_end : FarEnd or None, optional
         """
-        system = self._system if far_end is None else self.full
-        fields = {'base': np.array(rotation, dtype=float, order='C')}
+        system = self.static if far_end is None else self.full
+        left = (self.start if history is None else history).left
+        base: Any = np.array(rotation, dtype=float, order='C')
+        fields = {'base': base}
         if origin is not None:
             fields['origin'] = origin = np.array(origin, dtype=float)
-        if history is not None and self.yields:
-            fields['plastic'] = system.plastic._replace(set=history.set.copy())
-        if origin is not None and (self.obstructed or far_end is not None):
-            fields |= constraints(self, self._scene._replace(origin=origin), origin, history,
-                                  far_end)
-        return system._replace(**fields)
+        held = Held(origin, far_end)
+        parts = changing(self, held)
+        if len(parts) == 1 and (quick := parts[0].placed(self, base, left, held)) is not None:
+            return quick
+        return system._replace(**fields, **{part.name: part.record(self, left, held)
+                                            for part in parts})
 
     @cached_property
-    def load(self):
+    def load(self) -> Floats:
         """(3,) sum of the dead loads' `pull`, N."""
-        return self._bare.load.pull.sum(axis=0)
+        result: Floats = self.bare.load.pull.sum(axis=0)
+        return result
 
     @cached_property
-    def loaded(self):
+    def loaded(self) -> bool:
         """Whether any dead load acts."""
-        return bool(self._bare.load.pull.any())
+        return bool(self.bare.load.pull.any())
 
     @cached_property
-    def moments(self):
+    def moments(self) -> Floats:
         """(N + 1, 3) dead moments on the nodes, N m."""
         return node_moments(self.surroundings, self.s)
 
     @cached_property
-    def hangs(self):
+    def hangs(self) -> bool:
         """Whether nothing but dead forces acts, and nothing that happened to the DLO matters."""
         around = self.surroundings
-        return not (self.obstructed or self.yields or around.has_moments or around.pinned)
+        return not (any(part.acts(around) for part in ACTING) or around.has_moments
+                    or around.pinned)
+
+    @cached_property
+    def stores(self) -> tuple[Part, ...]:
+        """The Parts that store energy, besides elasticity."""
+        return tuple(part for part in ACTING if part.stores and part.acts(self.surroundings))
 
     @property
-    def obstructed(self):
+    def obstructed(self) -> bool:
         """Whether there are obstacles."""
         return bool(self.surroundings.obstacles)
 
     @property
-    def yields(self):
+    def yields(self) -> bool:
         """Whether the DLO yields anywhere."""
         return self.rod.yields
 
     @cached_property
-    def told_by_truncation(self):
+    def told_by_truncation(self) -> bool:
         """Whether `ritz.truncation` bounds the error: nothing varies along the DLO."""
         around = self.surroundings
         return not (around.rod.varies or around.point_loads or callable(around.load))
 
-    def has_nodes(self, s):
+    def has_nodes(self, s: Floats) -> bool:
         """Whether its nodes are at `s` (n,), m."""
         return s is self.s or np.array_equal(s, self.s)
 
     @cached_property
-    def relaxed(self):
+    def relaxed(self) -> Floats:
         """(N, 3), read-only: `natural`."""
         relaxed = self.natural.copy()
         freeze(relaxed)
         return relaxed
 
     @cached_property
-    def isometric(self):
+    def isometric(self) -> bool:
         """Whether half the square of the unknowns is the elastic energy."""
-        system = self._bare
+        system = self.bare
         return not system.basis.shape[1] or bool((system.stiffness == system.stiffness[0]).all())
 
     @cached_property
-    def sampled(self):
+    def sampled(self) -> Ints:
         """(n,) nodes by which two shapes on this mesh are compared, see SAMPLES."""
-        return np.searchsorted(self.s, SAMPLES * self.s[-1])
+        at: Ints = np.searchsorted(self.s, SAMPLES * self.s[-1])
+        return at
 
     @cached_property
-    def static(self):
-        """The System without gripper, past and far end."""
-        return self._system
+    def static(self) -> System:
+        """The System at rest: kernels are compiled for one that hangs freely, and for others."""
+        return self.bare if self.hangs else self.full
 
-    def unknowns(self, strains):
+    def unknowns(self, strains: Floats) -> Floats:
         """Return q (m, 3) whose strains are nearest to `strains` (N, 3)."""
-        system = self._bare
-        values = (strains - system.natural) / system.scale
+        system = self.bare
+        values: Floats = (strains - system.natural) / system.scale
         if system.basis.shape[1]:
             values = system.basis.T @ (values * system.lengths[:, None])
         return values
 
-    def strains_of(self, q):
+    def strains_of(self, q: Floats) -> Floats:
         """Return (N, 3) the strains of unknowns q (m, 3)."""
-        system = self._bare
+        system = self.bare
         return system.natural + system.scale * (system.basis @ q if system.basis.shape[1] else q)
 
-    @property
-    def start(self):
-        """The History of a DLO without a past, on this mesh."""
-        return self._start
-
-    def past(self, history, own=None):
-        """Return `history` (a History or None) on this mesh, as far as it belongs to this DLO.
-
-        A permanent set belongs to a rod; contacts and grips to a rod and all that acts on it: all
-        by value. What does not belong here is forgotten.
-
-        Parameters
-        ----------
-        own
-            History that counts if `history` is None or of another rod. If None, no past.
-        """
-        if history is None or not self._suits(history):
-            history = own
-        if history is None or not self._suits(history):
-            return self._start
-        bodies = len(self._start.node_force)
-        known = history.of is None or same(history.of, self.surroundings)
-        if not known or len(history.node_force) != bodies:
-            history = history.set_alone(bodies)
-        return history.on(self.s)
-
-    def _suits(self, history):
-        """Whether a permanent set can be this rod's: its own, or of a rod that is not known."""
-        return (history.set.shape[1] == self._start.set.shape[1]
-                and (history.of is None or same(history.of.rod, self.rod)))
+    def past(self, history: History | None, own: History | None = None) -> History:
+        """Return `history.past_on` this mesh."""
+        return past_on(self, history, own)
 
     @property
-    def n_unknowns(self):
+    def n_unknowns(self) -> int:
         """Number of unknowns per strain component."""
-        return self._bare.basis.shape[1] or self.s.size - 1
+        return self.bare.basis.shape[1] or self.s.size - 1
 
     @property
-    def natural(self):
+    def natural(self) -> Floats:
         """(N, 3) stress-free strains of the elements, 1/m."""
-        return self._bare.natural
+        return self.bare.natural
 
     @cached_property
-    def finer(self):
+    def finer(self) -> Discretization:
         """The same rod, every element halved, one unknown strain per half."""
-        s = np.empty(2 * self.s.size - 1)
-        s[::2] = self.s
-        s[1::2] = 0.5 * (self.s[1:] + self.s[:-1])
+        s = np.sort(np.append(self.s, 0.5 * (self.s[1:] + self.s[:-1])))
         return Discretization(self.surroundings, s, 'local', 0)
 
     @cached_property
-    def alone(self):
+    def without_obstacles(self) -> Discretization:
         """The same rod on the same mesh, without obstacles."""
         return Discretization(replace(self.surroundings, obstacles=()), self.s, self.basis,
                               self.n_terms)
 
-    def of(self, rod):
+    def of(self, rod: Rod) -> Discretization:
         """Return the Discretization of another Rod (as long or not) with the same elements."""
         s = np.append(self.s[:-1] * (rod.length / self.s[-1]), rod.length)
         s = with_breaks(s, rod.breaks)
         return Discretization(replace(self.surroundings, rod=rod), s, self.basis, self.n_terms)
 
-    def varied(self, **fields):
+    def varied(self, **fields: Floats) -> Discretization:
         """Return the same discretization with other `lengths`, `natural`, `stiffness`, `pull`.
 
         For estimates, which vary a DLO many times a second: its Rod stays the nominal one, and so
@@ -287,20 +272,20 @@ class Discretization(Value):
         if 'lengths' in fields:
             s = np.concatenate([[0.0], np.cumsum(fields['lengths'])])
         put(other, surroundings=self.surroundings, s=s, basis=self.basis, n_terms=self.n_terms,
-            spring=self.spring, hold_spring=self.hold_spring, _start=self._start)
+            spring=self.spring, hold_spring=self.hold_spring, start=self.start)
         freeze(s)
-        put(other, _bare=self._bare._replace(**fields))
-        if self.yields:
-            put(other, _layers=self._layers)
+        put(other, bare=self.bare._replace(**fields))
+        put(other, _given={part.name: self.given(part.name) for part in ACTING
+                           if part.of_rod and part.acts(self.surroundings)})
         return other
 
-    def strains_from(self, s, strains):
+    def strains_from(self, s: Floats, strains: Floats) -> Floats:
         """Return (N, 3), new: strains given on a mesh `s`, averaged over this one's elements."""
         if self.has_nodes(s):
             return np.array(strains)
         return mapped(s, strains, self.s)
 
-    def start_from(self, shape):
+    def start_from(self, shape: Shape) -> Floats:
         """Return (N, 3), read-only: the strains of a Shape, of any mesh, to begin a search with."""
         if self.has_nodes(shape.s):
             return shape.element_strains
@@ -308,9 +293,7 @@ class Discretization(Value):
         freeze(strains)
         return strains
 
-    def stress_free(self, history):
+    def stress_free(self, history: History | None) -> Floats:
         """Return (N, 3) the strains at which no moment acts, 1/m: natural ones plus the set."""
-        if not self.yields:
-            return np.array(self.natural)
-        layers = self._layers._replace(set=self.past(history).set.copy())
-        return self.natural + set_strains(self._bare.stiffness, layers)
+        left = self.past(history).left if self.stores else {}
+        return sum((part.strains(self, left) for part in self.stores), np.array(self.natural))

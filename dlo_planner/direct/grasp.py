@@ -10,12 +10,14 @@ The two do not touch each other; nothing else is neglected.
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from dlo_planner.direct.grips import poses
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, known_options
+from dlo_planner.direct.state import State
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.along import SeenFrom
 from dlo_planner.model.checks import instance, items, number, shown
@@ -50,7 +52,11 @@ class GraspedInside(Value):
 
     PARTS = ('rod', 'at', '_parts')
 
-    def __init__(self, rod: Rod, at: float, **options):
+    rod: Rod
+    at: float
+    _parts: tuple[DirectSimulator, ...]
+
+    def __init__(self, rod: Rod, at: float, **options: Any) -> None:
         instance('rod', rod, Rod)
         at = number('at', at, above=0, below=rod.length)
         load = options.pop('load', None)
@@ -61,7 +67,7 @@ class GraspedInside(Value):
                             point_loads=part_of_loads(loads, rod, at, way))
             for way in (-1, 1)))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, f'at {self.at:.4g} m', figures(self.rod))
 
     def solve(self, gripper: Pose, initial: Shape | None = None) -> Shape:
@@ -76,7 +82,9 @@ class GraspedInside(Value):
         """Return the shapes along a slow motion; arguments as `DirectSimulator.track`."""
         grippers = poses(grippers)
         steps = Progress(progress, deadline)
-        before = (None, None) if initial is None else _parts_of(initial)
+        before: tuple[Shape | None, ...] = (None, None)
+        if initial is not None:
+            before = _parts_of(initial)
         joined = []
         for gripper in grippers:
             back, on = (part.track([pose], initial=shape)[0] for part, pose, shape in
@@ -88,18 +96,18 @@ class GraspedInside(Value):
         return joined
 
 
-def _both(gripper):
+def _both(gripper: Pose) -> tuple[Pose, Pose]:
     instance('gripper', gripper, Pose)
     return Pose.from_rotation(gripper.position, gripper.rotation @ _TURNED), gripper
 
 
-def _parts_of(shape):
+def _parts_of(shape: object) -> tuple[Shape, ...]:
     if not isinstance(shape, Shape) or shape.parts is None:
         raise InvalidTask(f'initial = {shown(shape)}: expected a Shape of a DLO grasped inside')
     return shape.parts
 
 
-def _joined(gripper, back, on):
+def _joined(gripper: Pose, back: Shape, on: Shape) -> Shape:
     """Return the Shape of both parts as one, s = 0 at the free end of `back`."""
     at = back.s[-1]
     contacts = [replace(contact, s=at - contact.s) for contact in reversed(back.contacts)]
@@ -117,9 +125,8 @@ def _joined(gripper, back, on):
         converged=back.converged and on.converged, jumped=back.jumped or on.jumped,
         contacts=tuple(contacts), violation=max(back.violation, on.violation),
         dissipated=back.dissipated + on.dissipated, parts=(back, on),
-        _estimate=partial(_larger_estimate, back, on), _discretization=None,
-        _history=None, _before=None)
+        state=State(estimate=partial(_larger_estimate, back, on)))
 
 
-def _larger_estimate(back, on):
+def _larger_estimate(back: Shape, on: Shape) -> float:
     return max(back.error_estimate, on.error_estimate)

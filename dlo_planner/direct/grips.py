@@ -3,6 +3,7 @@
 """What holds a DLO on its way: poses of the gripper, far ends."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from dlo_planner.direct.guide import Grips, Guide
 from dlo_planner.direct.shape import Shape
@@ -14,17 +15,17 @@ from dlo_planner.model.pose import Pose
 
 def poses(grippers: Iterable[Pose], least: int = 0) -> tuple[Pose, ...]:
     """Return a sequence of Poses as a tuple of `least` or more; raise InvalidTask."""
-    grippers = items('grippers', grippers, object, least=least)
-    for index, gripper in enumerate(grippers):
-        instance(f'grippers[{index}]: gripper', gripper, Pose)
-    return grippers
+    given = items('grippers', grippers, object, least=least)
+    return tuple(instance(f'grippers[{index}]: gripper', gripper, Pose)
+                 for index, gripper in enumerate(given))
 
 
-def ends_of(far_ends: Iterable | None, count: int) -> list[FarEnd | None]:
+def ends_of(far_ends: Iterable[Any] | None, count: int) -> list[FarEnd | None]:
     """Return a FarEnd, or None, for each of `count` gripper poses; raise InvalidTask."""
     if far_ends is None:
         return [None] * count
-    ends = [FarEnd.of(end) for end in items('far_ends', far_ends, object)]
+    given: tuple[Any, ...] = items('far_ends', far_ends, object)
+    ends = [FarEnd.of(end) for end in given]
     if len(ends) != count:
         raise InvalidTask(f'far_ends has {len(ends)} entries: expected one per gripper pose, '
                           f'{count}')
@@ -56,4 +57,5 @@ def moving_grips(grippers: Sequence[Pose], ends: Sequence[FarEnd | None], dt: fl
     gripper = Guide(grippers, dt, at_rest)
     if ends[0] is None:
         return Grips(gripper)
-    return Grips(gripper, Guide([end.pose for end in ends], dt, at_rest), ends[0].grip)
+    held = [end.pose for end in ends if end is not None]
+    return Grips(gripper, Guide(held, dt, at_rest), ends[0].grip)

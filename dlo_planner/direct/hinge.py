@@ -14,14 +14,18 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.energy.contact import without_hinge as without_hinge_of_contact
 from dlo_planner.energy.effects import EFFECTS
-from dlo_planner.energy.potential import bend_energy, evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import System, bending_energy, new_state
+from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.multipliers import constrained_newton
+from dlo_planner.model.arrays import Floats
 
 _LENGTH = 1e-13     # of the DLO's
 _STIFFNESS = 1e-14  # of the DLO's bend energy per rad: enough to divide by
 
 
-def pinned_newton(system, q, tolerance, most, check, exact, previous):
+def pinned_newton(system: System, q: Floats, tolerance: float, most: int, check: bool, exact: float,
+                  previous: Floats) -> Minimum:
     """Return what `constrained_newton` does, for a DLO whose beginning may turn.
 
     The System that is returned has the rotation that was found as its `base`.
@@ -33,17 +37,18 @@ def pinned_newton(system, q, tolerance, most, check, exact, previous):
     final = new_state(clamped)
     final.q[:] = own_unknowns(system, found.state.q)
     evaluate(clamped, final)
-    return found._replace(state=final, system=clamped)
+    result: Minimum = found._replace(state=final, system=clamped)
+    return result
 
 
-def with_hinge(system):
+def with_hinge(system: System) -> System:
     """Return the System of a DLO with a hinge before its first element."""
-    length, bend = system.lengths.sum(), bend_energy(system)
+    length, bend = system.lengths.sum(), bending_energy(system)
     h = _LENGTH * length
     # a series' terms are orthonormal, the elements' lengths being their weights
     term = 1.0 / np.sqrt(h) if system.basis.shape[1] else 1.0
 
-    def before(first, others):
+    def before(first: float, others: Floats) -> Floats:
         return np.concatenate([np.full((1, *others.shape[1:]), first), others])
 
     part = _STIFFNESS * bend * h / system.stiffness[0].max()
@@ -57,30 +62,31 @@ def with_hinge(system):
         basis=_basis(system.basis, term), **effects)
 
 
-def without_hinge(system, settled, rotation):
+def without_hinge(system: System, settled: System, rotation: Floats) -> System:
     """Return `system` at a rotation (3, 3), with the forces that were found with the hinge."""
     return system._replace(base=rotation, hold=settled.hold,
                            contact=without_hinge_of_contact(settled.contact))
 
 
-def hinge_unknowns(system, q):
+def hinge_unknowns(system: System, q: Floats) -> Floats:
     """Return q (m, 3) with the hinge's unknowns, at rest: before it, or after a series."""
     at_rest = np.zeros((1, 3))
     return np.vstack([q, at_rest] if system.basis.shape[1] else [at_rest, q])
 
 
-def own_unknowns(system, q):
+def own_unknowns(system: System, q: Floats) -> Floats:
     """Return q (m + 1, 3) without the hinge's unknowns."""
     return q[:-1] if system.basis.shape[1] else q[1:]
 
 
-def turn_of(system, q):
+def turn_of(system: System, q: Floats) -> Floats:
     """Return (3, 3) the rotation of the hinge of unknowns q (m + 1, 3)."""
     turn = q[-1] if system.basis.shape[1] else q[0]
-    return Rotation.from_rotvec(turn / np.sqrt(bend_energy(system))).as_matrix()
+    result: Floats = Rotation.from_rotvec(turn / np.sqrt(bending_energy(system))).as_matrix()
+    return result
 
 
-def _basis(basis, term):
+def _basis(basis: Floats, term: float) -> Floats:
     """Return the basis (N + 1, N_c + 1) with a `term` of the hinge alone; (N + 1, 0) if local."""
     n, terms = basis.shape
     if not terms:

@@ -1,16 +1,23 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a DLO carries from one step to the next: its permanent set and its contacts."""
+"""What a DLO carries from one step to the next: what the effects on it have left."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
+from dlo_planner.direct.acting import ACTING
+from dlo_planner.direct.part import Left, Solved
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.model.value import Value, freeze
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.value import FrozenDict, Value, freeze, put, same
 
-_SAME = 1e-12  # of the length: nodes of two meshes that are one
+if TYPE_CHECKING:  # it imports this file
+    from dlo_planner.direct.discretization import Discretization
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -21,108 +28,111 @@ class History(Value):
     ----------
     s : ndarray, shape (N + 1,)
         Arc lengths of the nodes of its mesh, m.
-    set : ndarray, shape (N, J)
-        Plastic strain of each spring, 1/m, see `energy.plastic`; (N, 0) if elastic.
-    lost : float
-        Energy lost to plastic deformation so far, J.
-    node_force : ndarray, shape (M, N + 1)
-        Force of each obstacle on each node, N.
-    points : dict
-        Arrays by name: contacts inside elements and points of friction, world frame.
-    hold : ndarray, shape (K,)
-        Forces of the far end's grip, N, see `energy.hold`.
+    left : dict
+        Arrays by name: what each of `direct.acting.ACTING` left.
     positions : ndarray, shape (N + 1, 3)
-        Positions of the nodes from which friction counts, m.
+        Positions of the nodes at the end of it, m; (0, 3) without a step so far.
     tangents : ndarray, shape (N + 1, 3)
-        Tangents of the nodes from which friction counts.
+        Tangents of the nodes at the end of it; (0, 3) without a step so far.
     of : Surroundings or None
         Surroundings in which it happened. If None, not known, as of a shape from a file.
     """
 
-    s: np.ndarray
-    set: np.ndarray
-    lost: float
-    node_force: np.ndarray
-    points: dict
-    hold: np.ndarray
-    positions: np.ndarray
-    tangents: np.ndarray
+    s: Floats
+    left: Left
+    positions: Floats
+    tangents: Floats
     of: Surroundings | None = field(default=None, compare=False)
 
-    def __post_init__(self):
-        for array in (self.s, self.set, self.node_force, self.hold, self.positions,
-                      self.tangents):
-            array.flags.writeable = False
-        if self.points is not NO_POINTS:
-            freeze(self.points)
+    def __post_init__(self) -> None:
+        if not isinstance(self.left, FrozenDict):
+            put(self, left=FrozenDict({name: np.asarray(one) for name, one in self.left.items()}))
+        freeze((self.s, self.left, self.positions, self.tangents))
 
     @classmethod
-    def none(cls, s, springs, obstacles, of=None):
-        """Return the past of a DLO that has none."""
-        n = s.size - 1
-        return cls(s, np.zeros((n, springs)), 0.0, np.zeros((obstacles, n + 1)), NO_POINTS,
-                   np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), of)
+    def empty(cls, mesh: Discretization) -> History:
+        """Return the past, on a mesh, of a DLO that has none."""
+        left = {name: array for part in ACTING for name, array in part.empty(mesh, mesh.s).items()}
+        return cls(mesh.s, left, np.zeros((0, 3)), np.zeros((0, 3)), mesh.surroundings)
 
-    def on(self, s):
-        """Return the same past on another mesh `s` (n + 1,).
+    @classmethod
+    def after(cls, solved: Solved, positions: Floats, tangents: Floats) -> History:
+        """Return the past of a DLO after a step, with its nodes' positions and tangents then."""
+        left = {name: array for part in ACTING for name, array in part.leaves(solved).items()}
+        return cls(solved.mesh.s, left, positions, tangents, solved.mesh.surroundings)
 
-        Forces of contact stay where a node stays, and inside elements.
-        """
+    def leaving(self, **left: Any) -> History:
+        """Return the same past with other arrays of some names in `left`."""
+        return replace(self, left={**self.left, **left})
+
+    def underway(self, solved: Solved) -> History:
+        """Return the same past with the forces in the middle of a step."""
+        return self.leaving(**{name: array for part in ACTING
+                               for name, array in part.underway(solved).items()})
+
+    def resampled(self, s: Floats) -> History:
+        """Return the same past on another mesh `s` (n + 1,), m."""
         if s is self.s or np.array_equal(s, self.s):
             return self
-        moved = mapped(self.s, self.set, s)
         positions, tangents = self.positions, self.tangents
         if len(positions):
             curve = CubicHermiteSpline(self.s, positions, tangents)
             positions, tangents = curve(s), curve(s, 1)
-        same = np.abs(self.s[:, None] - s) < _SAME * s[-1]
-        return replace(self, s=s, set=moved, positions=positions, tangents=tangents,
-                       node_force=self.node_force @ same, points=self._points_on(s))
+        moved = self.leaving(**{name: array for part in ACTING
+                                for name, array in part.resampled(self.left, self.s, s).items()})
+        return replace(moved, s=s, positions=positions, tangents=tangents)
 
-    def _points_on(self, s):
-        if self.points is NO_POINTS:
-            return NO_POINTS
-        element, fraction = self.points['element'], self.points['fraction']
-        inside = self.points['obstacle'] >= 0  # anywhere in the element: its middle
-        fraction = np.where(inside, 0.5, fraction)
-        at = self.s[element] + fraction * np.diff(self.s)[element]
-        tiny = _SAME * s[-1]
-        element = np.clip(np.searchsorted(s, at - tiny) - 1, 0, s.size - 2)
-        fraction = (at - s[element]) / np.diff(s)[element]
-        fraction = np.where(np.abs(at - s[element + 1]) < tiny, 1.0, np.clip(fraction, 0.0, 1.0))
-        fraction = np.where(inside, self.points['fraction'], fraction)  # fixed, or 0: it rolls
-        return self.points | {'element': element, 'fraction': fraction}
+    def with_contacts(self, later: History) -> History:
+        """Return the same past with the forces of contacts and grips after the step."""
+        return self.leaving(**{name: array for part in ACTING
+                               for name,
+                               array in part.with_contacts(self.left, later.left).items()})
 
-    def holding(self, later):
-        """Return the same past with the forces of contacts and grips after the step.
+    def with_forces(self, other: History) -> History:
+        """Return the same past with all of another one but what belongs to the rod."""
+        return self.leaving(**{name: other.left[name] for part in ACTING if not part.of_rod
+                               for name in part.cleared(other.left)})
 
-        What slid in it slides: its anchors are those of before.
-        """
-        points = later.points
-        points = points | {'anchor': points['anchor'] - points['slid']}
-        return replace(self, node_force=later.node_force, points=points, hold=later.hold)
-
-    def without_contacts(self, obstacles):
-        """Return the same past without forces of contact, for a number of obstacles."""
-        return replace(self, points=NO_POINTS, node_force=np.zeros((obstacles, self.s.size)))
-
-    def set_alone(self, obstacles):
-        """Return the permanent set without contacts, grips and the way so far."""
+    def lasting(self) -> History:
+        """Return what belongs to the rod: no forces, and not the way so far."""
         none = np.zeros((0, 3))
-        return replace(self.without_contacts(obstacles), hold=np.zeros(0), positions=none,
-                       tangents=none)
+        cleared = self.leaving(**{name: array for part in ACTING if not part.of_rod
+                                  for name, array in part.cleared(self.left).items()})
+        return replace(cleared, positions=none, tangents=none)
+
+    @property
+    def lasts(self) -> bool:
+        """Whether the DLO is for good another one than it was made."""
+        return any(part.lasts(self.left) for part in ACTING)
 
 
-NO_POINTS = {'element': np.zeros(0, dtype=np.int64), 'obstacle': np.zeros(0, dtype=np.int64),
-             'multiplier': np.zeros(0), 'fraction': np.zeros(0), 'anchor': np.zeros((0, 3)),
-             'normal': np.zeros((0, 3)), 'shear': np.zeros((0, 3)), 'slid': np.zeros((0, 3))}
-freeze(NO_POINTS)
+def past_on(mesh: Discretization, history: History | None, own: History | None = None) -> History:
+    """Return `history` on a mesh, as far as it belongs to the DLO there.
+
+    What an effect left for good belongs to a rod; contacts and grips to a rod and all that acts on
+    it: all by value. What does not belong there is forgotten.
+
+    Parameters
+    ----------
+    mesh : Discretization
+    history : History or None
+    own : History or None, optional
+        History that counts if `history` is None or of another rod. If None, no past.
+    """
+    if history is None or not _suits(history, mesh):
+        history = own
+    if history is None or not _suits(history, mesh):
+        return mesh.start
+    known = history.of is None or same(history.of, mesh.surroundings)
+    fits = [part.fits(history.left, mesh.start.left) for part in ACTING]
+    if not (known and all(fits)):
+        history = history.lasting().leaving(**{
+            name: array for part, good in zip(ACTING, fits, strict=True) if not good
+            for name, array in part.empty(mesh, history.s).items()})
+    return history.resampled(mesh.s)
 
 
-def mapped(s, values, wanted):
-    """Return (n, k): `values` (N, k), constant on the elements of `s`, averaged over `wanted`'s."""
-    total = np.vstack([np.zeros(values.shape[1]),
-                       np.cumsum(values * np.diff(s)[:, None], axis=0)])
-    at_nodes = np.column_stack([np.interp(wanted, s, column) for column in total.T]
-                               or [np.zeros((wanted.size, 0))])
-    return np.diff(at_nodes, axis=0) / np.diff(wanted)[:, None]
+def _suits(history: History, mesh: Discretization) -> bool:
+    """Whether what was left for good can be this rod's: its own, or of a rod that is not known."""
+    return (all(part.fits(history.left, mesh.start.left) for part in ACTING if part.of_rod)
+            and (history.of is None or same(history.of.rod, mesh.rod)))

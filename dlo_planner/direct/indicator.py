@@ -9,11 +9,15 @@ touched (80). Of DLOs that may yield it was 0.5 times (97) as long as they have 
 length it says nothing.
 """
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
+from dlo_planner.model.arrays import Bools, Floats
+from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze, put
 from dlo_planner.ritz.truncation import OF_AN_ARC, truncation
 
@@ -26,7 +30,7 @@ _SURELY = 0.8   # of the accuracy: what is aimed at, so that it is not missed by
 _LIKE = 3.0      # times what the shape before lets expect: the estimate is below
 
 
-def surely_within(shape: 'Shape', accuracy: float, mesh: Discretization | None = None) -> bool:
+def surely_within(shape: Shape, accuracy: float, mesh: Discretization | None = None) -> bool:
     """Return whether a Shape is certain to be within `accuracy` (m), without a further solution.
 
     Parameters
@@ -38,19 +42,19 @@ def surely_within(shape: 'Shape', accuracy: float, mesh: Discretization | None =
     mesh : Discretization, optional
         Mesh to which the shape would be transferred. If None, its own.
     """
-    here = shape._discretization if mesh is None else mesh
+    here = shape.state.made_on if mesh is None else mesh
     times = _times(shape, here.rod)
     if (times is None or not here.told_by_truncation
             or shape.stability < _STABLE and (shape.far_end is None or here.basis != 'local')):
         return False
-    if here is shape._discretization:
+    if here is shape.state.mesh:
         return bool(times * _truncated(shape) <= accuracy)
     strains = here.strains_from(shape.s, shape.element_strains)
     return bool(times * _truncation(here, strains) <= accuracy)
 
 
 def hanging_surely_within(mesh: Discretization, stability: np.ndarray, truncated: np.ndarray,
-                          accuracy: float) -> np.ndarray:
+                          accuracy: float | Floats) -> Bools:
     """Return (n,) what `surely_within` says of DLOs that hang freely.
 
     Parameters
@@ -66,16 +70,16 @@ def hanging_surely_within(mesh: Discretization, stability: np.ndarray, truncated
     return (stability >= _STABLE) & (_FREE * truncated <= accuracy) & mesh.told_by_truncation
 
 
-def mode_may_be_missed(shape: 'Shape') -> bool:
+def mode_may_be_missed(shape: Shape) -> bool:
     """Return whether a Shape may be unstable in a way that its series cannot show.
 
     A series that is short may well follow the shape and still not the mode in which it falls: ten
     Chebyshev terms make a straight rod under tension T L^2 = 50 EI bear 1 % too much torsion.
     """
-    return bool(shape._discretization.basis != 'local' and shape.stability < _STABLE)
+    return bool(shape.state.made_on.basis != 'local' and shape.stability < _STABLE)
 
 
-def like_before(shape: 'Shape', before: 'Shape | None', accuracy: float) -> bool:
+def like_before(shape: Shape, before: Shape | None, accuracy: float) -> bool:
     """Return whether a Shape is within `accuracy` (m), judged by the shape before it in a motion.
 
     The error estimate of the shape before has to be known already. The ratio of that estimate to
@@ -83,14 +87,14 @@ def like_before(shape: 'Shape', before: 'Shape | None', accuracy: float) -> bool
     a motion needs a further solution.
     """
     if (before is None or shape.jumped or 'error_estimate' not in before.__dict__
-            or before._discretization is not shape._discretization
+            or before.state.mesh is not shape.state.mesh
             or shape.stability < _STABLE and shape.far_end is None):
         return False
     then, now = _truncated(before), _truncated(shape)
     return bool(then > 0 and _LIKE * before.error_estimate * now <= accuracy * then)
 
 
-def like_coarser(shape: 'Shape', coarse: 'Shape | None', accuracy: float) -> bool:
+def like_coarser(shape: Shape, coarse: Shape | None, accuracy: float) -> bool:
     """Return whether a Shape is within `accuracy` (m), judged by the same one on a coarser mesh.
 
     The error estimate of the coarser one has to be known. Its ratio to `truncation` hardly changes
@@ -102,16 +106,16 @@ def like_coarser(shape: 'Shape', coarse: 'Shape | None', accuracy: float) -> boo
     coarse : Shape or None
         In the same gripper, of the same DLO. If None, nothing is known.
     """
-    if (coarse is None or shape.stability < _STABLE or not shape._discretization.hangs
-            or shape.far_end is not None or coarse._discretization.basis != 'local'
-            or shape._discretization.basis != 'local'
-            or not shape._discretization.told_by_truncation):
+    if (coarse is None or shape.stability < _STABLE or not shape.state.made_on.hangs
+            or shape.far_end is not None or coarse.state.made_on.basis != 'local'
+            or shape.state.made_on.basis != 'local'
+            or not shape.state.made_on.told_by_truncation):
         return False
     then, now = _truncated(coarse), _truncated(shape)
     return bool(then > 0 and _LIKE * coarse.error_estimate * now <= accuracy * then)
 
 
-def elements_for(shape: 'Shape', s: np.ndarray, accuracy: float) -> int:
+def elements_for(shape: Shape, s: np.ndarray, accuracy: float) -> int:
     """Return how many elements a mesh graded like `s` needs for `like_coarser` to hold.
 
     Parameters
@@ -123,7 +127,7 @@ def elements_for(shape: 'Shape', s: np.ndarray, accuracy: float) -> int:
     accuracy : float
         Accuracy in m.
     """
-    mesh, h = shape._discretization, np.diff(s)
+    mesh, h = shape.state.made_on, np.diff(s)
     middle = 0.5 * (mesh.s[1:] + mesh.s[:-1])
     rate = np.abs(np.diff(shape.element_strains - mesh.natural, axis=0)).sum(axis=1)
     rate = np.interp(0.5 * (s[1:] + s[:-1]), mesh.s[1:-1], rate / np.diff(middle))
@@ -132,22 +136,23 @@ def elements_for(shape: 'Shape', s: np.ndarray, accuracy: float) -> int:
     return int(np.ceil(h.size * np.sqrt(share)))
 
 
-def _truncated(shape):
+def _truncated(shape: Shape) -> float:
     """Return `truncation` of a Shape from a simulator, which is computed once."""
     known = shape.__dict__.get('_truncated')
     if known is None:
-        known = _truncation(shape._discretization, shape.element_strains)
+        known = _truncation(shape.state.made_on, shape.element_strains)
         put(shape, _truncated=known)
     return known
 
 
-def _truncation(mesh, strains):
+def _truncation(mesh: Discretization, strains: Floats) -> float:
     system = mesh.static
     freeze(strains)  # as those of a Shape are
-    return truncation(system.lengths, strains, system.natural, system.scale, system.basis)
+    result: float = truncation(system.lengths, strains, system.natural, system.scale, system.basis)
+    return result
 
 
-def _times(shape, rod):
+def _times(shape: Shape, rod: Rod) -> float | None:
     """Return how many times `truncation` the error of a Shape of a Rod surely is below, or None."""
     if rod.yields and shape.dissipated:
         return None if rod.section_model == 'ideal' else _YIELDED

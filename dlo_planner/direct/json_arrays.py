@@ -3,16 +3,20 @@
 """Arrays in JSON: every number exactly as it was, what is not finite as a word."""
 
 import json
+from collections.abc import Mapping
+from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 _TYPES = {'f': 'float', 'i': 'int', 'u': 'int', 'b': 'bool', 'U': 'str'}  # by NumPy's kinds
 _WORDS = {'nan': np.nan, 'inf': np.inf, '-inf': -np.inf}
 _CONTENTS = {'float': (int, float), 'int': (int,), 'bool': (bool,), 'str': (str,)}
 
 
-def write_json(path, arrays):
+def write_json(path: str | PathLike[str], arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write a mapping of arrays of numbers, truth values or strings to a file.
 
     Each is {"type", "shape", "data"}, its data in one row; Python writes as many digits of a number
@@ -23,7 +27,7 @@ def write_json(path, arrays):
                           encoding='utf-8')
 
 
-def read_json(path):
+def read_json(path: str | PathLike[str]) -> dict[str, NDArray[Any]]:
     """Return the mapping of arrays in a file.
 
     Raises
@@ -37,14 +41,14 @@ def read_json(path):
     return {name: _array(name, one) for name, one in known.items()}
 
 
-def _described(array):
+def _described(array: NDArray[Any]) -> dict[str, Any]:
     data = array.ravel().tolist()
     if array.dtype.kind == 'f':
         data = [one if np.isfinite(one) else str(one) for one in data]
     return {'type': _TYPES[array.dtype.kind], 'shape': list(array.shape), 'data': data}
 
 
-def _array(name, one):
+def _array(name: str, one: Any) -> NDArray[Any]:
     kind, data = one['type'], one['data']
     if kind == 'float':
         data = [_WORDS[item] if isinstance(item, str) else item for item in data]

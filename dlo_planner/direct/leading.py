@@ -2,15 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bringing the grip of a held far end, and the gripper, to where a step begins its search."""
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.continuation import between
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.hinge import hinge_unknowns, own_unknowns, turn_of, with_hinge
+from dlo_planner.direct.history import History
+from dlo_planner.direct.shape import Shape
 from dlo_planner.energy.potential import placed
 from dlo_planner.minimize.held import led
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.far_end import FarEnd, held_rows
 from dlo_planner.model.pose import Pose, angle_between
 
@@ -19,20 +21,22 @@ _FINER = 4   # times the parts of a way that is not found in larger ones
 _FINEST = 3  # times they are made smaller
 
 
-def lead(discretization, strains, grippers, far_ends, history, parts):
+def lead(discretization: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
+         far_ends: tuple[FarEnd, FarEnd], history: History,
+         parts: int) -> tuple[Pose, Floats, History]:
     """Return gripper, strains (N, 3) and the past near the end of a straight way of both grips.
 
     What is left is the last part. Where the DLO does not follow, the way is left there.
 
     Parameters
     ----------
-    strains
-        (N, 3) strains at the beginning.
-    grippers
+    strains : ndarray, shape (N, 3)
+        Strains at the beginning.
+    grippers : tuple
         Two Poses.
-    far_ends
+    far_ends : tuple
         Two FarEnds of the same grip.
-    parts
+    parts : int
         Number of parts into which the way is cut.
     """
     begin, end = grippers
@@ -60,14 +64,14 @@ def lead(discretization, strains, grippers, far_ends, history, parts):
         else:
             q, gone = led(system, q, bases, held_at - gripped, axes, rows)
         strains = discretization.strains_of(q)
-        history = replace(history, hold=system.hold.multiplier)
+        history = history.leaving(hold=system.hold.multiplier)
         if gone == len(shares):
             break
         done = shares[gone - 1] if gone else done
     return end, strains, history
 
 
-def _way(one, other, shares):
+def _way(one: Pose, other: Pose, shares: Floats) -> tuple[Floats, Floats]:
     """Return positions (n, 3) and rotations (n, 3, 3) at shares (n,) of a straight way."""
     turn = Rotation.from_matrix(other.rotation @ one.rotation.T).as_rotvec()
     turns = Rotation.from_rotvec(shares[:, None] * turn).as_matrix()
@@ -75,7 +79,8 @@ def _way(one, other, shares):
             np.ascontiguousarray(turns @ one.rotation))
 
 
-def grip_before(discretization, previous, strains, begin, far_end):
+def grip_before(discretization: Discretization, previous: Shape | None, strains: Floats,
+                begin: Pose, far_end: FarEnd | None) -> FarEnd | None:
     """Return the FarEnd, of the kind of `far_end` or None, that holds the end where it is now."""
     if far_end is None:
         return None
@@ -87,21 +92,22 @@ def grip_before(discretization, previous, strains, begin, far_end):
     return FarEnd(end, far_end.grip)
 
 
-def grip_at(held, far_end, share):
+def grip_at(held: FarEnd | None, far_end: FarEnd | None, share: float) -> FarEnd | None:
     """Return the FarEnd at a `share` of the way from `held` to `far_end`."""
-    if far_end is None or share == 1.0:
+    if held is None or far_end is None or share == 1.0:
         return far_end
     return FarEnd(between(held.pose, far_end.pose, share), far_end.grip)
 
 
-def parts_between(begin, gripper, held, far_end, length):
+def parts_between(begin: Pose, gripper: Pose, held: FarEnd | None, far_end: FarEnd | None,
+                  length: float) -> int:
     """Return in how many parts the motion is to be made at least; 0 if there is none."""
     pairs = [(begin, gripper)]
-    if far_end is not None:
+    if held is not None and far_end is not None:
         pairs.append((held.pose, far_end.pose))
-    parts = 0.0
+    parts: float = 0.0
     for one, other in pairs:
-        shift = np.linalg.norm(other.position - one.position)
+        shift = float(np.linalg.norm(other.position - one.position))
         turn = angle_between(one.rotation, other.rotation)
         if far_end is None:
             parts = max(parts, 1.0 if shift + turn > 0 else 0.0)

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many shapes of a DLO that hangs freely, in one compiled loop."""
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +18,7 @@ if TYPE_CHECKING:  # it imports this package
     from dlo_planner.direct.simulator import DirectSimulator
 
 
-def hanging_shapes(simulator: 'DirectSimulator', positions: np.ndarray,
+def hanging_shapes(simulator: DirectSimulator, positions: np.ndarray,
                    rotations: np.ndarray) -> tuple[dict[str, Any], np.ndarray] | None:
     """Return what `DirectSimulator.solve` finds in many grippers, as arrays.
 
@@ -37,7 +39,7 @@ def hanging_shapes(simulator: 'DirectSimulator', positions: np.ndarray,
         Arrays of n rows each, named as the attributes of `Shape`; and (n,) whether a shape is
         within the accuracy that is wanted. Where it may not be, `solve` has to look.
     """
-    mesh = simulator._discretization
+    mesh = simulator.mesh
     if not mesh.hangs or simulator.method != 'newton':
         return None
     filled = Filled(mesh.s.size - 1, positions, rotations)

@@ -2,17 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """One shape each of many DLOs that hang freely and differ in their rods, in one compiled loop."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.indicator import hanging_surely_within
 from dlo_planner.direct.many import Filled
 from dlo_planner.direct.statics import MAX_ITERATIONS, NO_FRAMES, NO_NODES, TOLERANCE
+from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.minimize.hanging_rods import RodTable, hang_rods
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze
 from dlo_planner.ritz.series import orthonormal_basis
@@ -21,7 +26,7 @@ if TYPE_CHECKING:  # it imports this package
     from dlo_planner.direct.simulator import DirectSimulator
 
 
-def even(simulator: 'DirectSimulator', rod: Rod) -> bool:
+def even(simulator: DirectSimulator, rod: Rod) -> bool:
     """Return whether a Rod hangs freely and all is the same along it, so `hanging_rods` takes it.
 
     Parameters
@@ -35,7 +40,7 @@ def even(simulator: 'DirectSimulator', rod: Rod) -> bool:
                 or rod.yields or rod.varies or rod.nodes or simulator.method != 'newton')
 
 
-def hanging_rods(simulator: 'DirectSimulator', rods: Sequence[Rod],
+def hanging_rods(simulator: DirectSimulator, rods: Sequence[Rod],
                  positions: NDArray[np.float64], rotations: NDArray[np.float64],
                  ) -> tuple[dict[str, Any], NDArray[np.bool_]]:
     """Return what `simulator.with_rod(rod).solve` finds for many rods, as arrays.
@@ -54,14 +59,14 @@ def hanging_rods(simulator: 'DirectSimulator', rods: Sequence[Rod],
     (dict, ndarray)
         What `many.hanging_shapes` returns.
     """
-    mesh, accuracy = simulator._discretization, simulator.accuracy
+    mesh, accuracy = simulator.mesh, simulator.accuracy
     if not even(simulator, simulator.rod):
-        mesh = simulator.with_rod(rods[0])._discretization
+        mesh = simulator.with_rod(rods[0]).mesh
     filled = Filled(mesh.s.size - 1, positions, rotations)
     own = mesh.static
     system = own._replace(**{name: getattr(own, name).copy() for name in (
         'lengths', 'natural', 'stiffness', 'scale', 'basis', 'pull')})
-    table = _table(mesh, simulator._discretization.s, rods)
+    table = _table(mesh, simulator.mesh.s, rods)
     hang_rods(system, table, filled.rotations, filled.positions, TOLERANCE, MAX_ITERATIONS,
               NO_FRAMES, NO_NODES, *filled.arrays)
     if accuracy is None:
@@ -72,13 +77,14 @@ def hanging_rods(simulator: 'DirectSimulator', rods: Sequence[Rod],
                                                    accuracy * (lengths / simulator.rod.length))
 
 
-def _table(mesh, s, rods):
+def _table(mesh: Discretization, s: Floats, rods: Sequence[Rod]) -> RodTable:
     """Return the RodTable of Rods on nodes like `s` (N + 1,); all else as in a Discretization."""
     lengths, mesh_of = np.unique([rod.length for rod in rods], return_inverse=True)
     nodes = np.array([scaled_nodes(s, length) for length in lengths])
     h, mesh_of = np.diff(nodes), mesh_of.ravel()
-    stiffness = np.array([(rod.torsional_stiffness, *rod.bending_stiffness) for rod in rods])
-    natural = np.array([(rod.natural_twist, *rod.natural_curvature) for rod in rods])
+    even_rods: Sequence[Any] = rods  # whose parameters are numbers, see `even`
+    stiffness = np.array([(rod.torsional_stiffness, *rod.bending_stiffness) for rod in even_rods])
+    natural = np.array([(rod.natural_twist, *rod.natural_curvature) for rod in even_rods])
     elements, strains = (np.repeat(one[:, None], h.shape[1], axis=1)
                          for one in (stiffness, natural))
     freeze(strains)
@@ -91,7 +97,7 @@ def _table(mesh, s, rods):
                     _pulls(mesh.surroundings, rods, nodes[mesh_of]))
 
 
-def _pulls(around, rods, nodes):
+def _pulls(around: Surroundings, rods: Sequence[Rod], nodes: Floats) -> Floats:
     """Return (n, N + 1, 3) the dead loads on the nodes (n, N + 1) of each rod, negated, N."""
     h = np.diff(nodes)
     masses, forces = np.zeros(nodes.shape), np.zeros((*nodes.shape, 3))
@@ -101,8 +107,9 @@ def _pulls(around, rods, nodes):
     masses[:, -1] += [rod.tip_mass for rod in rods]
     for k in (k for k, rod in enumerate(rods) if rod.point_masses):
         masses[k] = node_masses(rods[k], nodes[k])
-    if around.load is not None:
-        half = 0.5 * h[:, :, None] * around.load
+    load: Any = around.load
+    if load is not None:
+        half = 0.5 * h[:, :, None] * load
         forces[:, :-1] += half
         forces[:, 1:] += half
     return -masses[:, :, None] * around.gravity - forces

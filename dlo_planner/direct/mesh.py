@@ -2,26 +2,30 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the nodes of a DLO are: at equal distances, or graded to the bend; always at its jumps."""
 
+from typing import Any, TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
+
+Breaks: TypeAlias = NDArray[np.float64] | tuple[()]
 
 _NEAR = 0.3  # of an element: a node nearer to a jump moves there
 
 
-def even_mesh(length, elements, breaks=()):
+def even_mesh(length: float, elements: int, breaks: Breaks = ()) -> NDArray[np.float64]:
     """Return nodes (elements + 1,): between jumps equal elements, about as long everywhere.
 
     Parameters
     ----------
-    length
+    length : float
         Length in m.
-    elements
+    elements : int
         Number of elements. If there are more jumps than that, the jumps are ignored.
-    breaks
-        (n,) arc lengths of jumps, ascending, inside the DLO, m.
+    breaks : ndarray, shape (n,), optional
+        Arc lengths of jumps, ascending, inside the DLO, m.
     """
     if not len(breaks) or len(breaks) + 1 > elements:
-        s = np.arange(elements + 1) * (length / elements)
+        s = np.arange(elements + 1.0) * np.float64(length / elements)
         s[-1] = length
         return s
     ends = np.concatenate([[0.0], breaks, [length]])
@@ -34,7 +38,8 @@ def even_mesh(length, elements, breaks=()):
     return np.append(np.concatenate(pieces), length)
 
 
-def graded_mesh(s, strains, elements, breaks=()):
+def graded_mesh(s: NDArray[np.float64], strains: NDArray[np.float64], elements: int,
+                breaks: Breaks = ()) -> NDArray[np.float64]:
     """Return nodes that share out evenly the error of arcs of constant strain.
 
     An arc whose strain should change at the rate u' misplaces its far end by about h^3 |u'|, so
@@ -43,14 +48,14 @@ def graded_mesh(s, strains, elements, breaks=()):
 
     Parameters
     ----------
-    s
-        (N + 1,) nodes of a known shape.
-    strains
-        (N, 3) its strains, less what jumps in the natural ones.
-    elements
+    s : ndarray, shape (N + 1,)
+        Nodes of a known shape.
+    strains : ndarray, shape (N, 3)
+        Its strains, less what jumps in the natural ones.
+    elements : int
         Number of elements wanted; jumps may add some.
-    breaks
-        (n,) arc lengths of jumps, m.
+    breaks : ndarray, shape (n,), optional
+        Arc lengths of jumps, m.
     """
     middle = 0.5 * (s[1:] + s[:-1])
     rate = np.linalg.norm(np.diff(strains, axis=0), axis=1) / np.diff(middle)
@@ -64,7 +69,7 @@ def graded_mesh(s, strains, elements, breaks=()):
     return with_breaks(nodes, breaks)
 
 
-def with_breaks(s, breaks):
+def with_breaks(s: NDArray[Any], breaks: Breaks) -> NDArray[np.float64]:
     """Return nodes with one at each jump: a near one moves there, else one is added."""
     if not len(breaks):
         return s
@@ -95,3 +100,13 @@ def straight_between(s: NDArray[np.float64], values: NDArray[np.float64],
     after = np.clip(np.searchsorted(middle, wanted), 1, middle.size - 1)
     share = ((wanted - middle[after - 1]) / (middle[after] - middle[after - 1]))[:, None]
     return (1 - share) * values[after - 1] + share * values[after]
+
+
+def mapped(s: NDArray[np.float64], values: NDArray[np.float64],
+           wanted: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n, k): `values` (N, k), constant on the elements of `s`, averaged over `wanted`'s."""
+    total = np.vstack([np.zeros(values.shape[1]),
+                       np.cumsum(values * np.diff(s)[:, None], axis=0)])
+    at_nodes = np.column_stack([np.interp(wanted, s, column) for column in total.T]
+                               or [np.zeros((wanted.size, 0))])
+    return np.diff(at_nodes, axis=0) / np.diff(wanted)[:, None]

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Modes along a path, matched by likeness: a mode stays itself where frequencies cross."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -11,6 +11,7 @@ from dlo_planner.direct.modes import MOST, Modes, modes_from, solved
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.vibration import Linearized
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import integer, items
 
 _SPARE = 4     # more modes than asked for are computed: a followed one may have become faster
@@ -39,7 +40,7 @@ def modes_along(shapes: Iterable[Shape], n: int = 4) -> tuple[Modes, ...]:
     """
     shapes = items('shapes', shapes, Shape)
     n = integer('n', n, minimum=1, maximum=MOST)
-    tracked = []
+    tracked: list[Modes] = []
     for k, shape in enumerate(shapes):
         linear = Linearized(shape, f'shapes[{k}]')
         if not tracked:
@@ -52,7 +53,7 @@ def modes_along(shapes: Iterable[Shape], n: int = 4) -> tuple[Modes, ...]:
     return tuple(tracked)
 
 
-def _continued(before, linear):
+def _continued(before: Modes, linear: Linearized) -> Modes:
     """Return the Modes of a Linearized shape that continue the Modes `before`."""
     vibration = linear.resolving(len(before) + _SPARE)
     squares, found = solved(vibration, len(before) + _SPARE, linear.name)
@@ -83,7 +84,7 @@ def displacements_on(modes: Modes, s: np.ndarray) -> np.ndarray:
     return np.moveaxis(at.reshape(len(modes), 3, s.size), 2, 1)
 
 
-def _equal(squares):
+def _equal(squares: Floats) -> Iterator[slice]:
     """Yield slices of ascending squares (n,) of frequencies that are equal."""
     ends = np.flatnonzero(np.diff(squares) > _EQUAL * squares[1:]) + 1
     for begin, end in zip([0, *ends], [*ends, squares.size], strict=True):
@@ -91,15 +92,15 @@ def _equal(squares):
             yield slice(begin, end)
 
 
-def _turned(like, found):
+def _turned(like: Floats, found: Floats) -> Floats:
     """Return modes (c, g) of equal frequency, combined to be most like g modes before.
 
     Orthogonal Procrustes: Golub and Van Loan, Matrix Computations, ch. 6.4.
 
     Parameters
     ----------
-    like
-        (n, c) products of the modes before with the coordinates.
+    like : ndarray, shape (n, c)
+        Products of the modes before with the coordinates.
     """
     product = like @ found
     nearest = np.sort(np.argsort(-np.sum(product**2, axis=1), kind='stable')[:found.shape[1]])
@@ -107,4 +108,5 @@ def _turned(like, found):
     count = len(nearest)
     turn = right.T.copy()
     turn[:, :count] = right[:count].T @ left.T
-    return found @ turn
+    result: Floats = found @ turn
+    return result

@@ -6,10 +6,12 @@ Torsion of a straight DLO moves no mass, so the mass matrix M is singular. The e
 therefore M x = mu K x with mu = 1 / omega^2; K is positive definite at a stable shape.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import LinAlgError, eigh
@@ -17,7 +19,9 @@ from scipy.linalg import LinAlgError, eigh
 from dlo_planner.direct.vibration import Linearized, Vibration
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.held import HELD_NEUTRAL
-from dlo_planner.model.checks import integer, results, shown
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.checks import integer, shown
+from dlo_planner.model.computed import results
 from dlo_planner.model.value import Constant, Value, brief, freeze, put
 
 if TYPE_CHECKING:  # it imports this module
@@ -67,18 +71,18 @@ class Modes(Value):
         to 1: the product of their displacements in the mass metric; 1 for a single shape.
     """
 
-    s: np.ndarray
-    masses: np.ndarray
-    frequencies: np.ndarray
-    damping_ratios: np.ndarray
-    displacements: np.ndarray
-    participation: np.ndarray
-    overlap: np.ndarray | None = None
-    _estimate: Callable | None = field(default=None, compare=False)
+    s: Floats
+    masses: Floats
+    frequencies: Floats
+    damping_ratios: Floats
+    displacements: Floats
+    participation: Floats
+    overlap: Floats | None = None
+    _estimate: Callable[[], Floats] | None = field(default=None, compare=False)
 
     REMEMBERED = ('error_estimate',)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         displacements = results('Modes.displacements', self.displacements, (None, None, 3))
         n, nodes, _ = displacements.shape
         overlap = np.ones(n) if self.overlap is None else self.overlap
@@ -96,32 +100,33 @@ class Modes(Value):
             freeze(self._estimate.content)
         super().__post_init__()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         known = ', '.join(f'{one:.4g}' for one in self.frequencies[:_SHOWN])
         more = ', ...' if len(self) > _SHOWN else ''
         return brief(self, f'{len(self)} modes', f'{known}{more} Hz' if known else '')
 
-    def __len__(self):
+    def __len__(self) -> int:
         return self.frequencies.size
 
     @property
-    def periods(self) -> np.ndarray:
+    def periods(self) -> Floats:
         """(n,) s, without damping."""
         return 1 / self.frequencies
 
     @cached_property
-    def error_estimate(self) -> np.ndarray:
+    def error_estimate(self) -> Floats:
         """(n,) estimated relative error of each frequency.
 
         From the modes of the DLO with every element halved and without its series, computed when
         this is first read; infinite if they are not found, nan for Modes made of numbers.
         """
+        assert self._estimate is not None  # see __post_init__
         found = self._estimate()
         freeze(found)
         return found
 
 
-def modes_of(shape: 'Shape', n: int) -> Modes:
+def modes_of(shape: Shape, n: int) -> Modes:
     """Return the Modes of a Shape; see `Shape.modes`."""
     n, linear = integer('n', n, minimum=1, maximum=MOST), Linearized(shape)
     vibration = linear.resolving(n)
@@ -129,8 +134,8 @@ def modes_of(shape: 'Shape', n: int) -> Modes:
     return modes_from(linear, vibration, squares, found, np.arange(squares.size))
 
 
-def modes_from(linear: Linearized, vibration: Vibration, squares: np.ndarray, found: np.ndarray,
-               places: np.ndarray, overlap: np.ndarray | None = None) -> Modes:
+def modes_from(linear: Linearized, vibration: Vibration, squares: Floats, found: Floats,
+               places: Ints, overlap: Floats | None = None) -> Modes:
     """Return the Modes that `solved` found about a Linearized shape.
 
     Parameters
@@ -150,7 +155,8 @@ def modes_from(linear: Linearized, vibration: Vibration, squares: np.ndarray, fo
     rates = np.sqrt(squares)
     displacements = np.moveaxis(vibration.jacobian @ found, 2, 0)
     # the damping matrix: drag M + viscosity times the elastic stiffness alone, weight damps nothing
-    drag, viscosity = shape.rod.damping
+    damping: Any = shape.state.made_on.rod.damping
+    drag, viscosity = damping
     viscous = np.einsum('ei,eim->m', vibration.resistance, (vibration.strains @ found) ** 2)
     participation = np.einsum('k,mki,kij->mj', vibration.masses, displacements, vibration.carried)
     return Modes(shape.s, vibration.masses, rates / (2 * np.pi),
@@ -158,7 +164,7 @@ def modes_from(linear: Linearized, vibration: Vibration, squares: np.ndarray, fo
                  partial(_error, linear, rates, places))
 
 
-def solved(vibration: Vibration, n: int, name: str) -> tuple[np.ndarray, np.ndarray]:
+def solved(vibration: Vibration, n: int, name: str) -> tuple[Floats, Floats]:
     """Return (n,) squares of the angular frequencies, 1/s^2, ascending, and modes (c, n).
 
     Each mode has the generalized mass 1, and the largest component of its displacements is
@@ -193,7 +199,7 @@ def solved(vibration: Vibration, n: int, name: str) -> tuple[np.ndarray, np.ndar
     return 1 / mu, found * (_signs(vibration.jacobian @ found) / np.sqrt(mu))
 
 
-def _definite(vibration, name):
+def _definite(vibration: Vibration, name: str) -> Floats:
     """Return the stiffness, made positive for neutral motions that move no mass.
 
     An example is a round DLO between two joints, which may spin about its own axis.
@@ -208,16 +214,17 @@ def _definite(vibration, name):
     masses = np.sum(vectors * (vibration.mass @ vectors), axis=0)
     if (values < -HELD_NEUTRAL).any() or (masses[low] > _STILL * masses.max()).any():
         raise InvalidTask(f'{name}: expected a stable one, from which every motion takes energy')
-    return vibration.stiffness + (vectors[:, low] * (1.0 - values[low])) @ vectors[:, low].T
+    own: Floats = vectors[:, low]
+    return vibration.stiffness + (own * (1.0 - values[low])) @ own.T
 
 
-def _signs(displacements):
+def _signs(displacements: Floats) -> Floats:
     """Return (n,) 1 or -1: signs of the largest displacements of n modes (N + 1, 3, n)."""
     flat = displacements.reshape(-1, displacements.shape[2])
     return np.where(flat[np.abs(flat).argmax(axis=0), np.arange(flat.shape[1])] < 0, -1.0, 1.0)
 
 
-def _error(linear, rates, places):
+def _error(linear: Linearized, rates: Floats, places: Ints) -> Floats:
     """Return (n,) relative errors of angular frequencies (n,): see `Modes.error_estimate`."""
     errors = np.full(rates.size, np.inf)
     finer = linear.finer

@@ -8,12 +8,17 @@ sought so, again and again, until the frames are those of the shape that is foun
 once). What stability says is that against disturbances which the moments follow.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from dlo_planner.energy.elastic import with_couples
 from dlo_planner.energy.plastic import yields
-from dlo_planner.energy.potential import evaluate, new_state, placed
+from dlo_planner.energy.potential import evaluate, placed
+from dlo_planner.energy.system import System, new_state
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.minimum import Minimum
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import jacobians
 from dlo_planner.ritz.matrix3 import matrix, plus, put_vector, transposed_applied, vector
 
@@ -22,21 +27,22 @@ _REMEMBERED = 8   # rounds that tell the next one where to go
 _SETTLED = 1e-10  # part of the moments by which they may still turn
 
 
-def balanced(solved, system, q, moments):
+def balanced(solved: Callable[[System, Floats], Minimum], system: System, q: Floats,
+             moments: Floats) -> Minimum:
     """Return what `solved` returns in equilibrium with dead moments, its residual theirs too.
 
     The fixed point of frames -> shape -> frames is sought by Anderson's acceleration.
 
     Parameters
     ----------
-    solved
+    solved : callable
         Function (system, q) -> Minimum.
-    system
+    system : System
         System without the moments.
-    q
-        (m, 3) unknowns to begin with.
-    moments
-        (N + 1, 3) moments on the nodes, N m, world axes.
+    q : ndarray, shape (m, 3)
+        Unknowns to begin with.
+    moments : ndarray, shape (N + 1, 3)
+        Moments on the nodes, N m, world axes.
     """
     free, unit = system, np.abs(moments).sum()
     state = new_state(system)
@@ -44,7 +50,8 @@ def balanced(solved, system, q, moments):
     evaluate(system, state)
     known = _couples(system.lengths, state.strains, state.rotations, moments) / unit
     strains, iterations = state.strains, 0
-    tried, missed = [], []
+    tried: list[Floats] = []
+    missed: list[Floats] = []
     for _ in range(_ROUNDS):
         loaded = _pulled(system, free, unit * known)
         found = solved(loaded, placed(loaded, strains).q)
@@ -60,7 +67,7 @@ def balanced(solved, system, q, moments):
     return found._replace(residual=max(found.residual, off), iterations=iterations)
 
 
-def _pulled(system, free, couples):
+def _pulled(system: System, free: System, couples: Floats) -> System:
     """Return a System like `system`, but that couples (N, 3) in N m pull at the strains of `free`.
 
     What cannot yield is as though its natural strains were others.
@@ -70,7 +77,7 @@ def _pulled(system, free, couples):
     return system._replace(natural=free.natural + couples / free.stiffness)
 
 
-def _next(tried, missed):
+def _next(tried: list[Floats], missed: list[Floats]) -> Floats:
     """Return where the misses (n, 3) would vanish, by least squares over what was tried."""
     best = tried[-1] + missed[-1]
     if len(tried) == 1:
@@ -83,7 +90,7 @@ def _next(tried, missed):
 
 
 @kernel
-def _couples(lengths, strains, rotations, moments):
+def _couples(lengths: Floats, strains: Floats, rotations: Floats, moments: Floats) -> Floats:
     """Return (N, 3): the work of all moments beyond, per length and strain of each element, N m."""
     out = np.empty(strains.shape)
     beyond = (0.0, 0.0, 0.0)

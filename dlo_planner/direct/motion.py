@@ -2,18 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """The answer of a dynamic simulation."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.storage import load, pack, save, unpack
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import choice, figure, items, results, shown
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import choice, items, shown
+from dlo_planner.model.computed import figure, results
 from dlo_planner.model.value import Constant, brief, freeze, put
 from dlo_planner.pictured import Filmed
 
@@ -27,11 +29,11 @@ class Instant(NamedTuple):
 
     time: float
     shape: Shape
-    velocities: np.ndarray
+    velocities: Floats
     kinetic_energy: float
     potential_energy: float
     work: float
-    losses: np.ndarray
+    losses: Floats
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,21 +66,21 @@ class Motion(Filmed):
         Why the motion is not complete, and when; else ''.
     """
 
-    times: np.ndarray
+    times: Floats
     shapes: tuple[Shape, ...]
-    velocities: np.ndarray
-    kinetic_energy: np.ndarray
-    potential_energy: np.ndarray
-    work: np.ndarray | None = None
-    losses: np.ndarray | None = None
+    velocities: Floats
+    kinetic_energy: Floats
+    potential_energy: Floats
+    work: Floats | None = None
+    losses: Floats | None = None
     tolerance: float = np.inf
     status: str = 'complete'
     message: str = ''
-    _estimate: Callable | None = field(default=None, compare=False)
+    _estimate: Callable[[], Floats] | None = field(default=None, compare=False)
 
     REMEMBERED = ('error_estimate',)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         shapes = items('Motion.shapes', self.shapes, Shape)
         n = len(shapes)
         work = np.zeros(n) if self.work is None else self.work
@@ -101,13 +103,13 @@ class Motion(Filmed):
             raise InvalidTask(f'Motion._estimate = {shown(self._estimate)}: expected a function')
         super().__post_init__()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, f'{len(self)} instants',
                      f'{self.times[-1]:.4g} s' if len(self) else '',
                      'converged' if self.converged else 'not converged',
                      '' if self.status == 'complete' else self.status)
 
-    def save(self, path: str | PathLike) -> None:
+    def save(self, path: str | PathLike[str]) -> None:
         """Write the motion as npz, or JSON (see `Plan.save`): all but rod and surroundings.
 
         The error estimate is written if it was read before; else it will be nan, not known.
@@ -119,7 +121,7 @@ class Motion(Filmed):
         save(path, arrays, 'Motion')
 
     @classmethod
-    def load(cls, path: str | PathLike) -> 'Motion':
+    def load(cls, path: str | PathLike[str]) -> 'Motion':
         """Return the Motion saved at `path`.
 
         Raises
@@ -130,57 +132,66 @@ class Motion(Filmed):
         return load(path, cls._read, 'Motion')
 
     @classmethod
-    def _read(cls, arrays):
+    def _read(cls, arrays: Mapping[str, Any]) -> 'Motion':
         shapes = []
         for k in range(len(arrays['times'])):
             mark = f'{k}/'
             own = {key[len(mark):]: value for key, value in arrays.items()
                    if key.startswith(mark)}
             shapes.append(unpack(Shape, own))
-        return cls(shapes=shapes, **{name: arrays[name] for name in _ARRAYS},
+        return cls(shapes=tuple(shapes), **{name: arrays[name] for name in _ARRAYS},
                    **{name: arrays[name].item() for name in _FIGURES},
                    _estimate=Constant(arrays['error_estimate']))
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.shapes)
 
     def __getitem__(self, index: int | slice) -> 'Instant | tuple[Instant, ...]':
         """Return one Instant, or several."""
-        instants = tuple(map(Instant, self.times, self.shapes, self.velocities,
-                             self.kinetic_energy, self.potential_energy, self.work, self.losses))
-        return instants[index]
+        return self._instants[index]
 
     def __iter__(self) -> Iterator['Instant']:
-        return iter(self[:])
+        return iter(self._instants)
 
     @property
-    def energy(self) -> np.ndarray:
+    def _instants(self) -> 'tuple[Instant, ...]':
+        columns: Any = (self.times, self.shapes, self.velocities, self.kinetic_energy,
+                        self.potential_energy, self.work, self.losses)
+        return tuple(map(Instant, *columns))
+
+    @property
+    def energy(self) -> Floats:
         """(n,) kinetic and potential energy, J."""
         return self.kinetic_energy + self.potential_energy
 
     @property
-    def dissipated(self) -> np.ndarray:
+    def dissipated(self) -> Floats:
         """(n,) J, taken since time 0 by damping, plastic deformation and friction."""
-        return self.losses.sum(axis=1)
+        losses: Any = self.losses  # see __post_init__
+        result: Floats = losses.sum(axis=1)
+        return result
 
     @property
-    def numerical_loss(self) -> np.ndarray:
+    def numerical_loss(self) -> Floats:
         """(n,) J, taken since time 0 by the integrator, and by impacts on obstacles.
 
         energy + dissipated + numerical_loss = energy at time 0 + work.
         """
         if not len(self):
             return np.zeros(0)
-        return self.energy[0] + self.work - self.energy - self.dissipated
+        result: Floats = self.energy[0] + self.work - self.energy - self.dissipated
+        return result
 
     @cached_property
-    def error_estimate(self) -> np.ndarray:
+    def error_estimate(self) -> Floats:
         """(n,) largest distance of a node from the true rod's until each instant, m.
 
         From a second run with every element and every step halved, made when this is first read:
-        it costs three to four times as much as the motion. Infinite where that run could not
-        follow; nan for a motion that does not know (from a file, saved before it was read).
+        it costs two to four times as much as the motion. A motion that begins at rest does so
+        there, too: the error of a given Shape at rest is part of it. Infinite where that run could
+        not follow; nan for a motion that does not know (from a file, saved before it was read).
         """
+        assert self._estimate is not None  # see __post_init__
         found = self._estimate()
         freeze(found)
         return found

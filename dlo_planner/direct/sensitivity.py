@@ -7,27 +7,31 @@ Hessian of the direct simulator: three or six solves with one factorization, far
 another equilibrium.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.energy.effects import fill_miss, fill_rows, row_count
-from dlo_planner.energy.potential import (
-    at_element,
-    evaluate,
-    new_state,
-    project,
-    unknown_count,
-    unknowns_of,
-)
+from dlo_planner.energy.potential import at_element, evaluate, project, unknowns_of
+from dlo_planner.energy.system import State, System, new_state, unknown_count
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.contact_forces import add_sliding
-from dlo_planner.minimize.linear import assemble, factorize, new_hessian, solve_held
+from dlo_planner.minimize.linear import Hessian, assemble, factorize, new_hessian, solve_held
 from dlo_planner.minimize.multipliers import firm
+from dlo_planner.minimize.sliding import add_sliding
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import displaced
-from dlo_planner.ritz.kinematics import march, part_of_element
+from dlo_planner.model.rod import Rod
+from dlo_planner.ritz.kinematics import forward_kinematics, part_of_element
+
+if TYPE_CHECKING:  # it imports this file
+    from dlo_planner.direct.shape import Shape
 
 
 class Sensitivity:
@@ -35,7 +39,7 @@ class Sensitivity:
 
     Parameters
     ----------
-    shape
+    shape : Shape
         Converged Shape of a simulator (not from a file, not grasped inside).
 
     Raises
@@ -44,17 +48,17 @@ class Sensitivity:
         Another shape.
     """
 
-    def __init__(self, shape):
-        if shape._discretization is None or shape._before is None:
+    def __init__(self, shape: Shape) -> None:
+        if shape.state.mesh is None or shape.state.before is None:
             raise InvalidTask('shape: expected one that comes from a simulator')
-        if shape._discretization.surroundings.has_moments:
+        if shape.state.mesh.surroundings.has_moments:
             raise InvalidTask('shape: expected one without dead moments, which have no potential')
-        if shape._discretization.surroundings.pinned:
+        if shape.state.mesh.surroundings.pinned:
             raise InvalidTask('shape: expected one whose gripper clamps it, not a pinned one')
         self.shape = shape
-        here, gripper = shape._discretization, shape.gripper
+        here, gripper = shape.state.mesh, shape.gripper
         # the past before the step: what yields in it, yields along with the gripper
-        past = shape._before.holding(shape._history)
+        past = shape.state.held
         system = here.system(gripper.rotation, gripper.position, past, shape.far_end)
         q = here.unknowns(shape.element_strains)
         if shape.contacts:
@@ -67,7 +71,7 @@ class Sensitivity:
         if any(np.any(contact.friction) for contact in shape.contacts):
             add_sliding(self._system, self._state, self._hessian, self._answers)
 
-    def at(self, s):
+    def at(self, s: float) -> Floats:
         """Return (6, 6): rotation and displacement of the frame at `s` (m) by those of the gripper.
 
         World axes; the gripper turns about its own origin. The DLO gives way as it does in
@@ -76,37 +80,42 @@ class Sensitivity:
         shape = self.shape
         element = min(int(shape.s.searchsorted(s, side='right')) - 1, shape.s.size - 2)
         fraction = (s - shape.s[element]) / (shape.s[element + 1] - shape.s[element])
-        return _twists_inside(self._system, self._state, self._answers, self._columns,
-                              self._nodes[element], element, float(fraction))
+        result: Floats = _twists_inside(self._system, self._state, self._answers, self._columns,
+                                        self._nodes[element], element, float(fraction))
+        return result
 
     @cached_property
-    def _nodes(self):
+    def _nodes(self) -> Floats:
         """(N + 1, 6, 6) the same at all nodes: of one shape, several places are asked for."""
-        return _node_twists(self._system, self._state, self._answers, self._columns)
+        result: Floats = _node_twists(self._system, self._state, self._answers, self._columns)
+        return result
 
     @property
-    def _columns(self):
-        return self._hessian.cross.shape[2]
+    def _columns(self) -> int:
+        result: int = self._hessian.cross.shape[2]
+        return result
 
     @property
-    def strains(self):
+    def strains(self) -> Floats:
         """(N, 3, 6) derivatives of the elements' strains by the gripper's twist."""
         values = np.moveaxis(self._answers, 0, 2)
         if self._system.basis.shape[1]:
             values = np.einsum('em,mik->eik', self._system.basis, values)
-        return self._system.scale[:, :, None] * values
+        result: Floats = self._system.scale[:, :, None] * values
+        return result
 
-    def strains_by(self, slopes):
+    def strains_by(self, slopes: Floats) -> Floats:
         """Return (k, N, 3) the changes of the elements' strains under k changes of the potential.
 
         Parameters
         ----------
-        slopes
-            (k, N, 3) derivatives of these changes by the elements' strains, J m.
+        slopes : ndarray, shape (k, N, 3)
+            Derivatives of these changes by the elements' strains, J m.
         """
-        return _strains_by(self._system, self._hessian, slopes)
+        result: Floats = _strains_by(self._system, self._hessian, slopes)
+        return result
 
-    def slope_of(self, **fields):
+    def slope_of(self, **fields: Floats) -> tuple[Floats, Floats]:
         """Return the potential's slope (N, 3) by the strains, and the nodes' places (N + 1, 3).
 
         With the strains and the gripper of the shape.
@@ -123,7 +132,7 @@ class Sensitivity:
         evaluate(system, state)
         return state.gradient / system.scale, state.positions
 
-    def moved(self, twist):
+    def moved(self, twist: ArrayLike) -> Shape:
         """Return the Shape predicted for a gripper moved by a small `twist` (6,).
 
         Rotation (rad) before displacement (m). Its strains change to first order; that it is an
@@ -133,23 +142,24 @@ class Sensitivity:
         gripper = displaced(shape.gripper, twist)
         strains = shape.element_strains + self.strains @ twist
         rotations, positions = np.empty_like(shape.frames), np.empty_like(shape.positions)
-        march(self._system.lengths, strains, np.array(gripper.rotation), rotations, positions)
+        forward_kinematics(self._system.lengths, strains, np.array(gripper.rotation), rotations,
+                           positions)
         return replace(shape, gripper=gripper, frames=rotations, element_strains=strains,
                        positions=positions + gripper.position)
 
-    def predicted(self, rod):
+    def predicted(self, rod: Rod) -> Shape:
         """Return the Shape predicted for a Rod that differs a little, in the same gripper.
 
         To first order: what one step of Newton's method with the known Hessian makes of it. Its
         arc lengths are those of the same elements; energy and wrench are those of before.
         """
-        return self.predicted_on(self.shape._discretization.of(rod))
+        return self.predicted_on(self.shape.state.made_on.of(rod))
 
-    def predicted_on(self, other):
+    def predicted_on(self, other: Discretization) -> Shape:
         """Return `predicted` for a rod whose Discretization, with as many elements, is known."""
         shape, gripper = self.shape, self.shape.gripper
         system = other.system(gripper.rotation, gripper.position,
-                              shape._before.holding(shape._history), shape.far_end)
+                              shape.state.held, shape.far_end)
         known = self._system
         # in the unknowns, and with the springs of constraints, of which the known Hessian is
         system = system._replace(scale=known.scale, contact=known.contact, hold=known.hold)
@@ -159,7 +169,8 @@ class Sensitivity:
 
 
 @kernel
-def _one_step(system, known, at, hessian):
+def _one_step(system: System, known: System, at: State,
+              hessian: Hessian) -> tuple[Floats, Floats, Floats]:
     """Return strains, frames and positions of `system` after a step from another one's state.
 
     It begins with the strains of that state, where its ends are: what holds them is stiff.
@@ -178,7 +189,7 @@ def _one_step(system, known, at, hessian):
 
 
 @kernel
-def _strains_by(system, hessian, slopes):
+def _strains_by(system: System, hessian: Hessian, slopes: Floats) -> Floats:
     """Return (k, N, 3) the answers of the strains to slopes (k, N, 3) of the potential by them."""
     out = np.empty_like(slopes)
     m = unknown_count(system)
@@ -196,7 +207,7 @@ def _strains_by(system, hessian, slopes):
 
 
 @kernel
-def gripper_answers(system, q):
+def gripper_answers(system: System, q: Floats) -> tuple[State, Floats, Hessian]:
     """Return the State at q (m, 3), its change (6, m, 3) by the gripper's twist, the Hessian."""
     state = new_state(system)
     state.q[:] = q
@@ -216,7 +227,7 @@ def gripper_answers(system, q):
 
 
 @kernel
-def _node_twists(system, state, answers, columns):
+def _node_twists(system: System, state: State, answers: Floats, columns: int) -> Floats:
     """Return (N + 1, 6, 6) the twists of the nodes' frames by that of the gripper.
 
     Args:
@@ -236,7 +247,8 @@ def _node_twists(system, state, answers, columns):
 
 
 @kernel
-def _twists_inside(system, state, answers, columns, begin, element, fraction):
+def _twists_inside(system: System, state: State, answers: Floats, columns: int, begin: Floats,
+                   element: int, fraction: float) -> Floats:
     """Return (6, 6) the same inside `element`, whose beginning has the twists `begin` (6, 6)."""
     out = begin.copy()
     part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
@@ -245,7 +257,8 @@ def _twists_inside(system, state, answers, columns, begin, element, fraction):
 
 
 @kernel
-def _carry_on(system, state, answers, columns, e, share, part, arm, value, out):
+def _carry_on(system: System, state: State, answers: Floats, columns: int, e: int, share: float,
+              part: Floats, arm: Floats, value: Floats, out: Floats) -> None:
     """Turn the twists `out` (6, 6) at the beginning of element e into those at a share of it.
 
     Args:

@@ -13,13 +13,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from dlo_planner.direct.contacts import points_of
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
 from dlo_planner.direct.leading import grip_before, lead, parts_between
-from dlo_planner.direct.statics import equilibrium, solve
+from dlo_planner.direct.part import Solved
+from dlo_planner.direct.statics import Search, equilibrium, solve
 from dlo_planner.energy.depth import depth
 from dlo_planner.energy.potential import placed
+from dlo_planner.energy.scene import Scene
 from dlo_planner.model.along import scaled
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
@@ -50,24 +51,24 @@ def set_down(discretization: Discretization, gripper: Pose, strains: np.ndarray,
     """
     firm = _resisting_twist(discretization)
     amid = bool(discretization.surroundings.obstacles)
-    alone = firm.alone if amid else firm
-    past = alone.past(history)
-    held = grip_before(alone, None, strains, gripper, far_end)
-    parts = parts_between(gripper, gripper, held, far_end, alone.s[-1])
-    gripper, strains, past = lead(alone, strains, (gripper, gripper), (held, far_end), past, parts)
+    bare = firm.without_obstacles if amid else firm
+    past = bare.past(history)
+    held = grip_before(bare, None, strains, gripper, far_end)
+    assert held is not None  # as far_end is not
+    parts = parts_between(gripper, gripper, held, far_end, bare.s[-1])
+    gripper, strains, past = lead(bare, strains, (gripper, gripper), (held, far_end), past, parts)
     if amid:
-        shape, _ = equilibrium(alone, gripper, strains, 'newton', past, far_end)
-        past = replace(firm.past(history), hold=shape._history.hold)
+        shape, _ = equilibrium(bare, gripper, strains, 'newton', past, far_end)
+        past = firm.past(history).leaving(hold=shape.state.left.left['hold'])
         gripper, strains, past = grown(firm, shape.gripper, np.array(shape.element_strains),
                                        far_end, past)
     if firm is not discretization:
         shape, _ = equilibrium(firm, gripper, strains, 'newton', past, far_end)
-        gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape._history
-    return gripper, strains, replace(history, hold=past.hold, node_force=past.node_force,
-                                     points=past.points)
+        gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape.state.left
+    return gripper, strains, history.with_forces(past)
 
 
-def _resisting_twist(discretization):
+def _resisting_twist(discretization: Discretization) -> Discretization:
     """Return a Discretization whose torsion is no softer than its bending; itself if it is not."""
     rod = discretization.rod
     twist, bend = rod.stiffness[0], min(rod.stiffness[1:])
@@ -92,8 +93,8 @@ def grown(discretization: Discretization, gripper: Pose, strains: np.ndarray, fa
         wanted = max(0.0, thin - step)
         system = discretization.system(gripper.rotation, gripper.position, history, far_end)
         found = solve(discretization, system._replace(scene=_thinner(system.scene, wanted)),
-                      gripper, discretization.unknowns(strains), history, _STEPS, False,
-                      _ROUGHLY, _LEFT)
+                      gripper, discretization.unknowns(strains), history,
+                      Search(_STEPS, False, _ROUGHLY, _LEFT))
         state, system = found.state, found.system
         if not (found.residual < _ENOUGH * _LEFT
                 and found.violation < _ROUGHLY * discretization.s[-1]):
@@ -103,12 +104,12 @@ def grown(discretization: Discretization, gripper: Pose, strains: np.ndarray, fa
         strains = state.strains.copy()
         if discretization.surroundings.pinned:
             gripper = Pose.from_rotation(gripper.position, system.base)
-        history = replace(history, hold=system.hold.multiplier, node_force=system.contacts.node,
-                          points=points_of(system, state, gripper, False))
+        history = history.underway(Solved(discretization, system, state, gripper, far_end,
+                                          history.left))
     return gripper, strains, history
 
 
-def _thinner(scene, thin):
+def _thinner(scene: Scene, thin: float) -> Scene:
     """Return the Scene of a DLO whose surface is `thin` (m) deeper everywhere."""
     return scene._replace(radius=scene.radius - thin, radii=scene.radii - thin,
                           rounding=scene.rounding - thin)

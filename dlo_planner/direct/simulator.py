@@ -2,59 +2,43 @@
 # SPDX-License-Identifier: Apache-2.0
 """The direct simulator: from gripper poses to shapes."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from inspect import signature
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.deprecated import renamed
-from dlo_planner.direct.accuracy import (
-    accurate_equilibrium,
-    first_mesh,
-    held_by,
-    step,
-    within,
-)
-from dlo_planner.direct.beginning import (
-    first_shape,
-    last_of,
-    motion_tolerance,
-    moving_mesh,
-    nodes_velocity,
-    refuse_motion,
-)
+from dlo_planner.direct.accuracy import first_mesh, mesh_to_begin_with, within
+from dlo_planner.direct.beginning import Velocity
 from dlo_planner.direct.continuation import follow, leapt
 from dlo_planner.direct.described import STRAINS
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.dynamics import simulate
-from dlo_planner.direct.grips import ends_of, moving_grips, poses
-from dlo_planner.direct.history import History
-from dlo_planner.direct.integrator import INTEGRATORS
-from dlo_planner.direct.mesh import even_mesh, with_breaks
+from dlo_planner.direct.grips import ends_of, poses
+from dlo_planner.direct.mesh import even_mesh
 from dlo_planner.direct.motion import Motion
+from dlo_planner.direct.moving import Moving, Prescribed
+from dlo_planner.direct.one_step import held_by
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.stepping import Stepper
-from dlo_planner.direct.surroundings import STANDARD_GRAVITY, Surroundings
+from dlo_planner.direct.surroundings import STANDARD_GRAVITY, Surroundings, judge_method
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.methods import METHODS
-from dlo_planner.model.along import Stepwise
 from dlo_planner.model.checks import choice, instance, integer, number, shown
 from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.obstacles import Obstacle
+from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.value import Value, brief, figures, put, same
+from dlo_planner.model.value import put
 from dlo_planner.progress import OnProgress, Progress
 from dlo_planner.ritz.series import BASES, converging
 
 DEFAULT_ACCURACY = 1e-3  # of the length
-_ENOUGH = 64    # nodes of a mesh that a motion is begun with as it is
-_FARTHEST = 10  # of the length: from where a held far end may be brought
 
 
-class DirectSimulator(Value):
+class DirectSimulator(Moving):
     """Predicts the static shape of a DLO for a gripper pose, by minimizing its potential.
 
     A DLO that yields remembers: the permanent set goes from a shape to the next by `initial`, and
@@ -105,29 +89,21 @@ class DirectSimulator(Value):
         An argument makes no sense; the message names it.
     """
 
-    PARTS = ('surroundings', 'method', 'strains', 'accuracy', 'basis', '_fine', '_history',
-             '_discretization')
-
-    surroundings: Surroundings
-    method: str
-    strains: str
-    basis: str
-    accuracy: float | None
-    _history: History | None
-    _discretization: Discretization
-
     def __init__(self, rod: Rod, *, n_elements: int | None = None, n_terms: int | None = None,
                  basis: str | None = None, method: str = 'newton', strains: str = 'components',
                  accuracy: float | None = None, gravity: ArrayLike = STANDARD_GRAVITY,
-                 load: ArrayLike | Callable | None = None, obstacles: Iterable = (),
-                 point_loads: Iterable = (), grip: str = 'clamped'):
-        around = Surroundings(rod, gravity, load, obstacles, point_loads, grip)
+                 load: ArrayLike | Callable[[float], ArrayLike] | None = None,
+                 obstacles: Iterable[Obstacle] = (), point_loads: Iterable[PointLoad] = (),
+                 grip: str = 'clamped') -> None:
+        given: Any = {'gravity': gravity, 'load': load, 'obstacles': obstacles,
+                      'point_loads': point_loads}  # judged there
+        around = Surroundings(rod, grip=grip, **given)
         fixed = n_elements is not None or n_terms is not None
         put(self, surroundings=around, _history=None, method=choice('method', method, METHODS),
             strains=choice('strains', strains, STRAINS),
             basis='chebyshev' if basis is None else choice('basis', basis, BASES))
         put(self, _fine='local' if basis is None else converging(self.basis))
-        self._judge_method(around)
+        judge_method(around, self.method, self.strains, self.basis)
         if accuracy is not None:
             if fixed:
                 raise InvalidTask(
@@ -145,130 +121,6 @@ class DirectSimulator(Value):
         put(self, accuracy=None if fixed or method != 'newton' else DEFAULT_ACCURACY * rod.length,
             _discretization=Discretization(
                 around, even_mesh(rod.length, n_elements, around.breaks), self.basis, n_terms))
-
-    def _judge_method(self, around):
-        """Raise InvalidTask where the paper's methods and strains are asked for too much."""
-        if self.strains == 'paper' and (self.method == 'newton' or self.basis == 'local'):
-            raise InvalidTask(f'strains = {self.strains!r}: expected a series as basis and '
-                              '\'dfp\' or \'downhill_simplex\' as method, got '
-                              f'{self.basis!r}, {self.method!r}')
-        if self.method == 'newton':
-            return
-        if around.obstacles:
-            raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with obstacles')
-        if around.pinned:
-            raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with a pinned '
-                              'gripper')
-        if around.has_moments:
-            raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with dead moments')
-
-    def __repr__(self):
-        mesh = self._discretization
-        how = (f'{mesh.s.size - 1} elements' if self.accuracy is None
-               else f'accuracy {self.accuracy:.2g} m')
-        terms = ('' if self.accuracy is not None or self.basis == 'local'
-                 else f'{mesh.n_terms} terms')
-        return brief(self, how, terms, self.basis, '' if self.method == 'newton' else self.method,
-                     f'{len(self.obstacles)} obstacles' if self.obstacles else '',
-                     'set' if self._history is not None else '', figures(self.rod))
-
-    @property
-    def rod(self) -> Rod:
-        """The Rod."""
-        return self.surroundings.rod
-
-    @property
-    def mesh(self) -> Discretization:
-        """The Discretization that shapes are computed on, at first."""
-        return self._discretization
-
-    @property
-    def history(self) -> History | None:
-        """The permanent set that it starts from, see `with_set`; None: none."""
-        return self._history
-
-    @property
-    def gravity(self) -> np.ndarray:
-        """(3,) m/s^2."""
-        return self.surroundings.gravity
-
-    @property
-    def obstacles(self) -> tuple:
-        """Tuple of obstacles."""
-        return self.surroundings.obstacles
-
-    def with_set(self, shape: Shape) -> 'DirectSimulator':
-        """Return a simulator of the DLO as `shape` leaves it, with its permanent set.
-
-        Raises
-        ------
-        InvalidTask
-            Not a Shape of this DLO, or of one that is grasped inside.
-        """
-        instance('shape', shape, Shape)
-        self._check(shape.gripper, shape)
-        past = shape._history
-        if past is None or past.of is not None and not same(past.of.rod, self.rod):
-            raise InvalidTask(f'shape = {shown(shape)}: expected one of this simulator\'s rod, '
-                              'held at its beginning, which knows its permanent set')
-        return self._changed(_history=past.set_alone(len(past.node_force)))
-
-    def left_by(self, shape: Shape) -> 'DirectSimulator':
-        """Return the simulator of the DLO as `shape` leaves it: with its set, if it has any.
-
-        Raises
-        ------
-        InvalidTask
-            Not a Shape of this DLO, or of one that is grasped inside.
-        """
-        instance('initial', shape, Shape)
-        self._check(shape.gripper, shape)
-        past = shape._history
-        return self if past is None or not past.set.any() else self.with_set(shape)
-
-    def reset(self) -> 'DirectSimulator':
-        """Return a simulator of the DLO as it was made, without any permanent set."""
-        return self._changed(_history=None)
-
-    def _changed(self, **contents):
-        other = object.__new__(type(self))
-        put(other, **self.__dict__)
-        put(other, **contents)
-        return other
-
-    def elastic(self) -> 'DirectSimulator':
-        """Return a simulator of the same DLO, set as it is, that does not yield any further."""
-        rod = self.rod
-        if not rod.yields:
-            return self
-        free = {'yield_curvature': None, 'yield_torsion': None}
-        if self._history is not None:
-            mesh = self._discretization
-            if self.accuracy is not None:
-                mesh = Discretization(self.surroundings, self._history.s, 'local', 0)
-            strains = mesh.stress_free(self._history)
-            free |= {'natural_curvature': Stepwise(mesh.s, strains[:, 1:]),
-                     'natural_twist': Stepwise(mesh.s, strains[:, 0])}
-        return self._with(replace(self.surroundings, rod=replace(rod, **free)), None)
-
-    def without_obstacles(self) -> 'DirectSimulator':
-        """Return a simulator of the same DLO, set as it is, with nothing in its way."""
-        if not self.obstacles:
-            return self
-        return self._with(replace(self.surroundings, obstacles=()), self._history)
-
-    def with_rod(self, rod: Rod) -> 'DirectSimulator':
-        """Return a simulator of another Rod (as long or not), all else equal, without a set."""
-        return self._with(replace(self.surroundings, rod=rod), None)
-
-    def _with(self, surroundings, history):
-        mesh, share = self._discretization, surroundings.rod.length / self.rod.length
-        s = with_breaks(np.append(mesh.s[:-1] * share, surroundings.rod.length),
-                        surroundings.breaks)
-        accuracy = None if self.accuracy is None else self.accuracy * share
-        return self._changed(
-            surroundings=surroundings, _history=history, accuracy=accuracy,
-            _discretization=Discretization(surroundings, s, mesh.basis, mesh.n_terms))
 
     def solve(self, gripper: Pose, initial: Shape | None = None, *,
               far_end: FarEnd | Pose | ArrayLike | None = None) -> Shape:
@@ -300,7 +152,7 @@ class DirectSimulator(Value):
         return replace(shape, jumped=True) if jumped and not shape.jumped else shape
 
     def track(self, grippers: Iterable[Pose], progress: OnProgress = None,
-              initial: Shape | None = None, *, far_ends: Iterable | None = None,
+              initial: Shape | None = None, *, far_ends: Iterable[Any] | None = None,
               deadline: float | None = None) -> list[Shape]:
         """Return the shapes along a slow motion, each the continuation of the one before.
 
@@ -346,8 +198,8 @@ class DirectSimulator(Value):
         return shapes
 
     def simulate(self, grippers: Iterable[Pose], dt: float,
-                 initial: Shape | Motion | None = None, *, far_ends: Iterable | None = None,
-                 velocity: ArrayLike | Callable | None = None, tolerance: float | None = None,
+                 initial: Shape | Motion | None = None, *, far_ends: Iterable[Any] | None = None,
+                 velocity: Velocity | None = None, tolerance: float | None = None,
                  integrator: str = 'generalized_alpha', progress: OnProgress = None,
                  deadline: float | None = None) -> Motion:
         """Return the Motion of the DLO under moving grips, with inertia and damping.
@@ -390,41 +242,10 @@ class DirectSimulator(Value):
         InvalidTask
             An argument makes no sense; the message names it.
         """
-        return self._motion(Stepper, grippers, dt, initial, far_ends, velocity, tolerance,
-                            integrator, Progress(progress, deadline))
+        return self._motion(Stepper, Prescribed(grippers, dt, initial, far_ends, velocity,
+                                                tolerance, integrator),
+                            Progress(progress, deadline))
 
-    def _motion(self, make, grippers, dt, initial, far_ends, velocity, tolerance,
-                  integrator, steps):
-        """Return what `simulate` does; `make` makes the Stepper."""
-        grippers = poses(grippers, 1)
-        dt = number('dt', dt, above=0)
-        tolerance = motion_tolerance(tolerance, self.rod.length)
-        choice('integrator', integrator, INTEGRATORS)
-        refuse_motion(self.surroundings, self.strains)
-        if isinstance(initial, Motion):
-            initial, velocity = last_of(initial, velocity)
-        self._check(grippers[0], initial)
-        ends = ends_of(far_ends, len(grippers))
-        for gripper, end in zip(grippers, ends, strict=True):
-            self._check(gripper, None, end)
-            self._judge_end(end)
-        grips = moving_grips(grippers, ends, dt, velocity is None, initial)
-        start, mesh = self._beginning(grippers[0], ends[0], initial)
-        return simulate(make(mesh, grips, dt, self.method), start,
-                        nodes_velocity(velocity, initial, start), len(grippers), integrator,
-                        tolerance, steps, initial is None)
-
-    def _beginning(self, gripper, far_end, initial):
-        """Return the Shape at time 0 of a motion and the Discretization for the rest of it."""
-        mesh = self._discretization
-        known = initial
-        if self.accuracy is not None:
-            known, _ = self._equilibrium(gripper, initial, far_end)
-            if known._discretization is not mesh or mesh.s.size <= _ENOUGH:
-                mesh = moving_mesh(known._discretization)
-        if initial is not None:
-            return first_shape(mesh, gripper, far_end, initial, self._history), mesh
-        return step(mesh, gripper, known, self._history, far_end, self.method)[0], mesh
 
     discretisation = renamed('discretisation', 'discretization')
 
@@ -442,91 +263,32 @@ class DirectSimulator(Value):
         if self.accuracy is None:
             return self._discretization
         if (shape is not None and self._made(shape)
-                and shape._discretization.basis in (self.basis, self._fine)
+                and shape.state.made_on.basis in (self.basis, self._fine)
                 and within(shape, self.accuracy)):
-            return shape._discretization
-        return self._equilibrium(gripper, shape, None)[0]._discretization
+            return shape.state.made_on
+        return self._equilibrium(gripper, shape, None)[0].state.made_on
 
-    def _equilibrium(self, gripper, initial, far_end, most=np.inf):
-        """Return (Shape, kicks); `most` as in `accuracy.step`."""
-        if self.accuracy is not None:
-            return accurate_equilibrium(self._discretization, self._fine, self.accuracy, gripper,
-                                        initial, self._history, far_end, most)
-        self._judge_end(far_end)
-        return step(self._discretization, gripper, initial, self._history, far_end, self.method,
-                    self.strains, most)
-
-    def _judge_end(self, far_end):
-        if far_end is not None and self.method != 'newton':
-            raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with a far end')
-
-    def _made(self, shape: Shape) -> bool:
-        """Whether a Shape is of this DLO, with all that acts on it here."""
-        known = shape._discretization
-        return known is not None and same(known.surroundings, self.surroundings)
-
-    def _settled(self, shape):
-        """Return what a Shape or None, made anywhere, becomes here in its grippers; or None."""
-        if shape is None or self._made(shape):
-            return shape
-        found, _ = self._equilibrium(shape.gripper, shape, shape.far_end)
-        return found if found.converged else None
-
-    def _check(self, gripper, initial, far_end=None):
-        instance('gripper', gripper, Pose)
-        instance('initial', initial, Shape, optional=True)
-        if initial is not None and initial.parts is not None:
-            raise InvalidTask(f'initial = {initial!r}: expected one of a DLO that is held at its '
-                              'beginning, not grasped inside')
-        if far_end is not None:  # its grip, and the gripper, go there step by step
-            self._near(gripper, 'far_end', far_end.pose)
-            if initial is not None:
-                self._near(gripper, 'initial', initial.gripper)
-        if initial is not None and abs(initial.s[-1] - self.rod.length) > 1e-9 * self.rod.length:
-            raise InvalidTask(f'initial has length {initial.s[-1]:g} m: '
-                              f'expected the rod\'s {self.rod.length:g} m')
-
-    def _near(self, gripper, name, pose):
-        farthest = _FARTHEST * self.rod.length
-        away = np.abs(pose.position - gripper.position).max()
-        if away > farthest:
-            raise InvalidTask(f'{name} = {pose!r}: expected within {farthest:g} m of the gripper, '
-                              f'is {away:.3g} m off')
-
-
-def made_by(simulator: DirectSimulator, shape: Shape) -> bool:
-    """Whether a Shape is of a simulator's DLO, with all that acts on it there."""
-    return simulator._made(shape)
-
-
-def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, *task: Any) -> Motion:
-    """Return what `DirectSimulator.simulate` does, with another Stepper.
-
-    Parameters
-    ----------
-    make : callable
-        Makes the Stepper, of its mesh, grips, period and method.
-    simulator : DirectSimulator
-    task : object
-        Grippers, dt, initial, far ends, velocity, tolerance, integrator and Progress.
-    """
-    return simulator._motion(make, *task)
+    def mesh_after(self, shape: Shape | None) -> Discretization:
+        """Return the Discretization on which what follows a Shape, or None, is sought first."""
+        return mesh_to_begin_with(self._discretization, self._fine, self.accuracy,
+                                  instance('shape', shape, Shape, optional=True), self._history)
 
 
 def clamping(name: str, simulator: object) -> DirectSimulator:
     """Return a DirectSimulator whose gripper clamps the DLO; raise InvalidTask naming `name`."""
-    instance(name, simulator, DirectSimulator)
-    if simulator.surroundings.pinned:
+    direct: DirectSimulator = instance(name, simulator, DirectSimulator)
+    if direct.surroundings.pinned:
         raise InvalidTask(f'{name}.grip = \'pinned\': expected \'clamped\', which plans are made '
                           'for')
-    return simulator
+    result: DirectSimulator = direct
+    return result
 
 
 _OPTIONS = tuple(name for name in signature(DirectSimulator).parameters
                  if name not in ('rod', 'grip'))  # what holds the DLO is theirs to say
 
 
-def known_options(options):
+def known_options(options: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return a dict of options of `DirectSimulator`; raise InvalidTask if there is another."""
     for name in options:
         choice('option', name, _OPTIONS)

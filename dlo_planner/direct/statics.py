@@ -2,62 +2,60 @@
 # SPDX-License-Identifier: Apache-2.0
 """One equilibrium: from a gripper's pose and a discretization to a Shape with its proof."""
 
+from collections.abc import Callable
 from functools import partial
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from dlo_planner.direct.contacts import contacts_of, left_by_contacts, left_by_hold
+from dlo_planner.direct.acting import ACTING
+from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.far_hold import Limits, limits_of
 from dlo_planner.direct.hinge import pinned_newton
 from dlo_planner.direct.history import History
 from dlo_planner.direct.moments import balanced
+from dlo_planner.direct.part import Solved
+from dlo_planner.direct.proof import CONVERGED, proved, stored_after
 from dlo_planner.direct.shape import Shape
-from dlo_planner.energy.contact import obstructed
-from dlo_planner.energy.effects import stored
-from dlo_planner.energy.hold import holds
-from dlo_planner.energy.hold import violation as hold_violation
-from dlo_planner.energy.plastic import add_plastic, settled, yields
-from dlo_planner.energy.potential import tip_wrench, unknowns_of
+from dlo_planner.direct.state import State
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.energy.system import State as KernelState
+from dlo_planner.energy.system import System
 from dlo_planner.minimize.hanging import hang
-from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.minimize.methods import search
+from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.multipliers import constrained_newton
-from dlo_planner.minimize.newton import NEUTRAL, gradient_noise, newton
-from dlo_planner.model.far_end import distance, within_reach
+from dlo_planner.minimize.newton import NEUTRAL, newton
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import freeze
 
+Found: TypeAlias = tuple[Any, ...]  # what `minimize.hanging.hang` returns
+
 TOLERANCE = 1e-10  # of the residual; the last step of a quadratic method overshoots it
-CONVERGED = 1e-8   # what is promised
-_TOUCHING = 1e-7   # the same among obstacles, whose stiff springs multiply rounding errors
-_BLURRED = 1e-5    # a residual that rounding may make larger than this tells nothing
 EXACT = 1e-10      # of the length: violation of a constraint aimed at
-KEPT = 1e-6        # of the length: violation that still counts as converged
-_HELD = 1e-9       # of the length: the same of a held far end
-_SLACK = 1e-3      # of its slack: the same, as it pulls the tighter the less there is
 _ELSEWHERE = 0.1   # of the length: a shape in contact that moves so far is another one
 MAX_ITERATIONS = 1000
-_LEAST = 1e-10     # of the length: slack that is looked at
 _NO_PAST = np.zeros((0, 6))  # nothing has touched: where it was does not matter
-_IN_VAIN = 30      # Newton steps towards what is out of reach
 
 
-def equilibrium(discretization, gripper, strains, method='newton', history=None, far_end=None):
+def equilibrium(discretization: Discretization, gripper: Pose, strains: Floats,
+                method: str = 'newton', history: History | None = None,
+                far_end: FarEnd | None = None) -> tuple[Shape, int]:
     """Return the Shape that the DLO falls into from the given strains, and how often it kicked.
 
     Parameters
     ----------
-    discretization
-        Discretization.
-    gripper
-        Pose.
-    strains
-        (N, 3) of the elements, 1/m, where the descent starts.
-    method
+    discretization : Discretization
+    gripper : Pose
+    strains : ndarray, shape (N, 3)
+        Of the elements, 1/m, where the descent starts.
+    method : str, optional
         One of METHODS.
-    history
+    history : History or None, optional
         History on the same mesh. If None, no past.
-    far_end
-        FarEnd or None.
+    far_end : FarEnd or None, optional
     """
     if method == 'newton' and far_end is None and discretization.hangs:
         return hanging(discretization, gripper, strains)
@@ -66,30 +64,25 @@ def equilibrium(discretization, gripper, strains, method='newton', history=None,
     if method != 'newton':
         found = search(system, q, method, TOLERANCE)
         return shape_of(discretization, gripper, found, history), found.kicks
-    most, exact = MAX_ITERATIONS, EXACT
-    if not within_reach(far_end, gripper, discretization.s[-1], discretization.loaded):
-        most = _IN_VAIN
-    if far_end is not None and discretization.loaded:
-        # the less slack, the more its tension depends on where the end is
-        length = discretization.s[-1]
-        exact = min(exact, 1e-4 * max(1.0 - distance(far_end, gripper) / length, _LEAST))
-    found = solve(discretization, system, gripper, q, history, most, exact=exact)
+    most, exact = limits_of(discretization, gripper, far_end, Limits(MAX_ITERATIONS, EXACT))
+    found = solve(discretization, system, gripper, q, history, Search(most, exact=exact))
     return shape_of(discretization, gripper, found, history, far_end), found.kicks
 
 
-def hanging(discretization, gripper, strains, near=None, most=np.inf):
+def hanging(discretization: Discretization, gripper: Pose, strains: Floats,
+            near: Shape | None = None, most: float = np.inf) -> tuple[Shape, int]:
     """Return what `equilibrium` does for a DLO that hangs freely, see `Discretization.hangs`.
 
     Parameters
     ----------
-    strains
+    strains : ndarray
         As in `equilibrium`.
-    near
+    near : Shape or None, optional
         Shape on the same mesh. Where it is left by more than `most` (rad, of a node in the
         gripper), the search is given up.
     """
     frames, before, nodes = NO_FRAMES, gripper.rotation, NO_NODES
-    if most < np.inf:
+    if near is not None and most < np.inf:
         frames, before, nodes = near.frames, near.gripper.rotation, discretization.sampled
     if strains.flags.writeable:  # another type for kernels
         strains = np.array(strains)
@@ -99,27 +92,28 @@ def hanging(discretization, gripper, strains, near=None, most=np.inf):
     return found_hanging(discretization, gripper, found), found[-1]
 
 
-def found_hanging(discretization, gripper, found):
+def found_hanging(discretization: Discretization, gripper: Pose, found: Found) -> Shape:
     """Return the Shape of a DLO that hangs freely with its error, as `hanging_shape` without."""
     estimate = partial(_estimate_hanging, discretization, gripper, found[0], found[2])
     return hanging_shape(discretization, gripper, found, 0.0, estimate)
 
 
-def unknown():
+def unknown() -> float:
     """Return the error of what is not estimated by itself."""
     return np.inf
 
 
-def hanging_shape(discretization, gripper, found, rounding, estimate=unknown):
+def hanging_shape(discretization: Discretization, gripper: Pose, found: Found, rounding: float,
+                  estimate: Callable[[], float] = unknown) -> Shape:
     """Return the Shape of a DLO that hangs freely.
 
     Parameters
     ----------
-    found
+    found : tuple
         What `minimize.hanging.hang` returns.
-    rounding
+    rounding : float
         Rounding error of the residual, where it is larger than usual.
-    estimate
+    estimate : callable, optional
         Function that returns its error, m.
     """
     (strains, frames, positions, wrench, elastic, energy, residual, stability, iterations,
@@ -128,40 +122,58 @@ def hanging_shape(discretization, gripper, found, rounding, estimate=unknown):
     return Shape(gripper, discretization.s, positions, frames, strains, energy, elastic, wrench,
                  residual, stability, iterations,
                  bool(hangs_still(residual - 100 * rounding, stability)), far_wrench=_NOTHING,
-                 _estimate=estimate, _discretization=discretization, _history=past, _before=past)
+                 state=State.made(discretization, past, past, estimate))
 
 
-def hangs_still(residual, stability):
+def hangs_still(residual: Any, stability: Any) -> Any:
     """Whether a DLO that hangs freely is in a stable or neutral equilibrium."""
     return (residual < CONVERGED) & (stability > -NEUTRAL)
 
 
-def _estimate_hanging(discretization, gripper, strains, positions):
+def _estimate_hanging(discretization: Discretization, gripper: Pose, strains: Floats,
+                      positions: Floats) -> float:
     return _estimate(discretization, gripper, strains, positions - gripper.position, None, None)
 
 
-NO_NODES = np.zeros(0, dtype=np.int64)  # of no Leash
+NO_NODES: Ints = np.zeros(0, dtype=np.int64)  # of no Leash
 NO_FRAMES = np.zeros((0, 3, 3))
 freeze(NO_FRAMES)
 
 
-def solve(discretization, system, gripper, q, history, most=MAX_ITERATIONS, check=True,
-          exact=EXACT, rounding=0.0):
-    """Return the Minimum that is reached from q (m, 3) and the past `history` or None.
+class Search(NamedTuple):
+    """Until when a minimum is sought.
 
-    Parameters
+    Attributes
     ----------
-    exact
+    steps : int
+        Newton steps at most.
+    check : bool
+        Whether its stability is looked at, and what is unstable left.
+    exact : float
         Part of the length by which constraints may be violated.
-    rounding
+    rounding : float
         Rounding error of the residual, where it is larger than usual.
     """
+
+    steps: int = MAX_ITERATIONS
+    check: bool = True
+    exact: float = EXACT
+    rounding: float = 0.0
+
+
+THOROUGH = Search()
+
+
+def solve(discretization: Discretization, system: System, gripper: Pose, q: Floats,
+          history: History | None, how: Search = THOROUGH) -> Minimum:
+    """Return the Minimum that is reached from q (m, 3) and the past `history` or None."""
+    most, check, exact, rounding = how
     before = _NO_PAST
-    if history is not None and len(history.positions) and discretization.surroundings.obstacles:
+    if history is not None and len(history.positions):
         before = np.hstack([history.positions - gripper.position, history.tangents])
     newtons = pinned_newton if discretization.surroundings.pinned else constrained_newton
 
-    def solved(system, q):
+    def solved(system: System, q: Floats) -> Minimum:
         return newtons(system, q, TOLERANCE + rounding, most, check,
                        exact * discretization.s[-1], before)
 
@@ -170,98 +182,40 @@ def solve(discretization, system, gripper, q, history, most=MAX_ITERATIONS, chec
     return solved(system, q)
 
 
-def shape_of(discretization, gripper, found, history=None, far_end=None, rounding=0.0):
+def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, history: History | None = None,
+             far_end: FarEnd | None = None, rounding: float = 0.0) -> Shape:
     """Return the Shape of a kernel's result.
 
     Parameters
     ----------
-    found
-        Minimum.
-    rounding
+    found : Minimum
+    rounding : float, optional
         Rounding error of the residual, where it is larger than usual.
     """
-    state, system, stability = found.state, found.system, found.stability
-    if discretization.surroundings.pinned:
+    state, system = found.state, found.system
+    if mesh.surroundings.pinned:
         gripper = Pose.from_rotation(gripper.position, system.base)
-    history = history or discretization.start
-    load = discretization.load
-    new_set, lost = history.set, 0.0
-    if yields(system.plastic):
-        new_set, lost = settled(system.lengths, state.strains, system.natural, system.plastic)
-    if (system.natural is discretization.natural and discretization.isometric
-            and not yields(system.plastic)):
-        elastic = 0.5 * float(np.vdot(state.q, state.q))  # what the unknowns are scaled for
-    else:
-        elastic = elastic_energy(discretization, state.strains, new_set)
-    energy = (elastic + float(np.vdot(system.load.pull, state.positions))
-              + float(load @ gripper.position))
+    history = history or mesh.start
+    solved = Solved(mesh, system, state, gripper, far_end, history.left)
     positions = state.positions + gripper.position
-    touching = contacts_of(discretization, system, state, gripper)
-    past = History(discretization.s, new_set, history.lost + lost,
-                   *left_by_contacts(system, state, gripper, history), left_by_hold(system),
-                   positions, state.rotations[:, :, 0].copy(), discretization.surroundings)
-    converged = bool(_promised(system, state, found.residual, rounding)
-                     and stability > -_neutral(discretization, system)
-                     and _kept(discretization, gripper, system, state, found.violation, far_end))
-    return Shape(gripper, discretization.s, positions, state.rotations, state.strains, energy,
-                 elastic, _wrench(discretization, state), float(found.residual),
-                 float(stability), int(found.iterations), converged, contacts=touching,
+    past = History.after(solved, positions, state.rotations[:, :, 0].copy())
+    elastic = stored_after(solved, past.left)
+    energy = (elastic + float(np.vdot(system.load.pull, state.positions))
+              + float(mesh.load @ gripper.position))
+    reports = {name: value for part in ACTING
+               for name, value in part.reports(solved, past.left).items()}
+    estimate = partial(_estimate, mesh, gripper, state.strains, state.positions, history, far_end)
+    return Shape(gripper, mesh.s, positions, state.rotations, state.strains, energy,
+                 elastic, _wrench(mesh, state), float(found.residual),
+                 float(found.stability), int(found.iterations), proved(solved, found, rounding),
                  evaluations=found.evaluations, violation=float(found.violation), far_end=far_end,
-                 far_wrench=_NOTHING if far_end is None else _far_wrench(state),
-                 dissipated=past.lost,
-                 _estimate=partial(_estimate, discretization, gripper, state.strains,
-                                   state.positions, history, far_end),
-                 _discretization=discretization, _history=past, _before=history)
-
-
-def _neutral(discretization, system):
-    """Return below what eigenvalue, negated, a shape is not stable any more."""
-    constrained = (obstructed(system.contact) or holds(system.hold)
-                   or discretization.surroundings.pinned)
-    return HELD_NEUTRAL if constrained else NEUTRAL
-
-
-def _promised(system, state, residual, rounding):
-    """Whether the residual is below what is promised, or where constrained, what rounding leaves.
-
-    Forces that rounding errors hide, of a DLO that is nearly taut, are no answer.
-    """
-    if not obstructed(system.contact) and not holds(system.hold):
-        return residual < CONVERGED + 100 * rounding
-    noise = gradient_noise(system, state)
-    promised = _TOUCHING if obstructed(system.contact) else CONVERGED
-    return residual < max(promised, noise) + 100 * rounding and noise < _BLURRED
-
-
-def _kept(discretization, gripper, system, state, violation, far_end):
-    """Whether no constraint is violated by more than counts."""
-    length = discretization.s[-1]
-    if far_end is not None:
-        # the slack of a DLO that is nearly taut decides on its tension
-        slack = length - distance(far_end, gripper)
-        missed = hold_violation(system.hold, state.rotations[-1].copy(), state.positions[-1].copy())
-        most = min(_HELD * length, _SLACK * slack) if discretization.loaded else _HELD * length
-        if (not within_reach(far_end, gripper, length, discretization.loaded)
-                or missed > most):
-            return False
-    return violation <= KEPT * length
-
-
-def elastic_energy(discretization, strains, plastic_set):
-    """Return the stored energy in J of element strains (N, 3) with a set (N, J)."""
-    system = discretization.static
-    if not discretization.yields:
-        bent = strains - system.natural
-        return 0.5 * float(np.sum(system.lengths[:, None] * system.stiffness * bent**2))
-    layers, strains = system.plastic._replace(set=plastic_set.copy()), strains.copy()
-    return (stored(system.effects, system, strains)
-            + add_plastic(system.lengths, strains, system.natural, layers, np.zeros_like(strains)))
+                 state=State.made(mesh, past, history, estimate), **reports)
 
 
 _NOTHING = np.zeros(6)
 
 
-def _wrench(discretization, state):
+def _wrench(discretization: Discretization, state: KernelState) -> Floats:
     """Return force and moment (6,) on the DLO at its gripper."""
     moment = state.base_moment
     if discretization.surroundings.has_moments:
@@ -269,12 +223,8 @@ def _wrench(discretization, state):
     return np.concatenate([state.base_force, moment])
 
 
-def _far_wrench(state):
-    """Return force and moment (6,) on the DLO at its far end, about that end."""
-    return -tip_wrench(state)
-
-
-def _estimate(discretization, gripper, strains, positions, history, far_end):
+def _estimate(discretization: Discretization, gripper: Pose, strains: Floats, positions: Floats,
+              history: History | None, far_end: FarEnd | None) -> float:
     """Return how far, in m, the nodes are from the true rod's: see `Shape.error_estimate`.
 
     The elements are of second order, so halving them removes three quarters of their error.
@@ -287,18 +237,16 @@ def _estimate(discretization, gripper, strains, positions, history, far_end):
     system = finer.system(gripper.rotation, gripper.position, past, far_end)
     q = np.empty((finer.n_unknowns, 3))
     unknowns_of(system, np.repeat(strains, 2, axis=0), q)
-    if (discretization.obstructed or far_end is not None or discretization.yields
-            or discretization.surroundings.has_moments or discretization.surroundings.pinned):
-        found = solve(finer, system, gripper, q, past)
-        state, system = found.state, found.system
-        if not (_promised(system, state, found.residual, 0.0)
-                and found.stability > -_neutral(finer, system)
-                and _kept(finer, gripper, system, state, found.violation, far_end)):
-            return np.inf
-    else:
+    if discretization.hangs and far_end is None:
         state = newton(system, q, 1e-9, 4, False).state
+    else:
+        found = solve(finer, system, gripper, q, past)
+        state = found.state
+        if not proved(Solved(finer, found.system, state, gripper, far_end, past.left), found):
+            return np.inf
     moved = np.linalg.norm(state.positions[::2] - positions, axis=1).max()
-    if discretization.obstructed and moved > _ELSEWHERE * discretization.s[-1]:
+    may_let_go = any(part.lets_go and part.acts(discretization.surroundings) for part in ACTING)
+    if may_let_go and moved > _ELSEWHERE * discretization.s[-1]:
         return np.inf
     rounding = 1e-15 * discretization.s.size * discretization.s[-1]
     return float(4 / 3 * moved + rounding)

@@ -2,29 +2,42 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shapes and motions as npz or JSON files."""
 
-from dataclasses import fields
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dlo_planner.direct.contacts import Contact
 from dlo_planner.direct.history import History
 from dlo_planner.direct.json_arrays import read_json, write_json
+from dlo_planner.direct.state import State
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, shown
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Constant
 
+if TYPE_CHECKING:  # it imports this file
+    from dlo_planner.direct.shape import Shape
+
+T = TypeVar('T')
+ShapeT = TypeVar('ShapeT', bound='Shape')
+
 _FORMAT = 2  # 1: files of 0.1.0, which do not say what they hold
+_PAST, _WAY = 'past_', ('s', 'positions', 'tangents')
 _RENAMED = {'Report': 'ValidationReport'}  # in older files
 _ARRAYS = ('s', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
 _NUMBERS = ('energy', 'elastic_energy', 'residual', 'stability', 'iterations', 'converged',
             'jumped', 'evaluations', 'violation', 'dissipated')
 
 
-def pack(shape, prefix=''):
+def pack(shape: Shape, prefix: str = '') -> dict[str, NDArray[Any]]:
     """Return a dict of arrays that hold all of a Shape but the rod and its surroundings."""
     packed = {name: getattr(shape, name) for name in _ARRAYS + _NUMBERS}
     packed['gripper'] = np.concatenate([shape.gripper.position, shape.gripper.quaternion])
@@ -35,21 +48,16 @@ def pack(shape, prefix=''):
         packed['far_grip'] = end.grip
     packed['contacts'] = np.array([[c.obstacle, c.s, *c.position, *c.normal, c.force, *c.friction,
                                     c.penetration] for c in shape.contacts]).reshape(-1, 13)
-    if shape._history is not None:
-        for item in fields(History):
-            if item.name == 'of':
-                continue
-            value = getattr(shape._history, item.name)
-            if item.name == 'points':
-                packed |= {f'past_point_{key}': array for key, array in value.items()}
-            else:
-                packed[f'past_{item.name}'] = value
+    if shape.state.history is not None:
+        past = shape.state.history
+        packed |= {_PAST + name: array for name, array in past.left.items()}
+        packed |= {_PAST + name: getattr(past, name) for name in _WAY}
     return {prefix + key: np.asarray(value) for key, value in packed.items()}
 
 
-def unpack(shape_class, stored, prefix=''):
+def unpack(shape_class: type[ShapeT], stored: Mapping[str, Any], prefix: str = '') -> ShapeT:
     """Return the Shape whose arrays are in the mapping `stored` under `prefix`."""
-    def get(name):
+    def get(name: str) -> Any:
         return stored[prefix + name]
 
     gripper = get('gripper')
@@ -59,32 +67,34 @@ def unpack(shape_class, stored, prefix=''):
         far_end = FarEnd(Pose(end[:3], end[3:]), str(get('far_grip')))
     contacts = tuple(Contact(int(row[0]), row[1], row[2:5], row[5:8], row[8], row[9:12], row[12])
                      for row in get('contacts'))
-    history = None
-    if prefix + 'past_set' in stored:
-        mark = prefix + 'past_point_'
-        points = {key[len(mark):]: stored[key] for key in stored if key.startswith(mark)}
-        past_set = get('past_set').reshape(len(get('past_set')), -1)  # older files: layers apart
-        past = get('past_positions')
-        for name in ('shear', 'slid'):  # not in files of 1.0
-            points.setdefault(name, np.zeros_like(points['anchor']))
-        tangents = stored.get(prefix + 'past_tangents', get('frames')[:len(past), :, 0])
-        history = History(get('past_s'), past_set, float(get('past_lost')),
-                          get('past_node_force'), points, get('past_hold'), past, tangents)
+    mark = prefix + _PAST
+    past = {key[len(mark):]: stored[key] for key in stored if key.startswith(mark)}
+    history = _history(past, get('frames')) if past else None
     estimate = float(get('error_estimate'))
     values = {name: get(name) for name in _ARRAYS}
     values |= {name: get(name).item() for name in _NUMBERS}
     return shape_class(gripper=Pose(gripper[:3], gripper[3:]), contacts=contacts, far_end=far_end,
-                       _estimate=Constant(estimate), _history=history, **values)
+                       state=State(history=history, estimate=Constant(estimate)), **values)
 
 
-def save(path, arrays, kind):
+def _history(past: dict[str, Any], frames: Floats) -> History:
+    """Return the History of arrays by name; those of older files lack some."""
+    s, positions = past.pop('s'), past.pop('positions')
+    tangents = past.pop('tangents', frames[:len(positions), :, 0])
+    past['set'] = past['set'].reshape(len(past['set']), -1)  # files of 0.1.0: layers apart
+    for name in ('point_shear', 'point_slid'):  # not in files of 1.0
+        past.setdefault(name, np.zeros_like(past['point_anchor']))
+    return History(s, past, positions, tangents)
+
+
+def save(path: str | PathLike[str], arrays: Mapping[str, Any], kind: str) -> None:
     """Write a mapping of arrays: as JSON where `path` ends with .json, else as compressed npz.
 
     Both keep every number exactly.
 
     Parameters
     ----------
-    kind
+    kind : str
         Name of the value that they hold, e.g. 'Plan'.
 
     Raises
@@ -104,7 +114,7 @@ def save(path, arrays, kind):
                           f'{error}') from None
 
 
-def load(path, read, kind):
+def load(path: str | PathLike[str], read: Callable[[dict[str, NDArray[Any]]], T], kind: str) -> T:
     """Return what `read` makes of the mapping of arrays in a file that `save` wrote for a `kind`.
 
     Raises
@@ -133,10 +143,10 @@ def load(path, read, kind):
                           f'damaged: {error}') from None
 
 
-def _is_json(path):
+def _is_json(path: str | PathLike[str]) -> bool:
     return Path(path).suffix.lower() == '.json'
 
 
-def _read_npz(path):
+def _read_npz(path: str | PathLike[str]) -> dict[str, NDArray[Any]]:
     with np.load(path) as stored:
         return dict(stored)

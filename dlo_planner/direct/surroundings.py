@@ -5,15 +5,18 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.along import breaks_of
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, items, returned, vector
-from dlo_planner.model.obstacles import OBSTACLES, Sheet
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Sheet
 from dlo_planner.model.point_load import PointLoad
-from dlo_planner.model.profile import resolved
+from dlo_planner.model.profile import Profile, resolved
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
 
@@ -47,13 +50,13 @@ class Surroundings(Value):
     """
 
     rod: Rod
-    gravity: np.ndarray
-    load: np.ndarray | Callable | None = None
-    obstacles: tuple = ()
-    point_loads: tuple = ()
+    gravity: Floats
+    load: Floats | Callable[[float], ArrayLike] | None = None
+    obstacles: tuple[Obstacle, ...] = ()
+    point_loads: tuple[PointLoad, ...] = ()
     grip: str = 'clamped'
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         instance('rod', self.rod, Rod)
         choice('grip', self.grip, GRIPPERS)
         put(self, gravity=vector('gravity', self.gravity, 3),
@@ -75,13 +78,14 @@ class Surroundings(Value):
         super().__post_init__()
 
     @cached_property
-    def load_profile(self):
+    def load_profile(self) -> Profile:
         """Profile of a load that varies along the DLO."""
-        return resolved('load', lambda s: vector(f'load({s:g})', returned('load', self.load, s), 3),
-                        self.rod.length, breaks_of(self.load), InvalidTask)
+        load: Any = self.load
+        return resolved('load', lambda s: vector(f'load({s:g})', returned('load', load, s), 3),
+                        self.rod.length, breaks_of(load), InvalidTask)
 
     @cached_property
-    def breaks(self):
+    def breaks(self) -> Floats:
         """(n,) arc lengths inside the DLO at which what acts on it, or it itself, jumps, m."""
         places = [one.s for one in self.point_loads
                   if one.s is not None and 0 < one.s < self.rod.length]
@@ -90,11 +94,28 @@ class Surroundings(Value):
         return np.union1d(self.rod.breaks, places)
 
     @cached_property
-    def has_moments(self):
+    def has_moments(self) -> bool:
         """Whether a dead moment acts somewhere."""
         return any(one.moment.any() for one in self.point_loads)
 
     @property
-    def pinned(self):
+    def pinned(self) -> bool:
         """Whether the DLO's beginning may turn in the gripper."""
         return self.grip == 'pinned'
+
+
+def judge_method(around: Surroundings, method: str, strains: str, basis: str) -> None:
+    """Raise InvalidTask where the paper's methods and strains are asked for too much."""
+    if strains == 'paper' and (method == 'newton' or basis == 'local'):
+        raise InvalidTask(f'strains = {strains!r}: expected a series as basis and '
+                          '\'dfp\' or \'downhill_simplex\' as method, got '
+                          f'{basis!r}, {method!r}')
+    if method == 'newton':
+        return
+    if around.obstacles:
+        raise InvalidTask(f'method = {method!r}: expected \'newton\' with obstacles')
+    if around.pinned:
+        raise InvalidTask(f'method = {method!r}: expected \'newton\' with a pinned '
+                          'gripper')
+    if around.has_moments:
+        raise InvalidTask(f'method = {method!r}: expected \'newton\' with dead moments')

@@ -13,6 +13,8 @@ second derivative of the kinetic energy by the velocities, with the masses on th
 * With a held far end, coefficients of an orthonormal basis of the changes that its grip allows.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -23,13 +25,17 @@ from scipy.linalg import qr
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.hinge import hinge_unknowns, pinned_newton, with_hinge
 from dlo_planner.direct.sensitivity import gripper_answers
-from dlo_planner.energy.elastic import elastic_alone
+from dlo_planner.energy.elastic import purely_elastic
 from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.loads import node_masses
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.plastic import Layers
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import State, System, new_state
 from dlo_planner.errors import InvalidTask
+from dlo_planner.minimize.linear import Hessian
 from dlo_planner.minimize.multipliers import constrained_newton, firm
-from dlo_planner.minimize.newton import residual_of
+from dlo_planner.minimize.residual import residual_of
+from dlo_planner.model.arrays import Floats
 
 if TYPE_CHECKING:  # it imports this module
     from dlo_planner.direct.shape import Shape
@@ -90,10 +96,10 @@ class Linearized:
         The shape is not of this kind.
     """
 
-    def __init__(self, shape: 'Shape', name: str = 'shape'):
+    def __init__(self, shape: Shape, name: str = 'shape'):
         _check(shape, name)
-        self.shape, self.name, self._mesh = shape, name, shape._discretization
-        self._past = shape._before.holding(shape._history)
+        self.shape, self.name, self._mesh = shape, name, shape.state.made_on
+        self._past = shape.state.held
 
     @cached_property
     def vibration(self) -> Vibration:
@@ -129,10 +135,10 @@ class Linearized:
         """The Vibration with every element halved and without the series; None: not found."""
         return self._settled(self._mesh.finer, np.repeat(self.shape.element_strains, 2, axis=0))
 
-    def _settled(self, mesh, strains):
+    def _settled(self, mesh: Discretization, strains: Floats) -> Vibration | None:
         """Return the Vibration on another mesh, in equilibrium near strains (N, 3), or None."""
         shape = self.shape
-        past = mesh.past(shape._before)
+        past = mesh.past(shape.state.before)
         system = mesh.system(shape.gripper.rotation, shape.gripper.position, past, shape.far_end)
         q = mesh.unknowns(strains)
         newtons = pinned_newton if mesh.surroundings.pinned else constrained_newton
@@ -144,16 +150,16 @@ class Linearized:
         return _vibration(mesh, found.system, found.state.q)
 
 
-def _check(shape, name):
+def _check(shape: Shape, name: str) -> None:
     """Raise InvalidTask for a shape without vibrations that are linear and known."""
     if shape.parts is not None:
         raise InvalidTask(f'{name}: expected one held at its end; of a DLO grasped inside each of '
                           'Shape.parts vibrates by itself')
-    if shape._discretization is None or shape._before is None:
+    if shape.state.mesh is None or shape.state.before is None:
         raise InvalidTask(f'{name}: expected one that comes from a simulator')
     if not shape.converged:
         raise InvalidTask(f'{name} is {shape.status}: expected a converged one')
-    around = shape._discretization.surroundings
+    around = shape.state.mesh.surroundings
     if around.has_moments:
         raise InvalidTask(f'{name}: expected one without dead moments, which have no potential')
     if any(around.obstacles[contact.obstacle].friction for contact in shape.contacts):
@@ -161,21 +167,22 @@ def _check(shape, name):
                           'not linear however small the vibrations are')
 
 
-def _state(system, q):
+def _state(system: System, q: Floats) -> State:
     state = new_state(system)
     state.q[:] = q
     evaluate(system, state)
-    return state
+    result: State = state
+    return result
 
 
-def _vibration(mesh, system, q):
+def _vibration(mesh: Discretization, system: System, q: Floats) -> Vibration:
     """Return the Vibration about the equilibrium of a System at q (m, 3)."""
     masses = np.maximum(node_masses(mesh.rod, mesh.s), 0.0)  # rounding may take more than all
     nodes = slice(0, None)
     if mesh.surroundings.pinned:
         system, q, nodes = with_hinge(system), hinge_unknowns(system, q), slice(1, None)
     # what has yielded springs back: vibrations are elastic
-    system = system._replace(elastic=elastic_alone(), plastic=_without_springs(system.plastic))
+    system = system._replace(elastic=purely_elastic(), plastic=_without_springs(system.plastic))
     system = firm(system, _state(system, q))
     count = system.lengths.size + 1
     # springs of no strength, so that displacements are assembled too
@@ -196,13 +203,13 @@ def _vibration(mesh, system, q):
                      (system.lengths[:, None] * system.stiffness)[nodes])
 
 
-def _without_springs(layers):
+def _without_springs(layers: Layers | None) -> Layers | None:
     return None if layers is None else layers._replace(share=np.zeros(0))
 
 
-def _jacobian(system, hessian, positions):
+def _jacobian(system: System, hessian: Hessian, positions: Floats) -> Floats:
     """Return (N + 1, 3, 3 m): displacement of the nodes; positions (N + 1, 3) from the gripper."""
-    turning, basis = hessian.turning, system.basis
+    turning, basis = hessian.twist_jacobian, system.basis
     n = len(turning)
     if basis.shape[1]:
         twists = np.einsum('ej,eki->ekji', basis, turning)
@@ -218,7 +225,7 @@ def _jacobian(system, hessian, positions):
     return moved
 
 
-def _rigid(positions):
+def _rigid(positions: Floats) -> Floats:
     """Return (N + 1, 3, 6): displacement by rotation about the gripper, then displacement of it."""
     moved = np.zeros((len(positions), 3, 6))
     for i in range(3):
@@ -228,21 +235,23 @@ def _rigid(positions):
     return moved
 
 
-def _stiffness(system, hessian):
+def _stiffness(system: System, hessian: Hessian) -> Floats:
     """Return the symmetric Hessian (3 m, 3 m), of one unknown after the other."""
     if system.basis.shape[1]:
-        return 0.5 * (hessian.dense + hessian.dense.T)
-    n = len(hessian.turning)
+        dense: Floats = 0.5 * (hessian.dense + hessian.dense.T)
+        return dense
+    n = len(hessian.twist_jacobian)
     product = (hessian.cross.reshape(3 * n, 6)
-               @ hessian.turning.transpose(1, 0, 2).reshape(6, 3 * n)).reshape(n, 3, n, 3)
+               @ hessian.twist_jacobian.transpose(1, 0, 2).reshape(6, 3 * n)).reshape(n, 3, n, 3)
     earlier = np.tri(n, k=-1)[:, None, :, None]  # cross_f turning_e holds for e < f
     lower = product * earlier
     lower[np.arange(n), :, np.arange(n)] = 0.5 * hessian.diagonal
     lower = lower.reshape(3 * n, 3 * n)
-    return lower + lower.T
+    result: Floats = lower + lower.T
+    return result
 
 
-def _strains(system):
+def _strains(system: System) -> Floats:
     """Return (N, 3, 3 m): change of the elements' strains by the unknowns."""
     n = system.lengths.size
     basis = system.basis if system.basis.shape[1] else np.eye(n)
@@ -252,10 +261,11 @@ def _strains(system):
     return strains.reshape(n, 3, -1)
 
 
-def _free(held):
+def _free(held: Floats) -> Floats | None:
     """Return an orthonormal basis (c, c - rank) of the kernel of rows (K, c); None: no rows."""
     if not len(held):
         return None
     axes, triangle, _ = qr(held.T, pivoting=True)
     size = np.abs(np.diag(triangle))
-    return axes[:, int(np.sum(size > _DEPENDENT * size.max())):]
+    result: Floats | None = axes[:, int(np.sum(size > _DEPENDENT * size.max())):]
+    return result

@@ -14,9 +14,11 @@ for: d2g - (d(dg/ds))^2 / g_ss. A point beside the axis exerts a moment as well.
 Friction is `energy.friction`'s; each point of contact that rubs has a point of friction of its own.
 """
 
+from typing import Any
+
 import numpy as np
 
-from dlo_planner.energy.distance import AXIS, Scene, signed_distance
+from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.friction import add_friction
 from dlo_planner.energy.outline import (
     gap_at,
@@ -28,40 +30,52 @@ from dlo_planner.energy.outline import (
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.pushing import push, push_beside, push_node
 from dlo_planner.energy.rolling import watched
+from dlo_planner.energy.scene import AXIS, Scene
 from dlo_planner.kernels import kernel
-from dlo_planner.ritz.kinematics import point_inside, sort_points
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.ritz.attached import sort_points
+from dlo_planner.ritz.kinematics import point_inside
 from dlo_planner.ritz.record import Record, makes
 
 
 class Contacts(Record):
     """Points where the DLO may touch, and what is known of their forces.
 
-    Attributes:
-        stiffness: k, N/m
-        node: (M, N + 1) multipliers of nodes against obstacles, N
-        element: (C,) ascending, of points inside elements; obstacle: (C,) the one they are nearest
-            to, or -1 - o for a point of friction on obstacle o
-        multiplier: (C,) m, or the limit of the friction force, N
-
-        fraction: (C,) of the element, of points that are fixed there: 1 for a node, its end, less
-            for what is inside; 0 of points that roll along the DLO, where it is nearest
-
-        of points of friction alone
-        anchor: (C, 3) where it sticks, m, relative to the gripper; what is across `normal` counts
-        normal: (C, 3) of the obstacle there
-        shear: (C, 3) its multiplier, N, across the normal, against the friction on the DLO
-        grip: its stiffness, N/m
+    Attributes
+    ----------
+    stiffness : float
+        k, N/m.
+    node : ndarray, shape (M, N + 1)
+        Multipliers of nodes against obstacles, N.
+    element : ndarray of int, shape (C,)
+        Elements of the points inside elements, ascending.
+    obstacle : ndarray of int, shape (C,)
+        The one they are nearest to, or -1 - o for a point of friction on obstacle o.
+    multiplier : ndarray, shape (C,)
+        m, or the limit of the friction force, N.
+    fraction : ndarray, shape (C,)
+        Of the element, of points that are fixed there: 1 for a node, its end, less for what is
+        inside; 0 of points that roll along the DLO, where it is nearest.
+    anchor : ndarray, shape (C, 3)
+        Where a point of friction sticks, m, relative to the gripper; what is across `normal`
+        counts.
+    normal : ndarray, shape (C, 3)
+        Normal of the obstacle at a point of friction.
+    shear : ndarray, shape (C, 3)
+        Multiplier of a point of friction, N, across the normal, against the friction on the DLO.
+    grip : float
+        Stiffness of points of friction, N/m.
     """
 
     stiffness: float
-    node: np.ndarray
-    element: np.ndarray
-    obstacle: np.ndarray
-    multiplier: np.ndarray
-    fraction: np.ndarray
-    anchor: np.ndarray
-    normal: np.ndarray
-    shear: np.ndarray
+    node: Floats
+    element: Ints
+    obstacle: Ints
+    multiplier: Floats
+    fraction: Floats
+    anchor: Floats
+    normal: Floats
+    shear: Floats
     grip: float
 
 
@@ -76,8 +90,12 @@ def _new_contacts(stiffness, node, element, obstacle, multiplier, fraction, anch
 class Contact(Record):
     """Obstacles and where they are touched.
 
-    Attributes:
-        scene: see `energy.distance`; contacts: Contacts
+    Attributes
+    ----------
+    scene : Scene
+        The obstacles.
+    contacts : Contacts
+        Where they may be touched.
     """
 
     scene: Scene
@@ -90,12 +108,21 @@ def _new_contact(scene, contacts):
     return Contact(scene, contacts)
 
 
+@kernel
+def moved_scene(scene, shift):
+    """Return the same Scene for a gripper displaced by shift (3,), m."""
+    return Scene(scene.source, scene.kind, scene.axes, scene.center, scene.size, scene.friction,
+                 scene.hole_of, scene.hole_center, scene.hole_axis, scene.hole_size, scene.radius,
+                 scene.origin + shift, scene.feature, scene.offset, scene.rounding, scene.span,
+                 scene.radii)
+
+
 def obstructed(effect: Contact | None) -> bool:
     """Whether there are obstacles."""
     return effect is not None and effect.scene.kind.size > 0
 
 
-def needs(effect: Contact) -> dict:
+def needs(effect: Contact) -> dict[str, Any]:
     """Return what the solver has to provide for."""
     amid, beside = obstructed(effect), bool((effect.scene.feature != AXIS).any())
     return {'displaced': amid, 'attached': True, 'sprung': amid, 'beside': beside,
@@ -170,7 +197,7 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
     """Add the forces of all contacts to `pull` and `attached`; return their potential in J."""
     energy = 0.0
     k = contacts.stiffness
-    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    x, normal, hessian = np.empty(3), np.empty(3), np.empty((3, 3))
     frame, offset, second = np.empty((3, 3)), np.zeros(2), np.empty((9, 9))
     for o in range(scene.kind.size):
         if is_face(scene, o):
@@ -187,11 +214,12 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
                         + rotations[node, i, 2] * offset[1])
             if varies:
                 radius = radius_at_node(scene, o, node)
-            gap = signed_distance(scene, o, x, normal, bend) - radius
+            gap = signed_distance(scene, o, x, normal, hessian) - radius
             force = contacts.node[o, node] - k * gap
             if force > 0.0:
                 energy += 0.5 * force * force / k
-                push_node(scene, o, node, force, k, rotations[node], offset, normal, bend, second,
+                push_node(scene, o, node, force, k, rotations[node], offset, normal, hessian,
+                          second,
                            pull, attached)
             energy -= 0.5 * contacts.node[o, node] ** 2 / k
             node = next_touching(lengths, contacts.node[o], node, gap * longest)
@@ -208,19 +236,19 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
             energy += add_friction(contacts, c, lengths, strains, rotations, positions, attached)
             continue
         gap, e, fraction = watched(scene, contacts, c, lengths, strains, rotations, positions,
-                                   normal, bend)
+                                   normal, hessian)
         attached.element[c], attached.fraction[c] = e, fraction
         point_inside(lengths, strains, rotations, positions, e, fraction, frame, x)
         force = contacts.multiplier[c] - k * gap
         if force > 0.0:
             energy += 0.5 * force * force / k
             if scene.feature[o] == AXIS:
-                push(c, force, k, contacts.fraction[c] == 0.0, strains[e], frame, normal, bend,
+                push(c, force, k, contacts.fraction[c] == 0.0, strains[e], frame, normal, hessian,
                      attached)
             else:
-                gap_at(scene, o, frame, x, 0.0, offset, x.copy(), normal, bend)
+                gap_at(scene, o, frame, x, 0.0, offset, x.copy(), normal, hessian)
                 push_beside(scene, o, c, force, k, contacts.fraction[c] == 0.0, strains[e],
-                            frame, offset, normal, bend, second, attached)
+                            frame, offset, normal, hessian, second, attached)
         energy -= 0.5 * contacts.multiplier[c] ** 2 / k
     sort_points(attached)
     return energy
@@ -237,11 +265,11 @@ def next_touching(lengths, multiplier, node, gap):
         gap: m, of `node`, per length of what may touch along the DLO (`outline.longest_stretch`)
     """
     last = lengths.size
-    way = 0.0
+    distance = 0.0
     while node <= last:
         if node < last:
-            way += lengths[node]
+            distance += lengths[node]
         node += 1
-        if way >= gap or node <= last and multiplier[node] > 0.0:
+        if distance >= gap or node <= last and multiplier[node] > 0.0:
             break
     return node

@@ -2,16 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """How deep a DLO lies in obstacles."""
 
+from __future__ import annotations
+
 import numpy as np
 
-from dlo_planner.energy.distance import NODE_FACE
 from dlo_planner.energy.outline import node_gap, nodes_of, stretch
 from dlo_planner.energy.rolling import nearest_inside
+from dlo_planner.energy.scene import NODE_FACE, Scene
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 
 
 @kernel
-def depth(scene, lengths, strains, rotations, positions):
+def depth(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
+          positions: Floats) -> float:
     """Return how deep in m the surface of a DLO lies in an obstacle, at most; 0 if it is clear.
 
     Args:
@@ -19,12 +23,12 @@ def depth(scene, lengths, strains, rotations, positions):
             `scene.origin`
     """
     deepest = 0.0
-    normal, bend, offset, point = np.empty(3), np.empty((3, 3)), np.zeros(2), np.empty(3)
+    normal, hessian, offset, point = np.empty(3), np.empty((3, 3)), np.zeros(2), np.empty(3)
     for o in range(scene.kind.size):
         begin, end = nodes_of(scene, o, lengths.size)
         last = np.inf
         for k in range(begin, end + 1):
-            gap = node_gap(scene, o, k, rotations, positions, offset, point, normal, bend)
+            gap = node_gap(scene, o, k, rotations, positions, offset, point, normal, hessian)
             if k > 0:
                 deepest = max(deepest, -gap)
             e = k - 1
@@ -32,7 +36,7 @@ def depth(scene, lengths, strains, rotations, positions):
             if k > begin and scene.feature[o] != NODE_FACE and (
                     min(gap, last) - 0.5 * lengths[e] * stretch(scene, o, strains[e]) < -deepest):
                 inside, _ = nearest_inside(scene, o, e, lengths, strains, rotations, positions,
-                                           normal, bend)
+                                           normal, hessian)
                 deepest = max(deepest, -inside)
             last = gap
     return deepest

@@ -34,7 +34,8 @@ import numpy as np
 
 from dlo_planner.energy import contact, elastic, hold, inertia, loads, magnet, plastic
 from dlo_planner.kernels import kernel
-from dlo_planner.ritz.kinematics import Attached, nothing_attached
+from dlo_planner.model.arrays import Floats
+from dlo_planner.ritz.attached import Attached, nothing_attached
 from dlo_planner.ritz.record import Record, makes
 
 EFFECTS = {'elastic': elastic, 'plastic': plastic, 'load': loads, 'anchor': inertia,
@@ -50,25 +51,35 @@ class Effects(Record):
 class Border(Record):
     """What K rows that are held add to a Newton system, see `minimize.border`.
 
-    Attributes:
-        rows: (K, m, 3) derivatives of what is held by the unknowns
-        answers: (K, m, 3) H^-1 of them; schur: (K, K) inverse of rows answers + give
-        give: (1,) m/N, by which each of them gives way
+    Attributes
+    ----------
+    rows : ndarray, shape (K, m, 3)
+        Derivatives of what is held by the unknowns.
+    answers : ndarray, shape (K, m, 3)
+        H^-1 of them.
+    schur : ndarray, shape (K, K)
+        Inverse of rows answers + give.
+    give : ndarray, shape (1,)
+        By how much each of them gives way, m/N.
     """
 
-    rows: np.ndarray
-    answers: np.ndarray
-    schur: np.ndarray
-    give: np.ndarray
+    rows: Floats
+    answers: Floats
+    schur: Floats
+    give: Floats
 
 
 class Needs(Record):
     """What effects need of the solver; None where no effect that is there ever does.
 
-    Attributes:
-        displaced: whether displacements of what lies beyond an element matter, not only rotations
-        attached: an empty Attached of the right sizes, where forces act elsewhere than on nodes
-        border: an empty Border of the right number of rows, where something is held
+    Attributes
+    ----------
+    displaced : bool or None
+        Whether displacements of what lies beyond an element matter, not only rotations.
+    attached : Attached or None
+        An empty one of the right sizes, where forces act elsewhere than on nodes.
+    border : Border or None
+        An empty one of the right number of rows, where something is held.
     """
 
     displaced: bool | None
@@ -147,9 +158,16 @@ def _written(name: str, arguments: str, body: list[str], **scope: Any) -> Callab
 def _of_all(hook: str, arguments: str, begin: str, each: str, end: str) -> Callable[..., Any]:
     """Return the kernel that calls a hook of all effects that have it.
 
-    Args:
-        arguments: of the hook, after the effect
-        begin, end: first and last line; each: line for an effect, {} where the call stands
+    Parameters
+    ----------
+    hook : str
+        Name of the hook.
+    arguments : str
+        Arguments of the hook, after the effect.
+    begin, end : str
+        First and last line.
+    each : str
+        Line for an effect, {} where the call stands.
     """
     calls = {f'{name}_{hook}': (getattr(module, hook), name) for name, module in EFFECTS.items()
              if hasattr(module, hook)}
@@ -180,6 +198,6 @@ def _replacing(name: str) -> Callable[..., Any]:
     return _written(f'with_{name}', 'effects, effect', [f'return Effects({values})'])
 
 
-with_anchor, with_hold = _replacing('anchor'), _replacing('hold')
+with_anchor, with_hold, with_contact = (_replacing(name) for name in ('anchor', 'hold', 'contact'))
 makes(Effects)(_written('_new_effects', ', '.join(EFFECTS),
                         [f'return Effects({", ".join(EFFECTS)})']))

@@ -8,19 +8,23 @@ Of a DLO that yields this is the part that never does; `energy.plastic` has the 
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.record import Record, makes
 
 
 class Elastic(Record):
     """What is elastic of a DLO.
 
-    Attributes:
-        part: (3,) of the stiffness that never yields, all of it where nothing yields
-        couple: (N, 3) moments that pull at the strains, N m; (0, 3): none
+    Attributes
+    ----------
+    part : ndarray, shape (3,)
+        Part of the stiffness that never yields: all of it where nothing yields.
+    couple : ndarray, shape (N, 3)
+        Moments that pull at the strains, N m; (0, 3): none.
     """
 
-    part: np.ndarray
-    couple: np.ndarray
+    part: Floats
+    couple: Floats
 
 
 @makes(Elastic)
@@ -29,15 +33,15 @@ def _new_elastic(part, couple):
     return Elastic(part, couple)
 
 
-def elastic_alone() -> Elastic:
+def purely_elastic() -> Elastic:
     """Return the Elastic of a DLO that never yields."""
     return Elastic(np.ones(3), np.zeros((0, 3)))
 
 
-def with_couples(elastic: Elastic, couple: np.ndarray) -> Elastic:
+def with_couples(elastic: Elastic, couple: Floats) -> Elastic:
     """Return an Elastic at whose strains the moments `couple` (N, 3) in N m pull as well."""
-    known = elastic.couple if len(elastic.couple) else np.zeros_like(couple)
-    return elastic._replace(couple=known + couple)
+    before = elastic.couple if len(elastic.couple) else np.zeros_like(couple)
+    return elastic._replace(couple=before + couple)
 
 
 def hinged(effect: Elastic, _: float) -> Elastic:

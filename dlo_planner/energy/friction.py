@@ -9,14 +9,22 @@ augmented Lagrangian of Simo and Laursen 1992). For a given limit T has a potent
 the minimizer sees; the outer loop moves limit and shear.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.kinematics import point_inside
+
+if TYPE_CHECKING:
+    from dlo_planner.energy.contact import Contacts
 
 
 @kernel
-def trial_force(contacts, c, x, trial):
+def trial_force(contacts: Contacts, c: int, x: Floats, trial: Floats) -> float:
     """Fill trial (3,), what would pull point of friction c back to its anchor; return its size.
 
     Args:

@@ -10,30 +10,44 @@ dead loads. Springs stand beside the multipliers. They vanish, with their gradie
 they change no equilibrium; they make the Hessian positive along what is held.
 """
 
+from __future__ import annotations
+
+from typing import Any
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.record import Record, makes
 
 
 class Hold(Record):
     """What is held of the far end; K = 0 if it is free.
 
-    Attributes:
-        target: (3,) where the end is held, m, world axes, relative to the gripper
-        axes: (3, 3) its frame there, columns t, n, b
-        share: (3,) a_i, how much each axis counts
-        rows: (K, 6) held directions of the twist: lever (m) times a unit vector of rotation, or
-            a unit vector of displacement
-        multiplier: (K,) derivative of the potential by c, N
-        stiffness: N/m, of displacement; turn_stiffness: N m, of rotation
+    Attributes
+    ----------
+    target : ndarray, shape (3,)
+        Where the end is held, m, world axes, relative to the gripper.
+    axes : ndarray, shape (3, 3)
+        Its frame there, columns t, n, b.
+    share : ndarray, shape (3,)
+        a_i, how much each axis counts.
+    rows : ndarray, shape (K, 6)
+        Held directions of the twist: lever (m) times a unit vector of rotation, or a unit vector of
+        displacement.
+    multiplier : ndarray, shape (K,)
+        Derivative of the potential by c, N.
+    stiffness : float
+        Of displacement, N/m.
+    turn_stiffness : float
+        Of rotation, N m.
     """
 
-    target: np.ndarray
-    axes: np.ndarray
-    share: np.ndarray
-    rows: np.ndarray
-    multiplier: np.ndarray
+    target: Floats
+    axes: Floats
+    share: Floats
+    rows: Floats
+    multiplier: Floats
     stiffness: float
     turn_stiffness: float
 
@@ -55,7 +69,7 @@ def holds(effect: Hold | None) -> bool:
     return effect is not None and effect.multiplier.size > 0
 
 
-def needs(effect: Hold) -> dict:
+def needs(effect: Hold) -> dict[str, Any]:
     """Return what the solver has to provide for."""
     return {'displaced': holds(effect), 'attached': True, 'rows': effect.multiplier.size}
 
@@ -86,7 +100,7 @@ def fill_miss(hold, rotation, position, miss):
 
 
 @kernel
-def violation(hold, rotation, position):
+def violation(hold: Hold, rotation: Floats, position: Floats) -> float:
     """Return by how much the grip is missed, m: the size of c (K,)."""
     miss = np.empty(hold.multiplier.size)
     fill_miss(hold, rotation, position, miss)

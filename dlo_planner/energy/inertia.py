@@ -10,22 +10,28 @@ over the nodes; the integrator (`direct.dynamics`) says where the anchors are an
 The section's own rotational inertia is neglected (of order (d/L)^2).
 """
 
+from typing import Any
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.record import Record, makes
 
 
 class Anchor(Record):
     """Where the masses of the nodes are drawn to.
 
-    Attributes:
-        place: (N + 1, 3) relative to the gripper, m; (0, 3) without inertia
-        weight: (N + 1,) how strongly, N/m; (0,) without inertia
+    Attributes
+    ----------
+    place : ndarray, shape (N + 1, 3)
+        Relative to the gripper, m; (0, 3) without inertia.
+    weight : ndarray, shape (N + 1,)
+        How strongly, N/m; (0,) without inertia.
     """
 
-    place: np.ndarray
-    weight: np.ndarray
+    place: Floats
+    weight: Floats
 
 
 @makes(Anchor)
@@ -39,7 +45,7 @@ def no_anchor() -> Anchor:
     return Anchor(np.zeros((0, 3)), np.zeros(0))
 
 
-def needs(effect: Anchor) -> dict:
+def needs(effect: Anchor) -> dict[str, Any]:
     """Return what the solver has to provide for."""
     return {'displaced': effect.weight.size > 0}
 

@@ -2,20 +2,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """Dead loads: gravity on the DLO's own mass and on the masses it carries, Eq. 2a, and others."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.point_load import PointLoad
+from dlo_planner.model.profile import Profile
+from dlo_planner.model.rod import Rod
 from dlo_planner.ritz.record import Record, makes
 
 
 class Load(Record):
     """Forces on the nodes that turn no way with the DLO.
 
-    Attributes:
-        pull: (N + 1, 3) derivative of their potential by the node positions, N: minus the forces
+    Attributes
+    ----------
+    pull : ndarray, shape (N + 1, 3)
+        Derivative of their potential by the node positions, N: minus the forces.
     """
 
-    pull: np.ndarray
+    pull: Floats
 
 
 @makes(Load)
@@ -45,11 +56,34 @@ def potential(effect, system, positions):
     return dead_load(effect.pull, positions)[0]
 
 
-def node_masses(rod, s):
-    """Return the masses (n,) in kg that stand for the rod on nodes at arc lengths `s` (n,).
+class Loaded(Protocol):
+    """What acts on a DLO besides its weight: `direct.surroundings.Surroundings` is one."""
+
+    @property
+    def load(self) -> Floats | Callable[..., Any] | None:
+        """Force per length, N/m: (3,), or a function of s; None: none."""
+
+    @property
+    def load_profile(self) -> Profile:
+        """The same where it is a function."""
+
+    @property
+    def point_loads(self) -> tuple[PointLoad, ...]:
+        """Forces and moments at places."""
+
+
+def node_masses(rod: Rod, s: Floats) -> Floats:
+    """Return the masses (N + 1,) in kg that stand for the rod on its nodes.
 
     Each element's own mass goes to its two nodes, as does a point mass to the two around it: the
     total and the center are right.
+
+    Parameters
+    ----------
+    rod : Rod
+        The DLO.
+    s : ndarray, shape (N + 1,)
+        Arc lengths of the nodes, m.
     """
     masses = rod.node_masses(s)
     masses[-1] += rod.tip_mass
@@ -58,8 +92,16 @@ def node_masses(rod, s):
     return masses
 
 
-def node_forces(surroundings, s):
-    """Return the forces (n, 3) in N on nodes at `s` (n,) of all loads but the weight."""
+def node_forces(surroundings: Loaded, s: Floats) -> Floats:
+    """Return the forces (N + 1, 3) in N on the nodes, of all loads but the weight.
+
+    Parameters
+    ----------
+    surroundings : Loaded
+        What acts on the DLO.
+    s : ndarray, shape (N + 1,)
+        Arc lengths of the nodes, m.
+    """
     forces = np.zeros((s.size, 3))
     load = surroundings.load
     if callable(load):
@@ -73,17 +115,25 @@ def node_forces(surroundings, s):
     return forces
 
 
-def node_moments(surroundings, s):
-    """Return the dead moments (n, 3) in N m on nodes at `s` (n,), which hold all their points."""
+def node_moments(surroundings: Loaded, s: Floats) -> Floats:
+    """Return the dead moments (N + 1, 3) in N m on the nodes.
+
+    Parameters
+    ----------
+    surroundings : Loaded
+        What acts on the DLO.
+    s : ndarray, shape (N + 1,)
+        Arc lengths of the nodes, m: all places of moments are among them.
+    """
     moments = np.zeros((s.size, 3))
     for one in surroundings.point_loads:
         _share(moments, s, s[-1] if one.s is None else one.s, one.moment)
     return moments
 
 
-def _share(nodes, s, where, amount):
+def _share(nodes: Floats, s: Floats, where: float, amount: float | Floats) -> None:
     """Add an amount at arc length `where` to the two nodes around it, so that its place is kept."""
-    e = min(max(np.searchsorted(s, where, side='right') - 1, 0), s.size - 2)
+    e = min(max(int(np.searchsorted(s, where, side='right')) - 1, 0), s.size - 2)
     share = (where - s[e]) / (s[e + 1] - s[e])
     nodes[e] += (1 - share) * amount
     nodes[e + 1] += share * amount

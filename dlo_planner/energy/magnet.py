@@ -11,24 +11,32 @@ is, unlike dead loads, and its second derivatives are springs between nodes and 
 the way to it: all that an effect on nodes can bring.
 """
 
+from typing import Any
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
-from dlo_planner.ritz.kinematics import spring_at
+from dlo_planner.model.arrays import Floats
+from dlo_planner.ritz.attached import spring_at
 from dlo_planner.ritz.record import Record, makes
 
 
 class Magnet(Record):
     """A pole, and what it attracts.
 
-    Attributes:
-        pole: (3,) world, m; size: a, m
-        weight: (N + 1,) of the nodes, J m
+    Attributes
+    ----------
+    pole : ndarray, shape (3,)
+        Its place in the world, m.
+    size : float
+        a, m.
+    weight : ndarray, shape (N + 1,)
+        w of the nodes, J m.
     """
 
-    pole: np.ndarray
+    pole: Floats
     size: float
-    weight: np.ndarray
+    weight: Floats
 
 
 @makes(Magnet)
@@ -37,7 +45,7 @@ def _new_magnet(pole, size, weight):
     return Magnet(pole, size, weight)
 
 
-def needs(effect: Magnet) -> dict:
+def needs(effect: Magnet) -> dict[str, Any]:
     """Return what the solver has to provide for: springs on nodes, so displacements matter."""
     return {'displaced': True, 'attached': True, 'sprung': True}
 
@@ -52,21 +60,21 @@ def add_forces(effect, system, state):
     """Add dV/dx to `state.pull` and d2V to the springs; return V in J and the sum of its terms."""
     if effect is None:
         return 0.0, 0.0
-    energy, size, way = 0.0, 0.0, np.empty(3)
+    energy, size, arm = 0.0, 0.0, np.empty(3)
     for k in range(1, effect.weight.size):  # the first node is the gripper's
         square = effect.size**2
         for i in range(3):
-            way[i] = system.origin[i] + state.positions[k, i] - effect.pole[i]
-            square += way[i] * way[i]
+            arm[i] = system.origin[i] + state.positions[k, i] - effect.pole[i]
+            square += arm[i] * arm[i]
         part = effect.weight[k] / np.sqrt(square)
         energy -= part
         size += abs(part)
         spring = spring_at(state.attached, k)
         for i in range(3):
-            state.pull[k, i] += part / square * way[i]
+            state.pull[k, i] += part / square * arm[i]
             spring[i, i] += part / square
             for j in range(3):
-                spring[i, j] -= 3.0 * part / square**2 * way[i] * way[j]
+                spring[i, j] -= 3.0 * part / square**2 * arm[i] * arm[j]
     return energy, size
 
 

@@ -9,19 +9,24 @@ through a cut-out or around the border. Of a rectangular DLO all that holds for 
 solid between them, where a round bar or an edge could pass, the plane has to be below all four.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
-from dlo_planner.energy.distance import AXIS, BOX, FACE, NODE_FACE, PLANE, SHEET, in_plane
+from dlo_planner.energy.distance import in_plane
 from dlo_planner.energy.outline import gap_at, node_gap, nodes_of, radius_at_node, stretch
 from dlo_planner.energy.rolling import nearest_inside
+from dlo_planner.energy.scene import AXIS, BOX, FACE, NODE_FACE, PLANE, SHEET, Scene
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.kinematics import point_inside
 
 _FLUSH = 1e-9  # of the length: what is that near to a surface lies in it
 
 
 @kernel
-def passes_through(scene, lengths, strains, rotations, old, turned, new):
+def passes_through(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats, old: Floats,
+                   turned: Floats, new: Floats) -> bool:
     """Return whether the motion from `old` to `new` crosses an obstacle.
 
     Args:
@@ -96,7 +101,7 @@ def _move(scene, o, k, rotations, old, turned, new, before, after):
 @kernel
 def _through_solid(scene, o, flush, farthest, lengths, strains, rotations, old, turned, new):
     """Whether an element goes through a convex body; no node moves by more than `farthest`."""
-    normal, bend, x = np.empty(3), np.empty((3, 3)), np.empty(3)
+    normal, hessian, x = np.empty(3), np.empty((3, 3)), np.empty(3)
     rotation, offset, point = np.empty((3, 3)), np.zeros(2), np.empty(3)
     before, after = np.empty((4, 3)), np.empty((4, 3))
     inner = scene.size[o, 2]
@@ -114,10 +119,10 @@ def _through_solid(scene, o, flush, farthest, lengths, strains, rotations, old, 
             continue
         radius = radius_at_node(scene, o, k)
         move = _move(scene, o, k, rotations, old, turned, new, before, after)
-        here = node_gap(scene, o, k, rotations, old, offset, point, normal, bend)
-        clear = here - margin
-        near, moved, thick = min(here, last_gap), max(move, last_move), max(radius, last_radius)
-        last_gap, last_move, last_radius = here, move, radius
+        gap_here = node_gap(scene, o, k, rotations, old, offset, point, normal, hessian)
+        clear = gap_here - margin
+        near, moved, thick = min(gap_here, last_gap), max(move, last_move), max(radius, last_radius)
+        last_gap, last_move, last_radius = gap_here, move, radius
         if k == begin:
             continue
         e = k - 1
@@ -125,12 +130,13 @@ def _through_solid(scene, o, flush, farthest, lengths, strains, rotations, old, 
         # no point of an element is farther than half its length from one of its nodes
         if moved <= near - 0.5 * lengths[e] * stretch(scene, o, strains[e]) + depth:
             continue
-        gap, fraction = nearest_inside(scene, o, e, lengths, strains, rotations, old, normal, bend)
+        gap, fraction = nearest_inside(scene, o, e, lengths, strains, rotations, old, normal,
+                                       hessian)
         deep = max(gap + depth, flush)  # what is deeper inside may only come out
         if moved <= deep:
             continue
         point_inside(lengths, strains, rotations, old, e, fraction, rotation, x)
-        gap_at(scene, o, rotation, x, 0.0, offset, point, normal, bend)
+        gap_at(scene, o, rotation, x, 0.0, offset, point, normal, hessian)
         for end in range(e, e + 2):
             for c in range(_corners(scene, o, turned[end], new[end], after)):
                 above = 0.0

@@ -14,9 +14,12 @@ W(u) is the energy stored plus the energy newly lost: its minimum is the step's 
 derivative the moment.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.ritz.record import Record, makes
 
 SHARED = 3  # kind of springs that both curvatures strain; 0, 1, 2: one of the strains does
@@ -25,26 +28,34 @@ SHARED = 3  # kind of springs that both curvatures strain; 0, 1, 2: one of the s
 class Layers(Record):
     """How a section yields; J springs, none for an elastic DLO.
 
-    Attributes:
-        direction: (J, 3) unit vector, strain of the spring by torsion and curvatures; a spring is
-            strained by torsion or by curvatures
-        limit: (J,) strain at which it yields, 1/m
-        share: (J,) of the stiffness of its kind
-        kind: (J,) 0 torsion, 1 curvature about n, 2 about b, SHARED both
-        strength: (N, 4) stiffness of each kind, N m^2
-        ellipse: (2,) curvatures about n and b at which what is not firm yields, if no spring bears
-            bending, 1/m; else (0,)
-        set: (N, J) plastic strain of each spring in each element, 1/m; with an ellipse (N, J + 2),
-            the plastic curvature last
+    Attributes
+    ----------
+    direction : ndarray, shape (J, 3)
+        Unit vector: strain of the spring by torsion and curvatures. A spring is strained by torsion
+        or by curvatures.
+    limit : ndarray, shape (J,)
+        Strain at which it yields, 1/m.
+    share : ndarray, shape (J,)
+        Its part of the stiffness of its kind.
+    kind : ndarray of int, shape (J,)
+        0 torsion, 1 curvature about n, 2 about b, SHARED both.
+    strength : ndarray, shape (N, 4)
+        Stiffness of each kind, N m^2.
+    ellipse : ndarray, shape (2,)
+        Curvatures about n and b at which what is not firm yields, if no spring bears bending, 1/m;
+        else (0,).
+    set : ndarray, shape (N, J)
+        Plastic strain of each spring in each element, 1/m; with an ellipse (N, J + 2), the plastic
+        curvature last.
     """
 
-    direction: np.ndarray
-    limit: np.ndarray
-    share: np.ndarray
-    kind: np.ndarray
-    strength: np.ndarray
-    ellipse: np.ndarray
-    set: np.ndarray
+    direction: Floats
+    limit: Floats
+    share: Floats
+    kind: Ints
+    strength: Floats
+    ellipse: Floats
+    set: Floats
 
 
 @makes(Layers)
@@ -130,7 +141,8 @@ def add_stiffness(effect, system, state, diagonal):
 
 
 @kernel
-def add_plastic(lengths, strains, natural, layers, gradient):
+def add_plastic(lengths: Floats, strains: Floats, natural: Floats, layers: Layers,
+                gradient: Floats) -> float:
     """Add dW/du (N, 3) to `gradient` and return W, stored and newly lost, in J.
 
     Args:
@@ -139,7 +151,7 @@ def add_plastic(lengths, strains, natural, layers, gradient):
     """
     energy = 0.0
     direction, limit, share, kind = layers.direction, layers.limit, layers.share, layers.kind
-    strength, known = layers.strength, layers.set
+    strength, plastic_strain = layers.strength, layers.set
     for e in range(lengths.size):
         h = lengths[e]
         d0 = strains[e, 0] - natural[e, 0]
@@ -148,7 +160,7 @@ def add_plastic(lengths, strains, natural, layers, gradient):
         m0 = m1 = m2 = density = 0.0
         for j in range(limit.size):
             a0, a1, a2 = direction[j]
-            away = a0 * d0 + a1 * d1 + a2 * d2 - known[e, j]
+            away = a0 * d0 + a1 * d1 + a2 * d2 - plastic_strain[e, j]
             elastic = _within(away, limit[j])
             moment = strength[e, kind[j]] * share[j] * elastic
             m0 += moment * a0
@@ -181,7 +193,7 @@ def _in_ellipse(e, d1, d2, layers):
 def add_plastic_stiffness(lengths, strains, natural, layers, scale, diagonal):
     """Add d2W by the scaled strains to diagonal (N, 3, 3), scale: (N, 3)."""
     direction, limit, share, kind = layers.direction, layers.limit, layers.share, layers.kind
-    strength, known = layers.strength, layers.set
+    strength, plastic_strain = layers.strength, layers.set
     for e in range(lengths.size):
         d0 = strains[e, 0] - natural[e, 0]
         d1 = strains[e, 1] - natural[e, 1]
@@ -189,7 +201,7 @@ def add_plastic_stiffness(lengths, strains, natural, layers, scale, diagonal):
         k00 = k11 = k22 = k12 = 0.0
         for j in range(limit.size):
             a0, a1, a2 = direction[j]
-            if abs(a0 * d0 + a1 * d1 + a2 * d2 - known[e, j]) <= limit[j]:
+            if abs(a0 * d0 + a1 * d1 + a2 * d2 - plastic_strain[e, j]) <= limit[j]:
                 k = strength[e, kind[j]] * share[j]
                 k00 += k * a0 * a0
                 k11 += k * a1 * a1
@@ -220,11 +232,12 @@ def _ellipse_stiffness(e, d1, d2, layers):
 
 
 @kernel
-def settled(lengths, strains, natural, layers):
+def settled(lengths: Floats, strains: Floats, natural: Floats,
+            layers: Layers) -> tuple[Floats, float]:
     """Return the set after the step to `strains`, as `layers.set`, and the energy lost in it, J."""
     direction, limit, share, kind = layers.direction, layers.limit, layers.share, layers.kind
-    strength, known = layers.strength, layers.set
-    new = known.copy()
+    strength, plastic_strain = layers.strength, layers.set
+    new = plastic_strain.copy()
     lost = 0.0
     for e in range(lengths.size):
         d0 = strains[e, 0] - natural[e, 0]
@@ -232,7 +245,7 @@ def settled(lengths, strains, natural, layers):
         d2 = strains[e, 2] - natural[e, 2]
         for j in range(limit.size):
             a0, a1, a2 = direction[j]
-            away = a0 * d0 + a1 * d1 + a2 * d2 - known[e, j]
+            away = a0 * d0 + a1 * d1 + a2 * d2 - plastic_strain[e, j]
             elastic = _within(away, limit[j])
             new[e, j] += away - elastic
             lost += lengths[e] * strength[e, kind[j]] * share[j] * elastic * (away - elastic)
@@ -245,7 +258,7 @@ def settled(lengths, strains, natural, layers):
 
 
 @kernel
-def set_strains(stiffness, layers):
+def set_strains(stiffness: Floats, layers: Layers) -> Floats:
     """Return (N, 3) the strains since the natural ones at which no moment acts, 1/m.
 
     Args:

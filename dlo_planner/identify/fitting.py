@@ -6,7 +6,8 @@ The model: an observed point is a point of the DLO plus noise, independent and a
 the gripper's pose is known but for a normal error, another one at each observation; what is sought
 may be known beforehand, within a normal error too. The most likely values are found by least
 squares, the noise (unless it is known) from what is left, by the number of residuals that nothing
-was fitted to. To first order, deviations are then those of repeated experiments.
+was fitted to. To first order, deviations are then those of repeated experiments. In a motion, what
+the model does not know lasts: there, residuals that go together widen them (`identify.together`).
 """
 
 from __future__ import annotations
@@ -24,10 +25,11 @@ from dlo_planner.direct.simulator import DirectSimulator, known_options
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.identify.likelihood import LOSSES, Errors, Statistics
 from dlo_planner.identify.observation import Observation, ObservedMotion
-from dlo_planner.identify.observed import Observed
+from dlo_planner.identify.observed import ROUGHLY, Observed
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, figure, flag, instance, items, number, results
+from dlo_planner.model.checks import choice, flag, instance, items, number
+from dlo_planner.model.computed import figure, results
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
@@ -204,7 +206,8 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
     begin = None
     for mesh in meshes[_first_mesh(rod, observations, motions, options, meshes):]:
         observed = Observed(unknowns, observations, motions, pose, {**mesh, **options}, steps)
-        observed.choose_steps(np.append(unknowns.begin, np.zeros(observed.size - unknowns.size)))
+        observed.choose_steps(np.append(unknowns.begin, np.zeros(observed.size - unknowns.size)),
+                              ROUGHLY)
         errors = Errors(observed, unknowns.prior(prior), noise, rho, scale)
         found, statistics = _found(observed, errors, steps, begin)
         if _exact(observed.at(found.x).shapes[:len(observations)], rod):
@@ -220,14 +223,21 @@ def _found(observed: Observed, errors: Errors, steps: Progress,
     poses = np.zeros(observed.size - unknowns.size)
     stiff, first = np.append(unknowns.stiff, poses), np.append(unknowns.begin, poses)
     if begin is not None:
+        observed.choose_steps(begin)
         return errors.settled(errors.minimum(begin))
     if not observed.at(first).any:
         raise NotConverged('rod: no equilibrium was found for any observation with the first guess')
-    searches, starts = [], _STARTS if stiff.any() else _STARTS[:1]
-    for shift in starts:
-        searches.append(errors.minimum(first + shift * stiff))
+    starts = [first + shift * stiff for shift in (_STARTS if stiff.any() else _STARTS[:1])]
+    if observed.motions:  # they are costly: only the best start is followed, with few steps first
+        starts = [min(starts, key=errors.cost)]
+    searches = []
+    for start in starts:
+        searches.append(errors.minimum(start))
         steps.done(len(searches), len(starts) + 1)
-    found, statistics = errors.settled(min(searches, key=lambda search: search.cost))
+    best = min(searches, key=lambda search: search.cost)
+    if observed.choose_steps(best.x):
+        best = errors.minimum(best.x)
+    found, statistics = errors.settled(best)
     steps.done(len(starts) + 1, len(starts) + 1)
     return found, statistics
 

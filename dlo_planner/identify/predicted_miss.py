@@ -17,7 +17,8 @@ from dlo_planner.identify.response import node_slopes
 from dlo_planner.identify.settling import settled
 from dlo_planner.identify.uncertain import mesh_of
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import instance, number, results, row, shown
+from dlo_planner.model.checks import instance, number, row, shown
+from dlo_planner.model.computed import results
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.plan import Plan
 
@@ -131,7 +132,7 @@ def judged_plan(estimate: Estimate, plan: Plan) -> Plan:
     """Return a Plan of the estimated DLO; raise InvalidTask if it is none."""
     length = estimate.uncertain.simulator.rod.length
     for shape in instance('plan', plan, Plan).shapes:
-        if shape._discretization is None or abs(shape.s[-1] / length - 1) > _OTHER:
+        if shape.state.mesh is None or abs(shape.s[-1] / length - 1) > _OTHER:
             raise InvalidTask('plan: expected shapes of the whole DLO that is estimated')
     return plan
 

@@ -187,8 +187,8 @@ class Uncertain(Value):
 
 def mesh_of(shape: Shape) -> Discretization:
     """Return the Discretization on which a simulator found a Shape."""
-    assert shape._discretization is not None  # only a shape that was loaded has none
-    return shape._discretization
+    assert shape.state.mesh is not None  # only a shape that was loaded has none
+    return shape.state.mesh
 
 
 class Varied:

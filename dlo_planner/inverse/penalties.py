@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
-from dlo_planner.energy.distance import Scene, build_scene
+from dlo_planner.energy.scene import Scene, build_scene
 from dlo_planner.inverse.penalty import cross_matrix, judged, length_of, weight_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import direction, instance, items, vector

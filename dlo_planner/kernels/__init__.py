@@ -12,7 +12,7 @@ Python function that is written: the same numbers, some hundred times slower.
 import warnings
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, ParamSpec, TypeVar, overload
 
 try:
     import numba
@@ -26,7 +26,19 @@ if COMPILED:
     from dlo_planner.kernels.cache import KernelCache
 
 
-def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Callable[..., Any]:
+_P = ParamSpec('_P')
+_R = TypeVar('_R')
+
+
+@overload
+def kernel(function: Callable[_P, _R]) -> Callable[_P, _R]: ...
+
+
+@overload
+def kernel(**options: Any) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]: ...
+
+
+def kernel(function: Any = None, **options: Any) -> Any:
     """Compile a function when it is first called, and keep what was compiled for the next process.
 
     Where nothing can be written it is compiled anew in each process.
@@ -42,7 +54,6 @@ def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Callab
         return function
     # Python's lock is free while a kernel runs: threads work side by side, and a node sends its
     # commands on time while a shape is sought
-    made = numba.njit(function, **{'nogil': True} | options)
-    made._cache = KernelCache(made)
-    result: Callable[..., Any] = made
-    return result
+    dispatcher = numba.njit(function, **{'nogil': True} | options)
+    dispatcher._cache = KernelCache(dispatcher)
+    return dispatcher

@@ -65,12 +65,12 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba is not annotated
         target_context.refresh()
         for name in self._files(sig, accepted(target_context.codegen().magic_tuple())):
             for folder in folders().read:
-                found = _read(folder / name)
+                content = _read(folder / name)
                 # pickles of numba's types, classes and environments: whatever fails is compiled
                 with suppress(Exception):
-                    made = found and _rebuilt(target_context, *pickle.loads(found))
-                    if made and tuple(made.signature.args) == _arguments(sig):
-                        return made
+                    result = content and _rebuilt(target_context, *pickle.loads(content))
+                    if result and tuple(result.signature.args) == _arguments(sig):
+                        return result
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -93,11 +93,11 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba is not annotated
         if any(isinstance(one, Callable) for one in arguments):
             return []
         try:
-            known = fingerprint(self._kernel)
+            sources = fingerprint(self._kernel)
         except Unseen:
             return []
         types = _digest(str(arguments))
-        return [f'{_stem(self._kernel, known, target)}-{types}.kernel' for target in targets]
+        return [f'{_stem(self._kernel, sources, target)}-{types}.kernel' for target in targets]
 
 
 def _rebuilt(target_context: Any, library: tuple[str, str, tuple[bytes, bytes]], described: Any,
@@ -111,7 +111,7 @@ def _rebuilt(target_context: Any, library: tuple[str, str, tuple[bytes, bytes]],
     engine._defined_symbols |= {
         described.llvm_func_name, described.llvm_cpython_wrapper_name,
         described.llvm_cfunc_wrapper_name, *(one.env_name for one in rest[-1])}
-    made = compiler.CompileResult._rebuild(
+    result = compiler.CompileResult._rebuild(
         target_context, (name, kind, (machine_code, _no_bitcode())), described, *rest)
 
     @cache
@@ -120,8 +120,8 @@ def _rebuilt(target_context: Any, library: tuple[str, str, tuple[bytes, bytes]],
         engine._load_defined_symbols(module)
         return module
 
-    made.library._get_module_for_linking = read
-    return made
+    result.library._get_module_for_linking = read
+    return result
 
 
 @cache
@@ -129,11 +129,11 @@ def _no_bitcode() -> bytes:
     return bytes(llvm.parse_assembly('').as_bitcode())
 
 
-def _stem(kernel: Dispatcher, known: str, target: tuple[str, ...]) -> str:
+def _stem(kernel: Dispatcher, sources: str, target: tuple[str, ...]) -> str:
     """Return how the names of a kernel's files begin, of these sources and this compiler."""
     function = kernel.py_func
     name = f'{function.__module__}.{function.__qualname__}'.replace('<locals>.', '')
-    return f'{name}-{_digest(known, environment(), target)}'
+    return f'{name}-{_digest(sources, environment(), target)}'
 
 
 def current_stems() -> set[str]:

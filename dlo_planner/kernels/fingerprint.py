@@ -107,14 +107,14 @@ def _of_written(value: Any, seen: _Seen) -> Iterator[bytes]:
     if not isinstance(value, (type, FunctionType)):
         raise Unseen(f'{value!r} of {type(value).__qualname__}: a kernel reads numbers, tuples, '
                      'arrays, kernels and Records, each by its own name')
-    known = getattr(value, '__fingerprint__', None)
+    stated = getattr(value, '__fingerprint__', None)
     written = [function.templates[0]._overload_func for name, function in builtin_registry.globals
-               if name is value] if known is None else []
-    if known is None and not written:
+               if name is value] if stated is None else []
+    if stated is None and not written:
         raise Unseen(f'{value.__module__}.{value.__qualname__} is neither a kernel nor a Record')
     yield f'{value.__module__}.{value.__qualname__}'.encode()
-    if known is not None:
-        yield from _of_value(known(), seen)
+    if stated is not None:
+        yield from _of_value(stated(), seen)
     for function in written:
         yield from _of_function(function, seen)
 

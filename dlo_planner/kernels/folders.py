@@ -69,8 +69,8 @@ def _temporary() -> Path:
     """Return a folder that nobody else can have filled: what lies in it is run."""
     folder = Path(tempfile.gettempdir()) / f'dlo_planner-{os.getuid()}'
     folder.mkdir(mode=0o700, exist_ok=True)
-    found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o022:
+    status = folder.lstat()
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid() or status.st_mode & 0o022:
         raise PermissionError(folder)
     return folder
 
@@ -80,8 +80,8 @@ def prune(folder: Path, room: float = _ROOM) -> None:
     files = []
     for path in folder.iterdir():
         with suppress(OSError):  # another process does the same
-            found = path.stat()
-            files.append((found.st_mtime, found.st_size, path))
+            status = path.stat()
+            files.append((status.st_mtime, status.st_size, path))
     for _, size, path in sorted(files, reverse=True):
         room -= size
         if room < 0:

@@ -32,7 +32,7 @@ def fill_border(system, state, hessian, border):
             for i in range(3):
                 values[e, i] = 0.0
                 for k in range(6):
-                    values[e, i] += hessian.turning[e, k, i] * twists[row, k]
+                    values[e, i] += hessian.twist_jacobian[e, k, i] * twists[row, k]
         project(system.basis, values, border.rows[row])
 
 

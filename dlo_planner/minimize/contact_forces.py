@@ -14,7 +14,6 @@ from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.potential import project
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorize, new_hessian, solve
-from dlo_planner.minimize.touching import touching
 from dlo_planner.ritz.kinematics import part_of_element, point_inside
 
 _SOFT = 1e-3      # of a spring's compliance, added: contacts that depend on each other share
@@ -36,8 +35,22 @@ def move_multipliers(system, state, table, share):
     for a in range(table.gap.size):
         if table.rubbing[a] >= 0:
             shear[a] = state.attached.force[table.rubbing[a]]
-    used = (share > 0.0 and table.gap.size > 0
-            and _solved(system, state, table, share, normal, shear))
+    used = share > 0.0 and table.gap.size > 0
+    if used:
+        target, across = normal.copy(), shear.copy()
+        used = lawful(system, state, table, target, across, np.empty_like(state.q))
+        if used:
+            for a in range(table.gap.size):
+                normal[a] += share * (target[a] - normal[a])
+                for i in range(3):
+                    shear[a, i] += share * (across[a, i] - shear[a, i])
+    put_forces(system, table, normal, shear)
+    return used
+
+
+@kernel
+def put_forces(system, table, normal, shear):
+    """Make forces, normal (A,) and across (A, 3), the multipliers of `system`, in place."""
     contacts, friction = system.effects.contact.contacts, system.effects.contact.scene.friction
     contacts.node[:] = 0.0
     for c in range(contacts.element.size):
@@ -56,12 +69,19 @@ def move_multipliers(system, state, table, share):
             size = max(limit, np.sqrt(np.sum(shear[a] ** 2)))
             for i in range(3):
                 contacts.shear[c, i] = shear[a, i] * limit / size if size > 0.0 else 0.0
-    return used
 
 
 @kernel
-def _solved(system, state, table, share, normal, shear):
-    """Move normal (A,) and shear (A, 3) towards the linearized laws' forces; return if done."""
+def lawful(system, state, table, normal, shear, step):
+    """Fill the forces that satisfy the linearized laws, and the step to where they do.
+
+    Args:
+        normal: (A,), shear: (A, 3) the forces as they are; filled where it can be trusted
+        step: (m, 3) filled
+
+    Returns:
+        whether it can
+    """
     hessian, contacts = new_hessian(system), system.effects.contact.contacts
     assemble(system, state, hessian)
     if factorize(system, hessian, 0.0) > 0:
@@ -73,7 +93,7 @@ def _solved(system, state, table, share, normal, shear):
         first[a] = size
         size += 1 if table.rubbing[a] < 0 else 3
     axes, laws = np.zeros((size, 3)), np.zeros((size, 3))
-    _linearize(system, state, table, first, axes, laws)
+    linearize(system, state, table, first, axes, laws)
     loads, answers = _answers(system, state, hessian, table, first, axes)
     compliance = _products(loads, answers)
     shift = np.zeros(size)  # of the limits, to those of the multipliers as they are
@@ -92,19 +112,41 @@ def _solved(system, state, table, share, normal, shear):
     for i in range(size):
         if not abs(free[i] - np.sum(reaction[i] * change)) < farthest:
             return False
-    k = system.effects.contact.contacts.stiffness
     for a in range(count):
         i = first[a]
-        normal[a] += share * (k * table.gap[a] + change[i])
+        normal[a] += contacts.stiffness * table.gap[a] + change[i]
         if table.rubbing[a] >= 0:
-            wanted = (contacts.shear[table.rubbing[a]] + change[i + 1] * axes[i + 1]
-                      + change[i + 2] * axes[i + 2])
-            shear[a] += share * (wanted - shear[a])
+            for j in range(3):
+                shear[a, j] = (contacts.shear[table.rubbing[a], j] + change[i + 1] * axes[i + 1, j]
+                               + change[i + 2] * axes[i + 2, j])
+    solve(system, hessian, state.gradient, step)
+    _add_answers(table, first, laws, shift, change, answers, step)
     return True
 
 
 @kernel
-def _linearize(system, state, table, first, axes, laws):
+def _add_answers(table, first, laws, shift, change, answers, step):
+    """Complete the step (m, 3), negated so far, by what the changes of the multipliers do."""
+    part = shift.copy()
+    for a in range(table.gap.size):
+        i = first[a]
+        part[i] -= change[i]
+        if table.rubbing[a] >= 0:
+            if laws[i + 1, 0] > 0.0:
+                part[i + 1] += laws[i + 1, 2] * change[i]
+            else:
+                part[i + 1] += change[i + 1]
+            part[i + 2] += laws[i + 1, 1] * change[i + 2]
+    for e in range(step.shape[0]):
+        for j in range(3):
+            total = -step[e, j]
+            for i in range(part.size):
+                total -= part[i] * answers[i, 3 * e + j]
+            step[e, j] = total
+
+
+@kernel
+def linearize(system, state, table, first, axes, laws):
     """Fill axes (K, 3): normal, direction of friction, third; and laws (K, 3) of the friction.
 
     Laws: in the second row whether it slides, the limit's part of the trial force, mu; in the third
@@ -180,8 +222,8 @@ def unit_load(system, state, hessian, element, fraction, beside, axis, load):
     for e in range(element):
         for j in range(3):
             for k in range(3):
-                rows[e, j] += (hessian.turning[e, k, j] * moment[k]
-                               + hessian.turning[e, 3 + k, j] * axis[k])
+                rows[e, j] += (hessian.twist_jacobian[e, k, j] * moment[k]
+                               + hessian.twist_jacobian[e, 3 + k, j] * axis[k])
     for j in range(3):
         for k in range(3):
             one, other = (k + 1) % 3, (k + 2) % 3
@@ -287,47 +329,3 @@ def _equations(system, table, first, laws, reaction, free):
                 matrix[i + j, i + j] += _SOFT
                 right[i + j] = slid + grip * free[i + j]
     return matrix, right
-
-
-@kernel
-def add_sliding(system, state, hessian, answers):
-    """Complete the `answers` (6, m, 3) to the gripper's twists by what slides: T follows mu N.
-
-    Args:
-        hessian: of `system` at `state`, factorized; with the springs of friction alone, which know
-            nothing of the forces that the limits depend on
-    """
-    contacts, k = system.effects.contact.contacts, system.effects.contact.contacts.stiffness
-    table = touching(system.effects.contact.scene, contacts, system.lengths, state)
-    first = np.arange(0, 3 * table.gap.size, 3)
-    axes, laws = np.zeros((first.size * 3, 3)), np.zeros((first.size * 3, 3))
-    _linearize(system, state, table, first, axes, laws)
-    slides = np.flatnonzero(laws[1::3, 0] > 0.0)
-    size = slides.size
-    across, response = np.empty((size, *state.q.shape)), np.empty((size, *state.q.shape))
-    matrix, change, load = np.eye(size), np.empty((6, size)), np.empty_like(state.q)
-    rotation, x = np.empty((3, 3)), np.empty(3)
-    for p in range(size):
-        a = slides[p]
-        e, fraction = table.element[a], table.fraction[a]
-        unit_load(system, state, hessian, e, fraction, table.arm[a], axes[3 * a], across[p])
-        unit_load(system, state, hessian, e, fraction, np.zeros(3), axes[3 * a + 1], load)
-        solve(system, hessian, load, response[p])
-        response[p] *= laws[3 * a + 1, 2]
-        point_inside(system.lengths, state.strains, state.rotations, state.positions, e, fraction,
-                     rotation, x)
-        x += table.arm[a]
-        normal = axes[3 * a]
-        for i in range(3):
-            j, m = (i + 1) % 3, (i + 2) % 3
-            change[i, p] = x[j] * normal[m] - x[m] * normal[j]  # turned with the gripper
-            change[3 + i, p] = normal[i]
-        for i in range(6):
-            change[i, p] = -k * (change[i, p] + np.sum(across[p] * answers[i]))
-    for p in range(size):
-        for r in range(size):
-            matrix[p, r] -= k * np.sum(across[p] * response[r])
-    for i in range(6):
-        eliminated(matrix.copy(), change[i])
-        for p in range(size):
-            answers[i] -= change[i, p] * response[p]

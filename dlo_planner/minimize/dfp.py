@@ -6,52 +6,59 @@ The inverse Hessian starts as the identity, which in scaled unknowns it nearly i
 step takes in what the change of the gradient tells (Fletcher and Powell 1963).
 """
 
+from __future__ import annotations
+
 import numpy as np
 
-from dlo_planner.minimize.line_search import along
-from dlo_planner.minimize.protocol import Ended
+from dlo_planner.minimize.line_search import Point, along
+from dlo_planner.minimize.protocol import Ended, Problem
+from dlo_planner.model.arrays import Floats
 
 _LARGEST = 2.0  # of problem.scale: the longest step. Farther ones wind turns into a wire.
 
 
-def dfp(problem, q, tolerance, most=10_000):
-    """Return where the search Ended that begins with `q` (n,).
+def dfp(problem: Problem, q: Floats, tolerance: float, most: int = 10_000) -> Ended:
+    """Return where the search Ended that begins with `q`.
 
-    Args:
-        problem: Problem
-        q: where to start
-        tolerance: of the gradient's size, relative to that of q and problem.scale together
-        most: evaluations after which no further step is made
+    Parameters
+    ----------
+    problem : Problem
+        The function.
+    q : ndarray, shape (n,)
+        Start.
+    tolerance : float
+        Largest size of the gradient at the end, relative to that of q and problem.scale together.
+    most : int, optional
+        Evaluations after which no further step is made.
     """
     evaluations = 1
 
-    def look(at):
+    def look(q: Floats) -> tuple[float, Floats]:
         nonlocal evaluations
         evaluations += 1
-        return problem.value_and_gradient(at)
+        return problem.value_and_gradient(q)
 
-    inverse, known = np.eye(q.size), False
-    value, gradient = problem.value_and_gradient(q)
+    inverse, updated = np.eye(q.size), False
+    point = Point(q, *problem.value_and_gradient(q))
     iterations = 0
-    while evaluations < most and (np.linalg.norm(gradient)
-                                  >= tolerance * np.hypot(np.linalg.norm(q), problem.scale)):
-        direction = -inverse @ gradient
-        if direction @ gradient >= 0:  # rounding has spoilt the update
-            inverse, known, direction = np.eye(q.size), False, -gradient
-        direction *= min(1.0, _LARGEST * problem.scale / np.linalg.norm(direction))
-        found = along(look, q, direction, value, gradient, problem.noise)
-        if found is None:
-            if not known:
+    while evaluations < most and (np.linalg.norm(point.gradient)
+                                  >= tolerance * np.hypot(np.linalg.norm(point.q), problem.scale)):
+        direction = -inverse @ point.gradient
+        if direction @ point.gradient >= 0:  # rounding has spoilt the update
+            inverse, updated, direction = np.eye(q.size), False, -point.gradient
+        direction *= min(1.0, float(_LARGEST * problem.scale / np.linalg.norm(direction)))
+        lower = along(look, point, direction, problem.noise)
+        if lower is None:
+            if not updated:
                 break  # straight down there is nothing lower either
-            inverse, known = np.eye(q.size), False
+            inverse, updated = np.eye(q.size), False
             continue
-        new, value, slope = found
-        step, change = new - q, slope - gradient
-        q, gradient = new, slope
+        step, change = lower.q - point.q, lower.gradient - point.gradient
+        point = lower
         iterations += 1
         if step @ change > 0:
-            seen = inverse @ change
+            turned = inverse @ change
             inverse += (np.outer(step, step) / (step @ change)
-                        - np.outer(seen, seen) / (change @ seen))
-            known = True
-    return Ended(q, iterations, evaluations)
+                        - np.outer(turned, turned) / (change @ turned))
+            updated = True
+    return Ended(point.q, iterations, evaluations)

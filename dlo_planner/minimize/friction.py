@@ -2,17 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a DLO rubs: the points of friction, what they stick to, and the limits of their forces."""
 
+from __future__ import annotations
+
 import numpy as np
 
+from dlo_planner.energy.contact import Contacts
+from dlo_planner.energy.system import State, System
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import touching, with_contacts_of
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.kinematics import point_inside
 
 _GROWTH = 2.0  # of a force, beyond its multiplier, that is believed
 
 
 @kernel
-def with_friction(system, contacts, state, previous):
+def with_friction(system: System, contacts: Contacts, state: State, previous: Floats) -> Contacts:
     """Return the Contacts with a point of friction for each contact that bears and rubs.
 
     The force of a contact that is new may be anything: its multiplier bounds the limit.
@@ -29,23 +34,23 @@ def with_friction(system, contacts, state, previous):
     rubs = scene.friction[table.obstacle] > 0.0
     for a in range(rubs.size):
         c = table.inside[a]
-        known = (contacts.multiplier[c] if c >= 0
+        bound = (contacts.multiplier[c] if c >= 0
                  else contacts.node[table.obstacle[a], table.element[a] + 1])
-        table.force[a] = min(table.force[a], _GROWTH * known)
-        rubs[a] &= known > 0.0
+        table.force[a] = min(table.force[a], _GROWTH * bound)
+        rubs[a] &= bound > 0.0
     count = np.sum(rubs)
     anchors, shears = np.empty((count, 3)), np.zeros((count, 3))
     limits = scene.friction[table.obstacle[rubs]] * table.force[rubs]
     elements, fractions = table.element[rubs], table.fraction[rubs]
     obstacles, normals = -1 - table.obstacle[rubs], table.normal[rubs]
-    here, there = np.empty(3), np.empty(3)
+    place, former = np.empty(3), np.empty(3)
     for p in range(count):
-        _before(system, state, previous, elements[p], fractions[p], here)
-        anchors[p] = here
+        _before(system, state, previous, elements[p], fractions[p], place)
+        anchors[p] = place
         c = _known(contacts, obstacles[p], elements[p], fractions[p])
         if c >= 0:
-            _before(system, state, previous, contacts.element[c], contacts.fraction[c], there)
-            anchors[p] += contacts.anchor[c] - there
+            _before(system, state, previous, contacts.element[c], contacts.fraction[c], former)
+            anchors[p] += contacts.anchor[c] - former
             _cut(contacts.shear[c], normals[p], limits[p], shears[p])
     kept = contacts.obstacle >= 0
     return with_contacts_of(

@@ -6,18 +6,24 @@ All of it is one kernel: of the time that such a shape takes, most would else be
 kernels. Many shapes in a loop need no Python at all.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.energy.effects import potential, stored
-from dlo_planner.energy.potential import turned_system, unknown_count, unknowns_of
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.energy.system import System, turned_system, unknown_count
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.leash import leash_on
 from dlo_planner.minimize.newton import leashed_newton
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.ritz.truncation import truncation
 
 
 @kernel
-def hang(system, base, origin, strains, tolerance, max_iterations, frames, before, nodes, most):
+def hang(system: System, base: Floats, origin: Floats, strains: Floats, tolerance: float,
+         max_iterations: int, frames: Floats, before: Floats, nodes: Ints, most: float) -> tuple[
+             Floats, Floats, Floats, Floats, float, float, float, float, int, int]:
     """Return the equilibrium that the DLO falls into from given strains.
 
     Args:
@@ -27,11 +33,20 @@ def hang(system, base, origin, strains, tolerance, max_iterations, frames, befor
         tolerance, max_iterations: as `newton`
         frames, before, nodes, most: of the Leash, see `leash_on`
 
-    Returns:
-        strains: (N, 3); rotations: (N + 1, 3, 3); positions: (N + 1, 3), world, m
-        wrench: (6,) force and moment of the gripper on the DLO
-        elastic, energy: J, what is stored in the DLO, and all with the dead loads' potential
-        residual, stability, iterations, kicks: as `newton`
+    Returns
+    -------
+    strains : ndarray, shape (N, 3)
+        Strains of the elements, 1/m.
+    rotations : ndarray, shape (N + 1, 3, 3)
+        Frames of the nodes.
+    positions : ndarray, shape (N + 1, 3)
+        Positions of the nodes, world, m.
+    wrench : ndarray, shape (6,)
+        Force and moment of the gripper on the DLO, N, N m.
+    elastic, energy : float
+        Energy that is stored in the DLO, and all with the dead loads' potential, J.
+    residual, stability, iterations, kicks
+        As of `newton.leashed_newton`.
     """
     turned = turned_system(system, base.copy(), origin.copy())
     q = np.empty((unknown_count(system), 3))
@@ -63,8 +78,10 @@ def fallen(system, static, origin, q, tolerance, max_iterations, check, leash):
 
 
 @kernel
-def hang_many(system, bases, origins, start, tolerance, max_iterations, frames, nodes, strains,
-              rotations, positions, wrenches, energies, proofs, iterations):
+def hang_many(system: System, bases: Floats, origins: Floats, start: Floats, tolerance: float,
+              max_iterations: int, frames: Floats, nodes: Ints, strains: Floats, rotations: Floats,
+              positions: Floats, wrenches: Floats, energies: Floats, proofs: Floats,
+              iterations: Ints) -> None:
     """Fill the equilibria that the DLO falls into from one shape in many grippers, as `hang`.
 
     Args:

@@ -2,10 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many DLOs that hang freely, each of another rod, from one compiled loop."""
 
+from __future__ import annotations
+
 import numpy as np
 
+from dlo_planner.energy.system import System
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.hanging import hang
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.ritz.record import Record, makes
 from dlo_planner.ritz.truncation import truncation
 
@@ -13,20 +17,31 @@ from dlo_planner.ritz.truncation import truncation
 class RodTable(Record):
     """What differs between DLOs of as many elements and terms; n rods, u different lengths.
 
-    Attributes:
-        mesh: (n,) which of the u meshes each rod has
-        lengths: (u, N) of the elements, m; basis: (u, N, N_c) orthonormal; (u, N, 0) = local
-        natural, stiffness, scale: (n, N, 3), pull: (n, N + 1, 3): as in `energy.potential.System`;
-            `natural` is read-only, like all from which a descent starts
+    Attributes
+    ----------
+    mesh : ndarray of int, shape (n,)
+        Which of the u meshes each rod has.
+    lengths : ndarray, shape (u, N)
+        Of the elements, m.
+    basis : ndarray, shape (u, N, N_c)
+        Orthonormal; (u, N, 0): local.
+    natural : ndarray, shape (n, N, 3)
+        As of a System, like what follows; read-only, like all from which a descent starts.
+    stiffness : ndarray, shape (n, N, 3)
+        Stiffness, N m^2.
+    scale : ndarray, shape (n, N, 3)
+        Scale of the unknowns.
+    pull : ndarray, shape (n, N + 1, 3)
+        Derivative of the dead loads' potential by the node positions, N.
     """
 
-    mesh: np.ndarray
-    lengths: np.ndarray
-    basis: np.ndarray
-    natural: np.ndarray
-    stiffness: np.ndarray
-    scale: np.ndarray
-    pull: np.ndarray
+    mesh: Ints
+    lengths: Floats
+    basis: Floats
+    natural: Floats
+    stiffness: Floats
+    scale: Floats
+    pull: Floats
 
 
 @makes(RodTable)
@@ -36,8 +51,10 @@ def _new_rod_table(mesh, lengths, basis, natural, stiffness, scale, pull):
 
 
 @kernel
-def hang_rods(system, rods, bases, origins, tolerance, max_iterations, frames, nodes, strains,
-              rotations, positions, wrenches, energies, proofs, iterations):
+def hang_rods(system: System, rods: RodTable, bases: Floats, origins: Floats, tolerance: float,
+              max_iterations: int, frames: Floats, nodes: Ints, strains: Floats, rotations: Floats,
+              positions: Floats, wrenches: Floats, energies: Floats, proofs: Floats,
+              iterations: Ints) -> None:
     """Fill the equilibria that n DLOs fall into from their natural shapes, as `hang_many`.
 
     Args:

@@ -14,18 +14,19 @@ it so elsewhere. Three more guards:
   of the held DLO, not a way through shapes that the grip forbids.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.energy.effects import blocks, may_block
 from dlo_planner.energy.hold import fill_miss, moved_hold, violation
-from dlo_planner.energy.potential import (
+from dlo_planner.energy.potential import at_element, evaluate, project
+from dlo_planner.energy.system import (
+    State,
     System,
-    at_element,
-    bend_energy,
-    evaluate,
+    bending_energy,
     hinged,
     new_state,
-    project,
     regripped_system,
 )
 from dlo_planner.kernels import kernel
@@ -38,17 +39,11 @@ from dlo_planner.minimize.linear import (
     solve_held,
 )
 from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.minimize.newton import (
-    FALLING,
-    LARGEST_TURN,
-    Descent,
-    gradient_noise,
-    residual_of,
-    safe_shift,
-    without_traces,
-)
+from dlo_planner.minimize.newton import FALLING, LARGEST_TURN, Descent, safe_shift, without_traces
+from dlo_planner.minimize.residual import gradient_noise, residual_of
 from dlo_planner.minimize.saddle import kick, lean
 from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.model.arrays import Floats
 
 HELD_NEUTRAL = 1e-3  # as NEUTRAL, with constraints: a mesh splits what is neutral by about as much
 _GIVE = 1e-2      # of the length: how far a grip gives under the DLO's own forces, at most
@@ -65,7 +60,7 @@ _ROUGH = 1e-3     # tolerance of the residual, and of the length, on the way to 
 _PER_PART = 60    # Newton steps in a part of the way: more is no way
 
 
-def held_newton(system: System, q: np.ndarray, tolerance: float, exact: float,
+def held_newton(system: System, q: Floats, tolerance: float, exact: float,
                 max_iterations: int, check: bool) -> Minimum:
     """Descend from q (m, 3) to a minimum in the grip.
 
@@ -73,29 +68,31 @@ def held_newton(system: System, q: np.ndarray, tolerance: float, exact: float,
     """
     kicks = iterations = 0
     while True:
-        found = held_descent(system, q, tolerance, exact, max_iterations - iterations, check)
-        iterations += found.iterations
-        steady = not check or found.stability > -HELD_NEUTRAL
+        descent = held_descent(system, q, tolerance, exact, max_iterations - iterations, check)
+        iterations += descent.iterations
+        steady = not check or descent.stability > -HELD_NEUTRAL
         if steady or iterations >= max_iterations or kicks >= _MOST_KICKS:
             break
-        kicked = kick(system, found.state, found.mode)
+        kicked = kick(system, descent.state, descent.mode)
         if kicked is None:
             break
         kicks += 1
         q = kicked
-    return Minimum(found.state, found.residual, found.stability, iterations, kicks, system,
-                   found.violation)
+    return Minimum(descent.state, descent.residual, descent.stability, iterations, kicks, system,
+                   descent.violation)
 
 
-def held_descent(system: System, q: np.ndarray, tolerance: float, exact: float,
+def held_descent(system: System, q: Floats, tolerance: float, exact: float,
                  max_iterations: int, check: bool) -> Descent:
     """Return `descend_held` by name."""
-    *descent, missed = descend_held(system, q, tolerance, exact, max_iterations, check)
-    return Descent(*descent, violation=missed)
+    state, residual, stability, iterations, mode, missed = descend_held(
+        system, q, tolerance, exact, max_iterations, check)
+    return Descent(state, residual, stability, iterations, mode, violation=missed)
 
 
 @kernel
-def led(system, q, bases, targets, axes, rows):
+def led(system: System, q: Floats, bases: Floats, targets: Floats, axes: Floats,
+        rows: Floats) -> tuple[Floats, int]:
     """Return unknowns (m, 3) where both grips have gone a way of n parts, and the parts gone.
 
     Args:
@@ -106,9 +103,9 @@ def led(system, q, bases, targets, axes, rows):
     length = np.sum(system.lengths)
     most, never = int(_PER_PART), length < 0.0  # literals would be compiled for by themselves
     for part in range(bases.shape[0]):
-        there = regripped_system(system, bases[part], moved_hold(
+        regripped = regripped_system(system, bases[part], moved_hold(
             system.effects.hold, targets[part], axes[part], rows[part]))
-        state, residual, _, _, _, missed = descend_held(there, q, _ROUGH, _ROUGH * length,
+        state, residual, _, _, _, missed = descend_held(regripped, q, _ROUGH, _ROUGH * length,
                                                         most, never)
         if not missed <= _LEFT * length:
             return q, part
@@ -117,17 +114,18 @@ def led(system, q, bases, targets, axes, rows):
 
 
 @kernel
-def descend_held(system, q, tolerance, exact, max_iterations, check):
+def descend_held(system: System, q: Floats, tolerance: float, exact: float, max_iterations: int,
+                 check: bool | np.bool_) -> tuple[State, float, float, int, Floats, float]:
     """Descend from q (m, 3) to an equilibrium in the grip, be it a minimum or a saddle.
 
     The System's multipliers, of the grip, are where the search begins, and are moved.
 
-    Args:
-        exact: m, how far the grip may be missed
-        q, tolerance, max_iterations, check: as `newton.descend`
-
-    Returns:
-        state, residual, stability, iterations, mode: as `newton.descend`; then the miss in m
+    Returns
+    -------
+    state, residual, stability, iterations, mode
+        As of a Descent.
+    missed : float
+        By how much the grip is missed, m; `exact` at most where it has arrived.
     """
     hold, last, length = system.effects.hold, system.lengths.size, np.sum(system.lengths)
     state, trial, hessian = new_state(system), new_state(system), new_hessian(system)
@@ -138,7 +136,7 @@ def descend_held(system, q, tolerance, exact, max_iterations, check):
     without_traces(q, state.q)
     energy, noise = evaluate(system, state)
     most_give = _GIVE * length**2 / (np.sum(np.abs(system.effects.load.pull)) * length
-                                     + bend_energy(system))
+                                     + bending_energy(system))
     shift, stability = _PROXIMAL, np.nan
     iterations = obstructed = 0
     stalled = leans = False

@@ -7,9 +7,12 @@ is too long for the shape to follow is made again in parts; most of the work of 
 would be the way down to a shape that is not wanted.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.ritz.matrix3 import put_matrix, times, times_transposed
 from dlo_planner.ritz.record import Record
 
@@ -17,19 +20,23 @@ from dlo_planner.ritz.record import Record
 class Leash(Record):
     """What a descent may not leave.
 
-    Attributes:
-        nodes: (k,) which are looked at; empty: it may go anywhere
-        frames: (k, 3, 3) of them before, in the gripper as it is now
-        most: rad, by which any of them may turn
+    Attributes
+    ----------
+    nodes : ndarray of int, shape (k,)
+        Which are looked at; empty: it may go anywhere.
+    frames : ndarray, shape (k, 3, 3)
+        Their frames before, in the gripper as it is now.
+    most : float
+        By how much any of them may turn, rad.
     """
 
-    nodes: np.ndarray
-    frames: np.ndarray
+    nodes: Ints
+    frames: Floats
     most: float
 
 
 @kernel
-def no_leash():
+def no_leash() -> Leash:
     """Return a Leash that lets a descent go anywhere."""
     return Leash(np.empty(0, dtype=np.int64), np.empty((0, 3, 3)), np.inf)
 
@@ -58,7 +65,8 @@ def _of(m):
 
 
 @kernel
-def largest_turn_between(frames, others, base, other_base, nodes):
+def largest_turn_between(frames: Floats, others: Floats, base: Floats, other_base: Floats,
+                         nodes: Ints) -> float:
     """Return the largest rotation in rad, in the gripper, of a DLO's nodes between two shapes.
 
     Args:
@@ -95,10 +103,10 @@ def left(leash, rotations):
         return False
     least = 1.0 + 2.0 * np.cos(leash.most)
     for k in range(leash.nodes.size):
-        here, total = rotations[leash.nodes[k]], 0.0
+        frame, total = rotations[leash.nodes[k]], 0.0
         for i in range(3):
             for j in range(3):
-                total += here[i, j] * leash.frames[k, i, j]
+                total += frame[i, j] * leash.frames[k, i, j]
         if total < least:
             return True
     return False

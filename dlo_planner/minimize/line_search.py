@@ -8,7 +8,14 @@ values only have to be no higher than the first one by more than their rounding 
 approximate Wolfe conditions of Hager and Zhang 2005).
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
+
+from dlo_planner.model.arrays import Floats
 
 _EXACT = 0.1      # of the slope may be left; with less care than this, DFP goes astray
 _FALL = 1e-4      # of what the slope promises: so much lower it has to be at least
@@ -20,30 +27,46 @@ _TRIALS = 30
 _EPS = 2.2e-16
 
 
-def along(look, q, direction, value, gradient, noise):
-    """Return a point (n,) on the way, value and gradient (n,) there; None if none is lower.
+class Point(NamedTuple):
+    """Unknowns q (n,), value in J and gradient (n,) of a function there."""
 
-    Args:
-        look: point -> (value, gradient)
-        q, direction: (n,) start of the way, and the step that is tried first
-        value, gradient: at q; the gradient points against `direction`
-        noise: rounding errors of values, but for those in proportion to them
+    q: Floats
+    value: float
+    gradient: Floats
+
+
+def along(look: Callable[[Floats], tuple[float, Floats]], start: Point, direction: Floats,
+          noise: float) -> Point | None:
+    """Return a lower Point on a line, about where its slope vanishes; None if none is lower.
+
+    Parameters
+    ----------
+    look : callable
+        q -> (value, gradient).
+    start : Point
+        Where the line begins; the gradient there points against `direction`.
+    direction : ndarray, shape (n,)
+        The step that is tried first.
+    noise : float
+        Rounding errors of values, J, but for those in proportion to them.
     """
-    untold = _UNTOLD * (noise + _EPS * abs(value))
-    first = gradient @ direction
-    lower, upper = (0.0, first), None  # fractions and slopes of points between which it is lowest
-    best, fraction = None, 1.0
+    untold = _UNTOLD * (noise + _EPS * abs(start.value))
+    first = float(start.gradient @ direction)
+    lower = 0.0, first  # fractions and slopes of points between which it is lowest
+    upper: tuple[float, float | None] | None = None
+    best: Point | None = None
+    flattest, fraction = np.inf, 1.0
     for _ in range(_TRIALS):
-        at = q + fraction * direction
-        new, there = look(at)
-        slope = there @ direction
-        if not new <= value + _FALL * fraction * first + untold:
+        q = start.q + fraction * direction
+        point = Point(q, *look(q))
+        slope = float(point.gradient @ direction)
+        if not point.value <= start.value + _FALL * fraction * first + untold:
             upper = fraction, None
         elif abs(slope) <= -_EXACT * first:
-            return at, new, there
+            return point
         else:
-            if best is None or abs(slope) < best[0]:
-                best = abs(slope), at, new, there
+            if best is None or abs(slope) < flattest:
+                flattest, best = abs(slope), point
             if slope > 0:
                 upper = fraction, slope
             else:
@@ -51,13 +74,22 @@ def along(look, q, direction, value, gradient, noise):
         fraction = _next(lower, upper, first)
         if upper is not None and upper[0] - lower[0] < 1e-12 * upper[0]:
             break
-    if best is None or best[0] > -_LESS * first and not best[2] < value - untold:
+    if best is None or flattest > -_LESS * first and not best.value < start.value - untold:
         return None
-    return best[1:]
+    return best
 
 
-def _next(lower, upper, first):
-    """Return the fraction to look at between two points, or beyond the lower one."""
+def _next(lower: tuple[float, float], upper: tuple[float, float | None] | None,
+          first: float) -> float:
+    """Return the fraction to look at between two points, or beyond the lower one.
+
+    Parameters
+    ----------
+    lower, upper : (float, float)
+        Fraction and slope of each; a slope of None is not known, an upper point of None neither.
+    first : float
+        Slope where the line begins.
+    """
     begin, slope = lower
     if upper is None:  # where a parabola has its lowest point, if it has one there
         part = first / (first - slope) if slope > first else np.inf

@@ -11,7 +11,8 @@ Both factorizations are congruences, so the signs of their pivots are the signs 
 import numpy as np
 
 from dlo_planner.energy.effects import Border, new_border, width
-from dlo_planner.energy.potential import at_elements, element_hessian, unknown_count
+from dlo_planner.energy.potential import at_elements, element_hessian
+from dlo_planner.energy.system import unknown_count
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.border import complemented, fill_border, keep, kept
 from dlo_planner.minimize.riccati import (
@@ -21,30 +22,45 @@ from dlo_planner.minimize.riccati import (
     solve_turns,
     solve_twists,
 )
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.record import Record
 
 
 class Hessian(Record):
     """The Hessian at one state and its factorization (arrays, refilled in place).
 
-    Attributes:
-        turning: (N, w, 3), cross: (N, 3, w), diagonal: (N, 3, 3), see `ritz.kinematics`; w is 3
-            for rotations alone, 6 for twists
-        base: (3, 3) change of the moment on the gripper per rotation of it
-        gain: (N, 3, w), inverse: (N, 3, 3) of the Riccati sweep; empty for Ritz
-        dense, factor: (3 m, 3 m) for Ritz; (0, 0) for local
-        border: Border, what is held; None: nothing
-        displaced: whether w is 6; None: never
+    Attributes
+    ----------
+    twist_jacobian : ndarray, shape (N, w, 3)
+        See `ritz.kinematics`; w is 3 for rotations alone, 6 for twists.
+    cross : ndarray, shape (N, 3, w)
+        Likewise.
+    diagonal : ndarray, shape (N, 3, 3)
+        Likewise.
+    base : ndarray, shape (3, 3)
+        Change of the moment on the gripper per rotation of it.
+    gain : ndarray, shape (N, 3, w)
+        Of the Riccati sweep; empty for Ritz.
+    inverse : ndarray, shape (N, 3, 3)
+        Of the Riccati sweep; empty for Ritz.
+    dense : ndarray, shape (3 m, 3 m)
+        The whole Hessian, for Ritz; (0, 0) for local.
+    factor : ndarray, shape (3 m, 3 m)
+        Its factorization.
+    border : Border or None
+        What is held; None: nothing.
+    displaced : bool or None
+        Whether w is 6; None: never.
     """
 
-    turning: np.ndarray
-    cross: np.ndarray
-    diagonal: np.ndarray
-    base: np.ndarray
-    gain: np.ndarray
-    inverse: np.ndarray
-    dense: np.ndarray
-    factor: np.ndarray
+    twist_jacobian: Floats
+    cross: Floats
+    diagonal: Floats
+    base: Floats
+    gain: Floats
+    inverse: Floats
+    dense: Floats
+    factor: Floats
     border: Border | None
     displaced: bool | None
 
@@ -66,18 +82,19 @@ def new_hessian(system):
 @kernel
 def assemble(system, state, hessian):
     """Fill the Hessian at `state`."""
-    element_hessian(system, state, hessian.turning, hessian.cross, hessian.diagonal, hessian.base)
+    element_hessian(system, state, hessian.twist_jacobian, hessian.cross, hessian.diagonal,
+                    hessian.base)
     if system.basis.shape[1] > 0:
         _project_all(system.basis, hessian, hessian.displaced)
     fill_border(system, state, hessian, hessian.border)
-    if system.near.shape[0]:
+    if system.proximal_point.shape[0]:
         if system.basis.shape[1] > 0:
             for i in range(hessian.dense.shape[0]):
-                hessian.dense[i, i] += system.tie
+                hessian.dense[i, i] += system.proximal_weight
         else:
             for e in range(system.lengths.size):
                 for i in range(3):
-                    hessian.diagonal[e, i, i] += system.tie
+                    hessian.diagonal[e, i, i] += system.proximal_weight
 
 
 # The width of the blocks is written out in the calls, so that the compiler, which inlines this
@@ -101,9 +118,9 @@ def _project(basis, hessian, wide):
     n, m = basis.shape
     prefix = np.zeros((m, wide, 3))  # sum over e < f of basis_e turning_e
     rows = np.empty((n, 9 * m))
-    turnings, crosses, diagonals = hessian.turning, hessian.cross, hessian.diagonal
+    jacobians, crosses, diagonals = hessian.twist_jacobian, hessian.cross, hessian.diagonal
     for f in range(n):
-        turning, cross, diagonal = turnings[f], crosses[f], diagonals[f]
+        jacobian, cross, diagonal = jacobians[f], crosses[f], diagonals[f]
         for j in range(m):
             value = basis[f, j]
             for a in range(3):
@@ -114,7 +131,7 @@ def _project(basis, hessian, wide):
                     rows[f, 9 * j + 3 * a + b] = total
             for k in range(wide):
                 for b in range(3):
-                    prefix[j, k, b] += value * turning[k, b]
+                    prefix[j, k, b] += value * jacobian[k, b]
     half, dense = basis.T @ rows, hessian.dense
     for k in range(m):
         for j in range(m):
@@ -130,7 +147,7 @@ def factorize(system, hessian, shift):
 
     With a held far end these are the eigenvalues on what the grip leaves free (Haynsworth).
     """
-    negative = _factorize_alone(system, hessian, hessian.displaced, shift)
+    negative = _factorize_without_border(system, hessian, hessian.displaced, shift)
     return negative - _bordered(system, hessian, hessian.border)
 
 
@@ -143,12 +160,13 @@ def _bordered(system, hessian, border):
     if held == 0:
         return 0
     for row in range(held):
-        _solve_alone(system, hessian, hessian.displaced, border.rows[row], border.answers[row])
+        _solve_without_border(system, hessian, hessian.displaced, border.rows[row],
+                              border.answers[row])
     return complemented(border)
 
 
 @kernel
-def _factorize_alone(system, hessian, displaced, shift):
+def _factorize_without_border(system, hessian, displaced, shift):
     if system.basis.shape[1] > 0:
         return _factorize_dense(hessian, shift)
     if displaced is None:
@@ -164,7 +182,7 @@ def solve(system, hessian, right, out):
 
     With a held far end `out` keeps to what the grip leaves free, and the equation holds there.
     """
-    _solve_alone(system, hessian, hessian.displaced, right, out)
+    _solve_without_border(system, hessian, hessian.displaced, right, out)
     kept(hessian.border, out)
 
 
@@ -174,14 +192,14 @@ def solve_held(system, hessian, right, miss, out, reaction):
 
     To first order, and but for what the grip gives under the reaction.
     """
-    _solve_alone(system, hessian, hessian.displaced, right, out)
+    _solve_without_border(system, hessian, hessian.displaced, right, out)
     for row in range(miss.size):
         reaction[row] = miss[row]
     keep(hessian.border, out, reaction)
 
 
 @kernel
-def _solve_alone(system, hessian, displaced, right, out):
+def _solve_without_border(system, hessian, displaced, right, out):
     if system.basis.shape[1] > 0:
         _solve_dense(hessian.factor, right, out)
         return
@@ -247,15 +265,15 @@ def multiply(system, hessian, vector, out):
                 total += hessian.dense[i, k] * vector[k // 3, k % 3]
             out[i // 3, i % 3] = total
         return
-    n = hessian.turning.shape[0]
-    wide = hessian.turning.shape[1]
+    n = hessian.twist_jacobian.shape[0]
+    wide = hessian.twist_jacobian.shape[1]
     theta = np.zeros(wide)
     after = np.zeros(wide)  # sum over f > e of cross_f^T vector_f
     for e in range(n):
         out[e] = hessian.diagonal[e] @ vector[e] + hessian.cross[e] @ theta
-        theta += hessian.turning[e] @ vector[e]
+        theta += hessian.twist_jacobian[e] @ vector[e]
     for e in range(n - 1, -1, -1):
-        out[e] += hessian.turning[e].T @ after
+        out[e] += hessian.twist_jacobian[e].T @ after
         after += hessian.cross[e].T @ vector[e]
 
 
@@ -263,12 +281,12 @@ def multiply(system, hessian, vector, out):
 def largest_turn(system, hessian, step):
     """Return the largest rotation in rad of any node that the step (m, 3) makes, to first order."""
     a = b = c = largest = 0.0
-    turning, values = hessian.turning, at_elements(system.basis, step)
-    for e in range(turning.shape[0]):
+    jacobian, values = hessian.twist_jacobian, at_elements(system.basis, step)
+    for e in range(jacobian.shape[0]):
         x, y, z = values[e, 0], values[e, 1], values[e, 2]
-        a += turning[e, 0, 0] * x + turning[e, 0, 1] * y + turning[e, 0, 2] * z
-        b += turning[e, 1, 0] * x + turning[e, 1, 1] * y + turning[e, 1, 2] * z
-        c += turning[e, 2, 0] * x + turning[e, 2, 1] * y + turning[e, 2, 2] * z
+        a += jacobian[e, 0, 0] * x + jacobian[e, 0, 1] * y + jacobian[e, 0, 2] * z
+        b += jacobian[e, 1, 0] * x + jacobian[e, 1, 1] * y + jacobian[e, 1, 2] * z
+        c += jacobian[e, 2, 0] * x + jacobian[e, 2, 1] * y + jacobian[e, 2, 2] * z
         square = a * a + b * b + c * c
         if not square <= largest:  # what is not a number has to be seen, too
             largest = square

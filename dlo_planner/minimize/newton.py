@@ -13,16 +13,18 @@ step to step. So it leans, by little but far more than those, to the side that
 `spectrum.preferred` states, from where the descent is first found to be unstable.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
 
 from dlo_planner.energy.effects import blocks
-from dlo_planner.energy.effects import noise as noise_of_effects
-from dlo_planner.energy.potential import State, System, bend_energy, evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import State, System, new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.border import dot
-from dlo_planner.minimize.leash import left, no_leash
+from dlo_planner.minimize.leash import Leash, left, no_leash
 from dlo_planner.minimize.linear import (
     assemble,
     factorize,
@@ -31,10 +33,11 @@ from dlo_planner.minimize.linear import (
     solve,
 )
 from dlo_planner.minimize.minimum import Minimum
+from dlo_planner.minimize.residual import residual_of
 from dlo_planner.minimize.saddle import kicked, lean
 from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arrays import put_sum, scaled_by
-from dlo_planner.ritz.kinematics import attached_forces
 
 LARGEST_TURN = 0.8  # rad per step, of any node
 FALLING = 2e-3     # a shift that is needed beyond this tells that it is, not that it is neutral
@@ -45,76 +48,59 @@ _IDLE = 20           # steps in a row whose gain drowns in rounding errors and t
 _OFTEN = 3           # steps in a row that an obstacle cuts
 _CLOSER = 4          # halvings of the way that is left to it
 _UNTOLD = 100.0      # rounding errors of the energy: a gain below these is not told by it
-_EPS = 2.2e-16
 _HARDLY = 1e-4       # rad: a step that changes the Hessian by about as little
 _TRACE = 1e-100      # an unknown as small has no effect at any scale
 _WELL_STABLE = 0.01  # an eigenvalue that such a step cannot make doubtful
 
 
-@kernel
-def residual_of(system, state):
-    """Return the gradient's size, relative to the elastic energy and that of a 1 rad bend."""
-    return np.sqrt(dot(state.gradient, state.gradient)
-                   / (dot(state.q, state.q) + bend_energy(system)))
-
-
-@kernel
-def gradient_noise(system, state):
-    """Return how large rounding errors may make the residual: a bound, relative as that is.
-
-    A moment is a sum of forces times arms, and the force of a spring has the error of its ends'
-    places: each at most eps times what is summed, once per node in the worst case and by its root
-    where errors are as often up as down (Higham, Accuracy and Stability, ch. 2.8 and 3).
-    """
-    n, length = system.lengths.size, np.sum(system.lengths)
-    forces = attached_forces(state.attached, length)
-    forces += noise_of_effects(system.effects, system, state, length)
-    for k in range(n + 1):
-        for i in range(3):
-            forces += abs(state.pull[k, i])
-    lever = 0.0
-    for e in range(n):
-        for i in range(3):
-            lever += (system.lengths[e] * system.scale[e, i]) ** 2
-    if system.basis.shape[1]:
-        lever *= n / length
-    return (_EPS * np.sqrt(n) * forces * length
-            * np.sqrt(lever / (dot(state.q, state.q) + bend_energy(system))))
-
-
-def newton(system: System, q: np.ndarray, tolerance: float, max_iterations: int,
+def newton(system: System, q: Floats, tolerance: float, max_iterations: int,
            check: bool) -> Minimum:
-    """Descend from q (m, 3) to a minimum of the potential.
+    """Descend from q to a minimum of the potential.
 
-    Args:
-        system: System
-        q: start, scaled unknowns; not changed
-        tolerance: of the residual
-        max_iterations: Newton steps at most
-        check: whether to find the smallest eigenvalue at the end (and leave a saddle)
+    Parameters
+    ----------
+    system : System
+        The DLO.
+    q : ndarray, shape (m, 3)
+        Start, scaled unknowns; not changed.
+    tolerance : float
+        Largest residual at the end.
+    max_iterations : int
+        Newton steps at most.
+    check : bool
+        Whether to find the smallest eigenvalue at the end, and to leave a saddle.
     """
-    return Minimum(*leashed_newton(system, q, tolerance, max_iterations, check, no_leash()),
-                   system=system)
+    state, residual, stability, iterations, kicks = leashed_newton(
+        system, q, tolerance, max_iterations, check, no_leash())
+    return Minimum(state, residual, stability, iterations, kicks, system)
 
 
 @kernel(inline='always')
-def leashed_newton(system, q, tolerance, max_iterations, check, leash):
+def leashed_newton(system: System, q: Floats, tolerance: float, max_iterations: int, check: bool,
+                   leash: Leash) -> tuple[State, float, float, int, int]:
     """Do as `newton` does, but give up where the DLO leaves a Leash, or falls off a saddle on it.
 
     Then the residual is infinite, or the stability negative.
 
-    Returns:
-        state: at the end
-        residual: scaled gradient; stability: smallest eigenvalue (nan if not `check`)
-        iterations: Newton steps made; kicks: how often a saddle was left, 1 at least
-            where the descent had to lean to a side
+    Returns
+    -------
+    state : State
+        State at the end.
+    residual : float
+        Size of the scaled gradient.
+    stability : float
+        Smallest eigenvalue of the Hessian; nan if not `check`.
+    iterations : int
+        Newton steps made.
+    kicks : int
+        How often a saddle was left, 1 at least where the descent had to lean to a side.
     """
     kicks = iterations = 0
     start = q.copy()
     while True:
-        state, residual, stability, made, mode, leant = leashed_descent(
+        state, residual, stability, steps, mode, leant = leashed_descent(
             system, start, tolerance, max_iterations - iterations, check, leash)
-        iterations += made
+        iterations += steps
         if leant:
             kicks = max(kicks, 1)
         done = not check or stability > -NEUTRAL or leash.nodes.size > 0
@@ -128,22 +114,28 @@ def leashed_newton(system, q, tolerance, max_iterations, check, leash):
 class Descent(NamedTuple):
     """Where a descent ended that stops at saddles, too.
 
-    Attributes:
-        state, residual, stability, iterations: as of a Minimum
-        mode: (m, 3) the lowest mode of the Hessian, where that was looked at
-        leant: whether it had to lean to a side; violation: by how much a constraint is violated, m
+    Attributes
+    ----------
+    state, residual, stability, iterations
+        As of a Minimum.
+    mode : ndarray, shape (m, 3)
+        Lowest mode of the Hessian, where that was looked at.
+    leant : bool
+        Whether it had to lean to a side.
+    violation : float
+        By how much a constraint is violated, m.
     """
 
     state: State
     residual: float
     stability: float
     iterations: int
-    mode: np.ndarray
+    mode: Floats
     leant: bool = False
     violation: float = 0.0
 
 
-def descend(system: System, q: np.ndarray, tolerance: float, max_iterations: int,
+def descend(system: System, q: Floats, tolerance: float, max_iterations: int,
             check: bool) -> Descent:
     """Descend from q (m, 3) to where the gradient vanishes, be it a minimum or a saddle.
 
@@ -153,23 +145,17 @@ def descend(system: System, q: np.ndarray, tolerance: float, max_iterations: int
 
 
 @kernel
-def leashed_descent(system, q, tolerance, max_iterations, check, leash):
+def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations: int, check: bool,
+                    leash: Leash) -> tuple[State, float, float, int, Floats, bool]:
     """Return what is in the Descent of `descend`, as a tuple; arguments as `leashed_newton`."""
-    state = new_state(system)
-    trial = new_state(system)
-    hessian = new_hessian(system)
-    step = np.empty_like(state.q)
+    state, trial, hessian = new_state(system), new_state(system), new_hessian(system)
+    step, mode = np.empty_like(state.q), np.zeros_like(state.q)
     without_traces(q, state.q)
     energy, noise = evaluate(system, state)
-    mode = np.zeros_like(state.q)
-    shift = 0.0
-    iterations = 0
-    stability = np.nan
-    stalled = False
-    obstructed = idle = 0
-    turn = np.inf  # rad, of the last step
-    shifted = 0.0  # shift of the factorization that it was made with
-    leans = False
+    stability, turn = np.nan, np.inf  # rad, of the last step
+    shift = shifted = 0.0  # the second: that of the factorization which it was made with
+    iterations = obstructed = idle = 0
+    stalled = leans = False
     while True:
         residual = residual_of(system, state)
         arrived = residual < tolerance or stalled or iterations >= max_iterations
@@ -195,16 +181,12 @@ def leashed_descent(system, q, tolerance, max_iterations, check, leash):
                 state, trial = trial, state
                 energy, noise = evaluate(system, state)
                 continue
-        solve(system, hessian, state.gradient, step)
-        scaled_by(-1.0, step)
-        if (check and shift > 0.0 and -dot(state.gradient, step) < _UNTOLD * noise
+        its_turn, gain = _newton_step(system, hessian, state, step)
+        if (check and shift > 0.0 and gain < _UNTOLD * noise
                 and factorize(system, hessian, _NEARLY) > 0):
             stalled = True  # rounding errors hide the way down from a saddle: its mode has to tell
             continue
-        turn = largest_turn(system, hessian, step)
-        shifted = shift
-        if turn > LARGEST_TURN:
-            scaled_by(LARGEST_TURN / turn, step)
+        turn, shifted = its_turn, shift
         untold = -dot(state.gradient, step) < _UNTOLD * noise
         energy, noise, moved, blocked = _fall(system, state, trial, step, energy, noise)
         iterations += 1
@@ -223,6 +205,17 @@ def leashed_descent(system, q, tolerance, max_iterations, check, leash):
             stalled = shift == 0.0 or shift > 1e6
             shift = max(1e-2, 10.0 * shift)
     return state, residual, stability, iterations, mode, leans
+
+
+@kernel
+def _newton_step(system, hessian, state, step):
+    """Fill step (m, 3), cut to LARGEST_TURN; return its turn and the slope down it before that."""
+    solve(system, hessian, state.gradient, step)
+    scaled_by(-1.0, step)
+    gain, turn = -dot(state.gradient, step), largest_turn(system, hessian, step)
+    if turn > LARGEST_TURN:
+        scaled_by(LARGEST_TURN / turn, step)
+    return turn, gain
 
 
 @kernel

@@ -5,22 +5,27 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
+from dlo_planner.model.arrays import Floats
 
 
 @dataclass(frozen=True)
 class Problem:
     """A function of unknowns q (n,), scaled so that its natural curvature is about 1.
 
-    Attributes:
-        value: q -> J
-        value_and_gradient: q -> (J, (n,))
-        scale: size of q that is neither small nor large, sqrt(J)
-        noise: rounding errors of the value, J, but for those in proportion to it
+    Attributes
+    ----------
+    value : callable
+        q -> J.
+    value_and_gradient : callable
+        q -> (J, (n,)).
+    scale : float
+        Size of q that is neither small nor large, sqrt(J).
+    noise : float
+        Rounding errors of the value, J, but for those in proportion to it.
     """
 
-    value: Callable
-    value_and_gradient: Callable
+    value: Callable[[Floats], float]
+    value_and_gradient: Callable[[Floats], tuple[float, Floats]]
     scale: float
     noise: float = 0.0
 
@@ -29,11 +34,16 @@ class Problem:
 class Ended:
     """Where a minimizer ended.
 
-    Attributes:
-        q: (n,)
-        iterations: steps made; evaluations: of the function, with or without its gradient
+    Attributes
+    ----------
+    q : ndarray, shape (n,)
+        Unknowns there.
+    iterations : int
+        Steps made.
+    evaluations : int
+        Evaluations of the function, with or without its gradient.
     """
 
-    q: np.ndarray
+    q: Floats
     iterations: int
     evaluations: int

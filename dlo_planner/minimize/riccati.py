@@ -48,18 +48,18 @@ def factorize_turns(hessian, shift):
     """Factorize where only rotations count."""
     negative = 0
     value = ZERO  # second derivative of the cost to go by theta
-    turnings, crosses, diagonals = hessian.turning, hessian.cross, hessian.diagonal
+    jacobians, crosses, diagonals = hessian.twist_jacobian, hessian.cross, hessian.diagonal
     gains, inverses = hessian.gain, hessian.inverse
-    for k in range(turnings.shape[0]):
-        e = turnings.shape[0] - 1 - k
-        turning, d = matrix(turnings[e]), matrix(diagonals[e])
-        carried = transposed_times(turning, value)
+    for k in range(jacobians.shape[0]):
+        e = jacobians.shape[0] - 1 - k
+        jacobian, d = matrix(jacobians[e]), matrix(diagonals[e])
+        carried = transposed_times(jacobian, value)
         coupling = added(matrix(crosses[e]), carried)
-        p = times(carried, turning)
-        inverse, found = _inverse3((d[0] + p[0] + shift, p[3], p[6],
+        p = times(carried, jacobian)
+        inverse, below = _inverse3((d[0] + p[0] + shift, p[3], p[6],
                                     d[3] + p[3], d[4] + p[4] + shift, p[7],
                                     d[6] + p[6], d[7] + p[7], d[8] + p[8] + shift))
-        negative += found
+        negative += below
         gain = times(inverse, coupling)
         put_matrix(inverse, inverses[e])
         put_matrix(gain, gains[e])
@@ -73,12 +73,12 @@ def factorize_turns(hessian, shift):
 @kernel
 def solve_turns(hessian, right, out):
     """Solve where only rotations count."""
-    turnings, gains, inverses = hessian.turning, hessian.gain, hessian.inverse
-    n = turnings.shape[0]
+    jacobians, gains, inverses = hessian.twist_jacobian, hessian.gain, hessian.inverse
+    n = jacobians.shape[0]
     to_go = (0.0, 0.0, 0.0)  # slope of the cost to go by theta, negated
     for k in range(n):
         e = n - 1 - k
-        own = plus(vector(right[e]), transposed_applied(matrix(turnings[e]), to_go))
+        own = plus(vector(right[e]), transposed_applied(matrix(jacobians[e]), to_go))
         put_vector(applied(matrix(inverses[e]), own), out[e])
         less = transposed_applied(matrix(gains[e]), own)
         to_go = (to_go[0] - less[0], to_go[1] - less[1], to_go[2] - less[2])
@@ -87,7 +87,7 @@ def solve_turns(hessian, right, out):
         less = applied(matrix(gains[e]), theta)
         step = (out[e, 0] - less[0], out[e, 1] - less[1], out[e, 2] - less[2])
         put_vector(step, out[e])
-        theta = plus(theta, applied(matrix(turnings[e]), step))
+        theta = plus(theta, applied(matrix(jacobians[e]), step))
 
 
 @kernel
@@ -99,28 +99,28 @@ def factorize_twists(hessian, shift):
     pivot = np.empty((3, 3))
     carried = np.empty((3, wide))
     coupling = np.empty((3, wide))
-    turnings, crosses, diagonals = hessian.turning, hessian.cross, hessian.diagonal
+    jacobians, crosses, diagonals = hessian.twist_jacobian, hessian.cross, hessian.diagonal
     gains, inverses = hessian.gain, hessian.inverse
-    for e in range(turnings.shape[0] - 1, -1, -1):
-        turning, cross = turnings[e], crosses[e]
+    for e in range(jacobians.shape[0] - 1, -1, -1):
+        jacobian, cross = jacobians[e], crosses[e]
         diagonal, gain, inverse = diagonals[e], gains[e], inverses[e]
         for i in range(3):
             for k in range(wide):
                 total = 0.0
                 for j in range(wide):
-                    total += turning[j, i] * value[j, k]
+                    total += jacobian[j, i] * value[j, k]
                 carried[i, k] = total
                 coupling[i, k] = cross[i, k] + total
             for j in range(i + 1):
                 total = diagonal[i, j]
                 for k in range(wide):
-                    total += carried[i, k] * turning[k, j]
+                    total += carried[i, k] * jacobian[k, j]
                 pivot[i, j] = total
                 pivot[j, i] = total
             pivot[i, i] += shift
-        inverted, found = _inverse3(matrix(pivot))
+        inverted, below = _inverse3(matrix(pivot))
         put_matrix(inverted, inverse)
-        negative += found
+        negative += below
         for i in range(3):
             for k in range(wide):
                 gain[i, k] = (inverse[i, 0] * coupling[0, k] + inverse[i, 1] * coupling[1, k]
@@ -139,25 +139,25 @@ def solve_twists(hessian, right, out):
     wide = 6
     slope = np.zeros(wide)  # of the cost to go by theta
     own = np.empty(3)
-    turnings, gains, inverses = hessian.turning, hessian.gain, hessian.inverse
-    for e in range(turnings.shape[0] - 1, -1, -1):
-        turning, gain, inverse = turnings[e], gains[e], inverses[e]
+    jacobians, gains, inverses = hessian.twist_jacobian, hessian.gain, hessian.inverse
+    for e in range(jacobians.shape[0] - 1, -1, -1):
+        jacobian, gain, inverse = jacobians[e], gains[e], inverses[e]
         for i in range(3):
             own[i] = -right[e, i]
             for k in range(wide):
-                own[i] += turning[k, i] * slope[k]
+                own[i] += jacobian[k, i] * slope[k]
         for i in range(3):
             out[e, i] = inverse[i, 0] * own[0] + inverse[i, 1] * own[1] + inverse[i, 2] * own[2]
         for k in range(wide):
             slope[k] -= gain[0, k] * own[0] + gain[1, k] * own[1] + gain[2, k] * own[2]
     theta = np.zeros(wide)
-    for e in range(turnings.shape[0]):
-        turning, gain = turnings[e], gains[e]
+    for e in range(jacobians.shape[0]):
+        jacobian, gain = jacobians[e], gains[e]
         for i in range(3):
             total = -out[e, i]
             for k in range(wide):
                 total -= gain[i, k] * theta[k]
             out[e, i] = total
         for k in range(wide):
-            theta[k] += (turning[k, 0] * out[e, 0] + turning[k, 1] * out[e, 1]
-                         + turning[k, 2] * out[e, 2])
+            theta[k] += (jacobian[k, 0] * out[e, 0] + jacobian[k, 1] * out[e, 1]
+                         + jacobian[k, 2] * out[e, 2])

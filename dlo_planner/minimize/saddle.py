@@ -2,13 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Leaving a saddle, or leaning to a side where a descent is about to fall to either."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.energy.effects import blocks
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import State, System, new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, largest_turn, new_hessian
 from dlo_planner.minimize.spectrum import preferred
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arrays import copy, put_sum
 
 KICK_TURN = 0.3  # rad, of a saddle along its lowest mode
@@ -26,17 +30,26 @@ def lean(system, hessian, state, trial):
     return not blocks(system.effects, system, state, trial)
 
 
-def kick(system, state, mode):
-    """Return unknowns beside a saddle, along its lowest mode, on the lower side; None if none is.
+def kick(system: System, state: State, mode: Floats) -> Floats | None:
+    """Return unknowns (m, 3) beside a saddle, on the lower side; None if no side is lower.
 
     Where both sides are about as low, it is the one to which the mode points.
+
+    Parameters
+    ----------
+    system : System
+        The DLO.
+    state : State
+        State at the saddle.
+    mode : ndarray, shape (m, 3)
+        Its lowest mode.
     """
     q = np.empty_like(mode)
     return q if kicked(system, state, mode, q) else None
 
 
 @kernel
-def kicked(system, state, mode, q):
+def kicked(system: System, state: State, mode: Floats, q: Floats) -> bool:
     """Fill q (m, 3) with what `kick` returns; return whether there is such a thing."""
     hessian, trial = new_hessian(system), new_state(system)
     assemble(system, state, hessian)

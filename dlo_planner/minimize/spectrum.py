@@ -10,7 +10,8 @@ shape that is neutral, a negative value one that falls over.
 
 import numpy as np
 
-from dlo_planner.energy.potential import project, unknown_count
+from dlo_planner.energy.potential import project
+from dlo_planner.energy.system import unknown_count
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.border import add_to, dot
 from dlo_planner.minimize.linear import solve

@@ -2,9 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a DLO touches, as a table, and by how much that breaks the laws of contact and friction."""
 
+from __future__ import annotations
+
 import numpy as np
 
-from dlo_planner.energy.contact import Contacts, next_touching
+from dlo_planner.energy.contact import Contact, Contacts, next_touching
+from dlo_planner.energy.effects import Needs, with_contact
 from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.outline import (
     gap_at,
@@ -13,10 +16,14 @@ from dlo_planner.energy.outline import (
     node_gap,
     nodes_of,
 )
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.rolling import watched
+from dlo_planner.energy.scene import Scene
+from dlo_planner.energy.system import State, System, new_state
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.newton import residual_of
+from dlo_planner.minimize.residual import residual_of
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.ritz.attached import nothing_attached
 from dlo_planner.ritz.kinematics import point_inside
 from dlo_planner.ritz.record import Record
 
@@ -26,27 +33,41 @@ _INSIDE = 1.0 - 1e-14  # largest fraction of a point of friction that is not on 
 class Touching(Record):
     """The A contacts that bear at one state, on nodes and inside elements.
 
-    Attributes:
-        obstacle, element: (A,); fraction: (A,) of the element, 1 for a node, its end, only
-        inside: (A,) index among Contacts' points, -1 for a node
-        rubbing: (A,) index of its point of friction there, -1 without
-        gap: (A,) m; force: (A,) N; normal: (A, 3)
-        arm: (A, 3) m, of the force from the axis, beyond the radius of a round DLO
+    Attributes
+    ----------
+    obstacle : ndarray of int, shape (A,)
+        Index of the obstacle.
+    element : ndarray of int, shape (A,)
+        Index of the element.
+    fraction : ndarray, shape (A,)
+        Of the element; 1 for a node, its end, only.
+    inside : ndarray of int, shape (A,)
+        Index among Contacts' points, -1 for a node.
+    rubbing : ndarray of int, shape (A,)
+        Index of its point of friction there, -1 without.
+    gap : ndarray, shape (A,)
+        Gap in m.
+    force : ndarray, shape (A,)
+        Force in N.
+    normal : ndarray, shape (A, 3)
+        Normal of the obstacle.
+    arm : ndarray, shape (A, 3)
+        Of the force from the axis, m, beyond the radius of a round DLO.
     """
 
-    obstacle: np.ndarray
-    element: np.ndarray
-    fraction: np.ndarray
-    inside: np.ndarray
-    rubbing: np.ndarray
-    gap: np.ndarray
-    force: np.ndarray
-    normal: np.ndarray
-    arm: np.ndarray
+    obstacle: Ints
+    element: Ints
+    fraction: Floats
+    inside: Ints
+    rubbing: Ints
+    gap: Floats
+    force: Floats
+    normal: Floats
+    arm: Floats
 
 
 @kernel
-def touching(scene, contacts, lengths, state):
+def touching(scene: Scene, contacts: Contacts, lengths: Floats, state: State) -> Touching:
     """Return the Touching of a state."""
     k = contacts.stiffness
     last = lengths.size
@@ -55,7 +76,7 @@ def touching(scene, contacts, lengths, state):
     value = np.empty((3, most))
     normals, arms = np.empty((most, 3)), np.zeros((most, 3))
     count = 0
-    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    x, normal, hessian = np.empty(3), np.empty(3), np.empty((3, 3))
     offset, rotation, place = np.zeros(2), np.empty((3, 3)), np.empty(3)
     for o in range(scene.kind.size):
         if is_face(scene, o):
@@ -66,7 +87,7 @@ def touching(scene, contacts, lengths, state):
         while node <= end:
             offset[:] = 0.0
             gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
-                           bend)
+                           hessian)
             force = contacts.node[o, node] - k * gap
             if force > 0.0:
                 index[0, count], index[1, count], index[2, count] = o, node - 1, -1
@@ -80,7 +101,7 @@ def touching(scene, contacts, lengths, state):
         if o < 0:
             continue
         gap, e, fraction = watched(scene, contacts, c, lengths, state.strains, state.rotations,
-                                   state.positions, normal, bend)
+                                   state.positions, normal, hessian)
         force = contacts.multiplier[c] - k * gap
         if force > 0.0:
             index[0, count], index[1, count], index[2, count] = o, e, c
@@ -90,7 +111,7 @@ def touching(scene, contacts, lengths, state):
             point_inside(lengths, state.strains, state.rotations, state.positions, e, fraction,
                          rotation, place)
             offset[:] = 0.0
-            gap_at(scene, o, rotation, place, 0.0, offset, x, normal, bend)
+            gap_at(scene, o, rotation, place, 0.0, offset, x, normal, hessian)
             _fill_arm(rotation, offset, arms[count])
             count += 1
     for a in range(count):
@@ -117,7 +138,7 @@ def _friction_of(contacts, o, e, fraction):
 
 
 @kernel
-def truth(system, q):
+def truth(system: System, q: Floats) -> tuple[State, float, Touching, float]:
     """Return State, residual, Touching at q (m, 3), and the largest violation in m.
 
     The limits of friction are mu times the forces of this state, so that the residual is that of
@@ -148,14 +169,17 @@ def _slip_error(system, state, contacts, c):
     point_inside(system.lengths, state.strains, state.rotations, state.positions,
                  contacts.element[c], contacts.fraction[c], rotation, x)
     size = trial_force(contacts, c, x, trial)
-    sticks = size <= contacts.multiplier[c]
-    square = along = 0.0
+    along = 0.0  # of the way, against its friction
+    if size > contacts.multiplier[c]:
+        for i in range(3):
+            along += (trial[i] - contacts.shear[c, i]) * trial[i] / size
+        along = max(0.0, along)
+    square = 0.0
     for i in range(3):
         slid = trial[i] - contacts.shear[c, i]
+        if along > 0.0:
+            slid -= along * trial[i] / size
         square += slid * slid
-        along += slid * trial[i] / size if size > 0.0 else 0.0
-    if not sticks and along > 0.0:
-        square = max(0.0, square - along * along)
     return np.sqrt(square) / contacts.grip
 
 
@@ -165,3 +189,16 @@ def with_contacts_of(old, element, obstacle, multiplier, fraction, anchor, norma
     order = np.argsort(element, kind='mergesort')
     return Contacts(old.stiffness, old.node, element[order], obstacle[order], multiplier[order],
                     fraction[order], anchor[order], normal[order], shear[order], old.grip)
+
+
+@kernel
+def touching_system(system, contacts, scene):
+    """Return the same System with other Contacts with a Scene."""
+    needs = system.needs
+    beside = needs.attached.moment.shape[0] + needs.attached.node_moment.shape[0] > 0
+    attached = nothing_attached(needs.attached.sprung.size, contacts.element, beside)
+    return System(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
+                  system.base, system.origin,
+                  with_contact(system.effects, Contact(scene, contacts)),
+                  Needs(needs.displaced, attached, needs.border), system.proximal_point,
+                  system.proximal_weight)

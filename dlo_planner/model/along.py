@@ -108,27 +108,27 @@ class SeenFrom(Value):
 
     Attributes
     ----------
-    known : callable
+    base : callable
         The function.
-    way : int
+    direction : int
         1: on, -1: back.
     signs : tuple of float
         Factors of the components that it returns; (): none.
     """
 
-    known: Callable[[float], Any]
+    base: Callable[[float], Any]
     at: float
-    way: int
+    direction: int
     signs: tuple[float, ...] = ()
 
     @property
     def breaks(self) -> Floats:
         """(m,) distances where it is known to jump, m."""
-        return self.way * (breaks_of(self.known) - self.at)
+        return self.direction * (breaks_of(self.base) - self.at)
 
     def __call__(self, s: float) -> Any:
         """Return the function's value at the distance `s` (m)."""
-        value = self.known(self.at + self.way * s)
+        value = self.base(self.at + self.direction * s)
         return np.asarray(value) * self.signs if self.signs else value
 
 
@@ -162,54 +162,54 @@ class Stepwise(Value):
 class Extended(Value):
     """A number, pair or function up to `end` (m), and another constant from there on."""
 
-    known: Along
+    base: Along
     end: float
     beyond: float | tuple[float, ...]
 
     @property
     def breaks(self) -> Floats:
         """(n,) arc lengths where it is known to jump, m."""
-        return np.append(breaks_of(self.known), self.end)
+        return np.append(breaks_of(self.base), self.end)
 
     def __call__(self, s: float) -> Any:
         """Return the value at `s` (m)."""
         if s >= self.end:
             return self.beyond
-        return self.known(s) if callable(self.known) else self.known
+        return self.base(s) if callable(self.base) else self.base
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scaled(Value):
     """A function times a number, or times one number for each component."""
 
-    known: Callable[[float], Any]
+    base: Callable[[float], Any]
     factor: float | Floats
 
     @property
     def breaks(self) -> Floats:
         """(n,) arc lengths where it is known to jump, m."""
-        return breaks_of(self.known)
+        return breaks_of(self.base)
 
     def __call__(self, s: float) -> Floats:
         """Return the product at `s` (m)."""
-        return self.factor * np.asarray(self.known(s))
+        return self.factor * np.asarray(self.base(s))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Shifted(Value):
     """A function plus a constant."""
 
-    known: Callable[[float], Any]
+    base: Callable[[float], Any]
     shift: Floats
 
     @property
     def breaks(self) -> Floats:
         """(n,) arc lengths where it is known to jump, m."""
-        return breaks_of(self.known)
+        return breaks_of(self.base)
 
     def __call__(self, s: float) -> Floats:
         """Return the sum at `s` (m)."""
-        return np.asarray(self.known(s)) + self.shift
+        return np.asarray(self.base(s)) + self.shift
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -218,7 +218,7 @@ class Expanded(Value):
 
     Attributes
     ----------
-    known : float, tuple or callable
+    base : float, tuple or callable
         What the series is added to.
     coefficients : ndarray, shape (m, k)
         Coefficients of P_0 ... P_{m-1} in 2 s / length - 1.
@@ -226,19 +226,19 @@ class Expanded(Value):
         Length in m.
     """
 
-    known: Along
+    base: Along
     coefficients: Floats
     length: float
 
     @property
     def breaks(self) -> Floats:
         """(n,) arc lengths where it is known to jump, m."""
-        return breaks_of(self.known)
+        return breaks_of(self.base)
 
     def __call__(self, s: float) -> Floats:
         """Return the sum (k,) at `s` (m)."""
-        known = self.known(s) if callable(self.known) else self.known
-        result: Floats = np.asarray(known) + legval(2 * s / self.length - 1, self.coefficients)
+        base = self.base(s) if callable(self.base) else self.base
+        result: Floats = np.asarray(base) + legval(2 * s / self.length - 1, self.coefficients)
         return result
 
 

@@ -59,15 +59,15 @@ def number(name: str, value: object, error: type[Exception] = InvalidTask, *,
         result = float(value)
     except (TypeError, ValueError, OverflowError):
         result = np.inf
-    wanted = []
+    limits = []
     if minimum is not None:
-        wanted.append(f'>= {minimum:g}')
+        limits.append(f'>= {minimum:g}')
     if above is not None:
-        wanted.append(f'> {above:g}')
+        limits.append(f'> {above:g}')
     if maximum is not None:
-        wanted.append(f'<= {maximum:g}')
+        limits.append(f'<= {maximum:g}')
     if below is not None:
-        wanted.append(f'< {below:g}')
+        limits.append(f'< {below:g}')
     good = (np.isfinite(result)
             and (minimum is None or result >= minimum)
             and (above is None or result > above)
@@ -75,45 +75,11 @@ def number(name: str, value: object, error: type[Exception] = InvalidTask, *,
             and (below is None or result < below))
     if not good:
         raise error(f'{name} = {shown(value)}: expected a finite number '
-                    f'{" and ".join(wanted)}'.rstrip())
+                    f'{" and ".join(limits)}'.rstrip())
     if abs(result) > _EXTREME or above == 0 and result < 1 / _EXTREME:
         raise error(f'{name} = {shown(value)}: expected a size of at most {_EXTREME:g}'
                     f'{f" and at least {1 / _EXTREME:g}" if above == 0 else ""}')
     return result
-
-
-def figure(name: str, value: object, error: type[Exception] = InvalidTask) -> float:
-    """Return a number that was computed as a float: it may be infinite, or nan if not known."""
-    if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
-        raise error(f'{name} = {shown(value)}: expected a number, infinity or nan')
-    try:
-        return float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise error(f'{name} = {shown(value)}: expected a number, infinity or nan') from None
-
-
-def results(name: str, value: Any, shape: tuple[int | None, ...],
-            error: type[Exception] = InvalidTask) -> Floats:
-    """Return an array (..) that was computed; its entries may be infinite, or nan if not known."""
-    if (type(value) is np.ndarray and value.dtype == np.float64 and value.ndim == len(shape)
-            and all(size is None or size == got
-                    for size, got in zip(shape, value.shape, strict=True))):
-        return value
-    plain = _plain(value, shape)
-    if plain is not None:
-        return plain
-    sizes = ', '.join('n' if size is None else str(size) for size in shape)
-    try:
-        given = np.array(value)
-        if given.dtype.kind not in 'iuf':
-            raise TypeError
-        given = given.astype(float)
-    except Exception:  # whatever its conversion raises
-        raise error(f'{name} = {shown(value)}: expected numbers ({sizes})') from None
-    if given.ndim != len(shape) or any(size is not None and size != got for size, got in
-                                       zip(shape, given.shape, strict=True)):
-        raise error(f'{name} has shape {given.shape}: expected numbers ({sizes})')
-    return given
 
 
 def returned(name: str, function: Callable[[float], Any], s: float,
@@ -200,7 +166,7 @@ def row(name: str, value: Any, error: type[Exception] = InvalidTask, *, least: i
     return values
 
 
-def _plain(value: Any, shape: tuple[int | None, ...]) -> Floats | None:
+def plain(value: Any, shape: tuple[int | None, ...]) -> Floats | None:
     """Return as a new array what is right at a glance; None of what has to be looked at."""
     if type(value) in (tuple, list):
         right = shape == (len(value),) and all(type(one) is float for one in value)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,29 +17,12 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import direction, instance, items, number, shown, vector
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.solid import Solid, ball, bar
 from dlo_planner.model.value import Value, put
 
 _FLUSH = 1e-6  # of the sheet, and rad: how far a cut-out may lie off its sheet's middle plane
 _NO_LENGTH = 1e-9  # of its other measures: a capsule that short has no direction
 _ROUNDING = 1e-9   # of the sheet
-
-
-class Solid(NamedTuple):
-    """A body that RViz, browsers and physics engines know: what obstacles are drawn with.
-
-    Attributes
-    ----------
-    kind : str
-        'box', 'ball' or 'cylinder' (flat ends, its axis along z).
-    pose : Pose
-        Pose of its center.
-    size : (float, float, float)
-        (3,) full sizes along the axes of the pose, m.
-    """
-
-    kind: str
-    pose: Pose
-    size: tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -99,7 +82,7 @@ class Sphere(Value):
     @property
     def solids(self) -> tuple[Solid, ...]:
         """What it looks like."""
-        return (_ball(self.center, self.radius),)
+        return (ball(self.center, self.radius),)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -137,7 +120,8 @@ class Capsule(Value):
     @property
     def solids(self) -> tuple[Solid, ...]:
         """What it looks like."""
-        return (_bar(self), _ball(self.start, self.radius), _ball(self.end, self.radius))
+        return (bar(self.start, self.end, self.radius), ball(self.start, self.radius),
+                ball(self.end, self.radius))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -147,19 +131,23 @@ class Cylinder(Value):
     Attributes
     ----------
     start : ndarray, shape (3,)
-        Start in m, the centers of its ends, different.
+        Center of one end, m.
     end : ndarray, shape (3,)
-        End in m, the centers of its ends, different.
+        Center of the other end, m, different from start.
     radius : float
         Radius in m.
     friction : float
-        Coulomb's coefficient.
+        Coulomb's coefficient, >= 0.
     """
 
-    start: np.ndarray
-    end: np.ndarray
+    start: Floats
+    end: Floats
     radius: float
     friction: float = 0.0
+
+    if TYPE_CHECKING:
+        def __init__(self, start: ArrayLike, end: ArrayLike, radius: float,
+                     friction: float = 0.0) -> None: ...
 
     def __post_init__(self) -> None:
         put(self, start=vector('Cylinder.start', self.start, 3),
@@ -171,7 +159,7 @@ class Cylinder(Value):
     @property
     def solids(self) -> tuple[Solid, ...]:
         """What it looks like."""
-        return (_bar(self),)
+        return (bar(self.start, self.end, self.radius),)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -293,20 +281,9 @@ def _friction(self: Any) -> float:
     return number(f'{type(self).__name__}.friction', self.friction, minimum=0)
 
 
-def _check_length(bar: Capsule | Cylinder, why: str) -> None:
-    name = type(bar).__name__
-    size = max(bar.radius, np.abs(bar.start).max(), np.abs(bar.end).max())
-    if np.linalg.norm(bar.end - bar.start) <= _NO_LENGTH * size:
-        raise InvalidTask(f'{name}.end = {bar.end.tolist()}: expected another point than start, '
+def _check_length(self: Capsule | Cylinder, why: str) -> None:
+    name = type(self).__name__
+    size = max(self.radius, np.abs(self.start).max(), np.abs(self.end).max())
+    if np.linalg.norm(self.end - self.start) <= _NO_LENGTH * size:
+        raise InvalidTask(f'{name}.end = {self.end.tolist()}: expected another point than start, '
                           f'apart by more than rounding of their places and the radius ({why})')
-
-
-def _bar(bar: Capsule | Cylinder) -> Solid:
-    along = bar.end - bar.start
-    pose = Pose.looking_along(0.5 * (bar.start + bar.end), along)
-    return Solid('cylinder', Pose.from_rotation(pose.position, pose.rotation[:, [1, 2, 0]]),
-                 (2 * bar.radius, 2 * bar.radius, float(np.linalg.norm(along))))
-
-
-def _ball(center: np.ndarray, radius: float) -> Solid:
-    return Solid('ball', Pose(center, (0.0, 0.0, 0.0, 1.0)), (2 * radius,) * 3)

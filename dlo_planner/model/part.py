@@ -25,27 +25,27 @@ def before(rod: Rod, end: float) -> Rod:
 
 
 def part_of_loads(loads: Iterable[PointLoad], rod: Rod, at: float,
-                  way: int) -> tuple[PointLoad, ...]:
+                  direction: int) -> tuple[PointLoad, ...]:
     """Return the PointLoads of `part_of_rod`, as that part knows them."""
     places = [(rod.length if one.s is None else one.s, one) for one in loads]
     return tuple(replace(one, s=abs(s - at)) for s, one in places
-                 if (s - at) * way > 0 or s == at and way > 0)
+                 if (s - at) * direction > 0 or s == at and direction > 0)
 
 
-def part_of_rod(rod: Rod, at: float, way: int) -> Rod:
+def part_of_rod(rod: Rod, at: float, direction: int) -> Rod:
     """Return the Rod from `at` to one end: way = 1 on to L, -1 back to 0."""
-    length = at if way < 0 else rod.length - at
+    length = at if direction < 0 else rod.length - at
     masses = []
     for s, mass in rod.point_masses:
-        if (s - at) * way > 0 or (s == at and way > 0):
+        if (s - at) * direction > 0 or (s == at and direction > 0):
             masses.append((abs(s - at), mass))
-    signs = tuple(BACK[1:]) if way < 0 else (1.0, 1.0)
+    signs = tuple(BACK[1:]) if direction < 0 else (1.0, 1.0)
     curvature = rod.natural_curvature
-    changed: dict[str, Any] = {name: SeenFrom(getattr(rod, name), at, way)
+    changed: dict[str, Any] = {name: SeenFrom(getattr(rod, name), at, direction)
                for name in ('mass_per_length', 'natural_twist', 'bending_stiffness',
                             'torsional_stiffness', 'radius') if callable(getattr(rod, name))}
-    nodes = tuple(abs(s - at) for s in rod.nodes if (s - at) * way > 0)
+    nodes = tuple(abs(s - at) for s in rod.nodes if (s - at) * direction > 0)
     return replace(rod, length=length, point_masses=tuple(masses), nodes=nodes,
-                   tip_mass=rod.tip_mass if way > 0 else 0.0,
-                   natural_curvature=SeenFrom(curvature, at, way, signs) if callable(curvature)
-                   else tuple(np.array(signs) * curvature), **changed)
+                   tip_mass=rod.tip_mass if direction > 0 else 0.0,
+                   natural_curvature=SeenFrom(curvature, at, direction, signs)
+                   if callable(curvature) else tuple(np.array(signs) * curvature), **changed)

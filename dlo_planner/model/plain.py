@@ -17,8 +17,9 @@ from dlo_planner.model.value import Value
 def plain(content: object) -> object:
     """Return a content as dicts, lists, numbers, strings, truth values and None.
 
-    A Value becomes the dict of its public attributes, a Pose {'position', 'quaternion'}, an array
-    nested lists, an Enum its value. What is none of these (a function) becomes its repr.
+    A Value becomes the dict of its public attributes, but for opaque ones, a Pose {'position',
+    'quaternion'}, an array nested lists, an Enum its value. What is none of these (a function)
+    becomes its repr.
     """
     if isinstance(content, Enum):
         return content.value
@@ -27,7 +28,8 @@ def plain(content: object) -> object:
     if isinstance(content, Pose):
         return {'position': content.position.tolist(), 'quaternion': content.quaternion.tolist()}
     if isinstance(content, Value):
-        names = [item.name for item in fields(content)] if is_dataclass(content) else content.PARTS
+        names = ([item.name for item in fields(content) if not item.metadata.get('opaque')]
+                 if is_dataclass(content) else content.PARTS)
         return {name: plain(getattr(content, name)) for name in names if not name.startswith('_')}
     if isinstance(content, Mapping):
         return {str(key): plain(part) for key, part in content.items()}

@@ -61,14 +61,8 @@ def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = No
         if rod.section is not None and rod.section.kind == 'rectangular':
             raise InvalidRod(f'radius = {radius:g}: expected None at a rectangular rod, which '
                              'touches with its section')
-    most = mass * min(center, size - center) ** 2
-    if inertia is None:
-        across = radius or (0.0 if rod.radius is None else rod.radii([rod.length])[0])
-        inertia = min(mass * (3 * across**2 + size**2) / 12, most)
-    else:
-        inertia = number('inertia', inertia, InvalidRod, minimum=0, maximum=most)
     begin, end = rod.length, rod.length + size
-    arm = np.sqrt(inertia / mass) if mass else 0.0
+    arm = _arm(rod, size, mass, radius, center, inertia)
     places = (begin + center - arm, begin + center + arm)
     rigid = _RIGID * float(rod.stiffness.max())
     beyond: dict[str, Any] = {'mass_per_length': 0.0, 'bending_stiffness': (rigid, rigid),
@@ -81,3 +75,15 @@ def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = No
         rod, length=end, tip_mass=0.0, nodes=(*rod.nodes, begin, *places),
         point_masses=(*rod.point_masses, (begin, rod.tip_mass),
                       *((min(s, end), 0.5 * mass) for s in places)), **changed)
+
+
+def _arm(rod: Rod, size: float, mass: float, radius: float | None, center: float,
+         inertia: float | None) -> float:
+    """Return how far from the body's center, m, the two masses are that stand for it."""
+    most = mass * min(center, size - center) ** 2
+    if inertia is None:
+        across = radius or (0.0 if rod.radius is None else rod.radii([rod.length])[0])
+        inertia = min(mass * (3 * across**2 + size**2) / 12, most)
+    else:
+        inertia = number('inertia', inertia, InvalidRod, minimum=0, maximum=most)
+    return float(np.sqrt(inertia / mass)) if mass else 0.0

@@ -65,7 +65,8 @@ class Profile(Value):
         width = np.diff(self.edges)
         powers = np.einsum('ij,mjk->imk', _POWERS, self.values)
         powers = powers / width[None, :, None] ** np.arange(_POINTS)[:, None, None]
-        return PPoly(powers[::-1], self.edges).antiderivative()
+        edges = np.array(self.edges)  # SciPy 1.11 takes no read-only array here
+        return PPoly(powers[::-1], edges).antiderivative()
 
     @cached_property
     def _second(self) -> PPoly:
@@ -110,22 +111,22 @@ def resolved(name: str, function: Callable[[float], Any], length: float, stated:
     left, width = edges[:-1], np.diff(edges)
     values = _at(function, left, width, _AT)
     size = np.abs(values).max(axis=(0, 1))
-    known = []
+    panels = []
     while left.size:
         halves = _at(function, left, width, _HALVES)
         size = np.maximum(size, np.abs(halves).max(axis=(0, 1)))
         off = np.abs(np.einsum('ij,mjk->mik', _AT_HALVES, values) - halves).max(axis=1)
         good = (off <= _CLOSE * size).all(axis=1) | (width < _NARROWEST * length)
-        known.append((left[good], width[good], values[good]))
+        panels.append((left[good], width[good], values[good]))
         left, width, halves = left[~good], 0.5 * width[~good], halves[~good]
-        if left.size + sum(len(one[0]) for one in known) > _MOST:
+        if left.size + sum(len(one[0]) for one in panels) > _MOST:
             raise error(f'{name}: expected a function that {_MOST} polynomials of degree '
                         f'{_POINTS - 1} can follow along the DLO, this one varies too wildly near '
                         f's = {left[0]:.6g} m')
         values = np.concatenate([halves[:, :_POINTS], halves[:, _POINTS:2 * _POINTS]])
         left = np.concatenate([left, left + width])
         width = np.concatenate([width, width])
-    left, width, values = (np.concatenate(parts) for parts in zip(*known, strict=True))
+    left, width, values = (np.concatenate(parts) for parts in zip(*panels, strict=True))
     order = np.argsort(left)
     left, width, values = left[order], width[order], values[order]
     return Profile(np.append(left, length), values, _breaks(left, width, values, size, length))

@@ -4,27 +4,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from dlo_planner.deprecated import warn_renamed
 from dlo_planner.errors import InvalidRod
-from dlo_planner.model.along import Along, Table, breaks_of
+from dlo_planner.model.along import Along
+from dlo_planner.model.along_rod import VARYING, AlongRod
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import array, choice, instance, number, returned, row, shown
-from dlo_planner.model.profile import resolved, straight
+from dlo_planner.model.checks import choice, instance, number, row, shown
 from dlo_planner.model.section import MODELS, MODULI, SIZES, Section
-from dlo_planner.model.stated import ONE, is_row, pair, varying
-from dlo_planner.model.value import FrozenDict, Value, brief, put
+from dlo_planner.model.stated import is_row, pair, varying
+from dlo_planner.model.value import brief, put
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Rod(Value):
+class Rod(AlongRod):
     """An inextensible, unshearable elastic rod (Kirchhoff), straight or naturally curved.
 
     Material frame (t, n, b); strains are (torsion, curvature about n, curvature about b), 1/m.
@@ -105,7 +103,7 @@ class Rod(Value):
                      for name, limits in _NUMBERS.items()
                      if not (getattr(self, name) is None and name in _OPTIONAL)})
         put(self, **{name: varying(f'Rod.{name}', getattr(self, name), parts, **limits)
-                     for name, (parts, limits) in _VARYING.items()
+                     for name, (parts, limits) in VARYING.items()
                      if not (getattr(self, name) is None and name == 'radius')})
         damping: Any = self.damping
         if not is_row(damping):
@@ -122,7 +120,7 @@ class Rod(Value):
         put(self, nodes=tuple(row('Rod.nodes', self.nodes, InvalidRod, least=0, minimum=0,
                                   maximum=self.length).tolist()))
         probes = np.linspace(0, self.length, 9)
-        for name in _VARYING:  # callables are judged now, not later
+        for name in VARYING:  # callables are judged now, not later
             self._values(name, probes)
         super().__post_init__()
 
@@ -181,108 +179,9 @@ class Rod(Value):
         return result
 
     @property
-    def varies(self) -> bool:
-        """Whether any property varies along the DLO."""
-        return any(callable(getattr(self, name)) for name in _VARYING)
-
-    @property
     def yields(self) -> bool:
         """Whether there is a threshold beyond which the DLO deforms permanently."""
         return self.yield_curvature is not None or self.yield_torsion is not None
-
-    def masses_per_length(self, s: ArrayLike) -> Floats:
-        """Return the mass per length at arc lengths `s` (n,) as (n,), kg/m."""
-        return self._values('mass_per_length', s)[:, 0]
-
-    def natural_strains(self, s: ArrayLike) -> Floats:
-        """Return the stress-free strains at arc lengths `s` (n,) as (n, 3), 1/m."""
-        return np.hstack([self._values(name, s) for name in _NATURAL])
-
-    def stiffnesses(self, s: ArrayLike) -> Floats:
-        """Return GJ, EI_n and EI_b at arc lengths `s` (n,) as (n, 3), N m^2."""
-        return np.hstack([self._values(name, s) for name in _STIFF])
-
-    def radii(self, s: ArrayLike) -> Floats:
-        """Return the radius at arc lengths `s` (n,) as (n,), m; 0 of a thin line."""
-        return self._values('radius', s)[:, 0]
-
-    def mean_natural_strains(self, s: ArrayLike) -> Floats:
-        """Return the means (N, 3) of the stress-free strains between nodes `s` (N + 1,), 1/m."""
-        s = _mesh(s)
-        return np.hstack([self._means(name, s) for name in _NATURAL])
-
-    def mean_stiffnesses(self, s: ArrayLike) -> Floats:
-        """Return GJ, EI_n and EI_b (N, 3) with the compliance of the parts between nodes, N m^2.
-
-        Their inverses are the means of the inverses, which is exact under a constant moment.
-        """
-        s = _mesh(s)
-        return np.hstack([1 / self._means(name, s) if callable(getattr(self, name))
-                          else self._means(name, s) for name in _STIFF])
-
-    def node_masses(self, s: ArrayLike) -> Floats:
-        """Return the masses (N + 1,) in kg at the nodes `s` that represent the rod's own mass.
-
-        The mass of each element is shared by its two nodes, with the right total and center.
-        """
-        s = _mesh(s)
-        if callable(self.mass_per_length):
-            result: Floats = self._profiles['mass_per_length'].on_nodes(s)[:, 0]
-            return result
-        half = 0.5 * np.diff(s) * self.mass_per_length
-        masses = np.zeros(len(s))
-        masses[:-1] += half
-        masses[1:] += half
-        return masses
-
-    @cached_property
-    def breaks(self) -> Floats:
-        """Arc lengths (n,) inside the DLO at which every mesh has a node, m, ascending."""
-        inner = [s for s in self.nodes if 0 < s < self.length]
-        breaks = np.unique(np.concatenate([inner] + [
-            profile.breaks for profile in self._profiles.values()]))
-        breaks.flags.writeable = False
-        return breaks
-
-    @cached_property
-    def _profiles(self) -> FrozenDict:
-        """Dict of Profiles of what varies; that of a stiffness is one of its inverse."""
-        known = {}
-        for name in _VARYING:
-            content = getattr(self, name)
-            if isinstance(content, Table) and name not in _STIFF:
-                known[name] = straight(content, self.length)
-            elif callable(content):
-                known[name] = resolved(f'Rod.{name}', self._one(name), self.length,
-                                       breaks_of(content), InvalidRod)
-        return FrozenDict(known)
-
-    def _means(self, name: str, s: Floats) -> Floats:
-        if name in self._profiles:
-            result: Floats = self._profiles[name].means(s)
-            return result
-        return np.tile(getattr(self, name), (len(s) - 1, 1))
-
-    def _one(self, name: str) -> Callable[[float], Floats]:
-        """Return the function of s for which the Profile of a quantity stands."""
-        inverse = name in _STIFF
-        return lambda s: 1 / self._at(name, s) if inverse else self._at(name, s)
-
-    def _values(self, name: str, s: ArrayLike) -> Floats:
-        s = array('s', s, (None,), InvalidRod)
-        content = getattr(self, name)
-        if not callable(content):
-            return np.tile(np.array(content or 0.0 if name == 'radius' else content, dtype=float),
-                           (s.size, 1))
-        return np.array([self._at(name, v) for v in s])
-
-    def _at(self, name: str, s: float) -> Floats:
-        """Return what a function states at `s`, (k,), judged."""
-        parts, limits = _VARYING[name]
-        value = returned(f'Rod.{name}', getattr(self, name), s, InvalidRod)
-        if parts == ONE:
-            return np.array([number(f'Rod.{name}({s:g})', value, InvalidRod, **limits)])
-        return np.array(pair(f'Rod.{name}({s:g})', value, parts, None, **limits))
 
     @classmethod
     def circular(cls, length: float, diameter: float, density: float, youngs_modulus: float,
@@ -370,25 +269,7 @@ _NUMBERS = {
     'yield_torsion': {'above': 0}, 'hardening': {'minimum': 0, 'below': 1},
     'max_bend_curvature': {'above': 0}}
 _OPTIONAL = ('yield_torsion', 'max_bend_curvature')
-_VARYING = {  # how a value is written, and limits
-    'mass_per_length': (ONE, {'minimum': 0}), 'bending_stiffness': ('EI or (EI_n, EI_b)',
-                                                                    {'above': 0}),
-    'torsional_stiffness': (ONE, {'above': 0}), 'natural_curvature': ('(k_n, k_b)', {}),
-    'natural_twist': (ONE, {}), 'radius': (ONE, {'above': 0})}
-_NATURAL = ('natural_twist', 'natural_curvature')
-_STIFF = ('torsional_stiffness', 'bending_stiffness')
 
 
 def _size(name: str, value: object) -> float:
     return number(name, value, InvalidRod, minimum=SIZES[0], maximum=SIZES[1])
-
-
-def _mesh(s: ArrayLike) -> Floats:
-    """Return nodes (N + 1,), ascending, as an array; raise InvalidRod if they are none."""
-    if (type(s) is np.ndarray and s.dtype == float and s.ndim == 1 and s.size > 1
-            and abs(s[0]) + abs(s[-1]) < np.inf and (s[1:] > s[:-1]).all()):
-        return s
-    s = row('s', s, InvalidRod, least=2)
-    if (np.diff(s) <= 0).any():
-        raise InvalidRod(f's = {shown(s.tolist())}: expected arc lengths that grow')
-    return s

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.deprecated import renamed_arguments
 from dlo_planner.errors import InvalidRod
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, choice, number
@@ -117,20 +118,21 @@ class Section(Value):
         """Largest shear strain at the surface per torsion, m."""
         return self._rectangle()[1] if self.kind == 'rectangular' else self.half_n
 
-    def surface_strain(self, bend: ArrayLike) -> Floats:
+    @renamed_arguments(bend='strains')
+    def surface_strain(self, strains: ArrayLike) -> Floats:
         """Return the largest axial and the largest shear strain (n, 2) of (n, 3) strains.
 
         Parameters
         ----------
-        bend : array_like, shape (n, 3)
+        strains : array_like, shape (n, 3)
             Torsion and curvatures about n and b since the stress-free shape, 1/m.
         """
-        bend = array('bend', bend, (None, 3), InvalidRod)
+        strains = array('strains', strains, (None, 3), InvalidRod)
         if self.kind == 'rectangular':
-            axial = np.abs(bend[:, 1]) * self.half_b + np.abs(bend[:, 2]) * self.half_n
+            axial = np.abs(strains[:, 1]) * self.half_b + np.abs(strains[:, 2]) * self.half_n
         else:
-            axial = np.hypot(bend[:, 1], bend[:, 2]) * self.half_n
-        return np.column_stack([axial, np.abs(bend[:, 0]) * self.shear_arm])
+            axial = np.hypot(strains[:, 1], strains[:, 2]) * self.half_n
+        return np.column_stack([axial, np.abs(strains[:, 0]) * self.shear_arm])
 
     def thresholds(self, yield_stress: float) -> tuple[tuple[float, float], float]:
         """Return ((k_n, k_b), torsion) in 1/m at which the outermost fiber yields.

@@ -77,9 +77,9 @@ class Surface(Value):
         outside = self._outside(self.rod, s)
         radii = outside.copy()
         ends = np.column_stack([s[:-1], s[1:]])
-        for node, way in self._faces(outside):
+        for node, side in self._faces(outside):
             thin, thick = np.sort([outside[node - 1, 1], outside[node, 0]])
-            away = way * (ends - s[node])
+            away = side * (ends - s[node])
             near = (0.5 * away.sum(axis=1) > 0) & (away.min(axis=1) < thick)
             radii[near] = np.minimum(radii[near], np.maximum(away[near], thin))
         return radii
@@ -93,12 +93,12 @@ class Surface(Value):
             return []
         outside = self._outside(self.rod, s)
         rims = []
-        for node, way in self._faces(outside):
+        for node, side in self._faces(outside):
             radius = float(max(outside[node - 1, 1], outside[node, 0]))
             other = node
-            while 0 < other < s.size - 1 and way * (s[other] - s[node]) < radius and (
-                    outside[other if way > 0 else other - 1].min() >= radius * (1 - _JUMP)):
-                other += way
+            while 0 < other < s.size - 1 and side * (s[other] - s[node]) < radius and (
+                    outside[other if side > 0 else other - 1].min() >= radius * (1 - _JUMP)):
+                other += side
             rims.append((radius, (min(node, other), max(node, other))))
         return rims
 

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from dlo_planner.direct.history import History
-from dlo_planner.direct.integrator import Course, Scheme
+from dlo_planner.direct.integrator import KinematicState, Scheme
 from dlo_planner.direct.statics import TOLERANCE
 from dlo_planner.energy.potential import unknowns_of
-from dlo_planner.minimize.methods import near
+from dlo_planner.minimize.methods import approximate
 from dlo_planner.model.arrays import Floats
 from dlo_planner.parallel.pieces import Shared
 
@@ -35,12 +35,12 @@ class Moving(NamedTuple):
     strains : ndarray, shape (N, 3)
         Strains in 1/m, where the search begins.
     most : int
-        Work, in the unit of `minimize.methods.near`.
+        Work, in the unit of `minimize.methods.approximate`.
     """
 
     stepper: Shared
-    nodes: Course
-    bends: Course
+    nodes: KinematicState
+    bends: KinematicState
     history: History
     place: float
     scheme: Scheme
@@ -92,4 +92,4 @@ def look(task: Moving | Resting) -> Guess:
         system = simulator.mesh.system(task.rotation, history=task.history)
     q = np.empty((system.basis.shape[1] or system.lengths.size, 3))
     unknowns_of(system, np.array(task.strains), q)
-    return Guess(*near(system, q, method, TOLERANCE + rounding, task.most))
+    return Guess(*approximate(system, q, method, TOLERANCE + rounding, task.most))

@@ -165,7 +165,7 @@ def _alone(simulator: DirectSimulator, grippers: Sequence[Pose], rods: Sequence[
                        rods=None if rods is None else rods[k:k + chunk])
               for k in range(0, len(grippers), chunk))
     rows = [one.rows for one in crew.run(result_of, pieces, count.finished)]
-    s = simulator._discretization.s
+    s = simulator.mesh.s
     lengths = [] if rods is None else [rod.length for rod in rods]
     if any(length != s[-1] for length in lengths):
         nodes = [scaled_nodes(s, length) for length in lengths]

@@ -24,16 +24,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.accuracy import past_of
 from dlo_planner.direct.continuation import LONGEST_TURN, fell
 from dlo_planner.direct.grips import poses
+from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.motion import Motion
+from dlo_planner.direct.moving import Prescribed, motion_by
+from dlo_planner.direct.one_step import past_of
+from dlo_planner.direct.setup import made_by
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator, made_by, motion_by
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.stepping import Instant, Stepper
-from dlo_planner.energy.potential import System, unknowns_of
+from dlo_planner.direct.stepping import Stepper
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.energy.system import System
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.same_minimum import leads_to, lower
 from dlo_planner.model.arrays import Floats
@@ -107,8 +111,8 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
         if dt is None:
             return Tracker(simulator, rounds).track(grippers, at_first, steps)
         make = partial(AheadStepper, rounds, len(grippers) - 1)
-        return motion_by(make, simulator, grippers, dt, initial, None, velocity, tolerance,
-                         integrator, steps)
+        return motion_by(make, simulator, Prescribed(grippers, dt, initial, None, velocity,
+                                                     tolerance, integrator), steps)
 
 
 def _first_shape(initial: Shape | Motion | None, dt: float | None) -> Shape | None:
@@ -120,7 +124,7 @@ def _first_shape(initial: Shape | Motion | None, dt: float | None) -> Shape | No
 
 
 def _work(shape: Shape) -> int:
-    """Return the work that a Shape took, as `minimize.methods.near` counts it."""
+    """Return the work that a Shape took, as `minimize.methods.approximate` counts it."""
     return shape.evaluations or shape.iterations
 
 
@@ -138,6 +142,7 @@ class AheadStepper(Stepper):
 
     def __init__(self, rounds: Rounds, last: int, *more: Any) -> None:
         super().__init__(*more)
+        self.swings = False
         self._rounds, self._last, self._shared = rounds, last, Shared(Stepper(*more))
 
     def _step(self, before: Instant, place: float, scheme: Scheme, patience: int) -> Instant:

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.energy.distance import build_scene
+from dlo_planner.energy.scene import build_scene
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose, angle_between

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.energy.distance import AXIS, FACE, NODE_FACE, Scene, build_scene, in_plane
+from dlo_planner.energy.distance import in_plane
 from dlo_planner.energy.outline import (
     gap_at,
     node_gap,
@@ -21,6 +21,7 @@ from dlo_planner.energy.outline import (
     stretch,
     taper,
 )
+from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE, Scene, build_scene
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut

@@ -15,6 +15,7 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.builder import PlanBuilder
 
 _QUIET = 0.1   # rad: a change of shape, besides the gripper's turn, that needs no second look
+_STABLE = 0.1  # stability at both ends of a step, without which the DLO may fall between them
 _SAME = 1e-3   # of the length: farther apart, two shapes are not the same
 # What a step of the gripper may be: a constant and a part per depth, both relative to the length.
 # Of 500 random plans 99 % stay below half of the rates; a fold exceeds any.
@@ -55,7 +56,8 @@ def excess(one: tuple[Floats, Floats], other: tuple[Floats, Floats], step: float
 def discontinuity(simulator: DirectSimulator, before: Shape | None, shape: Shape) -> float:
     """Return how far (m) the DLO is from `shape` when the gripper goes there; 0 if it takes it.
 
-    The direct simulation decides where the shape changes more than the gripper's turn causes.
+    The direct simulation decides where the shape changes more than the gripper's turn causes, or is
+    hardly stable.
 
     Parameters
     ----------
@@ -70,7 +72,8 @@ def discontinuity(simulator: DirectSimulator, before: Shape | None, shape: Shape
         reached = simulator.solve(shape.gripper)
     else:
         turn = angle_between(before.gripper.rotation, shape.gripper.rotation)
-        if shape_change(before, shape) < _QUIET + turn:
+        if (shape_change(before, shape) < _QUIET + turn
+                and min(before.stability, shape.stability) > _STABLE):
             return 0.0
         reached = simulator.track([shape.gripper], initial=before)[0]
     if reached.converged and not reached.jumped and same(reached, shape):

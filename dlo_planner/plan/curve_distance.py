@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.energy.distance import NODE_FACE, Scene
 from dlo_planner.energy.outline import node_gap, nodes_of, stretch, taper
+from dlo_planner.energy.scene import NODE_FACE, Scene
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.kinematics import point_inside

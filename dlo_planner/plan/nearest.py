@@ -7,13 +7,13 @@ from __future__ import annotations
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.energy.distance import Scene
 from dlo_planner.energy.outline import (
     node_gap,
     nodes_of,
     taper,
 )
 from dlo_planner.energy.rolling import nearest_inside
+from dlo_planner.energy.scene import Scene
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import dot

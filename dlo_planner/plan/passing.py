@@ -66,7 +66,7 @@ def _distance(shape: Shape, center: Floats, low: float, high: float) -> tuple[fl
             away = float(np.linalg.norm(position - center))
             if away < best[0]:
                 best = away, s
-            s = min(max(s + axes[:, 0] @ (center - position), low), high)
+            s = min(max(s + float(axes[:, 0] @ (center - position)), low), high)
     return best
 
 

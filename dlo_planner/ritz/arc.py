@@ -11,11 +11,14 @@ with c1 = (1 - cos a) / a^2, c2 = (a - sin a) / a^3, a = |phi|. J is the left Ja
 (Bullo and Murray 1995): a change of phi turns all that lies beyond by J dphi, in this frame.
 """
 
+from __future__ import annotations
+
 from math import factorial
 
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.ritz.matrix3 import Matrix, Vector
 
 # Below this angle^2 the closed forms lose digits (up to eight of them in the second derivatives);
 # ten terms of the power series in a^2 are exact to 1e-17 there, and need no sine.
@@ -27,9 +30,9 @@ def _series() -> list[tuple[float, ...]]:
     """Return 7 tuples of _TERMS coefficients of a^(2k), in c0, c1, c2, d1, d2, dd1, dd2."""
     k = range(_TERMS + 2)
     rows = [[(-1.0) ** n / factorial(2 * n + m) for n in k] for m in (1, 2, 3)]
-    slope = [[2 * (n + 1) * row[n + 1] for n in k[:-1]] for row in rows[1:]]
-    bend = [[2 * (n + 1) * row[n + 1] for n in k[:-2]] for row in slope]
-    return [tuple(row[:_TERMS]) for row in rows + slope + bend]
+    first = [[2 * (n + 1) * row[n + 1] for n in k[:-1]] for row in rows[1:]]
+    second = [[2 * (n + 1) * row[n + 1] for n in k[:-2]] for row in first]
+    return [tuple(row[:_TERMS]) for row in rows + first + second]
 
 
 _C0, _C1, _C2, _D1, _D2, _DD1, _DD2 = _series()
@@ -85,7 +88,7 @@ def rotation_and_chord(x, y, z, h):
 
 
 @kernel
-def jacobians(x, y, z, h):
+def jacobians(x: float, y: float, z: float, h: float) -> tuple[Matrix, Matrix]:
     """Return J(phi) and d(h J(phi) e1) / dphi, 9 numbers each, for phi = (x, y, z)."""
     a2 = x * x + y * y + z * z
     c = coefficients(a2)
@@ -98,21 +101,21 @@ def jacobians_with(x, y, z, h, c, d):
     _, c1, c2 = c
     diagonal = 1 - c2 * (x * x + y * y + z * z)
     xy, xz, yz = c2 * x * y, c2 * x * z, c2 * y * z
-    turning = (diagonal + c2 * x * x, xy - c1 * z, xz + c1 * y,
-               xy + c1 * z, diagonal + c2 * y * y, yz - c1 * x,
-               xz - c1 * y, yz + c1 * x, diagonal + c2 * z * z)
+    rotation_jacobian = (diagonal + c2 * x * x, xy - c1 * z, xz + c1 * y,
+                         xy + c1 * z, diagonal + c2 * y * y, yz - c1 * x,
+                         xz - c1 * y, yz + c1 * x, diagonal + c2 * z * z)
     # chord / h = (1 - c2 (y^2 + z^2), c1 z + c2 x y, -c1 y + c2 x z)
     u0 = -d[1] * (y * y + z * z)
     u1 = d[0] * z + d[1] * x * y
     u2 = d[1] * x * z - d[0] * y
-    shifting = (h * u0 * x, h * (u0 * y - 2 * c2 * y), h * (u0 * z - 2 * c2 * z),
-                h * (u1 * x + c2 * y), h * (u1 * y + c2 * x), h * (u1 * z + c1),
-                h * (u2 * x + c2 * z), h * (u2 * y - c1), h * (u2 * z + c2 * x))
-    return turning, shifting
+    chord_jacobian = (h * u0 * x, h * (u0 * y - 2 * c2 * y), h * (u0 * z - 2 * c2 * z),
+                      h * (u1 * x + c2 * y), h * (u1 * y + c2 * x), h * (u1 * z + c1),
+                      h * (u2 * x + c2 * z), h * (u2 * y - c1), h * (u2 * z + c2 * x))
+    return rotation_jacobian, chord_jacobian
 
 
 @kernel
-def slope(x, y, z, h, force, moment):
+def slope(x: float, y: float, z: float, h: float, force: Vector, moment: Vector) -> Vector:
     """Return (3 numbers) the derivative of a load's potential by phi = (x, y, z).
 
     That is J^T moment + (d(h J e1) / dphi)^T force, written out.

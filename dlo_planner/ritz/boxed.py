@@ -39,13 +39,13 @@ def declare(cls: type, fields: tuple[str, ...]) -> None:
     structref.define_proxy(cls, kind, fields)
 
 
-def _fields(record):  # type: ignore[no-untyped-def]
+def _fields(record: Any) -> Any:
     raise NotImplementedError('for kernels only')
 
 
 # (numba compares its signature with that of the written function: no annotations)
 @overload(_fields)
-def _fields_of(record):  # type: ignore
+def _fields_of(record):
     """Write the function that returns all fields of this kind of record."""
     names = [name for name, _ in record._fields]
     scope: dict[str, Any] = {}

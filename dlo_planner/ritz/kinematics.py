@@ -4,9 +4,9 @@
 
 Node k is reached from the gripper through the elements 0 ... k-1 (Eq. 15, 17 of the paper with
 exact arcs in place of the infinitesimal rotations of Eq. 16). A change du_e of element e turns
-everything beyond it, as one rigid body, by  turning_e du_e  (world frame). All that follows
+everything beyond it, as one rigid body, by  twist_jacobian_e du_e  (world frame). All that follows
 rests on this: gradients are one sweep from the free end, and the Hessian is semi-separable:
-for e < f,  d2V / du_f du_e = cross_f turning_e,  with 3 x 3 blocks that each depend on one
+for e < f,  d2V / du_f du_e = cross_f twist_jacobian_e,  with 3 x 3 blocks that each depend on one
 element only.
 """
 
@@ -15,8 +15,9 @@ from __future__ import annotations
 import numpy as np
 
 from dlo_planner.kernels import kernel
-from dlo_planner.model.arrays import Bools, Floats, Ints
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import jacobians, rotation_and_chord, slope
+from dlo_planner.ritz.attached import at_tip, last_point, moments_on_nodes, plus_at_node
 from dlo_planner.ritz.matrix3 import (
     applied,
     columns_scaled,
@@ -30,159 +31,11 @@ from dlo_planner.ritz.matrix3 import (
     transposed_applied,
     vector,
 )
-from dlo_planner.ritz.record import Record
-
-
-class Attached(Record):
-    """What acts on the DLO elsewhere than as a force on a node: C points inside elements, the tip.
-
-    Attributes
-    ----------
-    element : ndarray of int, shape (C,)
-        Index of the element of each point.
-    fraction : ndarray, shape (C,)
-        Place of each point, as a part of the element's length.
-    order : ndarray of int, shape (C,)
-        The points by their elements.
-    force : ndarray, shape (C, 3)
-        Derivative of the potential by the point's position, N.
-    matrix : ndarray, shape (C, 6, 6)
-        Its second derivative by the twist (rotation, displacement) of the frame there, the part
-        that is not due to `force` being carried along.
-    spring : ndarray, shape (N + 1, 3, 3)
-        Second derivative by the node positions, N/m.
-    sprung : ndarray of bool, shape (N + 1,)
-        Where there is such a spring.
-    moment : ndarray, shape (C, 3)
-        Derivative by the rotation of the frame at the point.
-    first : ndarray, shape (C, 3, 3)
-        Sum of force r^T of what is fixed to it at offsets r.
-    own : ndarray, shape (C, 3, 9)
-        Second derivative by the strain of the element itself, beyond that by the twist: with the
-        twist and the strain. All (0, ...) where all forces act on the axis.
-    node_moment : ndarray
-        As `moment`, at the nodes where sprung; (0, 3) where all forces act on the axis.
-    node_first : ndarray
-        As `first`, at the nodes.
-    node_matrix : ndarray
-        As `matrix`, at the nodes.
-    tip_force : ndarray, shape (3,)
-        Derivative by the displacement of the free end, N.
-    tip_moment : ndarray, shape (3,)
-        Derivative by the rotation of the free end, N m.
-    tip_first : ndarray, shape (3, 3)
-        Sum of force r^T of what is fixed to the free end at offsets r.
-    tip_matrix : ndarray, shape (6, 6)
-        As `matrix`.
-    """
-
-    element: Ints
-    fraction: Floats
-    order: Ints
-    force: Floats
-    matrix: Floats
-    spring: Floats
-    sprung: Bools
-    moment: Floats
-    first: Floats
-    own: Floats
-    node_moment: Floats
-    node_first: Floats
-    node_matrix: Floats
-    tip_force: Floats
-    tip_moment: Floats
-    tip_first: Floats
-    tip_matrix: Floats
 
 
 @kernel
-def nothing_attached(nodes, element, beside=False):
-    """Return an empty Attached for points in the given elements (C,).
-
-    Args:
-        element: (C,) ascending
-        nodes: how many may be sprung, N + 1 or 0
-        beside: whether forces may act beside the axis
-    """
-    c = element.size
-    d, n = (c, nodes) if beside else (0, 0)
-    return Attached(element.copy(), np.zeros(c), np.arange(c), np.zeros((c, 3)),
-                    np.zeros((c, 6, 6)), np.zeros((nodes, 3, 3)), np.zeros(nodes, dtype=np.bool_),
-                    np.zeros((d, 3)), np.zeros((d, 3, 3)), np.zeros((d, 3, 9)), np.zeros((n, 3)),
-                    np.zeros((n, 3, 3)), np.zeros((n, 6, 6)), np.zeros(3), np.zeros(3),
-                    np.zeros((3, 3)), np.zeros((6, 6)))
-
-
-@kernel
-def new_attached(like):
-    """Return an empty Attached with the sizes of `like`; None for None."""
-    out = like
-    if like is not None:
-        out = nothing_attached(like.sprung.size, like.element,
-                               like.moment.shape[0] + like.node_moment.shape[0] > 0)
-    return out
-
-
-@kernel
-def cleared(attached):
-    """Forget what acts on nodes and on the tip; points are written anew by whose they are."""
-    if attached is None:
-        return
-    for k in range(attached.sprung.size):
-        attached.sprung[k] = False
-    for i in range(3):
-        attached.tip_force[i] = attached.tip_moment[i] = 0.0
-        for j in range(3):
-            attached.tip_first[i, j] = 0.0
-    for i in range(6):
-        for j in range(6):
-            attached.tip_matrix[i, j] = 0.0
-
-
-@kernel
-def attached_forces(attached, length):
-    """Return the sum of what acts elsewhere than on the nodes, N; moments over a `length` in m."""
-    if attached is None:
-        return 0.0
-    forces = 0.0
-    for i in range(3):
-        forces += abs(attached.tip_force[i])
-        forces += abs(attached.tip_moment[i]) / length
-    for c in range(attached.element.size):
-        for i in range(3):
-            forces += abs(attached.force[c, i])
-    return forces
-
-
-@kernel
-def spring_at(attached, node):
-    """Return the (3, 3) spring of a node, to be added to."""
-    if not attached.sprung[node]:
-        attached.sprung[node] = True
-        for i in range(3):
-            for j in range(3):
-                attached.spring[node, i, j] = 0.0
-        if attached.node_moment.shape[0]:
-            attached.node_moment[node] = 0.0
-            attached.node_first[node] = 0.0
-            attached.node_matrix[node] = 0.0
-    return attached.spring[node]
-
-
-@kernel
-def sort_points(attached):
-    """Put the points of an Attached in the order of their elements; few are ever out of it."""
-    order, element = attached.order, attached.element
-    for p in range(1, order.size):
-        c, k = order[p], p
-        while k > 0 and element[order[k - 1]] > element[c]:
-            order[k] = order[k - 1]
-            k -= 1
-        order[k] = c
-
-
-@kernel
-def march(lengths, strains, base, rotations, positions):
+def forward_kinematics(lengths: Floats, strains: Floats, base: Floats, rotations: Floats,
+                       positions: Floats) -> None:
     """Fill the frames and positions of all nodes from the strains, starting at the gripper.
 
     Args:
@@ -240,40 +93,6 @@ def add_gradient(lengths, strains, rotations, positions, pull, attached, gradien
 
 
 @kernel
-def last_point(attached):
-    """Return the place in the order of the last point inside an element, -1 if there is none."""
-    if attached is None:
-        return -1
-    return attached.element.size - 1
-
-
-@kernel
-def moments_on_nodes(attached):
-    """Whether moments may act on nodes."""
-    if attached is None:
-        return False
-    return attached.node_moment.shape[0] > 0
-
-
-@kernel
-def at_tip(attached):
-    """Return force and moment, as tuples, that act on the free end."""
-    if attached is None:
-        return _NOTHING, _NOTHING
-    return vector(attached.tip_force), vector(attached.tip_moment)
-
-
-@kernel
-def plus_at_node(attached, node, moment):
-    """Return a moment (3 numbers), and that which acts on a node."""
-    if attached is None:
-        return moment
-    if attached.sprung[node]:
-        return plus(moment, vector(attached.node_moment[node]))
-    return moment
-
-
-@kernel
 def _add_points(attached, place, e, h, strains, rotations, force, moment, gradient):
     """Add what acts inside element e to its gradient; return place, force and moment before it."""
     if attached is None:
@@ -281,22 +100,21 @@ def _add_points(attached, place, e, h, strains, rotations, force, moment, gradie
     while place >= 0 and attached.element[attached.order[place]] == e:
         part, arm = np.empty((6, 3)), np.empty(3)
         c = attached.order[place]
-        there = vector(attached.force[c])
+        point_force = vector(attached.force[c])
         part_of_element(h, attached.fraction[c], strains[e], _UNSCALED, rotations[e], part, arm)
         for j in range(3):
-            gradient[e, j] += inner((part[3, j], part[4, j], part[5, j]), there)
+            gradient[e, j] += inner((part[3, j], part[4, j], part[5, j]), point_force)
         if attached.moment.shape[0]:
             moment = plus(moment, vector(attached.moment[c]))
             for j in range(3):
                 gradient[e, j] += inner((part[0, j], part[1, j], part[2, j]),
                                         vector(attached.moment[c]))
-        moment = plus(moment, cross(vector(arm), there))
-        force = plus(force, there)
+        moment = plus(moment, cross(vector(arm), point_force))
+        force = plus(force, point_force)
         place -= 1
     return place, force, moment
 
 
-_NOTHING = (0.0, 0.0, 0.0)
 _UNSCALED = np.ones(3)
 
 
@@ -312,16 +130,17 @@ def part_of_element(h, fraction, strain, scale, rotation, twist, arm):
     length = fraction * h
     x, y, z = length * strain[0], length * strain[1], length * strain[2]
     _, chord = rotation_and_chord(x, y, z, length)
-    near, shifting = jacobians(x, y, z, length)
+    rotation_jacobian, chord_jacobian = jacobians(x, y, z, length)
     frame = matrix(rotation)
     put_vector(applied(frame, chord), arm)
     w0, w1, w2 = length * scale[0], length * scale[1], length * scale[2]
-    put_matrix(columns_scaled(times(frame, near), w0, w1, w2), twist[:3])
-    put_matrix(columns_scaled(times(frame, shifting), w0, w1, w2), twist[3:])
+    put_matrix(columns_scaled(times(frame, rotation_jacobian), w0, w1, w2), twist[:3])
+    put_matrix(columns_scaled(times(frame, chord_jacobian), w0, w1, w2), twist[3:])
 
 
 @kernel
-def point_inside(lengths, strains, rotations, positions, element, fraction, rotation, position):
+def point_inside(lengths: Floats, strains: Floats, rotations: Floats, positions: Floats,
+                 element: int, fraction: float, rotation: Floats, position: Floats) -> None:
     """Fill rotation (3, 3) and position (3,) at `fraction` of `element`, on its exact arc."""
     h = fraction * lengths[element]
     u = strains[element]

@@ -6,7 +6,15 @@ A compiler keeps tuples in registers, where it would go to memory for every entr
 sweeps over the elements are twice as quick with them.
 """
 
+from __future__ import annotations
+
+from typing import TypeAlias
+
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
+
+Vector: TypeAlias = tuple[float, float, float]
+Matrix: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
 
 ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -18,7 +26,7 @@ def vector(v):
 
 
 @kernel
-def matrix(m):
+def matrix(m: Floats) -> Matrix:
     """Return the tuple of an array (3, 3)."""
     return m[0, 0], m[0, 1], m[0, 2], m[1, 0], m[1, 1], m[1, 2], m[2, 0], m[2, 1], m[2, 2]
 

@@ -2,9 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a DLO, or the straight line on which it would go on, is nearest to a point."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import dot
 from dlo_planner.ritz.kinematics import point_inside
 
@@ -12,7 +15,8 @@ _STEPS = 60  # at most: as many halvings find any place to rounding
 
 
 @kernel
-def nearest_place(s, lengths, strains, rotations, positions, point, after, place):
+def nearest_place(s: Floats, lengths: Floats, strains: Floats, rotations: Floats, positions: Floats,
+                  point: Floats, after: float, place: Floats) -> float:
     """Return the arc length of the DLO's nearest place to a point, m; beyond L if it only aims.
 
     Args:
@@ -88,9 +92,9 @@ def _nearest_inside(lengths, strains, rotations, positions, element, low, point,
         return high
     fraction = high
     for _ in range(_STEPS):
-        bend = 1.0 + dot(place[0], place[2])
+        curvature = 1.0 + dot(place[0], place[2])
         last = fraction
-        fraction = fraction - slope / (bend * h) if bend > 0.0 else 0.5 * (low + high)
+        fraction = fraction - slope / (curvature * h) if curvature > 0.0 else 0.5 * (low + high)
         if not low < fraction < high:
             fraction = 0.5 * (low + high)
         slope = _put(lengths, strains, rotations, positions, element, fraction, point, place)

@@ -11,7 +11,7 @@ contents may. Where kernels are plain Python, so is a Record.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar
 
 from dlo_planner.kernels import COMPILED
 
@@ -19,6 +19,8 @@ if COMPILED:
     from dlo_planner.ritz.boxed import Base, declare, read
 else:
     Base = object  # type: ignore[assignment, misc]
+
+_Kernel = TypeVar('_Kernel', bound=Callable[..., Any])
 
 
 class Record(Base):
@@ -38,9 +40,9 @@ class Record(Base):
 
     def __new__(cls, *values: Any) -> Self:
         """Return the record of all fields in order."""
-        made = cls._make(*values) if COMPILED else super().__new__(cls)
-        made.__dict__.update(zip(cls.FIELDS, values, strict=True))
-        result: Self = made
+        record = cls._make(*values) if COMPILED else super().__new__(cls)
+        record.__dict__.update(zip(cls.FIELDS, values, strict=True))
+        result: Self = record
         return result
 
     def __getattr__(self, name: str) -> Any:
@@ -59,19 +61,19 @@ class Record(Base):
     def _replace(self, **changes: Any) -> Self:
         """Return the same record with other values of some fields."""
         getattr(self, self.FIELDS[0])  # all are read with the first one
-        known = {**self.__dict__, **changes}
-        return type(self)(*[known[name] for name in self.FIELDS])
+        fields = {**self.__dict__, **changes}
+        return type(self)(*[fields[name] for name in self.FIELDS])
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), tuple(getattr(self, name) for name in self.FIELDS)
 
 
-def makes(kind: type[Record]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def makes(kind: type[Record]) -> Callable[[_Kernel], _Kernel]:
     """Decorate the kernel that makes the Record `kind` of its fields for Python.
 
     Its parameters are written out: numba looks at the types in a tuple slowly.
     """
-    def take(kernel: Callable[..., Any]) -> Callable[..., Any]:
+    def take(kernel: _Kernel) -> _Kernel:
         kind._make = staticmethod(kernel)
         return kernel
     return take

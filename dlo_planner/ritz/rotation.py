@@ -2,16 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rotations between two frames, in kernels: SciPy's take longer than the shape in between."""
 
+from __future__ import annotations
+
+from typing import cast
+
 import numpy as np
-from numpy.typing import NDArray
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import jacobians, rotation_and_chord
-from dlo_planner.ritz.matrix3 import put_matrix, times, times_transposed
+from dlo_planner.ritz.matrix3 import Matrix, Vector, put_matrix, times, times_transposed
 
 
 @kernel
-def rotation_vector(r):
+def rotation_vector(r: Matrix) -> Vector:
     """Return the vector (3 numbers) of a rotation (9 numbers), its angle at most pi.
 
     By the largest component of its quaternion (Shepperd 1978), which is exact at all angles.
@@ -35,7 +39,7 @@ def rotation_vector(r):
 
 
 @kernel
-def partway(one, other, fraction):
+def partway(one: Floats, other: Floats, fraction: float) -> Floats:
     """Return the frame (3, 3) at a fraction of the turn about one axis between two frames.
 
     Args:
@@ -52,12 +56,13 @@ def partway(one, other, fraction):
     return frame
 
 
-def turn_between(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+def turn_between(one: Floats, other: Floats) -> Floats:
     """Return the rotation vector (3,), rad, in world axes, from one frame (3, 3) to another."""
-    return np.array(rotation_vector(tuple((other @ one.T).ravel().tolist())))
+    turn = cast(Matrix, tuple((other @ one.T).ravel().tolist()))
+    return np.array(rotation_vector(turn), dtype=float)
 
 
-def left_jacobian(v: NDArray[np.float64]) -> NDArray[np.float64]:
+def left_jacobian(v: Floats) -> Floats:
     """Return (3, 3) the turn of exp(v) per change of v (3,), rad (Bullo and Murray 1995)."""
     turning, _ = jacobians(float(v[0]), float(v[1]), float(v[2]), 1.0)
     return np.reshape(turning, (3, 3))

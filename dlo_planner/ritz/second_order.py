@@ -3,7 +3,7 @@
 """Second derivatives of loads on a chain of elements, by its strains.
 
 A change du_e of element e moves everything beyond it as one rigid body, so the Hessian is
-semi-separable: for e < f,  d2V / du_f du_e = cross_f turning_e.  Dead loads only notice the
+semi-separable: for e < f,  d2V / du_f du_e = cross_f twist_jacobian_e.  Dead loads only notice the
 rotation (blocks 3 wide); springs notice the displacement as well (twists, 6 wide).
 """
 
@@ -17,13 +17,8 @@ from dlo_planner.ritz.arc import (
     second_derivatives,
     second_derivatives_with,
 )
-from dlo_planner.ritz.kinematics import (
-    at_tip,
-    last_point,
-    moments_on_nodes,
-    part_of_element,
-    plus_at_node,
-)
+from dlo_planner.ritz.attached import at_tip, last_point, moments_on_nodes, plus_at_node
+from dlo_planner.ritz.kinematics import part_of_element
 from dlo_planner.ritz.matrix3 import (
     ZERO,
     added,
@@ -42,26 +37,20 @@ from dlo_planner.ritz.matrix3 import cross as crossed
 
 
 @kernel
-def second_order(lengths, strains, scale, rotations, positions, pull, attached, turning, cross,
-                 diagonal, base):
+def second_order(lengths, strains, scale, rotations, positions, pull, attached, twist_jacobian,
+                 cross, diagonal, base):
     """Fill the three blocks per element of the Hessian of a potential of dead loads.
 
     All derivatives are by the scaled strains, u = natural + scale * (unknown).
 
-    Parameters
-    ----------
-    scale : (N, 3)
-    pull : (N + 1, 3)
-        Derivative of the potential by the node positions, constant.
-    turning : (N, 3 or 6, 3)
-        Filled (first three rows): world rotation of all that lies beyond, per scaled strain.
-    cross : (N, 3, 3 or 6)
-        Filled (first three columns): change of this element's gradient per world rotation of all
-        that lies between the gripper and it.
-    diagonal : (N, 3, 3)
-        Filled: second derivative by this element's own strain.
-    base : (3, 3)
-        Filled: change of the moment about the gripper's origin per rotation of it.
+    Args:
+        pull: (N + 1, 3) derivative of the potential by the node positions, constant
+        twist_jacobian: (N, 3 or 6, 3) filled (first three rows): world rotation of all that lies
+            beyond, per scaled strain
+        cross: (N, 3, 3 or 6) filled (first three columns): change of this element's gradient per
+            world rotation of all that lies between the gripper and it
+        diagonal: (N, 3, 3) filled: second derivative by this element's own strain
+        base: (3, 3) filled: change of the moment about the gripper's origin per rotation of it
     """
     n = lengths.size
     place, beside = last_point(attached), moments_on_nodes(attached)
@@ -78,14 +67,14 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
         x, y, z = h * strains[e, 0], h * strains[e, 1], h * strains[e, 2]
         c = coefficients(x * x + y * y + z * z)
         d = first_slopes(x * x + y * y + z * z, c)
-        near, shifting = jacobians_with(x, y, z, h, c, d)
+        rotation_jacobian, chord_jacobian = jacobians_with(x, y, z, h, c, d)
         frame = matrix(rotations[e])
         w0, w1, w2 = h * scale[e, 0], h * scale[e, 1], h * scale[e, 2]
-        turned = columns_scaled(times(frame, near), w0, w1, w2)
-        shifted = columns_scaled(times(frame, shifting), w0, w1, w2)
+        turned = columns_scaled(times(frame, rotation_jacobian), w0, w1, w2)
+        shifted = columns_scaled(times(frame, chord_jacobian), w0, w1, w2)
         # first - trace I: the Hessian of a dead load by rotations
         rolled = transposed_times(turned, without_trace(first))
-        put_matrix(turned, turning[e])
+        put_matrix(turned, twist_jacobian[e])
         f0, f1, f2 = force
         for j in range(3):
             s0, s1, s2 = shifted[j], shifted[3 + j], shifted[6 + j]
@@ -94,13 +83,7 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
             cross[e, j, 2] = rolled[3 * j + 2] + s0 * f1 - s1 * f0
         own = second_derivatives_with(x, y, z, h, transposed_applied(frame, force),
                                       transposed_applied(frame, moment), c, d)
-        both = times(rolled, turned)
-        diagonal[e, 0, 0] = w0 * w0 * own[0] + both[0]
-        diagonal[e, 1, 1] = w1 * w1 * own[4] + both[4]
-        diagonal[e, 2, 2] = w2 * w2 * own[8] + both[8]
-        diagonal[e, 0, 1] = diagonal[e, 1, 0] = w0 * w1 * own[1] + 0.5 * (both[1] + both[3])
-        diagonal[e, 0, 2] = diagonal[e, 2, 0] = w0 * w2 * own[2] + 0.5 * (both[2] + both[6])
-        diagonal[e, 1, 2] = diagonal[e, 2, 1] = w1 * w2 * own[5] + 0.5 * (both[5] + both[7])
+        _put_diagonal(own, times(rolled, turned), (w0, w1, w2), diagonal[e])
         along = (positions[e + 1, 0] - positions[e, 0], positions[e + 1, 1] - positions[e, 1],
                  positions[e + 1, 2] - positions[e, 2])
         first = added(first, outer(force, along))
@@ -110,6 +93,17 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
                 attached, place, e, h, strains, scale, rotations, force, moment, first, cross,
                 diagonal)
     put_matrix(_transposed(without_trace(first)), base)
+
+
+@kernel
+def _put_diagonal(own, both, w, out):
+    """Fill out (3, 3) with own (9 numbers), scaled by w (3), and both (9), made symmetric."""
+    out[0, 0] = w[0] * w[0] * own[0] + both[0]
+    out[1, 1] = w[1] * w[1] * own[4] + both[4]
+    out[2, 2] = w[2] * w[2] * own[8] + both[8]
+    out[0, 1] = out[1, 0] = w[0] * w[1] * own[1] + 0.5 * (both[1] + both[3])
+    out[0, 2] = out[2, 0] = w[0] * w[2] * own[2] + 0.5 * (both[2] + both[6])
+    out[1, 2] = out[2, 1] = w[1] * w[2] * own[5] + 0.5 * (both[5] + both[7])
 
 
 @kernel
@@ -144,15 +138,15 @@ def _points_inside(attached, place, e, h, strains, scale, rotations, force, mome
     while place >= 0 and attached.element[attached.order[place]] == e:
         part, arm = np.empty((6, 3)), np.empty(3)
         point = attached.order[place]
-        there, length = vector(attached.force[point]), attached.fraction[point] * h
+        point_force, length = vector(attached.force[point]), attached.fraction[point] * h
         part_of_element(h, attached.fraction[point], strains[e], scale[e], rotations[e], part,
                         arm)
         own = second_derivatives(
             length * strains[e, 0], length * strains[e, 1], length * strains[e, 2], length,
-            transposed_applied(frame, there),
+            transposed_applied(frame, point_force),
             transposed_applied(frame, vector(attached.moment[point])) if beside else _NO_MOMENT)
         for j in range(3):
-            lever = crossed((part[3, j], part[4, j], part[5, j]), there)
+            lever = crossed((part[3, j], part[4, j], part[5, j]), point_force)
             cross[e, j, 0] += lever[0]
             cross[e, j, 1] += lever[1]
             cross[e, j, 2] += lever[2]
@@ -163,9 +157,9 @@ def _points_inside(attached, place, e, h, strains, scale, rotations, force, mome
             _carry_along(attached.first[point], part, cross[e], diagonal[e])
             first = added(first, matrix(attached.first[point]))
             moment = plus(moment, vector(attached.moment[point]))
-        first = added(first, outer(there, vector(arm)))
-        moment = plus(moment, crossed(vector(arm), there))
-        force = plus(force, there)
+        first = added(first, outer(point_force, vector(arm)))
+        moment = plus(moment, crossed(vector(arm), point_force))
+        force = plus(force, point_force)
         place -= 1
     return place, force, moment, first
 

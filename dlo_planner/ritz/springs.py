@@ -6,13 +6,14 @@ import numpy as np
 
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.arc import jacobians
-from dlo_planner.ritz.kinematics import last_point, part_of_element
+from dlo_planner.ritz.attached import last_point
+from dlo_planner.ritz.kinematics import part_of_element
 from dlo_planner.ritz.matrix3 import columns_scaled, matrix, put_matrix, times
 
 
 @kernel
-def widened(displaced, lengths, strains, scale, rotations, positions, weight, attached, turning,
-            cross, diagonal):
+def widened(displaced, lengths, strains, scale, rotations, positions, weight, attached,
+            twist_jacobian, cross, diagonal):
     """Widen the blocks of `second_order`, if `displaced`, by springs.
 
     What lies beyond an element now moves by a twist (rotation, displacement at the gripper's
@@ -22,8 +23,8 @@ def widened(displaced, lengths, strains, scale, rotations, positions, weight, at
         displaced: None where it never is
         weight: (N + 1,) springs of nodes that are the same in all directions, N/m
         attached: other springs, or None
-        turning: (N, 6, 3), cross: (N, 3, 6), diagonal: (N, 3, 3): filled by `second_order` in
-            their first three rows (columns); completed here
+        twist_jacobian: (N, 6, 3), cross: (N, 3, 6), diagonal: (N, 3, 3): filled by `second_order`
+            in their first three rows (columns); completed here
     """
     if displaced is None:
         return
@@ -35,9 +36,9 @@ def widened(displaced, lengths, strains, scale, rotations, positions, weight, at
     _add_tip(attached, positions[lengths.size], beyond)
     for e in range(lengths.size - 1, -1, -1):
         h = lengths[e]
-        _, shifting = jacobians(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h)
-        where, twist = positions[e + 1], turning[e]
-        put_matrix(columns_scaled(times(matrix(rotations[e]), shifting), h * scale[e, 0],
+        _, chord_jacobian = jacobians(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h)
+        where, twist = positions[e + 1], twist_jacobian[e]
+        put_matrix(columns_scaled(times(matrix(rotations[e]), chord_jacobian), h * scale[e, 0],
                                   h * scale[e, 1], h * scale[e, 2]), twist[3:])
         for j in range(3):
             twist[3, j] -= twist[1, j] * where[2] - twist[2, j] * where[1]

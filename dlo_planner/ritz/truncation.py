@@ -2,15 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """How far a shape can be off because its mesh and its series end: a figure, not a bound."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 
 OF_AN_ARC = 12  # h^3 |u'| / 12: how far an arc's end is off
 
 
 @kernel
-def truncation(lengths, strains, natural, scale, basis):
+def truncation(lengths: Floats, strains: Floats, natural: Floats, scale: Floats,
+               basis: Floats) -> float:
     """Return how far, in m, the free end may be off by mesh and series.
 
     Arcs of constant strain misplace the end of an element by h^3 |u'| / 12, and a series that ends

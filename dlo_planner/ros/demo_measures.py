@@ -14,8 +14,9 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.energy.potential import evaluate, new_state, unknowns_of
-from dlo_planner.minimize.newton import residual_of
+from dlo_planner.energy.potential import evaluate, unknowns_of
+from dlo_planner.energy.system import new_state
+from dlo_planner.minimize.residual import residual_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.client import PlannerClient, drained

@@ -224,7 +224,7 @@ def carried(shape: Shape | None, before: Scene, after: Scene) -> Shape | None:
         return shape
     if other.yields or abs(rod.length - other.length) > _SAME_LENGTH * rod.length:
         return None
-    return replace(shape, _history=None)
+    return replace(shape, state=replace(shape.state, history=None))
 
 
 def ready(state: State, now: float) -> TimedPath:

@@ -6,6 +6,8 @@ Everything that the node may be asked for is done once on a small DLO, so that n
 a compiler; proofs, which have a process of their own, are done there.
 """
 
+from typing import Any, Protocol
+
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.cutout import CutOut
@@ -14,9 +16,15 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.ros.proving import Prover
 
 _ROD = Rod(1.0, 0.01, 1.0, 1.0, radius=1e-3)
+
+
+class Proves(Protocol):
+    """What answers as a `ros.proving.Prover` does."""
+
+    def report(self, **arguments: Any) -> object:
+        """Return the Report of `replay(**arguments)`."""
 
 
 def warm_up() -> None:
@@ -40,7 +48,7 @@ def warm_up() -> None:
     DirectSimulator(yielding, n_elements=16, n_terms=4).solve(level)
 
 
-def warm_up_proofs(prover: Prover) -> None:
+def warm_up_proofs(prover: Proves) -> None:
     """Have a Prover start its process and use every kernel that a proof may need."""
     for basis in ('local', 'chebyshev'):
         direct = DirectSimulator(_ROD, basis=basis, n_elements=16, n_terms=4)

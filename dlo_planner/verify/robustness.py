@@ -23,7 +23,8 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.penalties import Through
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import figure, instance, integer, items, number, results
+from dlo_planner.model.checks import instance, integer, items, number
+from dlo_planner.model.computed import figure, results
 from dlo_planner.model.pose import displaced
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, brief, put, same
@@ -167,7 +168,7 @@ def _made_for(simulator: DirectSimulator, plan: Plan) -> DirectSimulator:
         raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
     if any(shape.s[-1] != simulator.rod.length for shape in plan.shapes):
         raise InvalidTask('plan: expected shapes of the simulator\'s whole DLO')
-    own = simulator._history is not None  # its set makes a rod of its own
+    own = simulator.history is not None  # its set makes a rod of its own
     simulator = simulator.elastic()
     if not own and not all(_acts_alike(shape, simulator) for shape in plan.shapes):
         raise InvalidTask('simulator: expected the one for which the plan was made, with its rod, '
@@ -182,7 +183,7 @@ def _acts_alike(shape: Shape, simulator: DirectSimulator) -> bool:
 
     So may the parameters of yielding: nothing yields here.
     """
-    mesh = shape._discretization
+    mesh = shape.state.mesh
     return mesh is not None and same(*(replace(around, obstacles=(), rod=replace(
         around.rod, yield_curvature=None, yield_torsion=None, section_model='ideal', hardening=0.0))
         for around in (mesh.surroundings, simulator.surroundings)))
@@ -237,8 +238,8 @@ def _sampled(work: _Work) -> Floats:
 def _stretched(shape: Shape, length: float) -> Shape:
     """Return a Shape on a mesh of another length, to start from."""
     share = length / shape.s[-1]
-    return replace(shape, s=np.append(shape.s[:-1] * share, length), _discretization=None,
-                   _history=None, _before=None)
+    return replace(shape, s=np.append(shape.s[:-1] * share, length),
+                   state=shape.state.forgotten())
 
 
 def _off(shape: Shape, center: Floats, s: float) -> Floats:

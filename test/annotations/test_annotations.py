@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Annotations: mypy is content with the package and with what users write, and finds mistakes."""
 
+import ast
 import re
 import runpy
 import subprocess
@@ -9,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from test_structure import functions, is_kernel
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -27,6 +29,29 @@ def mypy(*targets):
 def test_the_package_and_what_a_user_writes_have_no_errors():
     code, lines = mypy('dlo_planner', 'msg_helpers', HERE / 'user.py')
     assert code == 0, lines
+
+
+def unannotated(text):
+    """Return the names of a text's functions that lack an annotation and are no kernels."""
+    return [name for name, function in functions(ast.parse(text)) if not is_kernel(function)
+            and (function.returns is None and function.name != '__init__'
+                 or any(one.annotation is None and one.arg not in ('self', 'cls')
+                        for one in (*function.args.posonlyargs, *function.args.args,
+                                    *function.args.kwonlyargs)))]
+
+
+def test_all_functions_but_kernels_are_annotated():
+    """Rooms with kernels do not oblige mypy to look for annotations: this does."""
+    lacking = {str(path.relative_to(ROOT)): unannotated(path.read_text(encoding='utf-8'))
+               for path in sorted((ROOT / 'dlo_planner').rglob('*.py'))}
+    assert not {name: those for name, those in lacking.items() if those}
+
+
+def test_a_lack_of_annotations_is_seen():
+    assert unannotated('@kernel\ndef f(x):\n    return x\n') == []
+    inner = 'class A:\n    def f(self) -> int:\n        def g(x): return x\n'
+    assert unannotated(inner) == ['A.f.g']
+    assert unannotated('def f(x: int): pass') == unannotated('def f(x) -> int: pass') == ['f']
 
 
 def test_mistakes_are_found_each_in_its_line():

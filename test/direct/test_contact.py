@@ -18,7 +18,8 @@ from dlo_planner import (
     Rod,
     Sheet,
 )
-from dlo_planner.energy.distance import build_scene, signed_distance
+from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.scene import build_scene
 
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 

@@ -8,7 +8,8 @@ import pytest
 from dlo_planner import DirectSimulator, FarEnd, Plane, Pose, Rod, Sphere
 from dlo_planner.direct.contacts import contacts_of
 from dlo_planner.direct.storage import pack
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import new_state
 
 RADIUS = 0.01
 ROD = Rod(1.0, 0.0, 1.0, 0.7, radius=RADIUS)
@@ -19,11 +20,11 @@ def contacts_at(height, obstacles):
     direct = DirectSimulator(ROD, basis='local', n_elements=4, gravity=(0, 0, 0),
                              obstacles=obstacles)
     gripper = Pose((0.1, 0.2, height), (0, 0, 0, 1))
-    system = direct._discretization.system(gripper.rotation, gripper.position)
+    system = direct.mesh.system(gripper.rotation, gripper.position)
     system.contacts.node[:, 1:] = 3.0
     state = new_state(system)
     evaluate(system, state)
-    return contacts_of(direct._discretization, system, state, gripper), system.contacts.stiffness
+    return contacts_of(direct.mesh, system, state, gripper), system.contacts.stiffness
 
 
 @pytest.mark.parametrize('gap', [-2e-6, 1e-6])

@@ -95,7 +95,7 @@ def test_an_obstacle_that_is_not_touched_changes_nothing():
 
 def test_depth_against_many_points():
     direct = DirectSimulator(cable(1e2), basis='local', n_elements=40, obstacles=(PEG,))
-    system = direct._discretization.system(np.eye(3), np.zeros(3))
+    system = direct.mesh.system(np.eye(3), np.zeros(3))
     for curvature in (0.0, 1.0, 2.0, 3.0):
         state = placed(system, np.tile([0.3, 0.2, -curvature], (40, 1)))
         found = depth(system.scene, system.lengths, state.strains, state.rotations,

@@ -149,7 +149,7 @@ def test_beam_held_at_both_ends(end, held, basis):
     off = np.abs(modes.frequencies / np.repeat(beam_frequencies(2, held=held), 2) - 1)
     assert (off < 1.1 * modes.error_estimate).all()
     assert off.max() < 2e-3
-    assert len(shape.stiffness_matrix()) < 3 * shape._discretization.n_unknowns
+    assert len(shape.stiffness_matrix()) < 3 * shape.state.mesh.n_unknowns
 
 
 def test_cable_between_two_joints():

@@ -139,7 +139,7 @@ def test_matrices_tell_the_same(basis):
     np.testing.assert_allclose(1 / np.sqrt(mu) / (2 * np.pi), modes.frequencies, rtol=1e-7)
     np.testing.assert_allclose(np.einsum('k,kia,kib->ab', modes.masses, J, J), M, atol=1e-12)
     # against differences of shape and energy
-    mesh = shape._discretization
+    mesh = shape.state.mesh
     system = mesh.system(pose.rotation)
     q = mesh.unknowns(shape.element_strains)
     rng = np.random.default_rng(1)

@@ -8,6 +8,7 @@ import pytest
 
 from dlo_planner import DirectSimulator, InvalidTask, Plane, Pose, Rod
 from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.state import State
 
 
 @pytest.mark.parametrize(('options', 'named'), [
@@ -119,7 +120,7 @@ def test_strains_at_nodes_of_an_uneven_mesh_are_interpolated(wire, level, basis)
     slope, start = np.array([0.7, -2.0, 3.0]), np.array([0.1, 0.2, -0.3])
     mesh = Discretization(around, s, basis, 3)
     uneven = replace(shape, s=s, element_strains=start + np.outer(middle, slope),
-                     _discretization=mesh)
+                     state=State(mesh))
     np.testing.assert_allclose(uneven.strains, start + np.outer(s, slope), atol=1e-12)
 
 

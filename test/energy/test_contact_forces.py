@@ -8,8 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, Plane, Rod, Sphere
 from dlo_planner.energy.contact import Contacts
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.rolling import nearest_inside
+from dlo_planner.energy.system import new_state
 from dlo_planner.minimize.linear import assemble, multiply, new_hessian
 
 RADIUS, HEIGHT, STIFF, GRIP = 0.01, 0.3, 50.0, 20.0
@@ -29,7 +30,7 @@ def straight(node=(0, 0, 0, 0, 0), element=(), obstacle=(), multiplier=(), fract
                         np.tile([0.0, 0.0, 1.0], (c, 1)), np.zeros((c, 3)), GRIP)
     direct = DirectSimulator(ROD, basis='local', n_elements=4, gravity=(0, 0, 0),
                              obstacles=obstacles)
-    system = direct._discretization.system(np.eye(3), (0, 0, height))
+    system = direct.mesh.system(np.eye(3), (0, 0, height))
     return system._replace(contacts=contacts)
 
 

@@ -7,7 +7,8 @@ import pytest
 from scipy.optimize import minimize
 
 from dlo_planner import Box, Capsule, CutOut, Cylinder, InvalidTask, Plane, Pose, Sheet, Sphere
-from dlo_planner.energy.distance import build_scene, signed_distance
+from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.scene import build_scene
 from dlo_planner.model.surface import Surface
 
 POSE = Pose((0.1, -0.2, 0.3), (0.2, -0.1, 0.4, 0.8))

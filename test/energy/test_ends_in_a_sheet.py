@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dlo_planner import CutOut, Pose, Sheet
-from dlo_planner.energy.distance import build_scene
 from dlo_planner.energy.passage import passes_through
+from dlo_planner.energy.scene import build_scene
 
 HOLES = tuple(CutOut(Pose.looking_along((0, y, 0), (1, 0, 0)), radius=0.05) for y in (0.0, 0.2))
 SHEET = Sheet(Pose.looking_along((0, 0, 0), (1, 0, 0)), 1.0, 1.0, 0.0, HOLES)

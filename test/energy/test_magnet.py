@@ -13,7 +13,8 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.effects import potential
 from dlo_planner.energy.magnet import Magnet
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import new_state
 from dlo_planner.minimize.newton import newton
 
 LENGTH, BENDING = 0.8, 0.7

@@ -20,7 +20,7 @@ def runs_through(obstacle, old, new):
     rod = Rod(float(lengths.sum()), 0.0, 1.0, 1.0, radius=RADIUS)
     direct = DirectSimulator(rod, basis='local', n_elements=max(n, 2), obstacles=[obstacle])
     origin = np.array([0.02, -0.03, 0.05])
-    scene = direct._discretization.system(np.eye(3), origin).scene
+    scene = direct.mesh.system(np.eye(3), origin).scene
     rotations = np.empty((n + 1, 3, 3))
     for k, along in enumerate(np.diff(old, axis=0)):
         rotations[k] = Pose.looking_along((0, 0, 0), along).rotation

@@ -1,6 +1,5 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,11 +9,12 @@ from dlo_planner import Box, Capsule, CutOut, FarEnd, Plane, Pose, Rod, Sheet, S
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import Contacts
-from dlo_planner.energy.distance import EDGE, FACE, NODE_FACE
 from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.magnet import Magnet
-from dlo_planner.energy.potential import evaluate, new_state, tip_wrench, unknowns_of
+from dlo_planner.energy.potential import evaluate, unknowns_of
+from dlo_planner.energy.scene import EDGE, FACE, NODE_FACE
+from dlo_planner.energy.system import new_state, tip_wrench
 from dlo_planner.minimize.linear import assemble, multiply, new_hessian
 from dlo_planner.model.section import Section
 
@@ -73,7 +73,7 @@ def plastic(curly, basis, rng):
     rod = Rod(1.3, 0.2, (0.3, 0.8), 0.4, natural_curvature=(1.0, -0.5), yield_curvature=(0.4, 0.7),
               yield_torsion=0.5, section_model='round', hardening=0.1)
     here = discretized(rod, basis)
-    past = replace(here.start, set=0.1 * rng.normal(size=here.start.set.shape))
+    past = here.start.leaving(set=0.1 * rng.normal(size=here.start.left['set'].shape))
     return here.system(BASE, history=past)
 
 
@@ -125,7 +125,8 @@ def tapered(curly, basis, rng):
 
 def tied(curly, basis, rng):
     system = plain(curly, basis, rng)
-    return system._replace(near=rng.normal(size=new_state(system).q.shape), tie=0.7)
+    return system._replace(proximal_point=rng.normal(size=new_state(system).q.shape),
+                           proximal_weight=0.7)
 
 
 KINDS = (plain, anchored, held, plastic, touching, broad, tapered, tied, attracted, everything)
@@ -178,7 +179,7 @@ def test_base_moment_and_its_derivative_against_differences(system, rng):
             turned.append(at(system._replace(base=turn @ BASE), q))
         slope = (turned[0][0] - turned[1][0]) / (2 * step)
         assert state.base_moment[axis] == pytest.approx(slope, abs=1e-7)
-        if hessian.turning.shape[1] > 3:
+        if hessian.twist_jacobian.shape[1] > 3:
             continue  # the rate is that of dead loads only
         rate = (turned[0][1].base_moment - turned[1][1].base_moment) / (2 * step)
         np.testing.assert_allclose(hessian.base[:, axis], rate, atol=1e-7)

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet, Sphere
-from dlo_planner.energy.distance import build_scene
 from dlo_planner.energy.outline import gap_at
+from dlo_planner.energy.scene import build_scene
 from dlo_planner.model.surface import Surface
 
 WIDTH, THICK = 0.02, 0.0005

@@ -38,7 +38,7 @@ def test_slopes_against_shapes_of_other_rods(options, rng):
     # the other side is the simulator of the Rod that the state stands for, nothing of the observer
     uncertain = Observer(DirectSimulator(CURLY, **options), WIDE, bias=1e-3).uncertain
     z = 0.5 * uncertain.deviations * rng.normal(size=uncertain.size)
-    varied = uncertain.varied(uncertain.simulator._discretization)
+    varied = uncertain.varied(uncertain.simulator.mesh)
 
     def nodes(z):
         simulator = DirectSimulator(uncertain.rod(z), **options)

@@ -8,7 +8,8 @@ from dlo_planner import FarEnd, Rod
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.inertia import Anchor
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import new_state
 from dlo_planner.minimize.linear import (
     assemble,
     factorize,
@@ -125,7 +126,7 @@ def test_a_pivot_of_zero_is_survived(basis):
     assemble(system, state, hessian)
     for shift, negative in ((0.0, 0), (-1 + 1e-12, 0), (-1 - 1e-12, state.q.size)):
         assert factorize(system, hessian, shift) == negative
-    for part in (hessian.turning, hessian.cross, hessian.diagonal, hessian.dense):
+    for part in (hessian.twist_jacobian, hessian.cross, hessian.diagonal, hessian.dense):
         part[:] = 0.0
     assert factorize(system, hessian, 0.0) == 0  # neutral is not negative
     out = np.empty_like(state.q)

@@ -9,7 +9,7 @@ from scipy.optimize import rosen, rosen_der
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.minimize.dfp import dfp
 from dlo_planner.minimize.downhill_simplex import downhill_simplex, quadratic_surface, slope
-from dlo_planner.minimize.line_search import along
+from dlo_planner.minimize.line_search import Point, along
 from dlo_planner.minimize.newton import newton
 from dlo_planner.minimize.protocol import Problem
 
@@ -97,11 +97,10 @@ def _quartic(q):
 
 @pytest.mark.parametrize('step', [1e-3, 0.5, 2.0, 50.0])
 def test_a_line_search_ends_where_the_slope_does(step):
-    start, way = np.array([-1.0]), np.array([step])
-    value, gradient = _quartic(start)
-    at, low, there = along(_quartic, start, way, value, gradient, 0.0)
-    assert abs(there @ way) <= 0.1 * abs(gradient @ way) and low < value
-    assert (low, there) == _quartic(at)
+    start, direction = Point(np.array([-1.0]), *_quartic(np.array([-1.0]))), np.array([step])
+    end = along(_quartic, start, direction, 0.0)
+    assert abs(end.gradient @ direction) <= 0.1 * abs(start.gradient @ direction)
+    assert end.value < start.value and end[1:] == _quartic(end.q)
 
 
 def test_a_line_search_goes_by_the_slope_where_values_are_rounded():
@@ -109,10 +108,10 @@ def test_a_line_search_goes_by_the_slope_where_values_are_rounded():
     def rounded(q):
         return 1e6 + 0.5 * float(q @ q), q
 
-    start = np.array([1e-8, 2e-8])
-    at, _, there = along(rounded, start, -3.0 * start, *rounded(start), 0.0)
-    assert np.linalg.norm(at) < 0.1 * np.linalg.norm(start)
-    assert along(rounded, start, start, rounded(start)[0], -start, 0.0) is None  # it lies
+    q = np.array([1e-8, 2e-8])
+    end = along(rounded, Point(q, *rounded(q)), -3.0 * q, 0.0)
+    assert np.linalg.norm(end.q) < 0.1 * np.linalg.norm(q)
+    assert along(rounded, Point(q, rounded(q)[0], -q), q, 0.0) is None  # the gradient lies
 
 
 def test_dfp_ends_at_rounding_errors_of_the_gradient():
@@ -157,7 +156,7 @@ def test_a_saddle_is_left(stiffness, options):
 
 
 def test_every_newton_step_lowers_the_energy(wire_with_load):
-    discretization = DirectSimulator(wire_with_load)._discretization
+    discretization = DirectSimulator(wire_with_load).mesh
     system = discretization.system(TILTED.rotation)
     start = np.zeros((discretization.n_unknowns, 3))
     energies = []

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from dlo_planner import DirectSimulator, Pose, Rod
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import new_state
 from dlo_planner.minimize.linear import factorize, new_hessian
-from dlo_planner.minimize.newton import descend, newton, residual_of
+from dlo_planner.minimize.newton import descend, newton
+from dlo_planner.minimize.residual import residual_of
 from dlo_planner.minimize.saddle import KICK_TURN, kick
 from dlo_planner.minimize.spectrum import lowest_mode
 
@@ -18,7 +20,7 @@ HEAVY = Rod(1.0, 20 / 9.81, (1.0, 3.0), 0.75)  # falls over about n first
 
 def system_of(rod, gripper, basis, n_elements=24, **more):
     direct = DirectSimulator(rod, basis=basis, n_elements=n_elements, **more)
-    return direct._discretization.system(gripper.rotation)
+    return direct.mesh.system(gripper.rotation)
 
 
 def start_of(system):

@@ -26,7 +26,7 @@ from dlo_planner import (
     Rod,
     parallel,
 )
-from dlo_planner.direct.simulator import motion_by
+from dlo_planner.direct.moving import Prescribed, motion_by
 from dlo_planner.minimize.same_minimum import leads_to, lower
 from dlo_planner.parallel import speculation
 from dlo_planner.parallel.workers import Crew
@@ -113,8 +113,8 @@ def test_guesses_are_used_where_they_are_better(monkeypatch, rounds):
     simulator = DirectSimulator(copper_wire(damping=(0.5, 0.0)), **SMALL)
     way, more = swung(25), {'integrator': 'paper', 'tolerance': np.inf}
     alone = speculation.Rounds(Crew(Here(), lambda: None), 1)
-    serial = motion_by(partial(FromTheShapeBefore, alone, 24), simulator, way, 0.05, None, None,
-                       None, np.inf, 'paper', Progress())
+    serial = motion_by(partial(FromTheShapeBefore, alone, 24), simulator,
+                       Prescribed(way, 0.05, **more), Progress())
     ahead = parallel.speculative(simulator, way, 0.05, Here(), tasks=2, **more)
     assert_alike(ahead.shapes, serial.shapes)
     assert_alike(ahead.shapes, simulator.simulate(way, 0.05, **more).shapes)
@@ -195,7 +195,7 @@ def test_a_guess_must_lead_where_the_serial_search_does():
     rod = Rod(1.0, 20 / 9.81, (1.0, 2.0), 0.75)
     simulator = DirectSimulator(rod, **SMALL)
     shape = simulator.solve(Pose.looking_along((0, 0, 0), (0, 0, 1)))
-    mesh = simulator._discretization
+    mesh = simulator.mesh
     system = mesh.system(shape.gripper.rotation)
     here = mesh.unknowns(shape.element_strains)
     assert leads_to(system, 0.9 * here, here)[0]

@@ -23,7 +23,7 @@ from dlo_planner import (
     Trajectory,
     Workspace,
 )
-from dlo_planner.energy.distance import build_scene
+from dlo_planner.energy.scene import build_scene
 from dlo_planner.plan.assembly import concatenate
 from dlo_planner.plan.clearance import clearance, hole_clearances
 from dlo_planner.plan.path import GripperPath

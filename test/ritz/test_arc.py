@@ -17,8 +17,8 @@ def arc(phi, h=0.7):
 
 
 def derivatives(phi, h=0.7):
-    turning, shifting = jacobians(*phi, h)
-    return np.reshape(turning, (3, 3)), np.reshape(shifting, (3, 3))
+    rotation_jacobian, chord_jacobian = jacobians(*phi, h)
+    return np.reshape(rotation_jacobian, (3, 3)), np.reshape(chord_jacobian, (3, 3))
 
 
 @pytest.mark.parametrize('phi', VECTORS)
@@ -32,22 +32,23 @@ def test_arc_is_the_integral_of_the_rotating_tangent(phi):
 
 @pytest.mark.parametrize('phi', VECTORS)
 def test_jacobians_against_differences(phi):
-    turning, shifting = derivatives(phi)
+    rotation_jacobian, chord_jacobian = derivatives(phi)
     step = 1e-6
     for j in range(3):
         change = step * np.eye(3)[j]
         (turn_up, chord_up), (turn_down, chord_down) = arc(phi + change), arc(phi - change)
         spin = Rotation.from_matrix(turn_up @ turn_down.T).as_rotvec() / (2 * step)
-        np.testing.assert_allclose(turning[:, j], spin, atol=1e-9)
-        np.testing.assert_allclose(shifting[:, j], (chord_up - chord_down) / (2 * step), atol=1e-9)
+        np.testing.assert_allclose(rotation_jacobian[:, j], spin, atol=1e-9)
+        np.testing.assert_allclose(chord_jacobian[:, j], (chord_up - chord_down) / (2 * step),
+                                   atol=1e-9)
 
 
 @pytest.mark.parametrize('phi', VECTORS)
 def test_slope_of_a_load(phi, rng):
     force, moment = rng.normal(size=(2, 3))
-    turning, shifting = derivatives(phi)
+    rotation_jacobian, chord_jacobian = derivatives(phi)
     np.testing.assert_allclose(slope(*phi, 0.7, tuple(force), tuple(moment)),
-                               turning.T @ moment + shifting.T @ force, atol=1e-14)
+                               rotation_jacobian.T @ moment + chord_jacobian.T @ force, atol=1e-14)
 
 
 @pytest.mark.parametrize('phi', VECTORS)

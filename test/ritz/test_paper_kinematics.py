@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.ritz.kinematics import march
+from dlo_planner.ritz.kinematics import forward_kinematics
 from dlo_planner.ritz.paper_strains import from_components
 
 STRAINS = np.array([[2.0, 3.0, -4.0]])  # torsion, curvature about n, about b
@@ -26,7 +26,7 @@ def printed(steps):
 
 def exact():
     rotations, positions = np.empty((2, 3, 3)), np.empty((2, 3))
-    march(np.ones(1), STRAINS, np.eye(3), rotations, positions)
+    forward_kinematics(np.ones(1), STRAINS, np.eye(3), rotations, positions)
     return positions[-1]
 
 

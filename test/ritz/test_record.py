@@ -11,7 +11,7 @@ from numba import njit
 from dlo_planner import Rod
 from dlo_planner.energy.plastic import Layers
 from dlo_planner.energy.yielding import yielding_layers
-from dlo_planner.ritz.kinematics import nothing_attached
+from dlo_planner.ritz.attached import nothing_attached
 
 
 @njit

@@ -67,14 +67,14 @@ def _answers(case: Case, law: TimeLaw, begin: Floats, basis: BSpline) -> tuple[F
         BSpline with k pieces; coefficients along x come first, then y, then z.
     """
     response = case.response
-    times, u, *oscillators = response.oscillators(law)
+    times, u, rates, damping, turns = response.oscillators(law)
     middle = 0.5 * (times[1:] + times[:-1])
     pulled = response.between(response.pulls, law.at(middle)[0])
     force = -np.einsum('tmi,tk->iktm', pulled, basis(middle, 2)).reshape(-1, *pulled.shape[:2])
     places = np.einsum('tk,ij->iktj', basis(times), np.eye(3)).reshape(len(force), -1, 3)
     own = response.excited(law, begin)[2]
     rest = np.zeros((2, len(force), pulled.shape[1]))
-    answers = vibrated(times[1], *oscillators, force, rest)
+    answers = vibrated(times[1], rates, damping, turns, force, rest)
     rows, before = [], []
     for passage in case.passed:
         moved = response.between(passage.across, u)

@@ -23,9 +23,11 @@ from dlo_planner.direct.continuation import between
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.dynamics import run
 from dlo_planner.direct.guide import Grips, Guide
+from dlo_planner.direct.instant import Instant
+from dlo_planner.direct.setting_off import begin
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.stepping import Instant, Stepper
+from dlo_planner.direct.stepping import Stepper
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
@@ -172,7 +174,7 @@ def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Sh
     first = first_shape(mesh, guide.at(0), FarEnd(end, 'sleeve'), cut, None)
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, cut.s, one) for one in velocity.T])
-    return stepper, stepper.begin(first, velocity)
+    return stepper, begin(stepper, first, velocity)
 
 
 def _aside(pose: Pose, one: Pose, other: Pose, part: float) -> Pose:
@@ -195,4 +197,4 @@ def _cut(shape: Shape, velocity: Floats | None, end: float) -> tuple[Shape, Floa
     return replace(shape, s=s, positions=np.vstack([shape.positions[kept], position]),
                    frames=np.concatenate([shape.frames[kept], rotation[None]]),
                    element_strains=shape.element_strains[:len(s) - 1], contacts=(),
-                   _discretization=None, _history=None, _before=None), velocity
+                   state=shape.state.forgotten()), velocity

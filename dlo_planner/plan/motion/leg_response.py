@@ -156,7 +156,7 @@ class Response:
         begin : ndarray, shape (2, m)
             y and y'/w at its beginning.
         """
-        times, u, *oscillators = self.oscillators(law)
+        times, u, rates, damping, turns = self.oscillators(law)
         middle = 0.5 * (times[1:] + times[:-1])
         places, rate, change, _ = law.at(middle)
         force = -(self.between(self.slopes, places) * change[:, None]
@@ -164,7 +164,8 @@ class Response:
         if law.shift is not None:
             force -= np.einsum('tmi,ti->tm', self.between(self.pulls, places),
                                law.shift.at(middle, 2))
-        return times, u, vibrated(times[1], *oscillators, force[None], begin[:, None])[:, 0]
+        return times, u, vibrated(times[1], rates, damping, turns, force[None],
+                                  begin[:, None])[:, 0]
 
     @property
     def rest(self) -> Floats:

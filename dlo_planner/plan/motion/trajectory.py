@@ -155,10 +155,10 @@ def simulator_of(shape: Shape, touching: bool) -> DirectSimulator:
     touching : bool
         Whether its obstacles are touched; else there are none.
     """
-    if shape._discretization is None:
+    if shape.state.mesh is None:
         raise InvalidTask('simulator = None: expected a DirectSimulator, the shapes of this plan '
                           'have none')
-    around = shape._discretization.surroundings
+    around = shape.state.mesh.surroundings
     return DirectSimulator(around.rod, gravity=around.gravity, load=around.load,
                            point_loads=around.point_loads,
                            obstacles=around.obstacles if touching else ())

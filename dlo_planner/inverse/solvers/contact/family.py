@@ -19,13 +19,15 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium, shape_of
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.energy.distance import Scene, signed_distance
+from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.potential import placed
 from dlo_planner.energy.rolling import along_the_dlo
+from dlo_planner.energy.scene import Scene
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.solvers.hanging.marching import hanging
 from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.minimize.newton import descend, residual_of
+from dlo_planner.minimize.newton import descend
+from dlo_planner.minimize.residual import residual_of
 from dlo_planner.model.along import SeenFrom
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.part import part_of_loads, part_of_rod

@@ -11,7 +11,7 @@ from typing import Self
 
 import numpy as np
 
-from dlo_planner.direct.accuracy import step
+from dlo_planner.direct.one_step import step
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
@@ -55,7 +55,7 @@ class ContactProblem:
     def at(cls, simulator: DirectSimulator, contact: Pose, s: float,
            demands: PlanRequirements) -> Self:
         """Return the problem of keeping `contact` at the arc length `s`, m."""
-        own = simulator._discretization
+        own = simulator.mesh
         elements = min(max(own.s.size - 1, 8), 2 * _ELEMENTS)
         family = ContactFamily(simulator, contact, s, demands.progress.check, elements)
         return cls(simulator, family, contact, demands)
@@ -113,7 +113,7 @@ class ContactProblem:
 
     def _guess(self, force: float) -> Shape:
         """Return the Shape with this force on a mesh as fine as the simulator's."""
-        own, accuracy = self.simulator._discretization, self.simulator.accuracy
+        own, accuracy = self.simulator.mesh, self.simulator.accuracy
         shape = self.family.shape(force)
         elements = shape.s.size - 1
         finer_elements = own.s.size - 1
@@ -149,7 +149,7 @@ class ContactProblem:
             least = min(family.shape(force).violation for force in family.known)
             return builder.refusal('contact', least, f'{looked}: with each of them it would be in '
                                    f'an obstacle, by {least:.3g} m at least')
-        settled, _ = step(best._discretization, best.gripper, best, None, None)
+        settled, _ = step(best.state.made_on, best.gripper, best)
         return self.left(builder, best, settled, f'{looked} in a stable shape: the best one has a '
                          f'stability of {best.stability:.3g}')
 

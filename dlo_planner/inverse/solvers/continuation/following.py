@@ -148,3 +148,29 @@ def refusal_for_step(simulator: DirectSimulator, builder: PlanBuilder, before: P
         return builder.refusal('continuity', too_far, 'the gripper would have to turn or move too '
                                'far since the waypoint before; closer waypoints may help')
     return refusal_for_leap(simulator, builder, passing.shape)
+
+
+def as_replayed(simulator: DirectSimulator, condition: Condition, last: Shape | None,
+                passing: Passing, depth: float) -> Passing:
+    """Return a Passing as a motion from the waypoint before finds it, on the mesh of that motion.
+
+    Which mesh keeps the accuracy depends on the way: the search for a plan takes smaller steps than
+    the gripper, some backwards. On another mesh the DLO would miss by as much as the accuracy.
+
+    Parameters
+    ----------
+    condition : Condition
+    last : Shape or None
+        Shape before. None: it begins in its natural shape.
+    passing : Passing
+        Passing at `depth`.
+    depth : float
+        In m.
+    """
+    if simulator.mesh_after(last) is passing.shape.mesh:
+        return passing
+    replayed = simulator.track([passing.shape.gripper], initial=last)[0]
+    if not replayed.converged or replayed.jumped:
+        return passing
+    corrected = condition.at(passing._replace(shape=replayed), depth, 0.0, True)
+    return passing if corrected is None else corrected

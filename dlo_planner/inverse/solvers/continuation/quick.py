@@ -24,7 +24,7 @@ _ANY = Pose.looking_along((0, 0, 0), (1, 0, 0))
 def quick_simulator(simulator: DirectSimulator) -> DirectSimulator:
     """Return a DirectSimulator of the same DLO that is quick, for searches; itself if it is."""
     around = simulator.surroundings
-    quick = simulator._discretization.s.size <= _CHEAP if simulator.accuracy is None else (
+    quick = simulator.mesh.s.size <= _CHEAP if simulator.accuracy is None else (
         simulator.accuracy >= 0.5 * _ROUGH * around.rod.length)
     if quick:
         return simulator

@@ -9,7 +9,8 @@ alone is prescribed, as where a threading begins.
 
 import numpy as np
 
-from dlo_planner.energy.potential import State, System, placed
+from dlo_planner.energy.potential import placed
+from dlo_planner.energy.system import State, System
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import rotation_and_chord, slope

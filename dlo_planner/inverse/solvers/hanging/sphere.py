@@ -19,7 +19,8 @@ from scipy.spatial import ConvexHull
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.energy.potential import System, evaluate, new_state, turned_system
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import System, new_state, turned_system
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorize, new_hessian

@@ -14,15 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.energy.potential import (
-    State,
-    System,
-    at_element,
-    evaluate,
-    new_state,
-    project,
-    turned_system,
-)
+from dlo_planner.energy.potential import at_element, evaluate, project
+from dlo_planner.energy.system import State, System, new_state, turned_system
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import (
     Hessian,
@@ -32,7 +25,8 @@ from dlo_planner.minimize.linear import (
     new_hessian,
     solve,
 )
-from dlo_planner.minimize.newton import residual_of, safe_shift
+from dlo_planner.minimize.newton import safe_shift
+from dlo_planner.minimize.residual import residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import dot, jacobians, rotation_and_chord
@@ -121,7 +115,7 @@ def aligned_newton(system: System, q: Floats, element: int, fraction: float, nor
         right[2] = -miss[2]
         if abs(np.linalg.det(rows)) < 1e-14:
             break
-        turn = np.linalg.solve(rows, right)
+        turn: Any = np.linalg.solve(rows, right)
         step = answers[3]
         for column in range(3):
             step += turn[column] * answers[column]
@@ -196,7 +190,7 @@ def _right_side(system: System, state: State, hessian: Hessian, column: int, loa
 def _turn_at(system: System, hessian: Hessian, part: Floats, element: int, step: Floats) -> Floats:
     """Return the rotation (3,) of the frame inside `element` that the step (m, 3) makes."""
     theta = np.zeros(3)
-    turnings, basis = hessian.turning, system.basis
+    turnings, basis = hessian.twist_jacobian, system.basis
     for e in range(element + 1):
         turning = part if e == element else turnings[e]
         for j in range(3):

@@ -83,7 +83,7 @@ def aligned_shape(simulator: DirectSimulator, guess: Shape, s: float, normal: Fl
     reference : ndarray, shape (3, 3)
         Gripper rotation since which it does not turn freely.
     """
-    discretization = guess._discretization
+    discretization = guess.state.mesh
     assert discretization is not None  # a guess is made on one
     for _ in range(6):
         shape = aligned_on(discretization, guess, s, normal, reference)

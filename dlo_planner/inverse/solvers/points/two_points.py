@@ -148,15 +148,15 @@ def two_points(simulator: DirectSimulator, shape: Shape, chord: Floats, s: tuple
     (Shape, float, float) or None
         The shape, s1 and s2. None if there is none.
     """
-    mesh, chord = shape._discretization, np.array(chord)
+    mesh, chord = shape.state.mesh, np.array(chord)
     freeze(chord)
     if simulator.method != 'newton' or mesh is None or not mesh.hangs:
         return _step_by_step(simulator, shape, chord, s, free, roll)
-    before, reached = shape, s
+    before, (s1, s2) = shape, s
     axis = free_axis(shape.gripper.rotation, chord / np.linalg.norm(chord))
     for _ in range(_MESHES):
-        solution, base, *reached, converged = two_points_hanging(
-            mesh.static, shape.gripper.rotation, mesh.start_from(shape), mesh.s, chord, *reached,
+        solution, base, s1, s2, converged = two_points_hanging(
+            mesh.static, shape.gripper.rotation, mesh.start_from(shape), mesh.s, chord, s1, s2,
             free == 'first', axis, roll, TOLERANCE, _EXACT * mesh.s[-1], _ITERATIONS)
         if not converged:
             return None
@@ -167,7 +167,7 @@ def two_points(simulator: DirectSimulator, shape: Shape, chord: Floats, s: tuple
         if better is mesh:
             break
         mesh, roll = better, 0.0
-    return shape, *reached
+    return shape, s1, s2
 
 
 def _step_by_step(simulator: DirectSimulator, shape: Shape, chord: Floats, s: tuple[float, float],

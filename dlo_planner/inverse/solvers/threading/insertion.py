@@ -157,7 +157,7 @@ class _Insertion:
                            'clamped' if carried else 'sleeve')
             if carried:  # a start for the DLO with the whole mass, no more
                 outside = self.simulator.with_rod(self._rod(_Stop(depth, 0.0)))
-                shape = replace(shape, _discretization=None, _history=None)
+                shape = replace(shape, state=shape.state.forgotten())
             shape = outside.solve(shape.gripper, shape, far_end=mouth)
         if not shape.converged:
             raise _unconverged(builder, shape, depth - reached)

@@ -19,6 +19,7 @@ from dlo_planner.inverse.solvers.continuation.following import (
     Passing,
     Rolls,
     Step,
+    as_replayed,
     follow,
     refusal_for_step,
 )
@@ -116,9 +117,9 @@ def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
         if passing is None:
             assert refusal is not None  # else there is one
             raise refusal
-        last, depth = passing, target
-        passings.append(passing)
-        waypoint = waypoint_of(passing.shape, cutout.center, length - target, cutout.normal)
+        last, depth = as_replayed(simulator, aligned, builder.last, passing, target), target
+        passings.append(last)
+        waypoint = waypoint_of(last.shape, cutout.center, length - target, cutout.normal)
         builder.add(waypoint.with_clearances([cutout], [sheet], demands.surface))
     plan = builder.finished()
     return _evenly(simulator, task, begin, plan, passings) if jerks else plan

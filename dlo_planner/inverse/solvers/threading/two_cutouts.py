@@ -21,6 +21,7 @@ from dlo_planner.inverse.solvers.continuation.following import (
     Condition,
     Passing,
     Step,
+    as_replayed,
     follow,
     refusal_for_step,
 )
@@ -187,9 +188,10 @@ def _thread_through(simulator: DirectSimulator, task: Pair, change: Change) -> P
     if along <= 0 and depths[0] < change.depth:  # it is passed along `direction` from the beginning
         raise _direction_refusal(PlanBuilder(depths, task.demands), 'first', along)
     steps: dict[int, Step] = {}
+    conditions = Aligned(simulator, direction), TwoPoints(simulator, task.chord)
     parts: tuple[tuple[Condition, Route | None, Ints], ...] = (
-        (Aligned(simulator, direction), change.back, np.flatnonzero(depths < change.depth)[::-1]),
-        (TwoPoints(simulator, task.chord), change.on, np.flatnonzero(depths >= change.depth)))
+        (conditions[0], change.back, np.flatnonzero(depths < change.depth)[::-1]),
+        (conditions[1], change.on, np.flatnonzero(depths >= change.depth)))
     for condition, route, order in parts:
         passing, depth = change.passing, change.depth
         for index in order:
@@ -200,7 +202,7 @@ def _thread_through(simulator: DirectSimulator, task: Pair, change: Change) -> P
             passing, depth = step.passing, step.depth
         if len(steps) < np.sum(depths < change.depth):
             break  # it is refused before the change
-    return _judged(simulator, task, change, steps)
+    return _judged(simulator, task, change, conditions, steps)
 
 
 def _against(task: Pair, passing: Passing, depth: float) -> tuple[str, float] | None:
@@ -222,11 +224,13 @@ def _direction_refusal(builder: PlanBuilder, name: str, along: float) -> Infeasi
 
 
 def _judged(simulator: DirectSimulator, task: Pair, change: Change,
-            steps: dict[int, Step]) -> Plan:
+            conditions: tuple[Aligned, TwoPoints], steps: dict[int, Step]) -> Plan:
     """Return the Plan of all waypoints, or raise Infeasible at the first impossible one.
 
     Parameters
     ----------
+    conditions : tuple of Condition
+        The conditions before the change, and after it.
     steps : dict of int to Step
         The Step to each waypoint, by its index.
     """
@@ -241,6 +245,8 @@ def _judged(simulator: DirectSimulator, task: Pair, change: Change,
         if refusal is not None or passing is None:
             assert refusal is not None  # else there is one
             raise refusal
+        passing = as_replayed(simulator, conditions[int(depth >= change.depth)], builder.last,
+                              passing, depth)
         second = passing.second if depth >= change.depth else None
         waypoint = waypoint_of(passing.shape, task.first.center, length - depth, None)
         if second is not None:

@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, Pose, Rod
-from dlo_planner.energy.potential import evaluate, new_state
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.system import new_state
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
 from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric, least_turn
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton, free_axis
@@ -21,7 +22,7 @@ def system_of(basis, rotation=None):
     direct = DirectSimulator(ROD, basis=basis, n_elements=12, n_terms=None if basis == 'local'
                              else 6)
     rotation = np.eye(3) if rotation is None else rotation
-    return direct, direct._discretization.system(rotation)
+    return direct, direct.mesh.system(rotation)
 
 
 def upright(direction):
@@ -70,7 +71,7 @@ def test_neither_half_alone_is_convergence():
                 and tangent @ NORMAL > 1 - 1e-9)
 
     still = direct.solve(Pose.from_rotation((0, 0, 0), reference))
-    q = direct._discretization.unknowns(still.element_strains)
+    q = direct.mesh.unknowns(still.element_strains)
     assert holds(found(q, reference, NORMAL))              # in equilibrium, not aligned
     relaxed = new_state(system)
     evaluate(system, relaxed)

@@ -1,0 +1,73 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a step has to prove before it is called converged, and the energy that it leaves stored."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dlo_planner.direct.acting import ACTING
+from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.part import Left, Part, Solved
+from dlo_planner.energy.effects import stored
+from dlo_planner.minimize.held import HELD_NEUTRAL
+from dlo_planner.minimize.minimum import Minimum
+from dlo_planner.minimize.newton import NEUTRAL
+from dlo_planner.minimize.residual import gradient_noise
+from dlo_planner.model.arrays import Floats
+
+CONVERGED = 1e-8   # residual that is promised
+KEPT = 1e-6        # of the length: violation that still counts as converged
+_BLURRED = 1e-5    # a residual that rounding may make larger than this tells nothing
+
+
+def proved(solved: Solved, found: Minimum, rounding: float = 0.0) -> bool:
+    """Return whether a Minimum is a stable or neutral equilibrium that keeps all constraints.
+
+    Parameters
+    ----------
+    solved : Solved
+        The same as a step.
+    found : Minimum
+    rounding : float, optional
+        Rounding error of the residual, where it is larger than usual.
+    """
+    mesh, system = solved.mesh, solved.system
+    bound = [part for part in ACTING if part.constrains(system)]
+    neutral = HELD_NEUTRAL if bound or mesh.surroundings.pinned else NEUTRAL
+    return bool(_promised(solved, found.residual, rounding, bound)
+                and found.stability > -neutral
+                and all(part.kept(solved) for part in ACTING)
+                and found.violation <= KEPT * mesh.s[-1])
+
+
+def _promised(solved: Solved, residual: float, rounding: float, bound: Sequence[Part]) -> bool:
+    """Whether the residual is below what is promised, or where constrained, what rounding leaves.
+
+    Forces that rounding errors hide, of a DLO that is nearly taut, are no answer.
+    """
+    if not bound:
+        return residual < CONVERGED + 100 * rounding
+    noise = gradient_noise(solved.system, solved.state)
+    promised = max(part.residual for part in bound)
+    result: bool = residual < max(promised, noise) + 100 * rounding and noise < _BLURRED
+    return result
+
+
+def stored_after(solved: Solved, left: Left) -> float:
+    """Return the energy in J that is stored in the DLO after a step."""
+    mesh, system, state = solved.mesh, solved.system, solved.state
+    if mesh.isometric and not mesh.stores and np.array_equal(system.natural, mesh.natural):
+        return 0.5 * float(np.vdot(state.q, state.q))  # what the unknowns are scaled for
+    return elastic_energy(mesh, state.strains, left)
+
+
+def elastic_energy(mesh: Discretization, strains: Floats, left: Left) -> float:
+    """Return the energy in J that is stored at strains (N, 3), after what effects have left."""
+    system = mesh.static
+    if not mesh.stores:
+        bent = strains - system.natural
+        return 0.5 * float(np.sum(system.lengths[:, None] * system.stiffness * bent**2))
+    strains = strains.copy()
+    return sum((part.stored(mesh, left, strains) for part in mesh.stores),
+               stored(system.effects, system, strains))

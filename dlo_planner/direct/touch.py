@@ -1,0 +1,218 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Touching obstacles: the Record of contacts, and the forces that they leave to the next step."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dlo_planner.direct.contacts import contacts_of
+from dlo_planner.direct.part import Held, Left, Part, Solved
+from dlo_planner.direct.surroundings import Surroundings
+from dlo_planner.energy.contact import Contact, Contacts, moved_scene, obstructed
+from dlo_planner.energy.friction import trial_force
+from dlo_planner.energy.scene import Scene, build_scene
+from dlo_planner.energy.system import State, System, turned_system
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.touching import touching_system
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.surface import Surface
+from dlo_planner.model.value import freeze
+from dlo_planner.ritz.kinematics import point_inside
+
+if TYPE_CHECKING:  # it imports this file
+    from dlo_planner.direct.discretization import Discretization
+
+_SOFTER = 1e-2  # of contacts where both ends are held: tension multiplies what they round
+_SAME = 1e-12   # of the length: nodes of two meshes that are one
+_POINT = 'point_'
+_OF_CONTACTS = ('element', 'obstacle', 'multiplier', 'fraction', 'anchor', 'normal', 'shear')
+NO_POINTS = {'element': np.zeros(0, dtype=np.int64), 'obstacle': np.zeros(0, dtype=np.int64),
+             'multiplier': np.zeros(0), 'fraction': np.zeros(0), 'anchor': np.zeros((0, 3)),
+             'normal': np.zeros((0, 3)), 'shear': np.zeros((0, 3)), 'slid': np.zeros((0, 3))}
+freeze(NO_POINTS)
+
+
+class Touch(Part):
+    """Contact with friction, `energy.contact`. It leaves two kinds of things.
+
+    node_force: (M, N + 1) force of each body on each node, N
+    point_...: contacts inside elements and points of friction, world frame, see `Contacts`; and
+        point_slid: (C, 3) by how much they slid in the step, m
+    """
+
+    name = 'contact'
+    lets_go = True
+    residual = 1e-7  # stiff springs multiply rounding errors
+
+    def acts(self, around: Surroundings) -> bool:
+        """Whether there are obstacles."""
+        return bool(around.obstacles)
+
+    def given(self, mesh: Discretization) -> Scene:
+        """Return the Scene, for a gripper at the origin."""
+        scene: Scene = build_scene(mesh.surroundings.obstacles, Surface.of(mesh.rod), mesh.s)
+        return scene
+
+    def record(self, mesh: Discretization, left: Left, held: Held) -> Contact:
+        """Return the Contact with the forces that are left, relative to the gripper."""
+        origin = np.zeros(3) if held.origin is None else held.origin
+        spring = mesh.spring if held.far_end is None else _SOFTER * mesh.spring
+        points = {name: values.copy() for name, values in _points(left).items()}
+        points['anchor'] -= origin
+        return Contact(mesh.given(self.name)._replace(origin=origin), Contacts(
+            spring, left['node_force'].copy(), points['element'], points['obstacle'],
+            points['multiplier'], points['fraction'], points['anchor'], points['normal'],
+            points['shear'], spring))
+
+    def changes(self, mesh: Discretization, held: Held) -> bool:
+        """Whether there are obstacles around a gripper that is somewhere."""
+        return held.origin is not None and mesh.obstructed
+
+    def placed(self, mesh: Discretization, base: Floats, left: Left, held: Held) -> System | None:
+        """Return the System by one kernel, where the far end is free."""
+        if held.far_end is not None or held.origin is None:
+            return None
+        system: System = _standing(mesh.static, base, held.origin, mesh.spring, left['node_force'],
+                                   *(left[_POINT + name] for name in _OF_CONTACTS))
+        return system
+
+    def empty(self, mesh: Discretization, s: Floats) -> Left:
+        """Return no forces."""
+        bodies = mesh.given(self.name).kind.size if mesh.obstructed else 0
+        return {'node_force': np.zeros((bodies, s.size)), **_NO_POINTS}
+
+    def resampled(self, left: Left, s: Floats, wanted: Floats) -> Left:
+        """Return forces where a node stays, and inside elements."""
+        same = np.abs(s[:, None] - wanted) < _SAME * wanted[-1]
+        return {'node_force': left['node_force'] @ same, **_left(_points_on(left, s, wanted))}
+
+    def fits(self, left: Left, start: Left) -> bool:
+        """Whether there are as many bodies."""
+        return len(left['node_force']) == len(start['node_force'])
+
+    def cleared(self, left: Left) -> Left:
+        """Return no forces on as many bodies."""
+        return {'node_force': np.zeros_like(left['node_force']), **_NO_POINTS}
+
+    def leaves(self, solved: Solved) -> Left:
+        """Return the forces; what slid sticks from now on to where it has come to."""
+        if not obstructed(solved.system.contact):
+            return {'node_force': solved.left['node_force'], **_NO_POINTS}
+        return _forces(solved, True)
+
+    def underway(self, solved: Solved) -> Left:
+        """Return the forces; friction still counts from where the step began."""
+        return _forces(solved, False)
+
+    def with_contacts(self, before: Left, after: Left) -> Left:
+        """Return the forces after the step; what slid in it slides, its anchors those of before."""
+        points = _points(after)
+        points['anchor'] = points['anchor'] - points['slid']
+        return {'node_force': after['node_force'], **_left(points)}
+
+    def reports(self, solved: Solved, left: Left) -> dict[str, Any]:
+        """Return the contacts."""
+        return {'contacts': contacts_of(solved.mesh, solved.system, solved.state, solved.gripper)}
+
+    def constrains(self, system: System) -> bool:
+        """Whether there are obstacles."""
+        return obstructed(system.contact)
+
+
+def _points(left: Left) -> dict[str, Any]:
+    """Return the points of what is left, by the names of `Contacts`."""
+    return {name: left[_POINT + name] for name in NO_POINTS}
+
+
+def _left(points: Left) -> dict[str, Any]:
+    """Return points as they are left."""
+    return {_POINT + name: values for name, values in points.items()}
+
+
+_NO_POINTS = _left(NO_POINTS)
+
+
+def _forces(solved: Solved, ended: bool) -> Left:
+    points = points_of(solved.system, solved.state, solved.gripper, ended)
+    return {'node_force': solved.system.contacts.node, **_left(points)}
+
+
+def halved_forces(left: Left, s: Floats) -> Left:
+    """Return what contacts leave to a mesh `s` (2 N + 1,) with halved elements.
+
+    What slid slides: its anchors are those of before.
+    """
+    points, node_force = _points(left), np.zeros((len(left['node_force']), s.size))
+    node_force[:, ::2] = left['node_force']
+    beyond = (points['obstacle'] < 0) & (points['fraction'] > 0.5)
+    fraction = np.where(points['obstacle'] < 0, 2 * points['fraction'] - beyond,
+                        points['fraction'])
+    points |= {'element': 2 * points['element'] + beyond, 'fraction': fraction,
+               'anchor': points['anchor'] - points['slid']}
+    return {'node_force': node_force, **_left(points)}
+
+
+@kernel
+def _standing(system: System, base: Floats, origin: Floats, spring: float, node: Floats,
+              element: Ints, obstacle: Ints, multiplier: Floats, fraction: Floats, anchor: Floats,
+              normal: Floats, shear: Floats) -> Any:
+    """Return the same System in another gripper, with Contacts of read-only arrays."""
+    held = touching_system(system, Contacts(
+        spring, node.copy(), element.copy(), obstacle.copy(), multiplier.copy(), fraction.copy(),
+        anchor - origin, normal.copy(), shear.copy(), spring),
+        moved_scene(system.effects.contact.scene, origin))
+    return turned_system(held, base, origin)
+
+
+def _points_on(left: Left, old: Floats, s: Floats) -> Left:
+    """Return the points on other nodes."""
+    points = _points(left)
+    if not points['element'].size:
+        return points
+    element, fraction = points['element'], points['fraction']
+    inside = points['obstacle'] >= 0  # anywhere in the element: its middle
+    fraction = np.where(inside, 0.5, fraction)
+    at = old[element] + fraction * np.diff(old)[element]
+    tiny = _SAME * s[-1]
+    element = np.clip(np.searchsorted(s, at - tiny) - 1, 0, s.size - 2)
+    fraction = (at - s[element]) / np.diff(s)[element]
+    fraction = np.where(np.abs(at - s[element + 1]) < tiny, 1.0, np.clip(fraction, 0.0, 1.0))
+    fraction = np.where(inside, points['fraction'], fraction)  # fixed, or 0: it rolls
+    return points | {'element': element, 'fraction': fraction}
+
+
+def points_of(system: System, state: State, gripper: Pose, ended: bool = True) -> Left:
+    """Return the points inside elements, and of friction, of a kernel's result by name.
+
+    What slid sticks from now on to where it has come to; `slid` tells by how much (C, 3), m.
+
+    Parameters
+    ----------
+    ended : bool, optional
+        Whether the step has ended; before, friction still counts from where it began.
+    """
+    if not obstructed(system.contact) or not system.contacts.element.size:
+        return NO_POINTS
+    contacts = system.contacts
+    points = {'element': contacts.element, 'obstacle': contacts.obstacle,
+              'multiplier': contacts.multiplier, 'fraction': contacts.fraction,
+              'anchor': contacts.anchor + gripper.position, 'normal': contacts.normal,
+              'shear': contacts.shear.copy(), 'slid': np.zeros_like(contacts.anchor)}
+    forces = contacts.shear if state.attached is None else state.attached.force
+    rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
+    for c in np.flatnonzero(contacts.obstacle < 0).tolist():
+        points['shear'][c] = forces[c]
+        point_inside(system.lengths, state.strains, state.rotations, state.positions,
+                     contacts.element[c], contacts.fraction[c], rotation, x)
+        sticks = trial_force(contacts, c, x, trial) <= contacts.multiplier[c]
+        away = x - contacts.anchor[c]
+        if sticks:
+            away = (away @ contacts.normal[c]) * contacts.normal[c]
+        if ended:
+            points['anchor'][c] += away
+            points['slid'][c] = away
+    return points

@@ -1,0 +1,276 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Obstacles as plain arrays, for kernels: bodies, as the features of a DLO's surface meet them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.obstacles import Box, Capsule, Cylinder, Obstacle, Plane, Sheet, Sphere
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.surface import Surface
+from dlo_planner.ritz.record import Record, makes
+
+PLANE, SPHERE, CAPSULE, BOX, SHEET, CYLINDER = range(6)
+AXIS, EDGE, FACE, NODE_FACE = range(4)
+_MOST_FOILS = 5
+_ROUNDING = 0.02  # of the smaller half size: of a section's edges where an obstacle has edges
+_ALL = (0, 2**31)  # nodes
+_AROUND = np.array([(np.cos(angle), np.sin(angle)) for angle in np.arange(12) * np.pi / 6])
+
+
+class Scene(Record):
+    """Obstacles as plain arrays; M bodies with H cut-outs in all.
+
+    A body is a part of an obstacle, as one feature of the DLO's surface meets it. A sheet is a
+    stack of foils, its faces and, if it is thick, some between: at the rim of a hole a DLO touches
+    edges, and each edge needs a nearest point of its own. A round DLO has one feature, balls about
+    its axis. A rectangular one has four edges along it; where an obstacle is curved or has edges
+    itself, also the faces between them (`energy.outline`).
+
+    Attributes
+    ----------
+    source : ndarray of int, shape (M,)
+        Index of the obstacle that a body is (part of).
+    kind : ndarray of int, shape (M,)
+        PLANE ... CYLINDER.
+    axes : ndarray, shape (M, 3, 3)
+        Columns x, y, z of the obstacle's frame.
+    center : ndarray, shape (M, 3)
+        Center in m, world.
+    size : ndarray, shape (M, 3)
+        Half sizes along the axes, m. A sphere's or capsule's radius is the last one, a capsule's
+        half length the first; a cylinder has (half length, radius, the smaller one).
+    friction : ndarray, shape (M,)
+        Coulomb's coefficients.
+    hole_of : ndarray of int, shape (H,)
+        Index of the sheet of each hole.
+    hole_center : ndarray, shape (H, 2)
+        Its center y, z there, m.
+    hole_axis : ndarray, shape (H, 2)
+        Its own first axis there.
+    hole_size : ndarray, shape (H, 2)
+        Half width and height, or the radius and -1, m.
+    radius : float
+        Radius of the DLO, m; the largest.
+    origin : ndarray, shape (3,)
+        Position of the gripper, m: nodes are given relative to it.
+    feature : ndarray of int, shape (M,)
+        Feature of the DLO: AXIS, EDGE, FACE (anywhere along an element) or NODE_FACE.
+    offset : ndarray, shape (M, 2)
+        Of an edge, from the axis along n and b, m; of faces, half sizes of the section. Both less
+        `rounding`.
+    rounding : ndarray, shape (M,)
+        By how much the feature is thickened, m.
+    span : ndarray of int, shape (M, 2)
+        First and last node of the feature; it may end beyond the DLO.
+    radii : ndarray, shape (N, 2)
+        Radius of the DLO at both ends of its elements, m; (0, 2): `radius` everywhere.
+    """
+
+    source: Ints
+    kind: Ints
+    axes: Floats
+    center: Floats
+    size: Floats
+    friction: Floats
+    hole_of: Ints
+    hole_center: Floats
+    hole_axis: Floats
+    hole_size: Floats
+    radius: float
+    origin: Floats
+    feature: Ints
+    offset: Floats
+    rounding: Floats
+    span: Ints
+    radii: Floats
+
+
+@makes(Scene)
+@kernel
+def _new_scene(source, kind, axes, center, size, friction, hole_of, hole_center, hole_axis,
+               hole_size, radius, origin, feature, offset, rounding, span, radii):
+    return Scene(source, kind, axes, center, size, friction, hole_of, hole_center, hole_axis,
+                 hole_size, radius, origin, feature, offset, rounding, span, radii)
+
+
+class _Edge(NamedTuple):
+    """A straight edge of a Box: x of its pose along it, and half its length in m."""
+
+    pose: Pose
+    half: float
+
+
+_Part: TypeAlias = Obstacle | _Edge
+_Span: TypeAlias = tuple[int, int]  # first and last node
+
+
+class _Body(NamedTuple):
+    """What `Scene` says of one part of an obstacle: kind, pose, half sizes (3,) in m."""
+
+    kind: int
+    pose: Pose
+    size: ArrayLike
+
+
+class _Feature(NamedTuple):
+    """What `Scene` says of one feature of the DLO's surface; offset: (2,)."""
+
+    feature: int
+    offset: ArrayLike
+    rounding: float
+    span: _Span
+
+
+def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floats | None = None,
+                *, sharp: bool = False) -> Scene:
+    """Return the Scene of obstacles for a DLO, relative to the world's origin.
+
+    Parameters
+    ----------
+    obstacles : iterable of obstacles
+        What the DLO may touch.
+    surface : Surface or float
+        Surface of the DLO, or its radius in m.
+    s : ndarray, shape (N + 1,), optional
+        Arc lengths of its nodes, m. Only a radius that varies needs them.
+    sharp : bool, optional
+        Whether the edges of its section are sharp against obstacles that have edges, too: for
+        distances alone, whose derivatives would be infinite in contact.
+
+    Raises
+    ------
+    InvalidTask
+        The section of the DLO cannot be watched against an obstacle.
+    """
+    if not isinstance(surface, Surface):
+        surface = Surface(float(surface))
+    rims = [] if s is None else surface.rims(np.asarray(s))
+    rows: list[tuple[Any, ...]] = []
+    holes: list[tuple[int, Floats, Floats, Floats]] = []
+    for source, obstacle in enumerate(obstacles):
+        for part in _parts(obstacle, surface):
+            body = _body(part)
+            for feature in _features(body, surface, rims, sharp):
+                if isinstance(part, Sheet):
+                    holes += [(len(rows), *_hole(part.pose, cutout)) for cutout in part.cutouts]
+                rows.append((source, body.kind, body.pose.rotation, body.pose.position, body.size,
+                             obstacle.friction, *feature))
+
+    def column(index: int, *shape: int, dtype: type = float) -> Any:
+        return np.array([row[index] for row in rows], dtype=dtype).reshape(-1, *shape)
+
+    return Scene(column(0, dtype=np.int64), column(1, dtype=np.int64), column(2, 3, 3),
+                 column(3, 3), column(4, 3), column(5),
+                 np.array([hole[0] for hole in holes], dtype=np.int64),
+                 *(np.array([hole[k] for hole in holes], dtype=float).reshape(-1, 2)
+                   for k in (1, 2, 3)),
+                 surface.radius, np.zeros(3), column(6, dtype=np.int64), column(7, 2), column(8),
+                 column(9, 2, dtype=np.int64),
+                 np.zeros((0, 2)) if s is None else surface.radii(np.asarray(s)))
+
+
+def _parts(obstacle: Obstacle, surface: Surface) -> Sequence[_Part]:
+    """Return what an obstacle consists of: obstacles, and straight edges."""
+    if isinstance(obstacle, Sheet):
+        return _foils(obstacle, surface.least)
+    if isinstance(obstacle, Box) and surface.half is not None:
+        return [obstacle, *_edges(obstacle)]
+    if isinstance(obstacle, Cylinder) and surface.half is not None:
+        raise InvalidTask(f'{obstacle!r}: expected a DLO with a round section, of a rectangular '
+                          'one the faces are not watched at its rims; a Capsule has none')
+    return [obstacle]
+
+
+def _edges(box: Box) -> Iterator[_Edge]:
+    """Yield the 12 edges of a Box."""
+    for axis in range(3):
+        second, third = (axis + 1) % 3, (axis + 2) % 3
+        turned = box.pose.rotation[:, [axis, second, third]]
+        for one, other in product((-0.5, 0.5), repeat=2):
+            away = (one * box.size[second] * turned[:, 1] + other * box.size[third] * turned[:, 2])
+            yield _Edge(Pose.from_rotation(box.pose.position + away, turned),
+                        0.5 * box.size[axis])
+
+
+def _body(part: _Part) -> _Body:
+    """Return the body that stands for one of `_parts`."""
+    if isinstance(part, Plane):
+        return _Body(PLANE, Pose.looking_along(part.point, part.normal), (0, 0, 0))
+    if isinstance(part, Sphere):
+        return _Body(SPHERE, Pose(part.center, (0, 0, 0, 1)), (0, 0, part.radius))
+    if isinstance(part, Capsule | Cylinder):
+        along = part.end - part.start
+        pose = Pose.looking_along(0.5 * (part.start + part.end), along)
+        half = float(0.5 * np.linalg.norm(along))
+        if isinstance(part, Capsule):
+            return _Body(CAPSULE, pose, (half, 0, part.radius))
+        return _Body(CYLINDER, pose, (half, part.radius, min(half, part.radius)))
+    if isinstance(part, Box):
+        return _Body(BOX, part.pose, 0.5 * part.size)
+    if isinstance(part, Sheet):
+        return _Body(SHEET, part.pose, (0.5 * part.thickness, 0.5 * part.width, 0.5 * part.height))
+    return _Body(CAPSULE, part.pose, (part.half, 0, 0))
+
+
+def _features(body: _Body, surface: Surface, rims: Iterable[tuple[float, _Span]],
+              sharp: bool) -> list[_Feature]:
+    """Return the features of a DLO's surface that may touch a body; rims: of `Surface.rims`."""
+    smooth = body.kind in (PLANE, SPHERE, CAPSULE)  # edges need not be rounded to touch it
+    if surface.half is None:
+        features = [_Feature(AXIS, (0.0, 0.0), 0.0, _ALL)]
+        for radius, span in rims:
+            rounding = 0.0 if smooth or sharp else _ROUNDING * radius
+            features += [_Feature(EDGE, (radius - rounding) * around, rounding, span)
+                         for around in _AROUND]
+        return features
+    half, rounding = np.array(surface.half), _ROUNDING * min(surface.half)
+    faces = [_Feature(feature, half - rounding, rounding, _ALL) for feature in (FACE, NODE_FACE)]
+    if smooth or sharp:
+        rounding = 0.0
+    edges = [_Feature(EDGE, signs * (half - rounding), rounding, _ALL)
+             for signs in map(np.array, product((-1, 1), repeat=2))]
+    if body.kind in (SPHERE, CAPSULE):
+        return edges + faces if np.asarray(body.size)[2] > 0 else faces
+    return edges
+
+
+def _foils(sheet: Sheet, radius: float) -> list[Sheet]:
+    """Return Sheets without thickness that stand for `sheet`, close enough for the DLO's radius."""
+    if sheet.thickness == 0:
+        return [sheet]
+    number = _MOST_FOILS
+    if sheet.thickness < 4 * _MOST_FOILS * radius:
+        number = min(_MOST_FOILS, 2 + int(sheet.thickness / (4 * radius)))
+    shifts = np.linspace(-0.5, 0.5, number) * sheet.thickness
+    return [_foil(sheet, shift) for shift in shifts]
+
+
+def _foil(sheet: Sheet, shift: float) -> Sheet:
+    """Return a Sheet without thickness, moved along the normal by a shift in m."""
+    def moved(pose: Pose) -> Pose:
+        return Pose(pose.position + shift * sheet.pose.direction, pose.quaternion)
+
+    return replace(sheet, pose=moved(sheet.pose), thickness=0.0,
+                   cutouts=tuple(replace(cutout, pose=moved(cutout.pose))
+                                 for cutout in sheet.cutouts))
+
+
+def _hole(pose: Pose, cutout: CutOut) -> tuple[Floats, Floats, Floats]:
+    """Return center, first axis and size, (2,) each, of a cut-out in the plane of its sheet."""
+    center = pose.rotation.T @ (cutout.center - pose.position)
+    axis = pose.rotation.T @ cutout.pose.rotation[:, 1]
+    if cutout.radius is not None:
+        return center[1:], axis[1:], np.array([cutout.radius, -1.0])
+    return center[1:], axis[1:], 0.5 * np.array([cutout.width, cutout.height])

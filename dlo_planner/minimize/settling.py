@@ -1,0 +1,214 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A DLO that touches comes to rest: minimization and multipliers by turns, in one compiled loop.
+
+The augmented Lagrangian method (Nocedal and Wright, ch. 17.4): minimize, move each multiplier by
+what its constraint is violated by, repeat until nothing is violated. Between two minimizations the
+set of points that may touch is looked at anew, and the limits of friction follow from the forces
+found. What is judged is the residual with these limits: friction has no potential.
+
+Where the DLO bears already, shape and forces are sought at once first (`minimize.bearing`). What
+that finds is judged like any other minimum, and is mostly the last.
+"""
+
+import numpy as np
+
+from dlo_planner.energy.contact import Contacts
+from dlo_planner.energy.effects import row_count
+from dlo_planner.energy.hold import violation as hold_violation
+from dlo_planner.energy.system import hinged, new_state
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.bearing import borne, carried
+from dlo_planner.minimize.contact_forces import move_multipliers
+from dlo_planner.minimize.friction import with_friction
+from dlo_planner.minimize.held import HELD_NEUTRAL, descend_held
+from dlo_planner.minimize.leash import no_leash
+from dlo_planner.minimize.linear import assemble, new_hessian
+from dlo_planner.minimize.newton import leashed_descent, safe_shift
+from dlo_planner.minimize.residual import gradient_noise
+from dlo_planner.minimize.saddle import kicked
+from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.minimize.touching import touching_system, truth
+from dlo_planner.minimize.watching import watching
+
+_ROUNDS = 100
+_FEW, _SOON = 12, 40  # rounds and steps in which a DLO that goes on bearing has to come to rest
+_SLOW = 0.3         # a violation that falls less than this in a round needs a stiffer spring
+_STIFFER = 10.0
+_MOST_STIFFER = 1e2
+_MOST_KICKS = 10
+_COARSER = 10.0     # times the tolerance: the springs' rounding errors leave no more of it
+_STALLED = 100.0    # the same, where Newton's method has found no better point
+_HELPS = 0.5        # an error that falls less in a round asks for smaller steps of the multipliers
+_SHARES = (1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.125, 0.125, 0.0)  # after so many rounds in vain
+_SHORT = 1e3        # times the tolerance: a residual that Newton's method did not bring down
+_PATIENCE = 80      # Newton steps in a round, before it is looked at what touches
+_NEWS = 3           # rounds in a row that go without multipliers, because of what has just touched
+_ON_A_WAY = 20      # steps: who allows no more wants no equilibrium
+
+
+@kernel
+def touch_down(system, q, tolerance, exact, max_iterations, check, previous):
+    """Do as `settle` does, but seek shape and forces at once before, where the DLO bears."""
+    steps = 0
+    if not is_held(system) and max_iterations > _ON_A_WAY:
+        bears, start, loaded, steps = borne(system, q, tolerance, exact, previous)
+        if bears:
+            state, residual, stability, iterations, kicks, loaded, violation = settle(
+                loaded, start, tolerance, exact, min(_SOON, max_iterations), check, previous, _FEW)
+            steps += iterations
+            if kicks == 0 and _rests(loaded, state, residual, stability, violation, tolerance,
+                                     exact):
+                return state, residual, stability, steps, kicks, loaded, violation
+    state, residual, stability, iterations, kicks, system, violation = settle(
+        system, q, tolerance, exact, max_iterations, check, previous, _ROUNDS)
+    return state, residual, stability, iterations + steps, kicks, system, violation
+
+
+@kernel
+def bear_on(system, base, slid, strains, twist, tolerance, exact, max_iterations, previous):
+    """Return whether a DLO that bears goes on bearing, and what `settle` returns from there.
+
+    Args:
+        system, base, slid, strains, twist: as of `carried`; others as of `constrained_newton`
+    """
+    follows, q = carried(system, base, slid, strains, twist)
+    if follows:
+        bears, q, loaded, steps = borne(system, q, tolerance, exact, previous)
+        if bears:
+            state, residual, stability, iterations, kicks, loaded, violation = settle(
+                loaded, q, tolerance, exact, min(_SOON, max_iterations), bears, previous, _FEW)
+            bears = kicks == 0 and _rests(loaded, state, residual, stability, violation, tolerance,
+                                          exact)
+            return bears, state, residual, stability, iterations + steps, kicks, loaded, violation
+    return False, new_state(system), np.inf, np.nan, 0, 0, system, np.inf
+
+
+@kernel
+def _rests(system, state, residual, stability, violation, tolerance, exact):
+    """Whether nothing is left to be done, and the shape stands; a stability of nan is not known."""
+    return (violation < exact and not stability <= -HELD_NEUTRAL
+            and residual < max(tolerance * _STALLED, gradient_noise(system, state)))
+
+
+@kernel
+def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds):
+    """Descend from q (m, 3) among obstacles, in so many rounds at most.
+
+    Other arguments as of `constrained_newton`.
+
+    Returns
+    -------
+        state, residual, stability, iterations, kicks, system, violation: as of a Minimum
+    """
+    vain = news = kicks = iterations = 0
+    best = before = np.inf
+    stiffer, held = 1.0, is_held(system)
+    stability, judged, final = np.nan, False, False
+    for _ in range(rounds):
+        state, left, steps, contacts, new = _round(system, q, tolerance, exact,
+                                                   min(_PATIENCE, max_iterations - iterations),
+                                                   previous)
+        news = news + 1 if new or left > _SHORT * tolerance else 0
+        iterations += steps
+        q = state.q
+        system = touching_system(system, contacts, system.effects.contact.scene)
+        state, residual, table, violation = truth(system, q)
+        violation = max(violation, _off_its_grip(system, state))
+        enough = residual < max(tolerance * (_COARSER if steps else _STALLED),
+                                gradient_noise(system, state))
+        good = violation < exact and enough
+        if iterations >= max_iterations or good and not check:
+            break
+        if good:
+            stability, mode = _judged(system, state, tolerance, exact)
+            judged = final = True
+            beside = np.empty_like(q)
+            if (stability > -HELD_NEUTRAL or kicks >= _MOST_KICKS
+                    or not kicked(system, state, mode, beside)):
+                break
+            kicks += 1
+            q, before, judged, final = beside, np.inf, False, False
+            continue
+        wrong = max(violation / exact, residual / tolerance)
+        vain = 0 if wrong < _HELPS * best else vain + 1
+        best = min(wrong, best)
+        solved = False
+        if news % (_NEWS + 1) == 0:  # what is new has to bear before its force counts
+            solved = move_multipliers(system, state, table, _share(vain, held))
+        if (not solved and not held and news == 0 and violation > max(exact, _SLOW * before)
+                and stiffer < _MOST_STIFFER):
+            stiffer *= _STIFFER
+            system = _stiffened(system)
+        before = violation if not solved and news == 0 else np.inf
+    if check and not judged:
+        stability, _ = _judged(system, state, tolerance, exact)
+    if not final:  # the multipliers have moved since
+        state, residual, _, inside = truth(system, state.q)
+        violation = max(violation, inside)
+    return state, residual, stability, iterations, kicks, system, violation
+
+
+@kernel
+def _round(system, q, tolerance, exact, most, previous):
+    """Descend with the multipliers as they are, and look at what touches there.
+
+    Returns
+    -------
+        State, its residual, steps made, Contacts, whether one of them is new
+    """
+    never = most < 0  # literals would be compiled for by themselves
+    if is_held(system):
+        state, residual, _, steps, _, _ = descend_held(system, q, tolerance, exact, most, never)
+    else:
+        state, residual, _, steps, _, _ = leashed_descent(system, q, tolerance, most, never,
+                                                          no_leash())
+    contacts, new = watching(system, state)
+    # Without a past it has slid to where it needs no friction; on its way it keeps what it has.
+    if len(previous) and residual <= _SHORT * tolerance:
+        contacts = with_friction(system, contacts, state, previous)
+    return state, residual, steps, contacts, new
+
+
+@kernel
+def _share(vain, held):
+    """Return how far multipliers move after so many rounds in vain."""
+    # a grip may need full steps again, once its reaction has changed
+    return _SHARES[vain % len(_SHARES) if held else min(vain, len(_SHARES) - 1)]
+
+
+@kernel
+def is_held(system):
+    """Whether a far end's grip, or a hinge at the gripper, has a say."""
+    return row_count(system.needs.border) > 0 or hinged(system)
+
+
+@kernel
+def _off_its_grip(system, state):
+    """Return how far, in m, the far end is from where it is held."""
+    if row_count(system.needs.border) == 0:
+        return 0.0
+    return hold_violation(system.effects.hold, state.rotations[-1], state.positions[-1])
+
+
+@kernel
+def _judged(system, state, tolerance, exact):
+    """Return the smallest eigenvalue, on what a grip leaves free, and its mode."""
+    always, none = exact > 0.0, 0 * state.q.shape[0]
+    if is_held(system):
+        _, _, stability, _, mode, _ = descend_held(system, state.q, tolerance, exact, none, always)
+    else:
+        hessian = new_hessian(system)
+        assemble(system, state, hessian)
+        shift = safe_shift(system, hessian, 0.0)
+        stability, mode = lowest_mode(system, hessian, shift, 1e-4)
+    return stability, mode
+
+
+@kernel
+def _stiffened(system):
+    """Return the same System with stiffer springs at its contacts."""
+    old = system.effects.contact.contacts
+    contacts = Contacts(_STIFFER * old.stiffness, old.node, old.element, old.obstacle,
+                        old.multiplier, old.fraction, old.anchor, old.normal, old.shear, old.grip)
+    return touching_system(system, contacts, system.effects.contact.scene)
