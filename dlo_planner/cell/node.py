@@ -33,6 +33,7 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from dlo_planner.cell.camera import BAD, GOOD, Viewer
+from dlo_planner.cell.passage import Passage
 from dlo_planner.cell.plant import Plant
 from dlo_planner.cell.run import STEP
 from dlo_planner.cell.tasks import draw_task
@@ -113,7 +114,8 @@ class CellNode(Node):
         truth = unknowns.draw(rng)
         self._plant = Plant(self.task.rod, self.task.start, [self.task.sheet], truth=truth,
                             step=STEP, damping=self._values['damping'])
-        self._viewer, self._miss, self._broken = Viewer(camera, rng), np.nan, ''
+        self._viewer, self._broken = Viewer(camera, rng), ''
+        self._worst: Passage | None = None  # of the largest miss
         self._gripper = self._behind = self.task.start
         # (plant's time, ns of the clock)
         self._clock_of: deque[tuple[float, int]] = deque(maxlen=_REMEMBERED)
@@ -160,8 +162,8 @@ class CellNode(Node):
         if plant.largest_forces.max(initial=0.0) > _STOP:
             self._broken = f'a force of {plant.largest_forces.max():.3g} N: the robot stops'
         passage = plant.passage(self.task.cutout)
-        if passage.depth > 0:
-            self._miss = float(np.fmax(self._miss, passage.miss))
+        if passage.depth > 0 and (self._worst is None or passage.miss > self._worst.miss):
+            self._worst = passage
         now = self.get_clock().now().nanoseconds
         self._clock_of.append((plant.time, now))
         self._pose_out.publish(pose_stamped_msg(plant.commanded, _FRAME, _stamp(now)))
@@ -188,7 +190,8 @@ class CellNode(Node):
         plant, task = self._plant, self.task
         self._shape_out.publish(plan_path(seen(plant), np.zeros(_NODES), _FRAME, self._now()))
         depth, force = plant.passage(task.cutout).depth, plant.largest_forces.max(initial=0.0)
-        threaded = depth > 0.99 * task.depth and self._miss < task.radius
+        worst = self._worst or Passage(0.0, np.nan, np.nan, np.nan)
+        threaded = depth > 0.99 * task.depth and worst.miss < task.radius
         slow = self._lost > _SLOW
         level = ERROR if self._broken else WARN if force > TOUCH or slow else OK
         message = self._broken or ('threaded' if threaded else 'under way')
@@ -197,7 +200,9 @@ class CellNode(Node):
                         ' s too little, so it felt commands that were too fast')
         self._outcome_out.publish(status_msg('dlo_cell: task', task.name, level, message, {
             'threaded': threaded, 'depth [m]': float(depth), 'of [m]': float(task.depth),
-            'largest miss [m]': self._miss, 'room [m]': float(task.room),
+            'largest miss [m]': float(worst.miss), 'its y [m]': float(worst.y),
+            'its z [m]': float(worst.z), 'its depth [m]': float(worst.depth),
+            'room [m]': float(task.room),
             'largest force [N]': float(force), 'touched': bool(force > TOUCH),
             'lost [s]': float(self._lost)}))
 

@@ -83,9 +83,12 @@ def corrected_by(mesh: Discretization, shape: Shape, left: History) -> float:
 
 
 def _halved(past: History, s: Floats) -> History:
-    """Return a past, but for the way so far, on a mesh `s` (2 N + 1,) with halved elements."""
-    bare = replace(past, positions=_NOWHERE, tangents=_NOWHERE)
-    return bare.resampled(s).leaving(**halved_forces(past.left, s))
+    """Return what contacts leave to a mesh `s` (2 N + 1,) with halved elements, and nothing else.
+
+    Of a DLO that does not yield and hangs free of other grips.
+    """
+    return replace(past, s=s, left={**past.left, **halved_forces(past.left, s)},
+                   positions=_NOWHERE, tangents=_NOWHERE)
 
 
 def _bears(past: History) -> bool:

@@ -5,12 +5,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dlo_planner.energy.contact import obstructed
 from dlo_planner.energy.system import State, System
+from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import touching
 from dlo_planner.model.checks import integer
 from dlo_planner.model.computed import figure, results
@@ -74,20 +74,32 @@ class Contact(Value):
 def contacts_of(discretization: Discretization, system: System, state: State,
                 gripper: Pose) -> tuple[Contact, ...]:
     """Return the Contacts (a tuple, by s) of a kernel's result."""
-    if not obstructed(system.contact):
+    if not discretization.obstructed:
         return ()
-    scene, contacts = system.scene, system.contacts
-    table = touching(scene, contacts, system.lengths, state)
-    rotation, x = np.empty((3, 3)), np.empty(3)
-    rubbing = np.zeros((0, 3)) if state.attached is None else state.attached.force
-    found = []
-    for a in range(table.gap.size):
-        o, e, c = table.obstacle[a], table.element[a], table.rubbing[a]
-        point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
-                     table.fraction[a], rotation, x)
-        s = discretization.s[e] + table.fraction[a] * system.lengths[e]
-        found.append(Contact(
-            int(scene.source[o]), float(s), gripper.position + x, table.normal[a].copy(),
-            float(table.force[a]), np.zeros(3) if c < 0 else -rubbing[c],
-            float(max(0.0, -table.gap[a]))))
+    rows = zip(*_rows(system, state), strict=True)
+    found = [Contact(int(source), float(discretization.s[e] + along), gripper.position + x, normal,
+                     float(force), friction, float(max(0.0, -gap)))
+             for source, e, along, x, normal, force, friction, gap in rows]
     return tuple(sorted(found, key=lambda contact: contact.s))
+
+
+@kernel
+def _rows(system: System, state: State) -> Any:
+    """Return of A contacts: obstacle, element, m along it, place, normal, force, friction, gap.
+
+    Places (A, 3) are relative to the gripper; friction (A, 3) is that on the DLO.
+    """
+    scene, lengths = system.effects.contact.scene, system.lengths
+    table = touching(scene, system.effects.contact.contacts, lengths, state)
+    count = table.gap.size
+    along, places, friction = np.empty(count), np.empty((count, 3)), np.zeros((count, 3))
+    rotation = np.empty((3, 3))
+    for a in range(count):
+        e = table.element[a]
+        along[a] = table.fraction[a] * lengths[e]
+        point_inside(lengths, state.strains, state.rotations, state.positions, e,
+                     table.fraction[a], rotation, places[a])
+        if table.rubbing[a] >= 0:
+            friction[a] -= state.attached.force[table.rubbing[a]]  # type: ignore[union-attr]
+    return (scene.source[table.obstacle], table.element, along, places, table.normal, table.force,
+            friction, table.gap)

@@ -18,7 +18,6 @@ from dlo_planner.energy.system import State, System, turned_system
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import touching_system
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.pose import Pose
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import freeze
 from dlo_planner.ritz.kinematics import point_inside
@@ -26,7 +25,6 @@ from dlo_planner.ritz.kinematics import point_inside
 if TYPE_CHECKING:  # it imports this file
     from dlo_planner.direct.discretization import Discretization
 
-_SOFTER = 1e-2  # of contacts where both ends are held: tension multiplies what they round
 _SAME = 1e-12   # of the length: nodes of two meshes that are one
 _POINT = 'point_'
 _OF_CONTACTS = ('element', 'obstacle', 'multiplier', 'fraction', 'anchor', 'normal', 'shear')
@@ -60,7 +58,7 @@ class Touch(Part):
     def record(self, mesh: Discretization, left: Left, held: Held) -> Contact:
         """Return the Contact with the forces that are left, relative to the gripper."""
         origin = np.zeros(3) if held.origin is None else held.origin
-        spring = mesh.spring if held.far_end is None else _SOFTER * mesh.spring
+        spring = mesh.spring if held.far_end is None else mesh.held_spring
         points = {name: values.copy() for name, values in _points(left).items()}
         points['anchor'] -= origin
         return Contact(mesh.given(self.name)._replace(origin=origin), Contacts(
@@ -100,8 +98,6 @@ class Touch(Part):
 
     def leaves(self, solved: Solved) -> Left:
         """Return the forces; what slid sticks from now on to where it has come to."""
-        if not obstructed(solved.system.contact):
-            return {'node_force': solved.left['node_force'], **_NO_POINTS}
         return _forces(solved, True)
 
     def underway(self, solved: Solved) -> Left:
@@ -137,8 +133,14 @@ _NO_POINTS = _left(NO_POINTS)
 
 
 def _forces(solved: Solved, ended: bool) -> Left:
-    points = points_of(solved.system, solved.state, solved.gripper, ended)
-    return {'node_force': solved.system.contacts.node, **_left(points)}
+    """Return what a step leaves, or, if it has not `ended`, a part of it."""
+    if not solved.mesh.obstructed:
+        return {'node_force': solved.left['node_force'], **_NO_POINTS}
+    node, *points = _forces_after(solved.system, solved.state,
+                                  np.array(solved.gripper.position), ended)
+    if not points[0].size:
+        return {'node_force': node, **_NO_POINTS}
+    return {'node_force': node, **_left(dict(zip(NO_POINTS, points, strict=True)))}
 
 
 def halved_forces(left: Left, s: Floats) -> Left:
@@ -185,34 +187,35 @@ def _points_on(left: Left, old: Floats, s: Floats) -> Left:
     return points | {'element': element, 'fraction': fraction}
 
 
-def points_of(system: System, state: State, gripper: Pose, ended: bool = True) -> Left:
-    """Return the points inside elements, and of friction, of a kernel's result by name.
+@kernel
+def _forces_after(system: System, state: State, origin: Floats, ended: bool) -> Any:
+    """Return the forces on nodes (M, N + 1), N, and the points inside elements and of friction.
 
-    What slid sticks from now on to where it has come to; `slid` tells by how much (C, 3), m.
+    What slid sticks from now on to where it has come to; the last array (C, 3) tells by how much.
 
-    Parameters
-    ----------
-    ended : bool, optional
-        Whether the step has ended; before, friction still counts from where it began.
+    Args:
+        origin: (3,) the gripper's position, m
+        ended: whether the step has; before, friction still counts from where it began
     """
-    if not obstructed(system.contact) or not system.contacts.element.size:
-        return NO_POINTS
-    contacts = system.contacts
-    points = {'element': contacts.element, 'obstacle': contacts.obstacle,
-              'multiplier': contacts.multiplier, 'fraction': contacts.fraction,
-              'anchor': contacts.anchor + gripper.position, 'normal': contacts.normal,
-              'shear': contacts.shear.copy(), 'slid': np.zeros_like(contacts.anchor)}
-    forces = contacts.shear if state.attached is None else state.attached.force
+    contacts = system.effects.contact.contacts
+    anchor, shear, slid = contacts.anchor + origin, contacts.shear.copy(), np.zeros_like(
+        contacts.anchor)
     rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
-    for c in np.flatnonzero(contacts.obstacle < 0).tolist():
-        points['shear'][c] = forces[c]
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] >= 0:
+            continue
+        shear[c] = state.attached.force[c]  # type: ignore[union-attr]
+        if not ended:
+            continue
         point_inside(system.lengths, state.strains, state.rotations, state.positions,
                      contacts.element[c], contacts.fraction[c], rotation, x)
         sticks = trial_force(contacts, c, x, trial) <= contacts.multiplier[c]
-        away = x - contacts.anchor[c]
-        if sticks:
-            away = (away @ contacts.normal[c]) * contacts.normal[c]
-        if ended:
-            points['anchor'][c] += away
-            points['slid'][c] = away
-    return points
+        out = 0.0
+        for i in range(3):
+            out += (x[i] - contacts.anchor[c, i]) * contacts.normal[c, i]
+        for i in range(3):
+            away = x[i] - contacts.anchor[c, i]
+            slid[c, i] = out * contacts.normal[c, i] if sticks else away
+            anchor[c, i] += slid[c, i]
+    return (contacts.node, contacts.element, contacts.obstacle, contacts.multiplier,
+            contacts.fraction, anchor, contacts.normal, shear, slid)

@@ -36,6 +36,7 @@ _STEPS = 12
 _LARGEST_TURN = 0.3  # rad: of a node in the gripper, by a step; a longer one is a guess
 _DEEP = 2e-3         # of the length: what is deeper in an obstacle has not been carried along it
 _FALLS = 0.5         # of the error before: what falls less does not converge
+_NEAR = 1e-4         # residual: a step from there hardly changes the Hessian
 _GRACE = 3           # first steps, in which it may do so
 
 
@@ -106,7 +107,7 @@ def borne(system, q, tolerance, exact, previous):
     begin = new_state(system)
     begin.q[:] = q
     _place(system, begin)
-    state = begin
+    state, hessian = begin, new_hessian(system)
     for steps in range(_STEPS):
         loaded, deepest = _loaded(loaded, state, previous)
         state, residual, table, violation = truth(loaded, unknowns)
@@ -126,7 +127,9 @@ def borne(system, q, tolerance, exact, previous):
             break
         before = wrong
         step = np.empty_like(unknowns)
-        if not lawful(loaded, state, table, normal, shear, step):
+        # near the end the factorization before is as good; what slides turns its friction
+        fresh = steps == 0 or residual > _NEAR or np.max(table.rubbing) >= 0
+        if not lawful(loaded, state, table, hessian, fresh, normal, shear, step):
             break
         put_forces(loaded, table, normal, shear)
         unknowns += step
@@ -153,7 +156,8 @@ def correction(system, strains, positions):
     state, _, table, _ = truth(loaded, state.q)
     normal, shear = table.force.copy(), np.zeros((table.gap.size, 3))
     step = np.zeros_like(state.q)
-    if table.gap.size == 0 or not lawful(loaded, state, table, normal, shear, step):
+    if table.gap.size == 0 or not lawful(loaded, state, table, new_hessian(system),
+                                         table.gap.size > 0, normal, shear, step):
         return np.inf
     if not np.min(normal) > 0.0:
         return np.inf

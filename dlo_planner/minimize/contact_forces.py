@@ -38,7 +38,8 @@ def move_multipliers(system, state, table, share):
     used = share > 0.0 and table.gap.size > 0
     if used:
         target, across = normal.copy(), shear.copy()
-        used = lawful(system, state, table, target, across, np.empty_like(state.q))
+        used = lawful(system, state, table, new_hessian(system), used, target, across,
+                      np.empty_like(state.q))
         if used:
             for a in range(table.gap.size):
                 normal[a] += share * (target[a] - normal[a])
@@ -72,20 +73,22 @@ def put_forces(system, table, normal, shear):
 
 
 @kernel
-def lawful(system, state, table, normal, shear, step):
+def lawful(system, state, table, hessian, fresh, normal, shear, step):
     """Fill the forces that satisfy the linearized laws, and the step to where they do.
 
     Args:
+        hessian: filled if `fresh`; else that of a State nearby, factorized
         normal: (A,), shear: (A, 3) the forces as they are; filled where it can be trusted
         step: (m, 3) filled
 
     Returns:
         whether it can
     """
-    hessian, contacts = new_hessian(system), system.effects.contact.contacts
-    assemble(system, state, hessian)
-    if factorize(system, hessian, 0.0) > 0:
-        return False
+    contacts = system.effects.contact.contacts
+    if fresh:
+        assemble(system, state, hessian)
+        if factorize(system, hessian, 0.0) > 0:
+            return False
     count = table.gap.size
     first = np.empty(count, dtype=np.int64)  # row of the normal; of a friction's two, the next
     size = 0

@@ -23,10 +23,11 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path as PathMsg
 from rclpy.qos import qos_profile_sensor_data
 
+from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.child import child
 from dlo_planner.ros.client import PlannerClient
-from dlo_planner.ros.demo_figures import save_cell
+from dlo_planner.ros.demo_figures import Watched, save_cell
 from dlo_planner.ros.execution import ACTIVE
 from dlo_planner.ros.qos import LATCHED
 from msg_helpers.paths import poses_from_path
@@ -128,7 +129,8 @@ def close_the_loop(client: PlannerClient, folder: Path,
     shapes = [np.array([pose.position for pose in poses_from_path(msg)])
               for msg in _drained(heard['shape'])]
     way = np.array([pose_from_msg(msg.pose).position for msg in _drained(heard['pose'])])
-    save_cell(folder / 'closed_loop.png', goal, RADIUS, shapes, way)
+    worst = np.array([float(outcome[f'its {axis} [m]']) for axis in 'yz'])
+    save_cell(folder / 'closed_loop.png', CutOut(goal, radius=RADIUS), Watched(shapes, way, worst))
     client.set_parameters(**_AS_STATED)  # what was identified is of this wire alone
     return Outcome(planned, outcome['threaded'] == 'True', float(outcome['depth [m]']),
                    float(outcome['of [m]']), float(outcome['largest miss [m]']),

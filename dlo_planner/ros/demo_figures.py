@@ -15,6 +15,7 @@ from typing import Any
 from matplotlib import pyplot as plt  # noqa: E402  the backend has to be chosen first
 
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 
 _TICK = 0.05  # m
@@ -196,20 +197,38 @@ def save_moving(path: Path, goal: Pose, tolerance: float, executed: Executed) ->
     plt.close(figure)
 
 
-def save_cell(path: Path, goal: Pose, radius: float, shapes: Sequence[Floats], way: Floats) -> None:
-    """Save what a wire did in the cell: from the side, from above, and in the plane of the hole.
+class Watched(NamedTuple):
+    """What a wire did in the cell.
 
-    Parameters
+    Attributes
     ----------
-    goal : Pose
-        Pose of the hole.
-    radius : float
-        Radius in m.
     shapes : sequence of ndarray
         n (N + 1, 3) positions in time, m.
     way : ndarray, shape (k, 3)
         Way of the gripper, m.
+    worst : ndarray, shape (2,)
+        Where the wire passed the hole with the largest miss, in its axes, m: hardly ever in one of
+        the shapes, which are seldom taken. Nan: nowhere.
     """
+
+    shapes: Sequence[Floats]
+    way: Floats
+    worst: Floats
+
+
+def save_cell(path: Path, hole: CutOut, watched: Watched) -> None:
+    """Save what a wire did in the cell: from the side, from above, and in the plane of the hole.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the PNG.
+    hole : CutOut
+        A round one.
+    watched : Watched
+    """
+    goal, radius, (shapes, way, worst) = hole.pose, hole.radius, watched
+    assert radius is not None  # it is round
     figure, axes = plt.subplot_mosaic([['side', 'hole'], ['above', 'hole']], figsize=(12, 6.4),
                                       width_ratios=(1.6, 1), layout='constrained')
     colors, normal = plt.get_cmap('viridis'), goal.direction
@@ -235,6 +254,8 @@ def save_cell(path: Path, goal: Pose, radius: float, shapes: Sequence[Floats], w
     axis = axes['hole']
     axis.add_patch(plt.Circle((0, 0), 1e3 * radius, fill=False, color='k', lw=3, label='hole'))
     axis.plot(*1e3 * pierced.T, 'o-', ms=4, color='tab:blue', label='where the wire passes')
+    axis.plot(*1e3 * worst, 'X', ms=9, color='tab:red',
+              label=f'largest miss, {1e3 * np.linalg.norm(worst):.1f} mm')
     axis.set(aspect='equal', xlabel='across [mm]', ylabel='across [mm]',
              xlim=1.3e3 * radius * np.array([-1, 1]), ylim=1.3e3 * radius * np.array([-1, 1]),
              title='in the plane of the hole')

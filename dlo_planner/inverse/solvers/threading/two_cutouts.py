@@ -229,8 +229,8 @@ def _judged(simulator: DirectSimulator, task: Pair, change: Change,
 
     Parameters
     ----------
-    conditions : tuple of Condition
-        The conditions before the change, and after it.
+    conditions : tuple
+        What is kept before the change, and after it.
     steps : dict of int to Step
         The Step to each waypoint, by its index.
     """
